@@ -1,0 +1,66 @@
+# Every target sets itself up: a virtual environment in .venv, the package in it, and nothing else.
+# Needed on the machine: python 3.11 or newer, and pip. Once set up, no target needs a network.
+
+VENV   := .venv
+PYTHON := $(shell for p in python3 python3.14 python3.13 python3.12 python3.11 python; do \
+            $$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && { command -v $$p; break; }; done)
+PY     := $(VENV)/bin/python
+EXTRAS := all,dev,docs
+
+export MLFLOW_DISABLE_TELEMETRY := true
+
+.PHONY: help setup demo test test-lowest ui lint bench docs clean
+
+help:  ## list the targets
+	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 14
+
+# The stamp is a copy of pyproject.toml, compared by content: a fresh checkout or a touched file installs nothing anew.
+setup:
+	@cmp -s pyproject.toml $(VENV)/installed.toml || $(MAKE) --no-print-directory install
+
+.PHONY: install
+install: $(PY)
+	@echo "Setting up $(VENV) (once; a few minutes at most)"
+	@if $(PY) -m uv --version >/dev/null 2>&1 || $(PYTHON) -m pip --python $(PY) install --quiet uv 2>/dev/null; then \
+	    $(PY) -m uv pip install --quiet --python $(PY) -e '.[$(EXTRAS)]'; \
+	  else \
+	    echo "uv cannot be had here; going on with pip"; \
+	    $(PYTHON) -m pip --python $(PY) install --quiet -e '.[$(EXTRAS)]'; \
+	  fi
+	@cp pyproject.toml $(VENV)/installed.toml
+
+$(PY):
+	@test -n "$(PYTHON)" || { echo "No python 3.11 or newer on the PATH; install one and run make again."; exit 1; }
+	@$(PYTHON) -m venv --without-pip $(VENV)
+
+demo: setup  ## identify the paper's simulated example, compare estimators, record all in MLflow
+	$(PY) -m pipelines.simulated_example
+
+test: setup  ## the tests, on two cores
+	$(PY) -m pytest
+
+test-lowest:  ## the tests on the lowest versions that pyproject.toml admits, in .venv-lowest
+	@test -x .venv-lowest/bin/python || $(PYTHON) -m venv --without-pip .venv-lowest
+	@$(MAKE) --no-print-directory setup
+	$(PY) -m uv pip install --python .venv-lowest/bin/python --resolution lowest-direct -e '.[all,dev]'
+	.venv-lowest/bin/python -m pytest
+
+lint: setup  ## ruff and mypy
+	$(PY) -m ruff check .
+	$(PY) -m mypy
+
+ui: setup  ## the recorded runs in the browser
+	$(PY) -m pipelines.ui
+
+bench: setup  ## speed against peers, accuracy of the default
+	@$(PY) -c 'import river, padasip, statsmodels' 2>/dev/null || \
+	    $(PY) -m uv pip install --quiet --python $(PY) -e '.[bench]'
+	@for script in benchmarks/[a-z]*.py; do echo "== $$script"; $(PY) $$script || exit 1; done
+
+docs: setup  ## the documentation, into docs/_build/html
+	$(PY) -m sphinx -b html docs docs/_build/html
+	@echo "Open docs/_build/html/index.html"
+
+clean:  ## remove caches and build outputs; the runs in mlruns/ stay
+	rm -rf build dist docs/_build docs/auto_examples docs/gen_modules docs/api/generated .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	find whsklearn pipelines tests benchmarks -name __pycache__ -type d -prune -exec rm -rf {} +
