@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import shutil
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -20,3 +22,30 @@ def data_dir() -> Path:
     if not folder.is_dir():
         pytest.skip("no measured records here; set WHSKLEARN_DATA to a folder that holds emps/ and kr300/")
     return folder
+
+
+@pytest.fixture(scope="session")
+def migrated_database(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """An empty MLflow database; migrating one takes seconds, copying it none."""
+    pytest.importorskip("mlflow", reason="needs the extra mlflow")
+    from whsklearn import _mlflow_store
+
+    database = tmp_path_factory.mktemp("mlflow") / "mlflow.db"
+    with _mlflow_store.quiet():
+        _mlflow_store.initialise(database)
+    return database
+
+
+@pytest.fixture
+def mlflow_root(migrated_database: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A folder with an empty ``mlruns/`` store of its own, which every pipeline run in the test writes to."""
+    (tmp_path / "mlruns").mkdir()
+    database = shutil.copy(migrated_database, tmp_path / "mlruns" / "mlflow.db")
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{database}")
+    monkeypatch.delenv("MLFLOW_EXPERIMENT_ID", raising=False)
+    yield tmp_path
+    import mlflow
+
+    while mlflow.active_run():
+        mlflow.end_run()
+    mlflow.set_tracking_uri(None)
