@@ -1,0 +1,35 @@
+"""Is the data fit to identify from, is the model fit to be believed: tests that answer with figures."""
+
+from whsklearn.validation.convergence import convergence_bound
+from whsklearn.validation.excitation import Excitation, ExcitationWarning, check_excitation, excitation
+from whsklearn.validation.horizon import HorizonCurve, error_against_horizon
+from whsklearn.validation.residuals import (
+    CorrelationTest,
+    WhitenessTest,
+    autocorrelation,
+    correlation_band,
+    cross_correlation_test,
+    residual_tests,
+    whiteness_test,
+)
+from whsklearn.validation.splitters import memory_length, one_experiment_out, time_series_split
+
+__all__ = [
+    "CorrelationTest",
+    "Excitation",
+    "ExcitationWarning",
+    "HorizonCurve",
+    "WhitenessTest",
+    "autocorrelation",
+    "check_excitation",
+    "convergence_bound",
+    "correlation_band",
+    "cross_correlation_test",
+    "error_against_horizon",
+    "excitation",
+    "memory_length",
+    "one_experiment_out",
+    "residual_tests",
+    "time_series_split",
+    "whiteness_test",
+]
