@@ -264,9 +264,7 @@ def model_requirements() -> list[str]:
 
 def estimator_params(estimator: Any) -> dict[str, Any]:
     """The parameters of an estimator, nested ones by their path, whole objects by their class."""
-    return {
-        k: type(v).__name__ if hasattr(v, "get_params") else v for k, v in estimator.get_params(deep=True).items()
-    }
+    return {k: type(v).__name__ if hasattr(v, "get_params") else v for k, v in estimator.get_params(deep=True).items()}
 
 
 def log_candidates(

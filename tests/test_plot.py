@@ -1,0 +1,155 @@
+"""What the displays compute, and that what they draw shows it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+from sklearn.base import BaseEstimator, RegressorMixin
+
+from whsklearn.effects import reduced_law
+from whsklearn.plot import (
+    ConvergenceDisplay,
+    FrictionDisplay,
+    HorizonDisplay,
+    ResidualDisplay,
+    TrackingDisplay,
+    flat_parameters,
+    parameter_paths,
+)
+
+plt = pytest.importorskip("matplotlib.pyplot", reason="needs the extra plot")
+
+
+class FirstOrder(RegressorMixin, BaseEstimator):
+    """y(t) = -d1 y(t-1) + u(t-1), its one parameter by least squares over all samples seen."""
+
+    def partial_fit(self, X, y):
+        new = np.array([-y[:-1] @ (y[1:] - X[:-1, 0]), y[:-1] @ y[:-1]])
+        self.moments_ = getattr(self, "moments_", 0.0) + new
+        self.parameters_ = {"a": [1.0], "b": [], "c": [1.0], "d": [self.moments_[0] / self.moments_[1]]}
+        return self
+
+    fit = partial_fit
+
+    def predict(self, X):
+        return lfilter([0.0, 1.0], [1.0, self.parameters_["d"][0]], X[:, 0])
+
+    def predict_ahead(self, X, y, horizon=1):
+        out = self.predict(X)
+        for t in range(horizon, len(y)):
+            out[t] = y[t - horizon]
+            for k in range(t - horizon, t):
+                out[t] = -self.parameters_["d"][0] * out[t] + X[k, 0]
+        return out
+
+
+@pytest.fixture(autouse=True)
+def close_figures():
+    yield
+    plt.close("all")
+
+
+@pytest.fixture(scope="module")
+def record():
+    rng = np.random.default_rng(0)
+    u = rng.normal(size=600)
+    return u[:, None], lfilter([0.0, 1.0], [1.0, -0.7], u) + lfilter([1.0], [1.0, -0.7], 0.3 * rng.normal(size=600))
+
+
+@pytest.fixture(scope="module")
+def model(record):
+    return FirstOrder().fit(*record)
+
+
+def test_parameters_are_named_in_the_order_of_the_chain():
+    given = {"d": [0.15, 0.4], "viscous": 0.05, "c": [1, 0.2], "coulomb": 0.7, "b": [1.0, 0.5], "a": [1, 2.2]}
+    assert list(flat_parameters(given)) == ["a2", "b1", "b2", "viscous", "coulomb", "c2", "d1", "d2"]
+
+
+def test_paths_end_at_the_fit_of_the_whole_record(record):
+    steps, paths = parameter_paths(FirstOrder(), *record, every=64)
+    assert steps[-1] == 600
+    # blocks hide the products across their borders from this simple learner, so the end is near, not equal
+    assert paths["d1"][-1] == pytest.approx(FirstOrder().fit(*record).parameters_["d"][0], abs=0.02)
+    assert all(len(p) == len(steps) for p in paths.values())
+
+
+def test_paths_leave_the_estimator_alone(record):
+    model = FirstOrder()
+    parameter_paths(model, *record)
+    assert not hasattr(model, "parameters_")
+
+
+def test_convergence_shows_the_error_of_the_paper():
+    paths = {"b1": np.array([0.0, 3.0]), "c2": np.array([0.0, 4.0])}
+    shown = ConvergenceDisplay({"m": ([1, 2], paths)}, truth={"b1": 3.0, "c2": 4.0})
+    np.testing.assert_allclose(shown.errors()["m"], [1.0, 0.0])
+
+
+def test_convergence_without_truth_has_no_error_panel(record):
+    shown = ConvergenceDisplay.from_estimator(FirstOrder(), *record)
+    assert len(shown.axes_) == 3
+    assert shown.errors() == {}
+
+
+def test_wild_first_estimates_do_not_set_the_scale():
+    path = np.r_[np.full(10, 1e9), np.linspace(0, 1, 990)]
+    shown = ConvergenceDisplay({"m": (np.arange(1000), {"d1": path})}, truth={"d1": 1.0}).plot()
+    assert shown.axes_[2].get_ylim()[1] < 3
+
+
+def test_tracking_error_panel_is_the_difference(model, record):
+    X, y = record
+    shown = TrackingDisplay.from_estimator(model, X, y, time=np.arange(600) / 100)
+    (line,) = [li for li in shown.axes_[1].lines if len(li.get_xdata()) == 600]
+    np.testing.assert_allclose(line.get_ydata(), y - model.predict(X))
+    assert shown.axes_[1].get_xlabel() == "time in s"
+
+
+def test_friction_band_covers_as_often_as_it_says():
+    rng, truth, covariance = np.random.default_rng(1), reduced_law(), np.diag([0.01, 0.02, 0.03]) ** 2
+    inside = []
+    for _ in range(400):
+        law = truth.reweighted(truth.weights + rng.normal(size=3) * np.sqrt(np.diag(covariance)))
+        shown = FrictionDisplay.from_law(law, [0.5, 2.0], covariance=covariance, truth=truth)
+        inside.append(np.abs(shown.friction - shown.truth) < 1.96 * shown.standard_error)
+        plt.close(shown.figure_)
+    assert 0.92 < np.mean(inside) < 0.98
+
+
+def test_horizon_curve_rises_to_the_free_run(model, record):
+    shown = HorizonDisplay.from_estimator(model, *record, horizons=[1, 2, 5, 40])
+    error = shown.errors["FirstOrder"]
+    assert error[0] < error[1] < error[2]
+    assert error[-1] == pytest.approx(shown.free_run["FirstOrder"], rel=0.02)
+
+
+def test_residual_band_is_exceeded_by_white_noise_one_time_in_twenty():
+    rng = np.random.default_rng(2)
+    shown = [ResidualDisplay(rng.normal(size=500)) for _ in range(200)]
+    outside = [np.mean(np.abs(d.auto[1:]) > d.band) for d in shown]
+    assert 0.035 < np.mean(outside) < 0.06
+
+
+def test_residuals_of_a_missed_delay_show_at_its_lag():
+    u, e = np.random.default_rng(3).normal(size=(2, 2000))
+    shown = ResidualDisplay(0.1 * e + np.roll(u, 3), u, max_lag=10)
+    assert np.argmax(np.abs(shown.cross)) - 10 == 3
+
+
+def test_residual_panels_count_what_is_outside(model, record):
+    shown = ResidualDisplay.from_estimator(model, *record)
+    assert "of 25 outside the 95 % band" in shown.axes_[0].get_title()
+
+
+@pytest.mark.parametrize("max_lag", [0, 5])
+def test_impossible_lag_is_refused(max_lag):
+    with pytest.raises(ValueError, match="expected 1 to 4"):
+        ResidualDisplay(np.arange(5.0), max_lag=max_lag)
+
+
+def test_too_few_axes_are_refused(model, record):
+    _, ax = plt.subplots()
+    with pytest.raises(ValueError, match="got 1 axes, expected 2"):
+        TrackingDisplay.from_estimator(model, *record, axes=ax)

@@ -1,0 +1,1 @@
+"""One file a display; `whsklearn.plot` is their public face."""

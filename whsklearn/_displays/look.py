@@ -1,0 +1,37 @@
+"""The look that all displays share."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+Z95 = 1.959963984540054  # the two-sided 95 % point of the normal distribution
+# Okabe and Ito's palette, which people with any colour vision can tell apart; black is for the measurement.
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#7F7F7F", "#B8A000")
+STYLES = ("-", ":", "-.")  # the dashes are for the truth
+TRUTH = (0, (6, 4))  # the dashes of what is known, not estimated
+
+
+class Display:
+    """What all displays share: figure and axes in one look."""
+
+    figure_: Any
+    axes_: Any
+
+    def _axes(self, axes: Any, rows: int, columns: int, size: tuple[float, float], **kwargs: Any) -> list[Any]:
+        """Given axes, or new ones of a common look."""
+        import matplotlib.pyplot as plt
+
+        if axes is None:
+            _, grid = plt.subplots(rows, columns, figsize=size, layout="constrained", squeeze=False, **kwargs)
+            axes = list(grid.flat)
+        axes = list(np.atleast_1d(np.asarray(axes, dtype=object)).flat)
+        if len(axes) < rows * columns:
+            raise ValueError(f"{type(self).__name__}.plot got {len(axes)} axes, expected {rows * columns}.")
+        for ax in axes:
+            ax.spines[["top", "right"]].set_visible(False)
+            ax.grid(True, color="0.92", linewidth=0.8)
+            ax.set_axisbelow(True)
+        self.figure_, self.axes_ = axes[0].figure, axes
+        return axes
