@@ -1,0 +1,261 @@
+"""Servo logs with a hidden effect: draw the plant, the controller and the effect, size it, run it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import pandas as pd
+
+from tests.blind.excitation import reference
+from tests.blind.plant import FINE_HZ, NAMES, SLOT, simulate
+
+EFFECTS = (
+    "asymmetric_coulomb asymmetric_viscous stribeck quadratic_drag load_friction position_friction "
+    "presliding_hysteresis friction_drift input_offset dead_zone saturation input_delay actuator_lag torque_ripple "
+    "backlash flexible_coupling cogging gravity_imbalance cable_spring hardening_spring end_stop "
+    "sensor_rectification encoder_eccentricity quantization disturbance_tone parameter_change"
+).split()
+INVISIBLE = ("output_offset", "output_drift")
+FOREIGN = ("theta_v", "dead_velocity", "square_beat", "warm_spring", "angle_inertia", "sine_drag")
+NOISES = (2e-5, 1e-4, 4e-4)
+
+
+@dataclass
+class Case:
+    """One blind record: what the finder sees (``frame``) and what it must not see (the rest)."""
+
+    frame: pd.DataFrame
+    truth: tuple[str, ...]
+    kind: str
+    seed: int
+    size: float
+    noise: float
+    parameters: dict[str, float] = field(default_factory=dict)
+
+
+@dataclass
+class _Rig:
+    p: np.ndarray
+    r: tuple[np.ndarray, np.ndarray, np.ndarray]
+    controller: np.ndarray
+    noise: np.ndarray
+    disturbance: np.ndarray
+    steps: int
+    lead: int
+    rate: float
+
+    def run(self, p: np.ndarray, quiet: bool = False) -> tuple[np.ndarray, np.ndarray]:
+        noise = np.zeros_like(self.noise) if quiet else self.noise
+        return simulate(p, *self.r, self.controller, noise, self.disturbance, self.steps, self.lead)
+
+
+def _rms(x: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(np.square(x))))
+
+
+def _rig(rng: np.random.Generator, seconds: float, noise: float, excitation: str, rate: float | None) -> _Rig:
+    rate = rate or float(rng.choice([1000.0, 1000.0, 500.0]))
+    n = int(seconds * rate)
+    t = np.arange(n) / rate
+    p = np.zeros(len(NAMES))
+    p[SLOT["inertia"]] = 0.05 * rng.uniform(0.7, 1.3)
+    p[SLOT["viscous"]] = 0.12 * rng.uniform(0.7, 1.3)
+    p[SLOT["coulomb"]] = 0.3 * rng.uniform(0.7, 1.3)
+    p[SLOT["duration"]] = seconds
+    p[SLOT["step_at"]] = 1e9
+    p[SLOT["end_stop_at"]] = 1e9
+    p[SLOT["quantum"]] = 2 * np.pi / 65536
+    w = rng.uniform(12.0, 30.0)
+    damping = rng.uniform(0.7, 1.2)
+    j = 0.05 * rng.uniform(0.6, 1.4)
+    controller = np.array([
+        j * w * w, 2 * damping * j * w, rng.choice([0.0, 0.3 * j * w**3 / 6]), rng.uniform(0.15, 0.6),
+        rng.uniform(0.0, 1.0) * j, rng.uniform(0.0, 1.0) * 0.12, rng.uniform(0.0, 1.0) * 0.3, 20.0,
+    ])  # fmt: skip
+    return _Rig(
+        p, reference(excitation, t, rng), controller, noise * rng.standard_normal(n), np.zeros(n),
+        int(FINE_HZ / rate), int(rng.choice([0, 0, 0, int(FINE_HZ / rate) // 2])), rate,
+    )  # fmt: skip
+
+
+def _bisect(f, low: float, high: float, goal: float) -> float:
+    """The x in [low, high], spanned in ratios, where the growing or falling f meets the goal."""
+    rising = f(high) > f(low)
+    for _ in range(40):
+        mid = np.sqrt(low * high)
+        if (f(mid) < goal) == rising:
+            low = mid
+        else:
+            high = mid
+    return float(np.sqrt(low * high))
+
+
+def _draw(name: str, size: float, rig: _Rig, rng: np.random.Generator) -> dict[str, float]:  # noqa: C901, PLR0911
+    """Slots of one effect whose torque is ``size`` times the rms torque of the plain axis."""
+    u, y = rig.run(rig.p, quiet=True)
+    dt = 1.0 / rig.rate
+    v = np.gradient(rig.r[0], dt) * 0.0 + np.gradient(y, dt)
+    v = np.convolve(v, np.ones(9) / 9, mode="same")
+    a = np.convolve(np.gradient(v, dt), np.ones(9) / 9, mode="same")
+    s, t = np.sign(v), np.arange(u.size) * dt
+    goal = size * _rms(u)
+    phase = rng.uniform(0, 2 * np.pi)
+
+    def amp(shape: np.ndarray) -> float:
+        return goal / max(_rms(shape), 1e-12)
+
+    either = rng.choice([-1.0, 1.0])
+    if name == "asymmetric_coulomb":
+        return {"asymmetric_coulomb": either * amp(np.abs(s))}
+    if name == "asymmetric_viscous":
+        return {"asymmetric_viscous": either * amp(np.abs(v))}
+    if name == "stribeck":
+        vs, d = rng.uniform(0.08, 0.6), rng.choice([1.0, 2.0])
+        return {"stribeck": amp(np.exp(-((np.abs(v) / vs) ** d))), "stribeck_v": vs, "stribeck_delta": d}
+    if name == "quadratic_drag":
+        return {"quadratic": amp(v * v)}
+    if name == "load_friction":
+        return {"load_friction": amp(u)}
+    if name == "position_friction":
+        k = float(rng.integers(1, 9))
+        return {"position_friction": amp(np.sin(k * y)), "position_friction_k": k, "position_friction_phase": phase}
+    if name == "presliding_hysteresis":
+        return {"presliding": amp(np.ones(3)), "presliding_x": 10 ** rng.uniform(-1.7, -0.7)}
+    if name == "friction_drift":
+        tau = rng.choice([0.0, rng.uniform(0.2, 0.6) * t[-1]])
+        g = t / t[-1] if tau == 0 else 1 - np.exp(-t / tau)
+        return {"friction_drift": either * amp(g), "friction_drift_tau": tau}
+    if name == "input_offset":
+        return {"offset": either * goal}
+    if name == "dead_zone":
+        return {"dead_zone": _bisect(lambda d: _rms(np.clip(u, -d, d)), 1e-4, 10, goal)}
+    if name == "saturation":
+        return {"saturation": _bisect(lambda m: _rms(u - np.clip(u, -m, m)), 1e-2, 20, goal)}
+    if name == "input_delay":
+        smooth = np.convolve(u, np.ones(15) / 15, mode="same")
+        rate = _rms(np.gradient(smooth, dt))
+        return {"delay": float(np.clip(goal / rate, 1.6 * dt, 0.02))}
+    if name == "actuator_lag":
+        smooth = np.convolve(u, np.ones(15) / 15, mode="same")
+        rate = _rms(np.gradient(smooth, dt))
+        return {"lag": float(np.clip(goal / rate, 1.6 * dt, 0.02))}
+    if name == "torque_ripple":
+        k = float(rng.integers(2, 24))
+        return {"ripple": amp(u * np.sin(k * y)), "ripple_k": k, "ripple_phase": phase}
+    if name in ("backlash", "flexible_coupling"):
+        return _draw_two_mass(name, size, rig, rng)
+    if name == "cogging":
+        k = float(rng.choice([rng.integers(2, 30), rng.uniform(2, 30)]))
+        return {"cogging": amp(np.sin(k * y)), "cogging_k": k, "cogging_phase": phase}
+    if name == "gravity_imbalance":
+        return {"gravity": amp(np.sin(y + phase)), "gravity_phase": phase}
+    if name == "cable_spring":
+        centre = rng.uniform(-1, 1)
+        return {"spring": amp(y - centre), "spring_centre": centre}
+    if name == "hardening_spring":
+        return {"cubic": amp(y**3)}
+    if name == "end_stop":
+        at = float(np.quantile(np.abs(y), rng.uniform(0.8, 0.95)))
+        return {"end_stop": amp(np.maximum(np.abs(y) - at, 0)), "end_stop_at": at}
+    if name == "output_offset":
+        return {"output_offset": rng.uniform(0.05, 0.3)}
+    if name == "output_drift":
+        return {"output_drift": either * rng.uniform(1, 5) * 1e-3}
+    if name == "sensor_rectification":
+        return {"rectify": 1.0}
+    if name == "encoder_eccentricity":
+        k = float(rng.integers(1, 3))
+        j = rig.p[SLOT["inertia"]]
+        shape = j * np.gradient(np.gradient(np.sin(k * y), dt), dt) - j * k * np.cos(k * y) * a
+        return {"eccentricity": float(np.clip(amp(shape), 0, 0.3)), "eccentricity_k": k, "eccentricity_phase": phase}
+    if name == "quantization":
+        return {"quantum": 2 * np.pi / float(np.clip(80 / size, 400, 4000))}
+    if name == "disturbance_tone":
+        return {"tone": goal * np.sqrt(2), "tone_hz": rng.uniform(0.7, 12), "tone_phase": phase}
+    if name == "parameter_change":
+        which = rng.choice(["inertia", "viscous", "coulomb"])
+        at = rng.uniform(0.3, 0.7) * t[-1]
+        signal = {"inertia": a, "viscous": v, "coulomb": s}[which]
+        return {f"step_{which}": float(either) * amp(signal * (t > at)), "step_at": at}
+    raise ValueError(f"no drawing rule for {name!r}")
+
+
+def _draw_two_mass(name: str, size: float, rig: _Rig, rng: np.random.Generator) -> dict[str, float]:
+    ratio = rng.uniform(0.3, 0.6)
+    j = rig.p[SLOT["inertia"]]
+    reduced = j * ratio * (1 - ratio)
+    if name == "backlash":
+        stiffness = reduced * (2 * np.pi * rng.uniform(50, 90)) ** 2
+        gap = float(np.clip(size, 0.01, 0.2)) * rng.uniform(0.25, 0.5)
+        return {"backlash": gap, "flex_ratio": ratio, "flex_stiffness": stiffness,
+                "flex_damping": 2 * 0.15 * np.sqrt(stiffness * reduced)}  # fmt: skip
+    hz = 2.4 / np.sqrt(max(size, 0.01)) * rng.uniform(0.8, 1.2) + 5.0
+    stiffness = reduced * (2 * np.pi * hz) ** 2
+    damping = 2 * rng.uniform(0.02, 0.1) * np.sqrt(stiffness * reduced)
+    return {"flex_ratio": ratio, "flex_stiffness": stiffness, "flex_damping": damping}
+
+
+def _draw_foreign(name: str, size: float, rig: _Rig, rng: np.random.Generator) -> dict[str, float]:
+    """Effects that no catalogue holds."""
+    u, y = rig.run(rig.p, quiet=True)
+    v = np.convolve(np.gradient(y, 1.0 / rig.rate), np.ones(9) / 9, mode="same")
+    t = np.arange(u.size) / rig.rate
+    goal = size * _rms(u)
+    if name == "theta_v":
+        return {"x_theta_v": goal / _rms(y * v)}
+    if name == "dead_velocity":
+        return {"x_dead_velocity": goal / max(_rms(np.maximum(np.abs(v) - 2, 0)), 1e-3)}
+    if name == "square_beat":
+        k = float(rng.integers(2, 7))
+        return {"x_square": goal * np.sqrt(2), "x_square_k": k}
+    if name == "warm_spring":
+        return {"x_warm_spring": goal / _rms(y * t / t[-1])}
+    if name == "angle_inertia":
+        a = np.gradient(v, 1.0 / rig.rate)
+        return {"x_accel": min(goal / (rig.p[0] * _rms(np.cos(y) * a)), 0.6)}
+    return {"x_sin_v": goal / _rms(np.sin(y) * v)}
+
+
+def make_case(
+    kind: str,
+    seed: int,
+    *,
+    effects: tuple[str, ...] | None = None,
+    size: float = 0.05,
+    noise: float = 1e-4,
+    seconds: float = 40.0,
+    excitation: str = "rich",
+    rate: float | None = None,
+) -> Case:
+    """One record drawn by its seed.
+
+    kind: ``named`` (one effect, drawn unless ``effects`` gives it), ``pair``, ``none``,
+    ``coloured`` (torque noise of 0.5 to 100 ms, no effect), ``foreign`` (outside the catalogue).
+    """
+    rng = np.random.default_rng([seed, 4711])
+    rig = _rig(rng, seconds, noise, excitation, rate)
+    if effects is None:
+        count = {"named": 1, "pair": 2}.get(kind, 0)
+        pool = [e for e in EFFECTS if kind != "pair" or e not in ("quantization", "sensor_rectification")]
+        effects = tuple(rng.choice(pool, count, replace=False)) if kind != "foreign" else (str(rng.choice(FOREIGN)),)
+    drawn: dict[str, float] = {}
+    for name in effects:
+        drawn.update((_draw_foreign if kind == "foreign" else _draw)(name, size, rig, rng))
+    p = rig.p.copy()
+    for slot, value in drawn.items():
+        p[SLOT[slot]] = value
+    if kind == "coloured":
+        u, _ = rig.run(rig.p, quiet=True)
+        tau = 10 ** rng.uniform(np.log10(0.5e-3), np.log10(0.1))
+        pole = np.exp(-1 / (rig.rate * tau))
+        w, x = rng.standard_normal(u.size), np.zeros(u.size)
+        for i in range(1, u.size):
+            x[i] = pole * x[i - 1] + w[i]
+        rig.disturbance = size * _rms(u) * x / _rms(x)
+        drawn = {"noise_seconds": tau}
+    u, y = rig.run(p)
+    frame = pd.DataFrame({
+        "time_s": np.arange(u.size) / rig.rate, "reference_rad": rig.r[0], "torque_nm": u, "position_rad": y,
+    })  # fmt: skip
+    return Case(frame, tuple(effects), kind, seed, size, noise, drawn)

@@ -1,0 +1,164 @@
+"""An axis that can be refitted: inertia, timing and a list of terms, as one vector of free numbers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from whsklearn.gap import axis_kernel
+from whsklearn.gap.candidates import Candidate, Scene
+
+Array = NDArray[np.float64]
+TIMING_LIMIT = 1.0  # samples; less than one is bookkeeping, not physics
+
+
+@dataclass(frozen=True)
+class Term:
+    """A candidate with its numbers."""
+
+    kind: Candidate
+    q: tuple[float, ...]
+
+    def with_slot(self, i: int, value: float) -> Term:
+        """The same with one number changed."""
+        return replace(self, q=(*self.q[:i], float(value), *self.q[i + 1 :]))
+
+
+@dataclass(frozen=True)
+class AxisModel:
+    """J a = u - sum of terms, with the drive ``timing`` samples old when it acts."""
+
+    inertia: float
+    timing: float
+    terms: tuple[Term, ...]
+    scene: Scene
+    n_base: int = 0  # leading terms that are the base model's
+
+    def with_term(self, term: Term) -> AxisModel:
+        """The model with one effect more."""
+        return replace(self, terms=(*self.terms, term))
+
+    def without(self, index: int) -> AxisModel:
+        """The model without its term ``index``."""
+        return replace(self, terms=self.terms[:index] + self.terms[index + 1 :])
+
+    @property
+    def added(self) -> tuple[Term, ...]:
+        """Effects beyond the base model."""
+        return self.terms[self.n_base :]
+
+    # --- one vector of free numbers -------------------------------------------------------
+    def free(self) -> list[tuple[int, int, bool]]:
+        """(term, slot, whether its logarithm is free) of every free number after J and timing."""
+        out = []
+        for i, t in enumerate(self.terms):
+            ranges = t.kind.ranged(self.scene)
+            for j in range(t.kind.n_slots):
+                shape = j - t.kind.linear
+                if shape >= 0 and shape in t.kind.held:
+                    continue
+                out.append((i, j, shape >= 0 and ranges[shape][0] > 0))
+        return out
+
+    def vector(self) -> Array:
+        """Free numbers: log J, timing, then those of the terms."""
+        values = [np.log(self.inertia), self.timing]
+        for i, j, logarithm in self.free():
+            value = self.terms[i].q[j]
+            values.append(np.log(max(value, 1e-300)) if logarithm else value)
+        return np.array(values)
+
+    def bounds(self) -> tuple[Array, Array]:
+        """Lower and upper limits of `vector`."""
+        low, high = [np.log(self.inertia) - 3, -TIMING_LIMIT], [np.log(self.inertia) + 3, TIMING_LIMIT]
+        for i, j, logarithm in self.free():
+            kind = self.terms[i].kind
+            shape = j - kind.linear
+            if shape < 0:
+                low.append(-np.inf)
+                high.append(np.inf)
+            else:
+                a, b = kind.ranged(self.scene)[shape]
+                low.append(np.log(a) if logarithm else a)
+                high.append(np.log(b) if logarithm else b)
+        return np.array(low), np.array(high)
+
+    def with_vector(self, x: Array) -> AxisModel:
+        """The model at other free numbers."""
+        terms = list(self.terms)
+        for (i, j, logarithm), value in zip(self.free(), x[2:], strict=True):
+            terms[i] = terms[i].with_slot(j, np.exp(value) if logarithm else value)
+        return replace(self, inertia=float(np.exp(x[0])), timing=float(x[1]), terms=tuple(terms))
+
+    def steps(self) -> Array:
+        """Increments for numerical derivatives, about 0.3 % of the torque each."""
+        s = self.scene
+        out = [0.003, 0.05]
+        for i, j, logarithm in self.free():
+            kind = self.terms[i].kind
+            if j < kind.linear:
+                out.append(0.003 * size_unit(kind, self.terms[i].q, s))
+            else:
+                out.append(0.003 if logarithm else 0.003 * max(s.reach, 1e-6))
+                if kind.scanned in ("order", "frequency"):
+                    span = 2 * s.reach if kind.scanned == "order" else 2 * np.pi * s.seconds
+                    out[-1] = 0.02 / (span * max(abs(self.terms[i].q[j]), 1e-9))
+                elif kind.scanned == "time":
+                    out[-1] = 0.004
+        return np.array(out)
+
+    # --- running -------------------------------------------------------------------------
+    def arrays(self) -> tuple[NDArray[np.int64], Array]:
+        """Codes and numbers as the compiled pass takes them."""
+        q = np.zeros((len(self.terms), axis_kernel.N_SLOTS))
+        for row, t in zip(q, self.terms, strict=True):
+            row[: len(t.q)] = t.q
+        return np.array([t.kind.code for t in self.terms], dtype=np.int64), q
+
+    def follow(
+        self,
+        drive: Array,
+        position: Array,
+        gains: tuple[float, float],
+        *,
+        start: tuple[Array, Array],
+        reset_every: int = 0,
+        given: Array | None = None,
+    ) -> tuple[Array, Array, Array]:
+        """Predicted position, angle and velocity (see `axis_kernel.follow`)."""
+        codes, q = self.arrays()
+        dt = self.scene.dt
+        substeps = int(np.ceil(dt / 1.001e-3))
+        finest = max([t.kind.substeps for t in self.terms], default=1)
+        substeps = max(substeps, int(np.ceil(finest * dt / 2.0e-3))) if finest > 1 else substeps
+        if given is None:
+            given = np.zeros(1)
+            given = np.broadcast_to(given, drive.shape).copy()
+        return axis_kernel.follow(
+            self.inertia, self.timing, codes, q, drive, position, given, dt, substeps, gains[0], gains[1],
+            reset_every, start[0], start[1],
+        )  # fmt: skip
+
+
+def size_unit(kind: Candidate, q: tuple[float, ...], s: Scene) -> float:
+    """The size at which a linear effect is about as large as the rms drive."""
+    from whsklearn.gap import axis_kernel as k
+
+    unit = {
+        k.VISCOUS: s.torque / s.speed,
+        k.ASYMMETRIC_VISCOUS: s.torque / s.speed,
+        k.QUADRATIC_DRAG: s.torque / s.speed**2,
+        k.LOAD_FRICTION: 1.0,
+        k.TORQUE_RIPPLE: 1.0,
+        k.SPRING: s.torque / s.reach,
+        k.HARDENING: s.torque / s.reach**3,
+        k.END_STOP: s.torque / (0.1 * s.reach),
+        k.CHANGE_INERTIA: s.inertia,
+        k.CHANGE_VISCOUS: s.torque / s.speed,
+        k.CHANGE_GAIN: 1.0,
+        k.ECCENTRICITY: 0.01 * s.reach,
+        k.OUTPUT_DRIFT: 0.01 * s.speed,
+    }
+    return float(unit.get(kind.code, s.torque))

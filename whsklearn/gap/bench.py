@@ -1,0 +1,165 @@
+"""The test bench of one record: run a model beside the measurement, look at what it lacks, fit it.
+
+A `Bench` holds what stays the same through a diagnosis (record, lens, split, start), so that every
+model and every candidate is judged by the same numbers.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from whsklearn.gap.axis_model import AxisModel, Term
+from whsklearn.gap.candidates import Scene, candidate
+from whsklearn.gap.fit import Fit, least_squares
+from whsklearn.gap.inverse import column, motion
+from whsklearn.gap.lens import Lens, autoregression, make_lens, whiten
+from whsklearn.gap.record import ServoRecord, blocks, lattice, noise_level
+
+Array = NDArray[np.float64]
+AR_ORDER = 12
+
+
+@dataclass
+class Bench:
+    """One record under one lens.
+
+    Attributes
+    ----------
+    noise : float
+        Standard deviation of the position noise.
+    train, held : ndarray of bool, of int, shape (n_decimated,)
+        Training mask; number of the held-out block or -1.
+    ar : ndarray
+        Whitening polynomial of the missing torque in force.
+    tolerance : float
+        Torque below which nothing is worth a name, share of the rms drive.
+    """
+
+    record: ServoRecord
+    lens: Lens
+    scene: Scene
+    noise: float
+    start: tuple[Array, Array]
+    train: NDArray[np.bool_]
+    held: NDArray[np.intp]
+    usable: NDArray[np.bool_]
+    tolerance: float
+    quantum: float = 0.0
+    ar: Array = field(default_factory=lambda: np.array([1.0]))
+
+    # --- looking ---------------------------------------------------------------------------
+    def follow(self, model: AxisModel, **changes: object) -> tuple[Array, Array, Array]:
+        """Prediction, angle and velocity of the model held near the record."""
+        return model.follow(
+            self.record.drive, self.record.position, self.lens.gains, start=self.start, **changes  # type: ignore[arg-type]
+        )
+
+    def missing(self, model: AxisModel) -> Array:
+        """Torque that the model lacks, seen through the lens; shape (n_decimated,)."""
+        y_hat, _, _ = self.follow(model)
+        d = self.lens.torque(self.record.position - y_hat)
+        return np.where(np.isfinite(d), np.clip(d, -1e6, 1e6), 1e6)
+
+    def whitened(self, d: Array, *, on: str = "train") -> Array:
+        """Whitened samples of one part: ``train`` or ``held`` or ``all``."""
+        mask = {"train": self.train, "held": self.held >= 0, "all": self.usable}[on]
+        return whiten(d, self.ar)[mask & self.usable]
+
+    def residual(self, model: AxisModel) -> Array:
+        """What the fit minimises."""
+        return self.whitened(self.missing(model))
+
+    def floor(self) -> float:
+        """Rms of the missing torque that position noise alone gives."""
+        return self.lens.noise_gain * self.noise
+
+    def rms(self, d: Array, on: str = "held") -> float:
+        """Rms of missing torque on one part."""
+        mask = {"train": self.train, "held": self.held >= 0, "all": self.usable}[on] & self.usable
+        return float(np.sqrt(np.mean(d[mask] ** 2)))
+
+    def tune_whitening(self, d: Array) -> None:
+        """Set the whitening polynomial to the missing torque ``d`` of the best model so far."""
+        white = (0.5 * self.tolerance * self.scene.torque) ** 2
+        self.ar = autoregression(d[self.usable], AR_ORDER, white)
+
+    # --- fitting ---------------------------------------------------------------------------
+    def fit(self, model: AxisModel, *, max_iterations: int = 12, tolerance: float = 5e-4) -> tuple[AxisModel, Fit]:
+        """The model refitted to the training part, all free numbers together."""
+        fit = least_squares(
+            lambda x: self.residual(model.with_vector(x)),
+            model.vector(),
+            model.steps(),
+            model.bounds(),
+            max_iterations=max_iterations,
+            tolerance=tolerance,
+        )
+        return model.with_vector(fit.x), fit
+
+
+def make_bench(
+    record: ServoRecord, law: tuple[str, ...] = ("viscous", "coulomb"), *, tolerance: float = 0.004
+) -> tuple[Bench, AxisModel]:
+    """A bench for the record and the base model's first guess.
+
+    Parameters
+    ----------
+    record : ServoRecord
+    law : tuple of str
+        Names of the friction terms of the base model.
+    tolerance : float
+        Smallest rms torque worth a name, as a share of the rms drive.
+    """
+    dt, n = record.dt, len(record)
+    y, u = record.position, record.drive
+    quantum = lattice(y)
+    noise = max(noise_level(y), 0.2 * quantum)
+    rms = float(np.sqrt(np.mean(u**2)))
+    q, v, a, us = motion(y, u, dt, min(8.0, 0.04 / dt))
+    time = np.arange(n) * dt
+    scene = Scene(
+        torque=rms,
+        inertia=1.0,
+        speed=float(np.sqrt(np.mean(v**2))),
+        reach=float(np.ptp(y) / 2),
+        middle=float((y.max() + y.min()) / 2),
+        seconds=float(n * dt),
+        dt=dt,
+        load=float(np.abs(u).max()),
+        resonance=min(90.0, 0.2 / dt),
+    )
+    kinds = [candidate(name) for name in law]
+    shapes = [k.starts(scene)[0] for k in kinds]
+    columns = np.column_stack([a, *(column(k, q, v, us, time, s) for k, s in zip(kinds, shapes, strict=True))])
+    inner = slice(int(0.3 / dt), n - int(0.3 / dt))
+    weights, *_ = np.linalg.lstsq(columns[inner], us[inner], rcond=None)
+    inertia = float(weights[0])
+    if not inertia > 0:
+        inertia = 0.3 * rms / max(float(np.sqrt(np.mean(a**2))), 1e-12)
+    scene = Scene(**{**scene.__dict__, "inertia": inertia})
+    terms, at = [], 1
+    for kind, shape in zip(kinds, shapes, strict=True):
+        terms.append(Term(kind, (*map(float, weights[at : at + kind.linear]), *shape)))
+        at += kind.linear
+    model = AxisModel(inertia, 0.0, tuple(terms), scene, n_base=len(terms))
+    tracking = float(np.clip(0.02 / dt, 0.2, 2.0))
+    lens = make_lens(dt, inertia, noise, rms, tracking=tracking, goal=tolerance)
+    number, train = blocks(n)
+    guard = lens.half_width
+    edge = np.zeros(n, dtype=bool)
+    change = np.flatnonzero(np.diff(number) != 0)
+    for c in change:
+        edge[max(0, c - guard) : c + guard] = True
+    usable = np.ones(n, dtype=bool)
+    settle = int(max(1.0, 3 / (2 * np.pi * tracking)) / dt) + guard
+    usable[:settle] = False
+    usable[n - guard :] = False
+    start = (q.copy(), v.copy())
+    bench = Bench(
+        record, lens, scene, noise, start,
+        lens.pick(train & ~edge), lens.pick(np.where(edge, -1, number)), lens.pick(usable), tolerance, quantum,
+    )  # fmt: skip
+    return bench, model

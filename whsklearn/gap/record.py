@@ -1,0 +1,100 @@
+"""A log as the workflow takes it, and what is read off it once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ServoRecord:
+    """Time, drive, position and, if logged, the reference; shape (n,) each, evenly sampled."""
+
+    time: Array
+    drive: Array
+    position: Array
+    reference: Array | None = None
+
+    @classmethod
+    def from_frame(
+        cls,
+        frame: pd.DataFrame,
+        *,
+        time: str = "time_s",
+        drive: str = "torque_nm",
+        position: str = "position_rad",
+        reference: str | None = None,
+    ) -> ServoRecord:
+        """Pick the columns of a log.
+
+        Raises
+        ------
+        ValueError
+            If a column is not there or is not numeric.
+        """
+        picked = {}
+        wanted = {"time": time, "drive": drive, "position": position}
+        if reference is not None:
+            wanted["reference"] = reference
+        for role, column in wanted.items():
+            if column not in frame.columns:
+                have = ", ".join(map(str, frame.columns))
+                raise ValueError(f"The log has no column {column!r} for the {role}; it has {have}. Name the right one.")
+            values = pd.to_numeric(frame[column], errors="coerce").to_numpy(dtype=float)
+            picked[role] = values
+        return cls(**picked)
+
+    @property
+    def dt(self) -> float:
+        """Sampling time in s."""
+        return float((self.time[-1] - self.time[0]) / (self.time.size - 1))
+
+    def __len__(self) -> int:
+        return self.time.size
+
+
+def noise_level(position: ArrayLike) -> float:
+    """Standard deviation of white noise in a smooth signal, from its sixth differences without the largest 2 %."""
+    d = np.abs(np.diff(np.asarray(position, dtype=float), 6))
+    kept = np.sort(d)[: max(1, int(0.98 * d.size))]
+    return float(np.sqrt(np.mean(kept**2) / 924.0) * 1.06)
+
+
+def lattice(position: ArrayLike) -> float:
+    """Step of the grid on which all samples lie, 0 if there is none.
+
+    The smallest difference between distinct values is the step if nearly all differences
+    are whole multiples of it.
+    """
+    values = np.unique(np.asarray(position, dtype=float))
+    if values.size < 3:
+        return 0.0
+    gaps = np.diff(values)
+    span = values[-1] - values[0]
+    gaps = gaps[gaps > 1e-12 * span]
+    if gaps.size < 3:
+        return 0.0
+    step = float(np.median(gaps[gaps < 1.5 * gaps.min()]))
+    ratio = gaps / step
+    on_grid = np.abs(ratio - np.round(ratio)) < 0.02 * np.maximum(1.0, np.round(ratio) ** 0.5)
+    if np.mean(on_grid) < 0.99 or values.size > 0.9 * np.asarray(position).size:
+        return 0.0
+    offsets = (values - values[0]) / step
+    slack = np.abs(offsets - np.round(offsets))
+    if np.mean(slack) > 0.15:
+        step = span / np.round(span / step)
+    return step
+
+
+def blocks(n: int, n_pairs: int = 5, share: float = 0.4) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+    """Number of the held-out block (or -1) and the training mask of every sample: 60 and 40 % interleaved."""
+    period = n / n_pairs
+    phase = (np.arange(n) % period) / period
+    number = (np.arange(n) / period).astype(np.intp)
+    held = phase >= 1.0 - share
+    return np.where(held, number, -1), ~held

@@ -1,0 +1,126 @@
+"""Candidates against the gap: screen all by their signature, refit the promising ones in full.
+
+The signature of an effect is what the bench would show if a little of it were there, with the
+sensitivities of the model in force projected out.  The screen is linear and cheap; what passes
+is fitted jointly with everything else by simulation, so large effects are judged by what they do.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from whsklearn.gap import axis_kernel as k
+from whsklearn.gap.axis_model import AxisModel, Term, size_unit
+from whsklearn.gap.bench import Bench
+from whsklearn.gap.candidates import CATALOGUE, Candidate
+from whsklearn.gap.fit import Fit, gain_of
+from whsklearn.gap.scan import peaks, scan
+
+Array = NDArray[np.float64]
+SMALL = 0.01  # share of the rms drive at which signatures are taken
+
+
+@dataclass
+class Trial:
+    """One candidate, tried on top of a model.
+
+    Attributes
+    ----------
+    kind : Candidate
+    screened : float
+        Drop of the whitened sum of squares that the signature promises.
+    visible : float
+        Share of the signature left after projection on the model's own sensitivities.
+    model : AxisModel or None
+        The joint refit, if it was worth one.
+    cost : float
+        Whitened training sum of squares of the refit.
+    """
+
+    kind: Candidate
+    screened: float
+    visible: float
+    start: tuple[float, ...] = ()
+    sizes: tuple[float, ...] = ()
+    model: AxisModel | None = None
+    fit: Fit | None = None
+    cost: float = np.inf
+    scanned: tuple[Array, Array] | None = field(default=None, repr=False)
+
+    @property
+    def n_parameters(self) -> int:
+        """Numbers that the refit added, shape included."""
+        return self.kind.n_slots - len(self.kind.held)
+
+
+def _signature(bench: Bench, model: AxisModel, residual: Array, kind: Candidate, shape: tuple[float, ...]) -> Array:
+    """Columns of the whitened residual, one a linear slot, or the difference for a block."""
+    if kind.linear == 0:
+        return (bench.residual(model.with_term(Term(kind, shape))) - residual)[:, None]
+    unit = SMALL * size_unit(kind, (0.0,) * kind.linear + shape, bench.scene)
+    columns = []
+    for j in range(kind.linear):
+        sizes = tuple(unit if i == j else 0.0 for i in range(kind.linear))
+        columns.append((bench.residual(model.with_term(Term(kind, (*sizes, *shape)))) - residual) / unit)
+    return np.column_stack(columns)
+
+
+def screen(bench: Bench, model: AxisModel, fit: Fit, kinds: tuple[Candidate, ...]) -> list[Trial]:
+    """Every candidate at its best start, most promising first."""
+    r, base = fit.residual, fit.jacobian
+    _, angle, speed = bench.follow(model)
+    q, _ = np.linalg.qr(base)
+    trials = []
+    for kind in kinds:
+        scanned = None
+        starts = kind.starts(bench.scene)
+        if kind.scanned:
+            scanned = scan(kind, bench, r, base, angle, speed)
+            starts = peaks(*scanned)
+        best = Trial(kind, -np.inf, 0.0, scanned=scanned)
+        for shape in starts:
+            columns = _signature(bench, model, r, kind, shape)
+            if not np.all(np.isfinite(columns)):
+                continue
+            total = float(np.sum(columns**2))
+            if total <= 0.0:
+                continue
+            visible = float(np.sqrt(max(0.0, 1 - np.sum((q.T @ columns) ** 2) / total)))
+            drop, c = gain_of(r, base, columns)
+            if kind.linear == 0 and c[0] < 0:
+                drop = 0.0
+            if drop > best.screened:
+                best = Trial(kind, drop, visible, shape, tuple(map(float, c)) if kind.linear else (), scanned=scanned)
+        trials.append(best)
+    return sorted(trials, key=lambda t: -t.screened)
+
+
+def refine(bench: Bench, model: AxisModel, trial: Trial, *, max_iterations: int = 12) -> Trial:
+    """Fit the candidate jointly with the model from its best start."""
+    term = Term(trial.kind, (*trial.sizes, *trial.start))
+    trial.model, trial.fit = bench.fit(model.with_term(term), max_iterations=max_iterations)
+    trial.cost = trial.fit.cost
+    return trial
+
+
+def usable_kinds(model: AxisModel, catalogue: tuple[Candidate, ...] = CATALOGUE) -> tuple[Candidate, ...]:
+    """Candidates that the model does not hold yet; one two-mass effect at the most, one term of a name.
+
+    Effects that come in several copies (cogging of two orders, two tones) may come again.
+    """
+    present = [t.kind for t in model.terms]
+    two_mass = {k.BACKLASH, k.BACKLASH_LOAD, k.FLEXIBLE, k.FLEXIBLE_LOAD}
+    several = {"cogging", "disturbance_tone", "torque_ripple", "position_friction"}
+    out = []
+    for kind in catalogue:
+        if any(p.name == kind.name for p in present) and kind.name not in several:
+            continue
+        if kind.code in two_mass and any(p.code in two_mass for p in present):
+            continue
+        if kind.name == "sensor_rectification":
+            continue
+        out.append(kind)
+    return tuple(out)
