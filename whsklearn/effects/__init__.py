@@ -1,0 +1,93 @@
+"""The effects of a servo axis: one catalogue for laws, simulators and the gap workflow."""
+
+from whsklearn.effects.base import PLACES, Effect, Quantity, effect_names, get_effect
+from whsklearn.effects.check import EffectContractError, check_effect
+from whsklearn.effects.drive import ActuatorLag, DeadZone, InputDelay, InputOffset, Saturation, TorqueRipple
+from whsklearn.effects.friction import (
+    AsymmetricCoulomb,
+    AsymmetricViscous,
+    Coulomb,
+    FrictionDrift,
+    LoadFriction,
+    PositionFriction,
+    QuadraticDrag,
+    ReducedStribeck,
+    StaticEffect,
+    Stribeck,
+    Viscous,
+)
+from whsklearn.effects.hysteresis import BoucWen, GeneralizedMaxwellSlip, LuGre, PreslidingHysteresis
+from whsklearn.effects.law import (
+    FrictionLaw,
+    as_law,
+    piecewise_linear_law,
+    polynomial_law,
+    reduced_law,
+    smooth_law,
+)
+from whsklearn.effects.position import CableSpring, Cogging, EndStop, GravityImbalance, HardeningSpring
+from whsklearn.effects.sensor import (
+    EncoderEccentricity,
+    OutputDrift,
+    OutputOffset,
+    Quantization,
+    SensorRectification,
+)
+from whsklearn.effects.static import Hinge, Power, Tanh, TanhDifference
+from whsklearn.effects.timed import DisturbanceTone, ParameterChange
+from whsklearn.effects.transmission import Backlash, FlexibleCoupling
+
+__all__ = [
+    "PLACES",
+    "ActuatorLag",
+    "AsymmetricCoulomb",
+    "AsymmetricViscous",
+    "Backlash",
+    "BoucWen",
+    "CableSpring",
+    "Cogging",
+    "Coulomb",
+    "DeadZone",
+    "DisturbanceTone",
+    "Effect",
+    "EffectContractError",
+    "EncoderEccentricity",
+    "EndStop",
+    "FlexibleCoupling",
+    "FrictionDrift",
+    "FrictionLaw",
+    "GeneralizedMaxwellSlip",
+    "GravityImbalance",
+    "HardeningSpring",
+    "Hinge",
+    "InputDelay",
+    "InputOffset",
+    "LoadFriction",
+    "LuGre",
+    "OutputDrift",
+    "OutputOffset",
+    "ParameterChange",
+    "PositionFriction",
+    "Power",
+    "PreslidingHysteresis",
+    "QuadraticDrag",
+    "Quantity",
+    "Quantization",
+    "ReducedStribeck",
+    "Saturation",
+    "SensorRectification",
+    "StaticEffect",
+    "Stribeck",
+    "Tanh",
+    "TanhDifference",
+    "TorqueRipple",
+    "Viscous",
+    "as_law",
+    "check_effect",
+    "effect_names",
+    "get_effect",
+    "piecewise_linear_law",
+    "polynomial_law",
+    "reduced_law",
+    "smooth_law",
+]

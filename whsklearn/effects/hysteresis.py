@@ -1,0 +1,181 @@
+"""Friction before sliding: springs of asperities that let go after a short distance.
+
+All of them are c z with z a pure memory of the path, |z| near 1 after the presliding
+distance.  The effect comes on top of the law's Coulomb term: where it takes the place
+of it, a refit takes the same torque out of ``coulomb``.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+from numba import njit
+
+from whsklearn.effects import codes
+from whsklearn.effects.base import Effect, Quantity
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+N_STATES = 8
+
+
+@njit(cache=True)
+def stribeck_level(ratio, velocity, v):
+    """g(v) = 1 + (ratio - 1) exp(-(v/v_s)^2): the level of friction over its value at speed."""
+    return 1.0 + (ratio - 1.0) * math.exp(-((v / velocity) ** 2))
+
+
+@njit(cache=True)
+def advance_hysteresis(code, p, z, dx, v):
+    """Move the states z along a path dx travelled at velocity v; exact for a constant v."""
+    if dx == 0.0:
+        return
+    s = 1.0 if dx > 0.0 else -1.0
+    r = abs(dx) / p[1]
+    if code == codes.DAHL:
+        z[0] = s + (z[0] - s) * math.exp(-r)
+    elif code == codes.LUGRE:
+        g = stribeck_level(p[2], p[3], v)
+        z[0] = g * s + (z[0] - g * s) * math.exp(-r / g)
+    elif code == codes.BOUC_WEN:
+        w = z[0] * s
+        a = 1.0 if w > 0.0 else 2.0 * p[2] - 1.0
+        w = w + r if abs(a) < 1e-9 else 1.0 / a + (w - 1.0 / a) * math.exp(-a * r)
+        z[0] = s * w
+    else:
+        n = int(p[2])
+        g = stribeck_level(p[3], p[4], v)
+        for i in range(n):
+            z[i] = min(g, max(-g, z[i] + s * r * (n + 1.0) / (2.0 * (i + 1.0))))
+
+
+@njit(cache=True)
+def hysteresis_torque(code, p, z, v):
+    """z, with LuGre's damping of the asperities, and its derivative by velocity."""
+    if code == codes.MAXWELL_SLIP:
+        n = int(p[2])
+        total = 0.0
+        for i in range(n):
+            total += z[i]
+        return total / n, 0.0
+    if code == codes.LUGRE and p[4] > 0.0:
+        g = stribeck_level(p[2], p[3], v)
+        slope = p[4] / p[1] * (1.0 - (z[0] if v > 0.0 else -z[0]) / g)
+        return z[0] + slope * v, slope
+    return z[0], 0.0
+
+
+@njit(cache=True)
+def hysteresis_values(code, p, position, velocity):
+    """The effect at size one along a record."""
+    out = np.empty(position.size)
+    z = np.zeros(N_STATES)
+    for i in range(position.size):
+        if i > 0:
+            advance_hysteresis(code, p, z, position[i] - position[i - 1], velocity[i])
+        out[i] = hysteresis_torque(code, p, z, velocity[i])[0]
+    return out
+
+
+_TORQUE = Quantity("Nm", 1e-4, 1e3, log=True)
+_DISTANCE = Quantity("rad", 1e-6, 0.2, log=True)
+_RATIO = Quantity("1", 1.0, 2.5)
+_VELOCITY = Quantity("rad/s", 1e-3, 2.0, log=True)
+
+
+@dataclass(frozen=True)
+class PreslidingHysteresis(Effect):
+    """Dahl's model: dz/dx = (1 - z sign(v)) / x_s, the simplest of the family."""
+
+    torque: float = 0.1
+    distance: float = 1e-3
+
+    name: ClassVar[str] = "presliding_hysteresis"
+    place: ClassVar[str] = "friction"
+    equation: ClassVar[str] = "c z, dz/dt = (v - |v| z) / x_s"
+    size: ClassVar[str] = "torque"
+    quantities: ClassVar[dict[str, Quantity]] = {"torque": _TORQUE, "distance": _DISTANCE}
+    signature: ClassVar[str] = "after each reversal friction builds up over a short distance, along a curve"
+    needs: ClassVar[str] = "many small reversals"
+    reference: ClassVar[str] = "Dahl 1968, A solid friction model, Aerospace Corporation TOR-0158(3107-18)-1"
+    code: ClassVar[int] = codes.DAHL
+
+    def columns(self, signals: Any) -> NDArray[np.float64]:
+        """z along the record, from rest at its start."""
+        path, velocity = (np.ascontiguousarray(s, dtype=float) for s in (signals.position, signals.velocity))
+        return hysteresis_values(self.code, np.array(self.numbers), path, velocity).reshape(-1, 1)
+
+
+@dataclass(frozen=True)
+class LuGre(PreslidingHysteresis):
+    """LuGre: Dahl's spring whose end level falls with speed (Stribeck), with damping."""
+
+    torque: float = 0.1
+    distance: float = 1e-3
+    ratio: float = 1.5
+    velocity: float = 0.05
+    damping: float = 1e-3
+
+    equation: ClassVar[str] = "c (z + d dz/dt), dz/dt = (v - |v| z / g(v)) / x_s, g = 1 + (r - 1) exp(-(v/v_s)^2)"
+    quantities: ClassVar[dict[str, Quantity]] = {
+        "torque": _TORQUE,
+        "distance": _DISTANCE,
+        "ratio": _RATIO,
+        "velocity": _VELOCITY,
+        "damping": Quantity("s", 0.0, 0.1),
+    }
+    reference: ClassVar[str] = "Canudas de Wit, Olsson, Astrom, Lischinsky 1995, IEEE TAC 40(3)"
+    code: ClassVar[int] = codes.LUGRE
+
+
+@dataclass(frozen=True)
+class GeneralizedMaxwellSlip(PreslidingHysteresis):
+    """Maxwell elements in parallel, each sticking until its own distance: memory of nested reversals.
+
+    The elements carry equal shares and let go at evenly spread distances with mean x_s;
+    a sliding element follows the level g(v) at once, the limit of a fast attraction.
+    """
+
+    torque: float = 0.1
+    distance: float = 1e-3
+    elements: float = 4.0
+    ratio: float = 1.0
+    velocity: float = 0.05
+
+    equation: ClassVar[str] = "c mean(z_i), dz_i = dx / x_i while |z_i| < g(v), else z_i = g(v) sign(v)"
+    quantities: ClassVar[dict[str, Quantity]] = {
+        "torque": _TORQUE,
+        "distance": _DISTANCE,
+        "elements": Quantity("1", 1, N_STATES),
+        "ratio": _RATIO,
+        "velocity": _VELOCITY,
+    }
+    reference: ClassVar[str] = "Al-Bender, Lampaert, Swevers 2005, IEEE TAC 50(11)"
+    code: ClassVar[int] = codes.MAXWELL_SLIP
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.elements != int(self.elements) or not 1 <= self.elements <= N_STATES:
+            raise ValueError(f"{self.elements} elements, expected a whole number from 1 to {N_STATES}; lower it.")
+
+
+@dataclass(frozen=True)
+class BoucWen(PreslidingHysteresis):
+    """Bouc-Wen with exponent 1 and beta + gamma = 1: beta = 1 is Dahl, below it the loop grows slimmer."""
+
+    torque: float = 0.1
+    distance: float = 1e-3
+    beta: float = 0.8
+
+    equation: ClassVar[str] = "c z, dz/dt = (v - beta |v| z - (1 - beta) v |z|) / x_s"
+    quantities: ClassVar[dict[str, Quantity]] = {
+        "torque": _TORQUE,
+        "distance": _DISTANCE,
+        "beta": Quantity("1", 0.3, 1.0),
+    }
+    reference: ClassVar[str] = "Wen 1976, ASCE J. Eng. Mech. Div. 102(2)"
+    code: ClassVar[int] = codes.BOUC_WEN

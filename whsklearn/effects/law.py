@@ -1,0 +1,157 @@
+"""A friction law: a sum of static terms, linear in their weights.
+
+Laws (3) and (4) of the paper, Coulomb plus viscous, a polynomial or a piecewise-linear
+characteristic are all this one sum, so one estimator and one simulator serve them all.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numba import njit
+
+from whsklearn.effects.base import get_effect
+from whsklearn.effects.friction import Coulomb, ReducedStribeck, StaticEffect, Viscous
+from whsklearn.effects.static import Hinge, Power, Tanh, TanhDifference
+from whsklearn.effects.terms import N_SHAPE, term
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+
+class FrictionLaw:
+    """v = sum of w_k f_k(x, dx), with dx = x(t) - x(t-1).
+
+    Parameters
+    ----------
+    terms : iterable of StaticEffect
+        The terms; the magnitude of each is its weight.
+
+    Attributes
+    ----------
+    labels : tuple of str
+        One name a weight, numbered where a kind of term recurs.
+    codes, shapes, weights : ndarray of shape (n_terms,), (n_terms, 3), (n_terms,)
+        The law as the compiled kernels take it.
+
+    Examples
+    --------
+    >>> from whsklearn.effects import FrictionLaw, Viscous, Coulomb
+    >>> law = FrictionLaw([Viscous(0.05), Coulomb(0.7)])
+    >>> law.labels
+    ('viscous', 'coulomb')
+    >>> float(law(x=0.0, dx=2.0).round(6))
+    0.8
+    """
+
+    def __init__(self, terms: Iterable[StaticEffect]):
+        self.terms = tuple(terms)
+        if not self.terms:
+            raise ValueError("The friction law has no term; give at least one, such as Viscous().")
+        for t in self.terms:
+            if not isinstance(t, StaticEffect):
+                raise ValueError(
+                    f"{t!r} cannot be a term of a friction law: expected a memoryless effect such as Coulomb()."
+                )
+        names = [t.name for t in self.terms]
+        self.labels = tuple(n if names.count(n) == 1 else f"{n}{names[: i + 1].count(n)}" for i, n in enumerate(names))
+        self.codes = np.array([t.code for t in self.terms], dtype=np.int64)
+        self.shapes = np.zeros((len(self.terms), N_SHAPE))
+        for row, t in zip(self.shapes, self.terms, strict=True):
+            row[: len(t.term_shape)] = t.term_shape
+        self.weights = np.array([t.magnitude for t in self.terms])
+
+    def __len__(self) -> int:
+        return len(self.terms)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, FrictionLaw) and self.terms == other.terms
+
+    def __hash__(self) -> int:
+        return hash(self.terms)
+
+    def __repr__(self) -> str:
+        return f"FrictionLaw({list(self.terms)!r})"
+
+    def __call__(self, x: ArrayLike, dx: ArrayLike, kappa: float = np.inf) -> NDArray[np.float64]:
+        """The law's value at x and dx (broadcast against each other)."""
+        return self.regressors(x, dx, kappa) @ self.weights
+
+    def regressors(self, x: ArrayLike, dx: ArrayLike, kappa: float = np.inf) -> NDArray[np.float64]:
+        """Every term at weight one, stacked along a new last axis."""
+        x, dx = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(dx, dtype=float))
+        flat = _evaluate(self.codes, self.shapes, x.ravel(), dx.ravel(), float(kappa))
+        return flat.reshape(*x.shape, len(self))
+
+    def reweighted(self, weights: Sequence[float] | NDArray[np.float64]) -> FrictionLaw:
+        """The same terms with other weights."""
+        return FrictionLaw([t.resized(float(w)) for t, w in zip(self.terms, weights, strict=True)])
+
+
+@njit(cache=True)
+def _evaluate(codes, shapes, x, dx, kappa):
+    out = np.empty((x.size, codes.size))
+    for i in range(x.size):
+        for k in range(codes.size):
+            out[i, k] = term(codes[k], shapes[k, 0], shapes[k, 1], shapes[k, 2], x[i], dx[i], kappa)[0]
+    return out
+
+
+def reduced_law(viscous: float = 0.05, coulomb: float = 0.7, stribeck: float = 0.2) -> FrictionLaw:
+    """Law (4): gamma_6 dx + beta_1 sign(dx) - beta_2 tanh(dx); Example 5.1's values by default."""
+    return FrictionLaw([Viscous(viscous), Coulomb(coulomb), ReducedStribeck(stribeck)])
+
+
+def smooth_law(gamma: Sequence[float]) -> FrictionLaw:
+    """Law (3) from its six positive parameters gamma_1 ... gamma_6."""
+    if len(gamma) != 6 or min(gamma) <= 0:
+        raise ValueError(f"gamma is {list(gamma)}, expected six positive numbers gamma_1 ... gamma_6 of (3).")
+    g1, g2, g3, g4, g5, g6 = (float(g) for g in gamma)
+    return FrictionLaw([TanhDifference(g1, 1 / g2, 1 / g3), Tanh(g4, 1 / g5), Viscous(g6)])
+
+
+def polynomial_law(coefficients: Sequence[float]) -> FrictionLaw:
+    """v = sum of coefficients[k] x^k, a static nonlinearity of x."""
+    return FrictionLaw([Power(c, k) for k, c in enumerate(coefficients) if c != 0.0 or k == 1])
+
+
+def piecewise_linear_law(knots: Sequence[float], slopes: Sequence[float]) -> FrictionLaw:
+    """The continuous characteristic through 0 with slopes[0] below knots[0], slopes[i] after knots[i-1]."""
+    if len(slopes) != len(knots) + 1:
+        raise ValueError(f"{len(slopes)} slopes for {len(knots)} knots; expected one slope more than knots.")
+    if any(b <= a for a, b in itertools.pairwise(knots)):
+        raise ValueError(f"knots are {list(knots)}, expected increasing numbers.")
+    steps = np.diff(slopes)
+    hinges = [Hinge(float(s), float(k)) for s, k in zip(steps, knots, strict=True)]
+    shift = -sum(float(s) * max(-float(k), 0.0) for s, k in zip(steps, knots, strict=True))
+    return FrictionLaw([Power(float(slopes[0]), 1.0), *hinges, *([Power(shift, 0.0)] if shift else [])])
+
+
+def as_law(law: str | FrictionLaw | StaticEffect | Iterable[StaticEffect] | None) -> FrictionLaw:
+    """A law from whatever a user gives: None for (4), names joined by commas, terms, or a law.
+
+    Raises
+    ------
+    ValueError
+        If a name is unknown or names an effect that is no memoryless term.
+
+    Examples
+    --------
+    >>> from whsklearn.effects import as_law
+    >>> as_law("viscous,coulomb").labels
+    ('viscous', 'coulomb')
+    """
+    if law is None:
+        return reduced_law()
+    if isinstance(law, FrictionLaw):
+        return law
+    if isinstance(law, StaticEffect):
+        return FrictionLaw([law])
+    if isinstance(law, str):
+        if law.strip() == "reduced":
+            return reduced_law()
+        return FrictionLaw([get_effect(n.strip())() for n in law.split(",") if n.strip()])  # type: ignore[misc]
+    return FrictionLaw(law)

@@ -1,0 +1,131 @@
+"""Effects between the axis and its measured position; they add to y, not to the torque."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from whsklearn.effects import codes
+from whsklearn.effects.base import Effect, Quantity
+from whsklearn.effects.waves import as_column, waves
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class OutputOffset(Effect):
+    """The zero of the sensor is off."""
+
+    offset: float = 1e-3
+
+    name: ClassVar[str] = "output_offset"
+    place: ClassVar[str] = "sensor"
+    equation: ClassVar[str] = "y = q + c"
+    size: ClassVar[str] = "offset"
+    quantities: ClassVar[dict[str, Quantity]] = {"offset": Quantity("rad", -10.0, 10.0)}
+    signature: ClassVar[str] = "a constant in the position, none in the torque"
+    needs: ClassVar[str] = "a torque that depends on position, or a known start"
+    reference: ClassVar[str] = "Ljung 1999, System Identification, 2nd ed., sec. 14.1"
+    port: ClassVar[str] = "output"
+    code: ClassVar[int] = codes.OUTPUT_OFFSET
+
+    def columns(self, signals: Any) -> NDArray[np.float64]:
+        """Ones."""
+        return np.ones((np.asarray(signals.position).size, 1))
+
+
+@dataclass(frozen=True)
+class OutputDrift(Effect):
+    """The sensor's zero wanders at a constant rate."""
+
+    rate: float = 1e-3
+
+    name: ClassVar[str] = "output_drift"
+    place: ClassVar[str] = "sensor"
+    equation: ClassVar[str] = "y = q + c t"
+    size: ClassVar[str] = "rate"
+    quantities: ClassVar[dict[str, Quantity]] = {"rate": Quantity("rad/s", -0.1, 0.1)}
+    signature: ClassVar[str] = "a trend in the position, none in the torque"
+    needs: ClassVar[str] = "a long run"
+    reference: ClassVar[str] = "Ljung 1999, System Identification, 2nd ed., sec. 14.1"
+    port: ClassVar[str] = "output"
+    code: ClassVar[int] = codes.OUTPUT_DRIFT
+
+    def columns(self, signals: Any) -> NDArray[np.float64]:
+        """t."""
+        return as_column(signals.time)
+
+
+@dataclass(frozen=True)
+class SensorRectification(Effect):
+    """The sensor loses the sign, wholly (fraction 1) or in part."""
+
+    fraction: float = 1.0
+
+    name: ClassVar[str] = "sensor_rectification"
+    place: ClassVar[str] = "sensor"
+    equation: ClassVar[str] = "y = (1 - f) q + f |q|"
+    size: ClassVar[str] = "fraction"
+    quantities: ClassVar[dict[str, Quantity]] = {"fraction": Quantity("1", 0.0, 1.0)}
+    signature: ClassVar[str] = "a gap where the position should be negative, and nowhere else"
+    needs: ClassVar[str] = "both signs of position"
+    reference: ClassVar[str] = "Wigren, Schoukens 2017, Coupled electric drives, Uppsala University 2017-024"
+    port: ClassVar[str] = "output"
+    code: ClassVar[int] = codes.SENSOR_RECTIFICATION
+
+    def columns(self, signals: Any) -> NDArray[np.float64]:
+        """|q| - q."""
+        position = np.asarray(signals.position, dtype=float)
+        return as_column(np.abs(position) - position)
+
+
+@dataclass(frozen=True)
+class EncoderEccentricity(Effect):
+    """The disc of the encoder is off centre (order 1) or bent (order 2)."""
+
+    amplitude: float = 1e-3
+    order: float = 1.0
+    phase: float = 0.0
+
+    name: ClassVar[str] = "encoder_eccentricity"
+    place: ClassVar[str] = "sensor"
+    equation: ClassVar[str] = "y = q + A cos(k q + phi), A = eccentricity / radius"
+    size: ClassVar[str] = "amplitude"
+    quantities: ClassVar[dict[str, Quantity]] = {
+        "amplitude": Quantity("rad", 1e-6, 0.1, log=True),
+        "order": Quantity("1", 0.5, 64.0),
+        "phase": Quantity("rad", -math.pi, math.pi),
+    }
+    signature: ClassVar[str] = "a wave over position whose torque grows with the square of speed"
+    needs: ClassVar[str] = "a turn at two speeds"
+    reference: ClassVar[str] = "plane geometry of a disc that turns off its centre"
+    port: ClassVar[str] = "output"
+    phased: ClassVar[bool] = True
+    code: ClassVar[int] = codes.ENCODER_ECCENTRICITY
+
+    def columns(self, signals: Any) -> NDArray[np.float64]:
+        """cos(k q), sin(k q)."""
+        return waves(self.order * np.asarray(signals.position))
+
+
+@dataclass(frozen=True)
+class Quantization(Effect):
+    """The sensor counts in steps."""
+
+    step: float = 1e-3
+
+    name: ClassVar[str] = "quantization"
+    place: ClassVar[str] = "sensor"
+    equation: ClassVar[str] = "y = s round(q / s)"
+    size: ClassVar[str] = "step"
+    quantities: ClassVar[dict[str, Quantity]] = {"step": Quantity("rad", 1e-8, 0.1, log=True)}
+    signature: ClassVar[str] = "positions on a lattice"
+    needs: ClassVar[str] = "slow motion and less noise than a step"
+    reference: ClassVar[str] = "Widrow, Kollar, Liu 1996, IEEE Trans. Instrum. Meas. 45(2)"
+    port: ClassVar[str] = "output"
+    column_kind: ClassVar[str] = "none"
+    code: ClassVar[int] = codes.QUANTIZATION

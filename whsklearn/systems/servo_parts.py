@@ -1,0 +1,129 @@
+"""The parts of a servo axis that are not effects: drive, transmission, sensor, controller."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part of the axis: its numbers are finite where they must be, and none below its bound."""
+
+    def __post_init__(self) -> None:
+        for f in fields(self):
+            value = getattr(self, f.name)
+            if isinstance(value, str):
+                continue
+            if not isinstance(value, (int, float)) or math.isnan(value) or value < 0:
+                raise ValueError(
+                    f"{type(self).__name__}: {f.name} is {value!r}, expected a number not below zero; use SI units."
+                )
+
+
+@dataclass(frozen=True)
+class Drive(Part):
+    """From the controller's output to the torque at the shaft.
+
+    Parameters
+    ----------
+    gain : float
+        Torque a unit of the controller's output (Nm); the log shows gain times output.
+    limit : float
+        Torque that the drive cannot exceed (Nm); the log shows what was asked for.
+    delay, lag : float
+        Dead time and time constant of the torque (s).
+    """
+
+    gain: float = 1.0
+    limit: float = math.inf
+    delay: float = 0.0
+    lag: float = 0.0
+
+
+@dataclass(frozen=True)
+class Transmission(Part):
+    """A spring, with play on request, between motor and load; the axis's inertia is that of both.
+
+    Parameters
+    ----------
+    load_share : float
+        Share of the inertia behind the spring, above 0 and below 1.
+    stiffness : float
+        Stiffness (Nm/rad).
+    damping_ratio : float
+        Damping of the free resonance, as a ratio.
+    gap : float
+        Full play (rad).
+    """
+
+    load_share: float = 0.5
+    stiffness: float = 1000.0
+    damping_ratio: float = 0.05
+    gap: float = 0.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not 0.0 < self.load_share < 1.0:
+            raise ValueError(f"Transmission: load_share is {self.load_share}, expected a share between 0 and 1.")
+        if not 0.0 < self.stiffness < math.inf:
+            raise ValueError(f"Transmission: stiffness is {self.stiffness}, expected a finite number above zero.")
+
+
+@dataclass(frozen=True)
+class Sensor(Part):
+    """The encoder.
+
+    Parameters
+    ----------
+    resolution : float
+        Step of the reading (rad), 0 for none.
+    noise : float
+        Standard deviation of white noise on the reading (rad).
+    side : str
+        ``motor`` or ``load``: which of the two the controller and the log see.
+    """
+
+    resolution: float = 0.0
+    noise: float = 0.0
+    side: str = "motor"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.side not in ("motor", "load"):
+            raise ValueError(f"Sensor: side is {self.side!r}, expected 'motor' or 'load'.")
+
+
+@dataclass(frozen=True)
+class PIDController(Part):
+    """u = sat(kp e + ki sum(e) T + kd de/dt + kv r' + ka r''), with conditional integration.
+
+    Parameters
+    ----------
+    kp, ki, kd : float
+        Gains of continuous time, a unit of output for rad, rad s, rad/s.
+    velocity_feedforward, acceleration_feedforward : float
+        kv and ka, of the reference's derivatives.
+    limit : float
+        Bound of the output; the integral stands still while the output is beyond it.
+    derivative_on : str
+        ``error``, or ``measurement`` to spare the drive the steps of the reference.
+    derivative_filter : float
+        Time constant of the derivative (s).
+    """
+
+    kp: float = 60.0
+    ki: float = 60.0
+    kd: float = 2.0
+    velocity_feedforward: float = 0.0
+    acceleration_feedforward: float = 0.0
+    limit: float = math.inf
+    derivative_on: str = "error"
+    derivative_filter: float = 0.002
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.derivative_on not in ("error", "measurement"):
+            raise ValueError(
+                f"PIDController: derivative_on is {self.derivative_on!r}, expected 'error' or 'measurement'."
+            )
