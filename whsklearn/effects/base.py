@@ -36,7 +36,6 @@ and the gap workflow follow from that one method, and
 
 from __future__ import annotations
 
-import abc
 import dataclasses
 import math
 import re
@@ -87,7 +86,7 @@ class Quantity:
 
 
 @dataclass(frozen=True)
-class Effect(abc.ABC):
+class Effect:
     """Base of every effect; subclass it, give it a ``name``, and it is registered.
 
     Class attributes
