@@ -1,0 +1,112 @@
+"""Sub-innovation updates with the exact gradient: the default reading of (10)-(14).
+
+The last p samples are one window.  It starts from the stored state before it; for
+i = 1 .. p it is run again up to its i-th sample with the newest parameters, and that
+sample updates theta and P with weight 1/p, so that over p windows it counts once and P
+stays calibrated.  With ``frozen`` the p rows are evaluated at theta(t-1) and P is the
+block update (7)-(9), which by the block inversion lemma is p scalar updates.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from whsklearn.recursion.covariance import inflate, measurement_update
+from whsklearn.recursion.predictor import advance, predict
+from whsklearn.systems.stability import is_stable
+
+STABLE_RADIUS = 0.999
+LARGEST_PARAMETER = 1e8
+
+
+@njit(cache=True)
+def run_windows(
+    theta, ud, before, loss, recent_u, recent_y, since, forgetting, loss_forgetting, sharpness,
+    dims, codes, shapes, p, frozen, u, y,
+):  # fmt: skip
+    """Take every model through the samples u, y; all state arrays change in place.
+
+    Parameters
+    ----------
+    theta, ud, before : ndarrays of shape (S, n), (S, n, n), (S, n_state)
+        Parameters, factorised covariance and the state before the window, a row a model.
+    loss : ndarray of shape (S, 2)
+        Weighted sum of squared innovations and sum of the weights.
+    recent_u, recent_y : ndarrays of shape (p + lags,)
+        The latest samples, newest first.
+    since : int
+        Samples since the experiment began.
+    forgetting : ndarray of shape (3,)
+        Present value, final value, rate at which the one goes to the other.
+    loss_forgetting : float
+        Forgetting of ``loss``.
+    sharpness : ndarray of shape (S,)
+        kappa of each model.
+
+    Returns
+    -------
+    int
+        ``since`` after the last sample.
+    """
+    n_models, n = theta.shape
+    na, nb = dims[0], dims[1]
+    work = np.empty(before.shape[1])
+    psi = np.empty(n)
+    gain = np.empty(n)
+    start = np.empty(n)
+    for t in range(u.size):
+        for k in range(recent_u.size - 1, 0, -1):
+            recent_u[k] = recent_u[k - 1]
+            recent_y[k] = recent_y[k - 1]
+        recent_u[0] = u[t]
+        recent_y[0] = y[t]
+        since += 1
+        window = min(p, since)
+        forgetting[0] += (1.0 - forgetting[2]) * (forgetting[1] - forgetting[0])
+        for s in range(n_models):
+            th = theta[s]
+            if forgetting[0] != 1.0:
+                inflate(ud[s], 1.0 / forgetting[0])
+            for k in range(n):
+                start[k] = th[k]
+            for i in range(window):
+                # newest sample of the run-up has index window-1-i in ``recent``
+                if i == 0 or not frozen:
+                    work[:] = before[s]
+                    for k in range(window - 1, window - 1 - i, -1):
+                        advance(th, dims, codes, shapes, sharpness[s], work, recent_u, k + 1)
+                else:
+                    advance(start, dims, codes, shapes, sharpness[s], work, recent_u, window - i + 1)
+                now = window - 1 - i
+                e = recent_y[now] - predict(start if frozen else th, dims, work, recent_y, now + 1, psi)
+                if frozen:
+                    for k in range(n):
+                        e -= psi[k] * (th[k] - start[k])
+                if now == 0:
+                    loss[s, 0] = loss_forgetting * loss[s, 0] + e * e
+                    loss[s, 1] = loss_forgetting * loss[s, 1] + 1.0
+                measurement_update(ud[s], psi, float(p), gain)
+                _step(th, gain, e, na, nb)
+            if since >= p:
+                advance(th, dims, codes, shapes, sharpness[s], before[s], recent_u, p)
+    return since
+
+
+@njit(cache=True)
+def _step(theta, gain, e, na, nb):
+    """theta += gain e, halved until L1 is stable, not taken if it never is."""
+    n = theta.size
+    b = theta[na - 1 : na - 1 + nb]
+    scale = 1.0
+    for _ in range(10):
+        ok = True
+        for k in range(n):
+            theta[k] += scale * gain[k] * e
+            if not abs(theta[k]) < LARGEST_PARAMETER:
+                ok = False
+        if ok and is_stable(b, STABLE_RADIUS):
+            return
+        for k in range(n):
+            theta[k] -= scale * gain[k] * e
+        scale *= 0.5

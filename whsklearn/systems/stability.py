@@ -1,0 +1,27 @@
+"""Stability of a discrete-time block from its denominator."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+
+@njit(cache=True)
+def is_stable(b, radius):
+    """Whether 1 + b_1 q^-1 + ... has all its roots inside ``radius`` (Schur-Cohn step-down)."""
+    n = b.size
+    k = np.empty(n)
+    scale = 1.0
+    for i in range(n):
+        scale /= radius
+        k[i] = b[i] * scale
+    row = np.empty(n)
+    for m in range(n, 0, -1):
+        r = k[m - 1]
+        if not abs(r) < 1.0:
+            return False
+        for i in range(m - 1):
+            row[i] = (k[i] - r * k[m - 2 - i]) / (1.0 - r * r)
+        for i in range(m - 1):
+            k[i] = row[i]
+    return True
