@@ -1,0 +1,342 @@
+"""From the log of an axis to a linear regression: torque = J a + sum of effects.
+
+The columns are acceleration, the terms of the friction law and the effects of the catalogue,
+all computed from the position; their weights are the axis's physical parameters, so every
+estimator that takes rows identifies the axis.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
+
+import numpy as np
+from sklearn.base import BaseEstimator, TransformerMixin
+from sklearn.utils.validation import check_array, check_is_fitted, validate_data
+
+from whsklearn._axis_rows import DRIVEN, checked_torque, effect_terms, runs, stack_columns
+from whsklearn.effects import PreslidingHysteresis
+from whsklearn.filtering import (
+    causal_delay,
+    causal_kernels,
+    causal_motion,
+    causal_window,
+    decimate,
+    motion,
+    zero_phase,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from whsklearn.effects import Effect, FrictionLaw
+
+    Array = NDArray[np.float64]
+
+__all__ = ["InverseDynamicsLags"]
+
+
+class _Stream(NamedTuple):
+    """What a causal transformer carries: the last samples of position, drive and torque, and how many it has seen."""
+
+    path: Array
+    drive: Array
+    torque: Array
+    seen: int
+
+
+_AT_START = _Stream(np.empty(0), np.empty(0), np.empty(0), 0)
+
+
+class InverseDynamicsLags(TransformerMixin, BaseEstimator):
+    """Columns of the inverse dynamics of an axis, from its measured position.
+
+    Parameters
+    ----------
+    sample_rate : float, default=1000.0
+        Of the log, in Hz.
+    law : str, FrictionLaw or iterable of effects, default="viscous,coulomb"
+        Friction terms, one weight each.
+    effects : str or iterable of (str or Effect), default="input_offset"
+        Further effects of the catalogue, at their shapes; ``""`` for none.
+    cutoff : float, optional
+        Of the filter on position, in Hz; a tenth of the sampling rate by default.
+    order : int, default=4
+        Of the zero-phase Butterworth filter.
+    decimate : int, default=1
+        Rows of `rows` are low-passed and every ``decimate``-th is kept (records only).
+    border : int, default=0
+        Rows left out at the start of each record by `rows`, where the filter has no past.
+    causal : bool, default=False
+        False: whole records, no delay. True: streams, a polynomial over a moving window;
+        row t then holds the values of ``delay_`` samples before, and `rows` delays the
+        torque by as much.
+    window : int, optional
+        Odd length of that window; chosen from ``cutoff`` by default.
+    degree : int, default=4
+        Degree of its polynomial.
+
+    Attributes
+    ----------
+    delay_ : int
+        Samples by which a row lags its input: 0 for records, half a window for streams.
+    warmup_ : int
+        Rows of zeros at the start of `transform`: 0 for records, a window less one for streams.
+    terms_ : tuple of Effect
+        The law's terms and the effects, in the order of their columns.
+
+    Notes
+    -----
+    Torque side: a positive weight is paid for by the drive. The defaults, with ``decimate=10`` and
+    ``border=49``, are the reference method of Janot, Gautier, Brunot 2019, Data set and
+    reference models of EMPS, Workshop on Nonlinear System Identification Benchmarks.
+    X is position (n, 1), or position and measured drive (n, 2) where an effect such as
+    ``load_friction`` is a function of the drive; y is the torque (rad and Nm, or m and N).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> t = np.arange(4000) / 1000
+    >>> q = 0.3 * np.sin(2 * t) + 0.1 * np.sin(5 * t)
+    >>> v, a = 0.6 * np.cos(2 * t) + 0.5 * np.cos(5 * t), -1.2 * np.sin(2 * t) - 2.5 * np.sin(5 * t)
+    >>> torque = 2.0 * a + 0.5 * v + 0.8 * np.sign(v) - 0.1
+    >>> lags = InverseDynamicsLags(sample_rate=1000, border=50)
+    >>> phi, target = lags.rows(q[:, None], torque)
+    >>> [float(w) for w in np.linalg.lstsq(phi, target, rcond=None)[0].round(2)]
+    [2.0, 0.5, 0.8, -0.1]
+    >>> list(lags.get_feature_names_out())
+    ['inertia', 'viscous', 'coulomb', 'input_offset']
+    """
+
+    def __init__(
+        self,
+        sample_rate: float = 1000.0,
+        law: str | FrictionLaw | Iterable[Effect] = "viscous,coulomb",
+        effects: str | Iterable[str | Effect] = "input_offset",
+        cutoff: float | None = None,
+        order: int = 4,
+        decimate: int = 1,
+        border: int = 0,
+        causal: bool = False,
+        window: int | None = None,
+        degree: int = 4,
+    ):
+        self.sample_rate = sample_rate
+        self.law = law
+        self.effects = effects
+        self.cutoff = cutoff
+        self.order = order
+        self.decimate = decimate
+        self.border = border
+        self.causal = causal
+        self.window = window
+        self.degree = degree
+
+    def fit(self, X: ArrayLike, y: ArrayLike | None = None) -> Self:
+        """Check the log and settle columns, filter and delay; nothing is estimated here."""
+        n_columns = check_array(X, dtype=np.float64).shape[1]
+        if n_columns > 2:
+            raise ValueError(f"X has {n_columns} columns, expected position, or position and drive; pick those.")
+        self._settle()
+        _validated(self, X, reset=True)
+        return self
+
+    def transform(self, X: ArrayLike, y: ArrayLike | None = None, groups: ArrayLike | None = None) -> Array:
+        """Columns of records, from a clean start; the state of a stream is neither used nor changed.
+
+        Parameters
+        ----------
+        X : array-like of shape (n, 1) or (n, 2)
+            Position, and drive where an effect needs it.
+        y : array-like of shape (n,), optional
+            The drive, if X does not hold it.
+        groups : array-like of shape (n,), optional
+            Marks experiments; filters restart at each.
+
+        Returns
+        -------
+        ndarray of shape (n, n_terms)
+            In a causal transformer, row t belongs to time t - ``delay_``.
+        """
+        check_is_fitted(self, "terms_")
+        X = _validated(self, X)
+        return self._columns(X, self._drive(X, y), groups)[0]
+
+    def fit_transform(self, X: ArrayLike, y: ArrayLike | None = None, groups: ArrayLike | None = None) -> Array:
+        """`fit`, then columns from a clean start; a stream can go on from the end of X."""
+        return self._fresh(X, y, groups)
+
+    def partial_fit_transform(self, X: ArrayLike, y: ArrayLike | None = None) -> Array:
+        """Columns of the next piece of a stream, going on where the last piece ended; shape (n, n_terms).
+
+        Raises
+        ------
+        ValueError
+            If the transformer is not causal, or an effect needs the whole record.
+        """
+        X = self._next_piece(X)
+        drive = self._drive(X, y)
+        phi, _, self._stream = self._advance(self._stream, X[:, 0], drive, drive)
+        return phi
+
+    def rows(self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None) -> tuple[Array, Array]:
+        """Regression rows of records: columns and torque, treated alike, from a clean start.
+
+        Parameters
+        ----------
+        X : array-like of shape (n, 1) or (n, 2)
+            Position, and drive where it is not y.
+        y : array-like of shape (n,)
+            Torque or force, in the sense of the position.
+        groups : array-like of shape (n,), optional
+            Marks experiments; filters restart at each.
+
+        Returns
+        -------
+        phi : ndarray of shape (m, n_terms)
+        target : ndarray of shape (m,)
+            Without border and warm-up, and decimated: m < n.
+
+        Raises
+        ------
+        ValueError
+            If the torque is zero throughout, or a record is too short for the filters.
+        """
+        target = checked_torque(y, len(X))  # type: ignore[arg-type]
+        phi = self._fresh(X, y, groups)
+        pieces = []
+        for s in runs(groups, len(phi)):
+            late = causal_delay(target[s], np.empty(0), self.delay_)[0]
+            both = np.column_stack([phi[s], late])[max(self.border, self.warmup_) :]
+            pieces.append(both if self.causal else decimate(both, self.decimate))
+        both = np.concatenate(pieces)
+        return both[:, :-1], both[:, -1]
+
+    def partial_rows(self, X: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
+        """Regression rows of the next piece of a stream, the torque delayed like the columns.
+
+        Rows of the warm-up are left out, so the first pieces may give none.
+        """
+        X = self._next_piece(X)
+        seen = self._stream.seen
+        y = np.asarray(y, dtype=float).ravel()
+        phi, late, self._stream = self._advance(self._stream, X[:, 0], self._drive(X, y), y)
+        keep = min(max(self.warmup_ - seen, 0), len(X))
+        return phi[keep:], late[keep:]
+
+    def interpret(self, theta: ArrayLike) -> tuple[float, tuple[Effect, ...]]:
+        """Inertia and effects whose columns have these weights.
+
+        Parameters
+        ----------
+        theta : array-like of shape (n_terms,)
+            Weights, in the order of the columns.
+
+        Raises
+        ------
+        ValueError
+            If the inertia is not above zero, which no axis has.
+        """
+        check_is_fitted(self, "terms_")
+        theta = np.asarray(theta, dtype=float)
+        if theta[0] <= 0:
+            raise ValueError(
+                f"The fitted inertia is {theta[0]:.3g}, expected a number above zero; check units and the sense of "
+                "drive and position, or give a record that accelerates more."
+            )
+        found, at = [], 1
+        for term in self.terms_:
+            n = len(term.coefficients)
+            fixed = {k: v for k, v in {**term.shape, **term.options}.items() if not (term.phased and k == "phase")}
+            found.append(type(term).from_coefficients(theta[at : at + n], **fixed))
+            at += n
+        return float(theta[0]), tuple(found)
+
+    def get_feature_names_out(self, input_features: Any = None) -> NDArray[np.object_]:
+        """``inertia``, then the effects' names, numbered where one recurs, with cos and sin where there are two."""
+        check_is_fitted(self, "terms_")
+        names = [t.name for t in self.terms_]
+        out = ["inertia"]
+        for i, term in enumerate(self.terms_):
+            label = term.name if names.count(term.name) == 1 else f"{term.name}{names[: i + 1].count(term.name)}"
+            out += [f"{label}_cos", f"{label}_sin"] if term.phased else [label]
+        return np.array(out, dtype=object)
+
+    _stream: _Stream
+
+    def _settle(self) -> None:
+        """Terms, filter and delay from the parameters."""
+        if not self.sample_rate > 0:
+            raise ValueError(f"sample_rate is {self.sample_rate}, expected a frequency above zero, in Hz.")
+        terms = effect_terms(self.law, self.effects)
+        cutoff = 0.1 * self.sample_rate if self.cutoff is None else float(self.cutoff)
+        delay = 0
+        if self.causal:
+            window = causal_window(self.sample_rate, cutoff, self.degree) if self.window is None else self.window
+            self._kernels = causal_kernels(self.sample_rate, window, self.degree)
+            delay = (window - 1) // 2
+        self.terms_, self.cutoff_, self.delay_, self.warmup_ = terms, cutoff, delay, 2 * delay
+        self._stream = _AT_START
+
+    def _fresh(self, X: ArrayLike, y: ArrayLike | None, groups: ArrayLike | None) -> Array:
+        """Fit, and columns from a clean start."""
+        X = _validated(self.fit(X, y), X)
+        phi, self._stream = self._columns(X, self._drive(X, y), groups)
+        return phi
+
+    def _drive(self, X: Array, y: ArrayLike | None) -> Array:
+        """Drive for the columns that need it: X's second column, or y, or zeros where none does."""
+        if X.shape[1] == 2:
+            return X[:, 1]
+        if y is not None:
+            return np.asarray(y, dtype=float).ravel()
+        needing = [t.name for t in self.terms_ if t.name in DRIVEN]
+        if needing:
+            raise ValueError(
+                f"{', '.join(needing)} is a function of the drive; give X two columns, position and measured drive."
+            )
+        return np.zeros(len(X))
+
+    def _columns(self, X: Array, drive: Array, groups: ArrayLike | None) -> tuple[Array, _Stream]:
+        """Columns of every record, each from a clean start, and the stream at the end of the last."""
+        stream = _AT_START
+        pieces = []
+        for s in runs(groups, len(X)):
+            if self.causal:
+                phi, _, stream = self._advance(_AT_START, X[s, 0], drive[s], drive[s])
+            else:
+                moved = motion(X[s, 0], self.sample_rate, self.cutoff_, self.order)
+                smooth = zero_phase(drive[s], self.sample_rate, self.cutoff_, self.order)
+                phi = stack_columns(self.terms_, moved, smooth, np.arange(len(smooth)) / self.sample_rate)
+            pieces.append(phi)
+        return np.concatenate(pieces), stream
+
+    def _advance(self, stream: _Stream, path: Array, drive: Array, target: Array) -> tuple[Array, Array, _Stream]:
+        """Columns and delayed torque of the next piece, and the stream after it."""
+        moved, past = causal_motion(path, stream.path, self._kernels)
+        force, past_drive = causal_delay(drive, stream.drive, self.delay_)
+        late, past_torque = causal_delay(target, stream.torque, self.delay_)
+        time = (stream.seen - self.delay_ + np.arange(len(path))) / self.sample_rate
+        phi = stack_columns(self.terms_, moved, force, time)
+        phi[: max(self.warmup_ - stream.seen, 0)] = 0.0
+        return phi, late, _Stream(past, past_drive, past_torque, stream.seen + len(path))
+
+    def _next_piece(self, X: ArrayLike) -> Array:
+        """Check a piece of a stream; the first one settles the columns."""
+        if not self.causal:
+            raise ValueError(
+                "A zero-phase filter needs the whole record; use causal=True for a stream, whose delay is then known."
+            )
+        if not hasattr(self, "terms_"):
+            self.fit(X)
+        X = _validated(self, X)
+        whole = [t.name for t in self.terms_ if isinstance(t, PreslidingHysteresis) or t.column_kind == "first_order"]
+        if whole:
+            raise ValueError(f"{', '.join(whole)} needs the whole record; leave it out of a stream's effects.")
+        return X
+
+
+def _validated(owner: InverseDynamicsLags, X: ArrayLike, reset: bool = False) -> Array:
+    """X as a finite (n, 1) or (n, 2) array of floats."""
+    return np.asarray(validate_data(owner, X, dtype=np.float64, reset=reset))
