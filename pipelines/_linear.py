@@ -30,7 +30,7 @@ class LinearModel:
         """The free run from the input alone."""
         from scipy.signal import lfilter
 
-        return lfilter(self.b, self.f, np.asarray(X, dtype=float).reshape(len(X), -1)[:, 0])
+        return lfilter(self.b, self.f, np.asarray(X, dtype=float)[:, 0])
 
     def predict_ahead(self, X: ArrayLike, y: ArrayLike, horizon: int = 1) -> NDArray[np.float64]:
         """The free run plus the disturbance F y - B u of the last known samples, as an ARX model carries it on."""

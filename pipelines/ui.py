@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import signal
 import socket
 import subprocess
 import sys
@@ -22,7 +23,7 @@ def page(base: str, experiment_id: str | None) -> str:
     """The address of the runs of an experiment, in the view for models rather than for chat traces."""
     if experiment_id is None:
         return base
-    return f"{base}/#/experiments/{experiment_id}/runs?workflowType=machine_learning"
+    return f"{base}/#/experiments/{experiment_id}/runs?workflowType=machine_learning&viewStateShareKey={tracking.VIEW}"
 
 
 def free_port(wanted: int) -> int:
@@ -41,7 +42,20 @@ def serve(store: str, port: int) -> subprocess.Popen[bytes]:
     command += ["--default-artifact-root", str(ROOT / "mlruns" / "artifacts")]
     command += ["--host", "127.0.0.1", "--port", str(port), "--workers", "1"]
     quiet = {"MLFLOW_DISABLE_TELEMETRY": "true", "MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false"}
-    return subprocess.Popen(command, env={**os.environ, **quiet}, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    return subprocess.Popen(
+        command,
+        env={**os.environ, **quiet},
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,  # its workers are ended with it, see `stop`
+    )
+
+
+def stop(server: subprocess.Popen[bytes]) -> None:
+    """End the page and its workers."""
+    with contextlib.suppress(ProcessLookupError):
+        os.killpg(server.pid, signal.SIGTERM)
+    server.wait()
 
 
 def wait_for(server: subprocess.Popen[bytes], port: int) -> None:
@@ -53,7 +67,7 @@ def wait_for(server: subprocess.Popen[bytes], port: int) -> None:
         with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", port), timeout=1):
             return
         time.sleep(0.2)
-    server.terminate()
+    stop(server)
     raise OSError(f"MLflow's page did not answer within {_START_SECONDS} s.")
 
 
@@ -63,6 +77,7 @@ def wait_for(server: subprocess.Popen[bytes], port: int) -> None:
 def main(port: int, browser: bool) -> None:
     """Show the recorded runs in a browser, until interrupted."""
     store = tracking.tracking_uri(ROOT)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # so that being ended ends the page too
     try:
         tracker = tracking.open_tracker("simulated_example", root=ROOT)
         experiment = tracking.latest_experiment(ROOT) or tracker.experiment_id
@@ -70,6 +85,7 @@ def main(port: int, browser: bool) -> None:
             _announce(page(store.rstrip("/"), experiment), browser)
             return
         port = free_port(port)
+        click.echo("Starting MLflow's page (about 10 s) ...", err=True)
         server = serve(store, port)
         wait_for(server, port)
     except (OSError, ImportError, tracking.TrackingError) as error:
@@ -81,8 +97,7 @@ def main(port: int, browser: bool) -> None:
     except KeyboardInterrupt:
         click.echo("")
     finally:
-        server.terminate()
-        server.wait()
+        stop(server)
 
 
 def _announce(address: str, browser: bool) -> None:

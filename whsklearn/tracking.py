@@ -16,6 +16,7 @@ Examples
 from __future__ import annotations
 
 import contextlib
+import json
 import math
 import os
 import re
@@ -34,6 +35,17 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 _BATCH = 1000  # metrics one log_batch may hold
+# What the page shows at the link with this key: best runs first, children beside parents, our columns.
+VIEW = "comparison"
+_VIEW_STATE = {
+    "orderByKey": "metrics.`nmse`",
+    "orderByAsc": True,
+    "selectedColumns": [
+        *(f"metrics.`{m}`" for m in ("nmse", "mu_e", "rmse", "delta")),
+        *(f"tags.`{t}`" for t in ("data", "reading")),
+        "attributes.`Duration`",
+    ],
+}
 
 
 def tracking_uri(root: str | os.PathLike[str] = ".") -> str:
@@ -94,10 +106,12 @@ def open_tracker(
                 location = (database.parent / "artifacts").as_uri()
             client = mlflow.MlflowClient(uri)
             experiment_id = store.experiment_id(client, experiment, location)
+            client.set_experiment_tag(experiment_id, f"mlflow.sharedViewState.{VIEW}", json.dumps(_VIEW_STATE))
         except Exception as error:  # a store fails with the errors of its own driver
             reason = store.sentence(error)
             raise TrackingError(f"The store at {store.public(uri)} cannot be opened: {reason}") from error
-    return Tracker(client, experiment_id, {"version": version("whsklearn"), **(tags or {})})
+    source = {"mlflow.source.name": experiment, "mlflow.source.type": "LOCAL"}
+    return Tracker(client, experiment_id, {**source, "version": version("whsklearn"), **(tags or {})})
 
 
 class Tracker:
