@@ -3,5 +3,6 @@
 from whsklearn.datasets.drawn_effects import draw_effect
 from whsklearn.datasets.references import reference_signal
 from whsklearn.datasets.servo import make_servo_log
+from whsklearn.datasets.turntable import load_turntable
 
-__all__ = ["draw_effect", "make_servo_log", "reference_signal"]
+__all__ = ["draw_effect", "load_turntable", "make_servo_log", "reference_signal"]

@@ -125,7 +125,7 @@ def _limited(effect: Effect, signals: Bunch, wanted: float) -> Effect:
     low, high = 0.0, float(np.abs(signals.drive).max())
     for _ in range(40):
         middle = 0.5 * (low + high)
-        low, high = (low, middle) if _rms(effect.resized(middle).torque(signals)) < wanted else (middle, high)
+        low, high = (low, middle) if _rms(effect.resized(middle).contribution(signals)) < wanted else (middle, high)
     return effect.resized(high)
 
 

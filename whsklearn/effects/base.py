@@ -115,8 +115,9 @@ class Effect:
         the drive; its columns are on the torque side all the same), ``output`` (it adds
         to the measured position) or ``block`` (it changes the structure).
     column_kind : str
-        ``exact`` if the effect is columns times coefficients at its shape,
-        ``first_order`` if that holds for small sizes, ``none`` if it can only be simulated.
+        ``exact`` if the effect is columns times coefficients at its shape, ``at_size`` if it
+        is so but the columns change with the size, ``first_order`` if it is so for small
+        sizes only, ``none`` if it can only be simulated.
     neutral : float
         The size at which nothing happens.
     phased : bool
@@ -270,7 +271,7 @@ class Effect:
         rows = zip(signals.time, signals.position, signals.velocity, signals.drive, strict=True)
         return np.array([[self.evaluate(unit, *map(float, row))] for row in rows], dtype=float).reshape(-1, 1)
 
-    def torque(self, signals: Any) -> NDArray[np.float64]:
+    def contribution(self, signals: Any) -> NDArray[np.float64]:
         """What the effect asks of the drive (Nm), or adds to the measured position (rad)."""
         return self.columns(signals) @ self.coefficients
 

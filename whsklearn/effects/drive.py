@@ -56,6 +56,7 @@ class DeadZone(Effect):
         "Tao, Kokotovic 1996, Adaptive Control of Systems with Actuator and Sensor Nonlinearities"
     )
     port: ClassVar[str] = "input"
+    column_kind: ClassVar[str] = "at_size"
     code: ClassVar[int] = codes.DEAD_ZONE
 
     def columns(self, signals: Any) -> NDArray[np.float64]:
@@ -82,6 +83,7 @@ class Saturation(Effect):
         "Tao, Kokotovic 1996, Adaptive Control of Systems with Actuator and Sensor Nonlinearities"
     )
     port: ClassVar[str] = "input"
+    column_kind: ClassVar[str] = "at_size"
     neutral: ClassVar[float] = math.inf
     code: ClassVar[int] = codes.SATURATION
 
@@ -95,7 +97,7 @@ class Saturation(Effect):
         drive = np.asarray(signals.drive, dtype=float)
         return as_column((drive - np.clip(drive, -self.limit, self.limit)) / self.limit)
 
-    def torque(self, signals: Any) -> NDArray[np.float64]:
+    def contribution(self, signals: Any) -> NDArray[np.float64]:
         """What is cut off."""
         drive = np.asarray(signals.drive, dtype=float)
         return drive - np.clip(drive, -self.limit, self.limit)

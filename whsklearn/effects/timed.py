@@ -57,7 +57,7 @@ class ParameterChange(Effect):
     """One parameter of the axis takes another value at a time; ``change`` is in the parameter's unit."""
 
     change: float = 0.01
-    time: float = 10.0
+    time: float = 1.0
     parameter: str = "inertia"
 
     name: ClassVar[str] = "parameter_change"

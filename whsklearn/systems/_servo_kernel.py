@@ -18,11 +18,11 @@ from whsklearn.systems._servo_step import fine_step
 from whsklearn.systems._servo_torques import USER_SIGNATURE, measured_position
 
 # columns of the output
-DRIVE, MEASURED, POSITION, VELOCITY, TORQUE, LOAD = range(6)
+DRIVE, MEASURED, POSITION, VELOCITY, TORQUE, LOAD, LOAD_VELOCITY = range(7)
 
 _V = types.float64[::1]
 _SIGNATURE = types.void(
-    types.float64[:, ::1],  # out (n, 6)
+    types.float64[:, ::1],  # out (n, 7)
     types.float64[:, ::1],  # reference, its velocity, its acceleration (3, n)
     _V,  # noise on the position
     _V,  # disturbance torque
@@ -101,7 +101,7 @@ def run(
     out, reference, noise, disturbance, axis, drive, controller, effects, p, sensors, sp, measured, how, sample_time,
     initial, user,
 ):  # fmt: skip
-    """Fill ``out`` with drive, measured and true position, velocity, torque at the axis and load position."""
+    """Fill ``out`` with drive, measured and true position, velocity, torque at the axis, load position and velocity."""
     closed, substeps, every, on_load, linear = how[0], how[1], how[2], how[3], how[4]
     gain, limit, delay, lag, extra_lag, width, resolution = drive
     axis_numbers = (axis[0], axis[1], axis[2], axis[3], axis[4], axis[5])
@@ -130,6 +130,7 @@ def run(
         out[k, POSITION] = state[0]
         out[k, VELOCITY] = state[1]
         out[k, LOAD] = state[2]
+        out[k, LOAD_VELOCITY] = state[3]
         for j in range(substeps):
             u = held_drive(out, k + (j - delay / h) / substeps, 1.0 / substeps, before, linear)
             u -= min(width, max(-width, u))

@@ -68,7 +68,7 @@ def kick_dry(effects, p, z, x, q, v, u, t, pull, inertia, h, parts, one_mass, us
         s = 1.0 if v > 0.0 else -1.0
         force = pull - smooth - s * dry - asymmetric
         v_new = v + h * force / inertia / implicit_gain(slope + dry_slope, inertia, h)
-        if v_new * s > 0.0:
+        if v_new * s > 0.0 or (dry == 0.0 and asymmetric == 0.0):
             return v_new, 0.5 * h * (v + v_new)
         share = v / (v - v_new)
         smooth, slope, dry, dry_slope, asymmetric, load, _ = all_torques(effects, p, z, x, q, 0.0, u, t, user)

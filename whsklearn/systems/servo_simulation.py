@@ -233,7 +233,7 @@ def _job(axis: ServoAxis, e: Experiment, noise: Any, random_state: Any) -> tuple
 
     packed = pack(axis)
     n = e.reference.shape[1]
-    out = np.zeros((n, 6))
+    out = np.zeros((n, 7))
     if e.drive is not None:
         out[:, 0] = e.drive
     how = np.array(
@@ -275,4 +275,5 @@ def _run(job: tuple[Any, ...]) -> Bunch:
         velocity=out[:, kernel.VELOCITY].copy(),
         torque=out[:, kernel.TORQUE].copy(),
         load_position=out[:, kernel.LOAD].copy(),
+        load_velocity=out[:, kernel.LOAD_VELOCITY].copy(),
     )
