@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from whsklearn._displays.look import COLOURS, TRUTH, Display
-from whsklearn.metrics import nmse
+from whsklearn.validation import error_against_horizon
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -61,8 +61,9 @@ class HorizonDisplay(Display):
         ax: Any = None,
     ) -> HorizonDisplay:
         """Predict at every horizon with several fitted estimators."""
-        errors = {k: [nmse(y, m.predict_ahead(X, y, horizon=h)) for h in horizons] for k, m in estimators.items()}
-        return cls(horizons, errors, {k: nmse(y, m.predict(X)) for k, m in estimators.items()}).plot(ax)
+        curves = {name: error_against_horizon(model, X, y, horizons) for name, model in estimators.items()}
+        errors = {name: curve.nmse for name, curve in curves.items()}
+        return cls(sorted(set(horizons)), errors, {n: c.free_run_nmse for n, c in curves.items()}).plot(ax)
 
     def plot(self, ax: Any = None) -> HorizonDisplay:
         """Draw the error of each horizon; the free run is the dashed line."""

@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from whsklearn._displays.look import COLOURS, Z95, Display
+from whsklearn._displays.look import COLOURS, Display
+from whsklearn.validation import cross_correlation_test, whiteness_test
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
 
 class ResidualDisplay(Display):
@@ -24,6 +25,11 @@ class ResidualDisplay(Display):
     max_lag : int
         Largest lag shown.
 
+    Attributes
+    ----------
+    whiteness, dependence : WhitenessTest, CorrelationTest
+        The tests of `whsklearn.validation` behind the panels; their p-values stand in the titles.
+
     Examples
     --------
     >>> import numpy as np
@@ -35,12 +41,12 @@ class ResidualDisplay(Display):
 
     def __init__(self, residuals: ArrayLike, u: ArrayLike | None = None, *, max_lag: int = 25):
         self.residuals = np.asarray(residuals, dtype=float).ravel()
-        n = self.residuals.size
-        if not 1 <= max_lag < n:
-            raise ValueError(f"max_lag is {max_lag} for {n} residuals; expected 1 to {n - 1}.")
-        self.band = Z95 / float(np.sqrt(n))
-        self.auto = _correlation(self.residuals, self.residuals, max_lag)[max_lag:]
-        self.cross = None if u is None else _correlation(self.residuals, np.asarray(u, dtype=float).ravel(), max_lag)
+        self.whiteness = whiteness_test(self.residuals, max_lag)
+        self.band = self.whiteness.band
+        self.dependence = None
+        if u is not None:
+            signal = np.asarray(u, dtype=float).ravel()
+            self.dependence = cross_correlation_test(self.residuals, signal, max_lag, negative_lags=True)
 
     @classmethod
     def from_estimator(
@@ -52,28 +58,18 @@ class ResidualDisplay(Display):
 
     def plot(self, axes: Any = None) -> ResidualDisplay:
         """Draw the autocorrelation, and the cross-correlation where there is an input."""
-        panels = [("with themselves", np.arange(1, self.auto.size), self.auto[1:])]
-        if self.cross is not None:
-            lags = np.arange(self.cross.size) - self.cross.size // 2
-            panels.append(("with the input", lags, self.cross))
+        panels = [("with themselves", self.whiteness.lags, self.whiteness.r, self.whiteness.p_value)]
+        if self.dependence is not None:
+            panels.append(("with the input", self.dependence.lags, self.dependence.r, self.dependence.p_value))
         axes = self._axes(axes, 1, len(panels), (5.2 * len(panels), 3.6), sharey=True)
-        for ax, (title, lags, values) in zip(axes, panels, strict=False):
+        for ax, (title, lags, values, p_value) in zip(axes, panels, strict=False):
             outside = np.abs(values) > self.band
             ax.axhspan(-self.band, self.band, color="0.88", linewidth=0)
             ax.vlines(lags, 0.0, values, color=np.where(outside, COLOURS[1], COLOURS[0]), linewidth=1.6)
             ax.axhline(0.0, color="0.3", linewidth=0.7)
-            ax.set(xlabel="lag in samples", title=f"{title}: {outside.sum()} of {lags.size} outside the 95 % band")
-            ax.title.set_fontsize("medium")
+            ax.set_xlabel("lag in samples")
+            ax.set_title(
+                f"{title}: {outside.sum()} of {lags.size} outside the 95 % band, p = {p_value:.2g}", size="medium"
+            )
         axes[0].set_ylabel("correlation of residuals")
         return self
-
-
-def _correlation(e: NDArray[np.float64], u: NDArray[np.float64], max_lag: int) -> NDArray[np.float64]:
-    """Correlation of e(t) with u(t - lag) for lags of -max_lag to max_lag, biased as is usual."""
-    e, u = e - e.mean(), u - u.mean()
-    scale = np.sqrt((e @ e) * (u @ u)) or 1.0
-    n = e.size
-    return (
-        np.array([e[max(0, k) : n + min(0, k)] @ u[max(0, -k) : n - max(0, k)] for k in range(-max_lag, max_lag + 1)])
-        / scale
-    )
