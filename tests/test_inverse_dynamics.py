@@ -64,6 +64,16 @@ def test_any_cutting_of_a_stream_gives_the_same_rows(piece):
     assert np.array_equal(np.concatenate([t for _, t in pieces]), target)
 
 
+def test_a_new_group_starts_a_new_stream():
+    X, y = smooth_axis(seconds=2.0)
+    lags = InverseDynamicsLags(sample_rate=RATE, causal=True)
+    groups = np.repeat([0, 1], len(X) // 2)
+    both = lags.partial_rows(X, y, groups)[0]
+    apart = [clone(lags).partial_rows(X[groups == g], y[groups == g])[0] for g in (0, 1)]
+    assert np.array_equal(both, np.concatenate(apart))
+    assert lags.max_lag == lags.warmup_
+
+
 def test_the_state_contract():
     X, _ = smooth_axis(seconds=3.0)
     lags = InverseDynamicsLags(sample_rate=RATE, causal=True)

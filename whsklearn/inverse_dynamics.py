@@ -167,7 +167,7 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
         """`fit`, then columns from a clean start; a stream can go on from the end of X."""
         return self._fresh(X, y, groups)
 
-    def partial_fit_transform(self, X: ArrayLike, y: ArrayLike | None = None) -> Array:
+    def partial_fit_transform(self, X: ArrayLike, y: ArrayLike | None = None, groups: ArrayLike | None = None) -> Array:
         """Columns of the next piece of a stream, going on where the last piece ended; shape (n, n_terms).
 
         Raises
@@ -177,8 +177,7 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
         """
         X = self._next_piece(X)
         drive = self._drive(X, y)
-        phi, _, self._stream = self._advance(self._stream, X[:, 0], drive, drive)
-        return phi
+        return self._go_on(X, drive, drive, groups)[0]
 
     def rows(self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None) -> tuple[Array, Array]:
         """Regression rows of records: columns and torque, treated alike, from a clean start.
@@ -213,17 +212,25 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
         both = np.concatenate(pieces)
         return both[:, :-1], both[:, -1]
 
-    def partial_rows(self, X: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
+    def partial_rows(self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None) -> tuple[Array, Array]:
         """Regression rows of the next piece of a stream, the torque delayed like the columns.
 
         Rows of the warm-up are left out, so the first pieces may give none.
         """
         X = self._next_piece(X)
-        seen = self._stream.seen
-        y = np.asarray(y, dtype=float).ravel()
-        phi, late, self._stream = self._advance(self._stream, X[:, 0], self._drive(X, y), y)
-        keep = min(max(self.warmup_ - seen, 0), len(X))
-        return phi[keep:], late[keep:]
+        target = np.asarray(y, dtype=float).ravel()
+        if len(target) != len(X) or not np.isfinite(target).all():
+            raise ValueError(f"y is not {len(X)} finite torques; give one a row of X.")
+        phi, late, warm = self._go_on(X, self._drive(X, target), target, groups)
+        return phi[~warm], late[~warm]
+
+    @property
+    def max_lag(self) -> int:
+        """Samples of the past that a row needs: a window for streams, a period of the cutoff for records."""
+        cutoff = 0.1 * self.sample_rate if self.cutoff is None else float(self.cutoff)
+        if not self.causal:
+            return round(self.sample_rate / cutoff)
+        return (causal_window(self.sample_rate, cutoff, self.degree) if self.window is None else self.window) - 1
 
     def interpret(self, theta: ArrayLike) -> tuple[float, tuple[Effect, ...]]:
         """Inertia and effects whose columns have these weights.
@@ -311,6 +318,20 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
                 phi = stack_columns(self.terms_, moved, smooth, np.arange(len(smooth)) / self.sample_rate)
             pieces.append(phi)
         return np.concatenate(pieces), stream
+
+    def _go_on(
+        self, X: Array, drive: Array, target: Array, groups: ArrayLike | None
+    ) -> tuple[Array, Array, NDArray[np.bool_]]:
+        """Columns, delayed torque and warm-up rows of a piece of the stream; a new group starts a new stream."""
+        stream, out = self._stream, []
+        for i, s in enumerate(runs(groups, len(X))):
+            stream = _AT_START if i else stream
+            warm = stream.seen + np.arange(s.stop - s.start) < self.warmup_
+            phi, late, stream = self._advance(stream, X[s, 0], drive[s], target[s])
+            out.append((phi, late, warm))
+        self._stream = stream
+        phis, lates, warms = zip(*out, strict=True)
+        return np.concatenate(phis), np.concatenate(lates), np.concatenate(warms)
 
     def _advance(self, stream: _Stream, path: Array, drive: Array, target: Array) -> tuple[Array, Array, _Stream]:
         """Columns and delayed torque of the next piece, and the stream after it."""

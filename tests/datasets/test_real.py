@@ -1,0 +1,98 @@
+from __future__ import annotations
+
+import sys
+import types
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.io import savemat
+
+from whsklearn.datasets import fetch_emps, fetch_kr300, real
+
+
+@pytest.fixture(autouse=True)
+def no_folder(monkeypatch):
+    monkeypatch.delenv("WHSKLEARN_DATA", raising=False)
+
+
+@pytest.fixture
+def mat_folder(tmp_path):
+    rng = np.random.default_rng(0)
+    for name in ("DATA_EMPS.mat", "DATA_EMPS_PULSES.mat"):
+        savemat(tmp_path / name, {k: rng.normal(size=(40, 1)) for k in ("vir", "qm", "qg", "t")})
+    return tmp_path
+
+
+def test_records_that_are_nowhere_are_told_with_their_address(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pooch", None)
+    with pytest.raises(FileNotFoundError, match=r"EMPS records are not here.*nonlinearbenchmark.org"):
+        fetch_emps()
+    with pytest.raises(FileNotFoundError, match=r"does not hold emps/emps_train\.csv"):
+        fetch_emps(tmp_path, download=False)
+    with pytest.raises(FileNotFoundError, match="Weigand"):
+        fetch_kr300(tmp_path)
+
+
+def test_the_publishers_files_are_read_under_our_names(mat_folder):
+    emps = fetch_emps(mat_folder, verify=False)
+    assert list(emps.train.columns) == ["time_s", "drive_V", "force_N", "position_m", "reference_m"]
+    assert np.allclose(emps.test.force_N, emps.force_per_volt * emps.test.drive_V)
+    assert np.allclose(np.diff(emps.train.time_s), 1 / emps.sample_rate)
+
+
+def test_other_numbers_are_refused(mat_folder):
+    with pytest.raises(ValueError, match=r"DATA_EMPS.mat are not those of the published record"):
+        fetch_emps(mat_folder)
+
+
+def test_a_checksum_sees_nine_digits():
+    frame = pd.DataFrame({"a": [1.0, 2.0]})
+    assert real.checksum(frame) == real.checksum(frame + 1e-13)
+    assert real.checksum(frame) != real.checksum(frame + 1e-7)
+
+
+def test_files_without_their_columns_are_told(tmp_path):
+    for k in "ABC":
+        pd.DataFrame({"time_s": [0.0]}).to_csv(tmp_path / f"kr300_axis1_{k}.csv", index=False)
+    with pytest.raises(ValueError, match="has no column motor_torque_Nm"):
+        fetch_kr300(tmp_path)
+    savemat(tmp_path / "DATA_EMPS.mat", {"x": 1.0})
+    savemat(tmp_path / "DATA_EMPS_PULSES.mat", {"x": 1.0})
+    with pytest.raises(ValueError, match="no variable vir, qm, qg"):
+        fetch_emps(tmp_path)
+
+
+def test_pooch_brings_the_archive(mat_folder, monkeypatch):
+    asked = {}
+
+    def retrieve(url, **options):
+        asked.update(options, url=url)
+        return [str(p) for p in mat_folder.iterdir()]
+
+    fake = types.SimpleNamespace(retrieve=retrieve, Unzip=lambda: None, os_cache=lambda name: Path(name))
+    monkeypatch.setitem(sys.modules, "pooch", fake)
+    assert len(fetch_emps(verify=False).train) == 40
+    assert asked["url"].startswith("https://")
+    with pytest.raises(ValueError, match="not those of the published record"):
+        fetch_emps()
+
+
+def test_a_network_that_is_down_is_told_like_missing_records(monkeypatch):
+    def retrieve(url, **options):
+        raise OSError("no route")
+
+    fake = types.SimpleNamespace(retrieve=retrieve, Unzip=lambda: None, os_cache=lambda name: Path(name))
+    monkeypatch.setitem(sys.modules, "pooch", fake)
+    with pytest.raises(FileNotFoundError, match="EMPS records are not here"):
+        fetch_emps()
+
+
+def test_the_measured_records_carry_their_checksum(data_dir, monkeypatch):
+    monkeypatch.setenv("WHSKLEARN_DATA", str(data_dir))
+    emps, kr300 = fetch_emps(), fetch_kr300()
+    assert len(emps.train) == len(emps.test) == 24841
+    assert len(kr300.A) == 2501
+    assert "Janot" in emps.citation
+    assert "Weigand" in kr300.citation

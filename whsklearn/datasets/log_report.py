@@ -1,0 +1,282 @@
+"""What is wrong with a log before anything is fitted: stamps, gaps, clipping, repeated samples, lattice.
+
+Every finding has a stable code, a title and an explanation that says what to do; a check that does
+not apply says why.
+"""
+
+from __future__ import annotations
+
+import html
+from dataclasses import asdict, dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+__all__ = ["Finding", "LogReport", "check_log"]
+
+TITLES = {
+    "LOG001": "Sampling is irregular",
+    "LOG002": "Samples are missing",
+    "LOG003": "A time stamp is repeated",
+    "LOG004": "Time runs backwards",
+    "LOG005": "A signal is clipped",
+    "LOG006": "Rows are repeated",
+    "LOG007": "The position lies on a lattice",
+    "LOG008": "The drive is zero throughout",
+    "LOG009": "The position never changes",
+    "LOG010": "Values were missing and filled",
+    "LOG011": "The log was resampled",
+}
+_SEVERITIES = ("info", "warning", "error")
+ALLOWED_JITTER = 0.01
+_GAP = 1.5  # periods
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing found: code, severity (info, warning, error), explanation, rows and a number.
+
+    ``rows`` are positions in the file's data, the first row being 0; at most ten are kept.
+    """
+
+    code: str
+    severity: str
+    explanation: str
+    rows: tuple[int, ...] = ()
+    value: float | None = None
+
+    @property
+    def title(self) -> str:
+        """What the code stands for."""
+        return TITLES[self.code]
+
+
+@dataclass(frozen=True)
+class LogReport:
+    """Findings about a log, the worst first, and the checks that did not apply with their reasons.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> t = np.arange(200) / 100
+    >>> report = check_log(t, {"drive": np.zeros(200), "position": np.sin(t)})
+    >>> report.codes
+    ('LOG008',)
+    >>> report.ok
+    False
+    """
+
+    findings: tuple[Finding, ...] = ()
+    not_applicable: dict[str, str] = field(default_factory=dict)
+    jitter: float = 0.0
+    quantum: float | None = None
+
+    @property
+    def ok(self) -> bool:
+        """Whether nothing worse than a remark was found."""
+        return all(f.severity == "info" for f in self.findings)
+
+    @property
+    def codes(self) -> tuple[str, ...]:
+        """Codes found, the worst first."""
+        return tuple(f.code for f in self.findings)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything as plain numbers and strings, for JSON."""
+        return {
+            "ok": self.ok,
+            "jitter": self.jitter,
+            "quantum": self.quantum,
+            "findings": [{**asdict(f), "title": f.title} for f in self.findings],
+            "not_applicable": dict(self.not_applicable),
+        }
+
+    def __str__(self) -> str:
+        lines = [f"{f.code} {f.severity}: {f.title}. {f.explanation}" for f in self.findings]
+        lines += [f"{code} not checked: {reason}" for code, reason in self.not_applicable.items()]
+        return "\n".join(lines) if lines else "Nothing to remark."
+
+    def _repr_html_(self) -> str:
+        items = "".join(f"<li>{html.escape(line)}</li>" for line in str(self).splitlines())
+        return f"<ul>{items}</ul>"
+
+
+def check_log(time: Array, signals: dict[str, Array], extra: tuple[Finding, ...] = ()) -> LogReport:
+    """Look a log over.
+
+    Parameters
+    ----------
+    time : ndarray of shape (n,)
+        Stamps in seconds.
+    signals : dict of str to ndarray of shape (n,)
+        ``drive``, ``position`` and, if logged, ``reference``.
+    extra : tuple of Finding
+        What the reader of the file already found.
+
+    Returns
+    -------
+    LogReport
+    """
+    found = [*extra, *_stamps(time)]
+    skipped: dict[str, str] = {}
+    for name, x in signals.items():
+        found += _clipping(name, x)
+    found += _repeats(signals)
+    drive, position = signals.get("drive"), signals.get("position")
+    if drive is None:
+        skipped["LOG008"] = "no drive was named"
+    elif not drive.any():
+        found.append(Finding("LOG008", "error", "Nothing drove the axis; check the column and the enable."))
+    quantum = None
+    if position is None:
+        skipped["LOG007"] = skipped["LOG009"] = "no position was named"
+    elif np.ptp(position) == 0:
+        found.append(Finding("LOG009", "error", "The axis stood still or the encoder was off; nothing can be fitted."))
+    else:
+        quantum = lattice(position)
+        if quantum is not None:
+            text = f"Values are multiples of {quantum:.4g}: its variance q^2/12 is the least noise a fit can reach."
+            found.append(Finding("LOG007", "info", text, value=quantum))
+    found.sort(key=lambda f: -_SEVERITIES.index(f.severity))
+    return LogReport(tuple(found), skipped, jitter(time), quantum)
+
+
+def jitter(time: Array) -> float:
+    """Largest deviation of a time step from the median step, relative to it; missing samples left out."""
+    step = np.diff(time)
+    period = float(np.median(step))
+    near = step[(step > 0) & (step < _GAP * period)]
+    return float(np.abs(near / period - 1.0).max()) if near.size and period > 0 else np.inf
+
+
+def _stamps(time: Array) -> list[Finding]:
+    """Irregular, missing, repeated and backward stamps."""
+    step = np.diff(time)
+    period = float(np.median(step))
+    out = []
+    back = np.flatnonzero(step < 0)
+    same = np.flatnonzero(step == 0)
+    scale = period if period > 0 else np.inf  # most stamps do not increase: nothing to measure gaps against
+    gaps = np.flatnonzero(step > _GAP * scale)
+    uneven = np.flatnonzero((step > 0) & (step <= _GAP * scale) & (np.abs(step / scale - 1) > ALLOWED_JITTER))
+    uneven = uneven if period > 0 else uneven[:0]
+    if back.size:
+        out.append(
+            _rows(
+                "LOG004",
+                "error",
+                back + 1,
+                f"From row {back[0]} to row {back[0] + 1} it falls by "
+                f"{-step[back[0]]:.4g} s; sort the log or split it into its runs.",
+            )
+        )
+    if same.size:
+        out.append(
+            _rows(
+                "LOG003",
+                "error",
+                same + 1,
+                f"Row {same[0] + 1} has the stamp of the row before, "
+                f"{time[same[0]]:.6g} s; drop the doubles or resample.",
+            )
+        )
+    if gaps.size:
+        lost = int(np.round(step[gaps] / period - 1).sum())
+        out.append(
+            _rows(
+                "LOG002",
+                "error",
+                gaps + 1,
+                f"{gaps.size} gaps, about {lost} samples, the first before row "
+                f"{gaps[0] + 1} ({step[gaps[0]]:.4g} s for {period:.4g} s); resample, long gaps start a new "
+                "group.",
+                float(lost),
+            )
+        )
+    if uneven.size:
+        worst = uneven[np.argmax(np.abs(step[uneven] / period - 1))]
+        off = abs(step[worst] / period - 1)
+        out.append(
+            _rows(
+                "LOG001",
+                "error",
+                uneven + 1,
+                f"Row {worst + 1} follows after {step[worst]:.4g} s where "
+                f"{period:.4g} s is usual ({off:.1%} off, {ALLOWED_JITTER:.0%} allowed); resample.",
+                off,
+            )
+        )
+    return out
+
+
+def _rows(code: str, severity: str, rows: NDArray[np.int64], text: str, value: float | None = None) -> Finding:
+    """A finding with its first ten rows."""
+    return Finding(code, severity, text, tuple(int(r) for r in rows[:10]), value)
+
+
+def _clipping(name: str, x: Array) -> list[Finding]:
+    """Flat tops entered and left at speed: a limit, not a turning point or a rest."""
+    moves = np.abs(np.diff(x))
+    if not moves.any():
+        return []
+    usual = float(np.median(moves[moves > 0]))
+    flat, jumps, first = 0, [], []
+    for extreme in (x.max(), x.min()):
+        edges = np.flatnonzero(np.diff(np.r_[0, (x == extreme).astype(int), 0]))
+        for start, stop in zip(edges[::2], edges[1::2], strict=True):
+            if stop - start >= 3:
+                flat += stop - start
+                first.append(int(start))
+                jumps += [abs(x[i] - extreme) for i in (start - 1, stop) if 0 <= i < x.size]
+    step = lattice(x) or 0.0  # on a lattice every turning point is flat, and left by single steps
+    if flat < 5 or flat > 0.6 * x.size or not jumps or np.median(jumps) < max(0.5 * usual, 1.5 * step):
+        return []
+    text = f"{name} rests at its extreme values in {flat} samples, the first time at row {min(first)}; "
+    text += "cut those rows, or give the model a saturation."
+    return [Finding("LOG005", "warning", text, tuple(sorted(first)[:10]), flat / x.size)]
+
+
+def _repeats(signals: dict[str, Array]) -> list[Finding]:
+    """Rows equal to the row before in every signal while the axis moves: a logger that fell behind."""
+    table = np.column_stack(list(signals.values()))
+    same = np.r_[False, (table[1:] == table[:-1]).all(axis=1)]
+    edges = np.flatnonzero(np.diff(np.r_[0, same.astype(int), 0]))
+    starts, lengths = edges[::2], edges[1::2] - edges[::2]
+    short = lengths <= 20  # longer runs are an axis at rest
+    if table.shape[1] < 2 or lengths[short].sum() < max(3, 1e-3 * len(table)):
+        return []
+    text = (
+        f"{int(lengths[short].sum())} rows equal the row before in every signal, the first is row {starts[short][0]}; "
+    )
+    text += "the logger polls faster than the controller writes, so log at the controller's rate."
+    rate = float(lengths[short].sum() / len(table))
+    return [Finding("LOG006", "warning", text, tuple(int(s) for s in starts[short][:10]), rate)]
+
+
+def lattice(x: Array) -> float | None:
+    """Step of the lattice on which the values lie, or None where they lie on none.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> float(round(lattice(np.round(np.sin(np.arange(500.0)) / 0.01) * 0.01), 9))
+    0.01
+    >>> lattice(np.sin(np.arange(500.0))) is None
+    True
+    """
+    steps = np.diff(np.unique(x))
+    dust = 1e-9 * np.ptp(x)
+    steps = steps[steps > dust]
+    if steps.size < 8:
+        return None
+    quantum = float(steps.min())
+    near = steps[steps < 200 * quantum] / quantum
+    counts = np.round(near)
+    if near.size < 0.5 * steps.size or near.size < 8 or np.mean(np.abs(near - counts) < 0.05) < 0.95:
+        return None
+    return float(quantum * near.sum() / counts.sum())

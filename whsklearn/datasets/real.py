@@ -1,0 +1,224 @@
+"""Measured records of real axes, from a folder of yours or from their publishers; none of them is shipped.
+
+The folder is the argument, or the environment variable ``WHSKLEARN_DATA``; it holds ``emps/`` and ``kr300/``.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from sklearn.utils import Bunch
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["FORCE_PER_VOLT", "fetch_emps", "fetch_kr300"]
+
+FORCE_PER_VOLT = 35.15065188248547
+_EMPS_PAGE = "https://www.nonlinearbenchmark.org/benchmarks/emps"
+_EMPS_ADDRESS = "https://drive.google.com/uc?export=download&id=1zwoXYa9-3f8NQ0ohzmjpF7UxbNgRTHkS"
+_EMPS_FILES = {"train": ("emps_train.csv", "DATA_EMPS.mat"), "test": ("emps_test.csv", "DATA_EMPS_PULSES.mat")}
+_EMPS_COLUMNS = ["time_s", "drive_V", "force_N", "position_m", "reference_m"]
+_EMPS_UNITS = {"time": "s", "drive": "V", "force": "N", "position": "m", "reference": "m"}
+_EMPS_TEXT = """\
+Electro-mechanical positioning system (EMPS): a carriage on a ball screw, 1 kHz, two records of 24.8 s under
+proportional-derivative control. ``train`` is DATA_EMPS, ``test`` is DATA_EMPS_PULSES, the same reference with force
+pulses, which are contained in ``drive_V``. force_N = 35.15065 N/V x drive_V."""
+_EMPS_CITATION = """\
+A. Janot, M. Gautier, M. Brunot: Data Set and Reference Models of EMPS. Workshop on Nonlinear System Identification
+Benchmarks, Eindhoven, 2019."""
+
+_KR300_PAGE = "their publishers (Weigand, Ulmen, Janot, Ruskowski 2021)"
+_KR300_COLUMNS = [
+    "time_s",
+    "motor_torque_Nm",
+    "motor_position_deg",
+    "motor_velocity_deg_s",
+    "load_position_deg",
+    "load_velocity_deg_s",
+    "reference_deg",
+]
+_KR300_UNITS = {"time": "s", "torque": "Nm", "position": "deg", "velocity": "deg/s", "reference": "deg"}
+_KR300_TEXT = """\
+Axis 1 of a KUKA KR300, a turntable: vertical axis, gear 256.857:1, encoders on motor and load, 250 Hz, three records
+of 10 s. Torque is the motor's, positions are in degrees of the load. ``A`` is for identification, ``B`` and ``C``
+for validation."""
+_KR300_CITATION = "J. Weigand, J. Ulmen, A. Janot, M. Ruskowski, 2021: records of a KUKA KR300. MIT licence."
+
+# SHA-256 of the numbers, each as nine significant digits, so that CSV and MAT files of one record agree.
+_SUMS = {
+    "emps_train": "f1d23e381b0257c2b4cb810ce23101d4827caaff77924504662e52771e8c97b2",
+    "emps_test": "b19fe36e6211fa2b3b45b7e4af8712fb0ca484a1984ba28869b900973463f3c7",
+    "kr300_A": "e79d29d879343f04492ab5b24b34a4d065f4c9249fa9a1ab72d582d8112f5d80",
+    "kr300_B": "77e75c1f266dfbadcbf37d1383fcd75d2a5a4fd8a009028071306fa8ada3db3d",
+    "kr300_C": "136865c4d63698eb8d94845097c049814886442ddfcf208c898e652424dd6813",
+}
+
+
+def fetch_emps(folder: str | os.PathLike[str] | None = None, *, download: bool = True, verify: bool = True) -> Bunch:
+    """The two records of the EMPS benchmark, a measured ball-screw axis.
+
+    Parameters
+    ----------
+    folder : str or path, optional
+        Holds ``emps_train.csv`` and ``emps_test.csv``, or the publishers' ``DATA_EMPS.mat`` and
+        ``DATA_EMPS_PULSES.mat``, directly or in ``emps/``; ``WHSKLEARN_DATA`` by default.
+    download : bool, default=True
+        Fetch the publishers' file where no folder has them; needs pooch and the network.
+    verify : bool, default=True
+        Compare the numbers with the checksum of the published ones.
+
+    Returns
+    -------
+    Bunch
+        ``train`` and ``test``, frames with ``time_s drive_V force_N position_m reference_m``;
+        ``sample_rate`` in Hz, ``force_per_volt`` in N/V, ``units``, ``description``, ``citation``.
+
+    Raises
+    ------
+    FileNotFoundError
+        If the records are neither in a folder nor can be fetched; the message says where they are.
+    ValueError
+        If a file lacks a column or its numbers are not the published ones.
+    """
+    where = _find(folder, "emps", list(_EMPS_FILES.values()))
+    if where is None and download:
+        where = _download_emps()
+    if where is None:
+        raise FileNotFoundError(_missing("EMPS", folder, "emps/emps_train.csv and emps/emps_test.csv", _EMPS_PAGE))
+    frames = {}
+    for name, files in _EMPS_FILES.items():
+        path = next(where / f for f in files if (where / f).is_file())
+        frame = _read_mat(path) if path.suffix == ".mat" else _read_csv(path, _EMPS_COLUMNS)
+        if verify:
+            _verify(f"emps_{name}", frame[["drive_V", "position_m", "reference_m"]], path)
+        frames[name] = frame
+    return Bunch(
+        **frames,
+        sample_rate=1000.0,
+        force_per_volt=FORCE_PER_VOLT,
+        units=dict(_EMPS_UNITS),
+        description=_EMPS_TEXT,
+        citation=_EMPS_CITATION,
+    )
+
+
+def fetch_kr300(folder: str | os.PathLike[str] | None = None, *, verify: bool = True) -> Bunch:
+    """Axis 1 of an industrial robot, a geared turntable with encoders on motor and load.
+
+    Parameters
+    ----------
+    folder : str or path, optional
+        Holds ``kr300_axis1_A.csv``, ``_B`` and ``_C``, directly or in ``kr300/``; ``WHSKLEARN_DATA``
+        by default.
+    verify : bool, default=True
+        Compare the numbers with the checksum of the published ones.
+
+    Returns
+    -------
+    Bunch
+        ``A``, ``B`` and ``C``, frames with ``time_s motor_torque_Nm motor_position_deg
+        motor_velocity_deg_s load_position_deg load_velocity_deg_s reference_deg``; ``sample_rate``
+        in Hz, ``gear``, ``units``, ``description``, ``citation``.
+
+    Raises
+    ------
+    FileNotFoundError
+        If the records are in no folder; the message says where they are published.
+    ValueError
+        If a file lacks a column or its numbers are not the published ones.
+    """
+    files = {k: f"kr300_axis1_{k}.csv" for k in "ABC"}
+    where = _find(folder, "kr300", [(f,) for f in files.values()])
+    if where is None:
+        raise FileNotFoundError(_missing("KR300", folder, "kr300/kr300_axis1_A.csv, _B and _C", _KR300_PAGE))
+    frames = {}
+    for name, file in files.items():
+        frames[name] = _read_csv(where / file, _KR300_COLUMNS)
+        if verify:
+            _verify(f"kr300_{name}", frames[name].iloc[:, 1:], where / file)
+    return Bunch(
+        **frames,
+        sample_rate=250.0,
+        gear=256.857,
+        units=dict(_KR300_UNITS),
+        description=_KR300_TEXT,
+        citation=_KR300_CITATION,
+    )
+
+
+def _find(folder: str | os.PathLike[str] | None, name: str, wanted: list[tuple[str, ...]]) -> Path | None:
+    """The folder that holds one file of every tuple: the argument, or that of the environment."""
+    root = folder if folder is not None else os.environ.get("WHSKLEARN_DATA")
+    if not root:
+        return None
+    for candidate in (Path(root) / name, Path(root)):
+        if all(any((candidate / f).is_file() for f in files) for files in wanted):
+            return candidate
+    return None
+
+
+def _missing(name: str, folder: str | os.PathLike[str] | None, files: str, page: str) -> str:
+    """The sentence about records that are not there."""
+    place = f"{folder} does not hold" if folder is not None else "No folder was given and WHSKLEARN_DATA does not hold"
+    return f"The {name} records are not here: {place} {files}; get them from {page} and name their folder."
+
+
+def _read_csv(path: Path, columns: list[str]) -> pd.DataFrame:
+    """A record, with all its columns."""
+    import pandas as pd
+
+    frame = pd.read_csv(path)
+    absent = [c for c in columns if c not in frame.columns]
+    if absent:
+        there = ", ".join(map(str, frame.columns))
+        raise ValueError(f"{path.name} has no column {', '.join(absent)}; it has: {there}.")
+    return frame[columns].astype(float)
+
+
+def _read_mat(path: Path) -> pd.DataFrame:
+    """The publishers' file of a record, under this library's names."""
+    import pandas as pd
+    from scipy.io import loadmat
+
+    raw = loadmat(path)
+    absent = [k for k in ("vir", "qm", "qg") if k not in raw]
+    if absent:
+        raise ValueError(f"{path.name} has no variable {', '.join(absent)}; expected the publishers' EMPS file.")
+    drive, position, reference = (np.asarray(raw[k], dtype=float).ravel() for k in ("vir", "qm", "qg"))
+    table = [np.arange(len(drive)) / 1000.0, drive, FORCE_PER_VOLT * drive, position, reference]
+    return pd.DataFrame(dict(zip(_EMPS_COLUMNS, table, strict=True)))
+
+
+def checksum(frame: pd.DataFrame) -> str:
+    """SHA-256 of a frame's numbers, each written with nine significant digits."""
+    lines = (",".join(f"{x:.9g}" for x in row) for row in frame.itertuples(index=False))
+    return hashlib.sha256("\n".join(lines).encode()).hexdigest()
+
+
+def _verify(name: str, frame: pd.DataFrame, path: Path) -> None:
+    """Refuse numbers that are not the published ones."""
+    if checksum(frame) != _SUMS[name]:
+        raise ValueError(
+            f"The numbers in {path.name} are not those of the published record; get the file again, or pass "
+            "verify=False to use it as it is."
+        )
+
+
+def _download_emps() -> Path | None:
+    """The publishers' archive, unpacked in pooch's cache; None without pooch or the network."""
+    try:
+        import pooch
+    except ImportError:
+        return None
+    cache = Path(pooch.os_cache("whsklearn"))
+    try:
+        files = pooch.retrieve(_EMPS_ADDRESS, known_hash=None, fname="EMPS.zip", path=cache, processor=pooch.Unzip())
+    except Exception:  # whatever the network does wrong, the message of the caller says what to do
+        return None
+    found = {Path(f).name: Path(f).parent for f in files}
+    return found.get("DATA_EMPS.mat")
