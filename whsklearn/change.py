@@ -102,7 +102,7 @@ class ChangeAlarm(BaseEstimator):
         if e.ndim != 1 or not np.isfinite(e).all():
             raise ValueError(f"ChangeAlarm: got innovations of shape {e.shape}, expected finite numbers of shape (n,).")
         self._check_params()
-        if not hasattr(self, "n_samples_"):
+        if not self.started:
             self.n_samples_, self.n_alarms_ = 0, 0
             self._begin()
         active = np.flatnonzero(e)  # exact zeros come from an idle axis and say nothing
@@ -123,14 +123,19 @@ class ChangeAlarm(BaseEstimator):
         return active[alarms]
 
     @property
+    def started(self) -> bool:
+        """Whether an innovation was seen."""
+        return hasattr(self, "n_samples_")
+
+    @property
     def evidence_(self) -> float:
         """R now, 0 while the reference is being learnt."""
-        return 0.0 if self._buffer is not None else float(np.mean(self._evidence))
+        return float(np.mean(self._evidence)) if self.watching_ else 0.0
 
     @property
     def watching_(self) -> bool:
         """Whether the reference is learnt."""
-        return self._buffer is None
+        return self.started and self._buffer is None
 
     def get_state(self) -> dict[str, Any]:
         """All that `set_state` needs to go on identically."""
