@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from sklearn.base import BaseEstimator, RegressorMixin
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -21,27 +22,50 @@ class LinearModel:
     f: NDArray[np.float64]
     kind: str
 
-    @property
-    def name(self) -> str:
-        """Kind and orders, such as ``OE(2, 3)``."""
-        return f"{self.kind}({self.b.size - 1}, {self.f.size - 1})"
-
     def predict(self, X: ArrayLike) -> NDArray[np.float64]:
         """The free run from the input alone."""
         from scipy.signal import lfilter
 
         return lfilter(self.b, self.f, np.asarray(X, dtype=float)[:, 0])
 
+
+class BestLinear(RegressorMixin, BaseEstimator):
+    """The ARX or OE model, of orders up to `max_order`, with the least free-run error on the record's last part.
+
+    The orders are chosen on held-out samples, the chosen model is then fitted to the whole record.
+    """
+
+    def __init__(self, max_order: int = 4, holdout: float = 0.3):
+        self.max_order = max_order
+        self.holdout = holdout
+
+    def fit(self, X: ArrayLike, y: ArrayLike) -> BestLinear:
+        """Choose kind and orders, then fit."""
+        X, y = np.asarray(X, dtype=float), np.asarray(y, dtype=float).ravel()
+        cut = int(len(y) * (1 - self.holdout))
+        scored = []
+        for order in range(1, self.max_order + 1):
+            arx = fit_arx(X[:cut], y[:cut], order, order)
+            scored += [(_holdout_error(m, X, y, cut), m.kind, order) for m in (arx, fit_oe(X[:cut], y[:cut], arx))]
+        _, kind, order = min(scored)
+        arx = fit_arx(X, y, order, order)
+        self.model_ = arx if kind == "ARX" else fit_oe(X, y, arx)
+        self.order_ = order
+        return self
+
+    def predict(self, X: ArrayLike) -> NDArray[np.float64]:
+        """The free run from the input alone."""
+        return self.model_.predict(X)
+
     def predict_ahead(self, X: ArrayLike, y: ArrayLike, horizon: int = 1) -> NDArray[np.float64]:
-        """The free run plus the disturbance F y - B u of the last known samples, as an ARX model carries it on."""
+        """Prediction `horizon` steps ahead: an ARX model carries the last errors on, an OE model runs freely."""
         from scipy.signal import lfilter
 
-        y = np.asarray(y, dtype=float).ravel()
-        free = self.predict(X)
-        if self.kind == "OE":
+        y, free = np.asarray(y, dtype=float).ravel(), self.predict(X)
+        if self.model_.kind == "OE":
             return free
-        innovation = lfilter(self.f, [1.0], y - free)
-        response = lfilter([1.0], self.f, np.r_[1.0, np.zeros(horizon - 1)])
+        innovation = lfilter(self.model_.f, [1.0], y - free)
+        response = lfilter([1.0], self.model_.f, np.r_[1.0, np.zeros(horizon - 1)])
         return y - lfilter(response, [1.0], innovation)
 
 
@@ -79,22 +103,6 @@ def fit_oe(X: ArrayLike, y: ArrayLike, start: LinearModel) -> LinearModel:
     result = least_squares(error, first, jac=gradient, method="trf", x_scale="jac", max_nfev=60)
     b, f = split(result.x)
     return LinearModel(b, f, "OE")
-
-
-def best_linear(X: ArrayLike, y: ArrayLike, max_order: int = 4, holdout: float = 0.3) -> LinearModel:
-    """The ARX or OE model, of orders up to `max_order`, with the least free-run error on the record's last part.
-
-    The orders are chosen on held-out samples, the chosen model is then fitted to the whole record.
-    """
-    X, y = np.asarray(X, dtype=float), np.asarray(y, dtype=float).ravel()
-    cut = int(len(y) * (1 - holdout))
-    scored = []
-    for order in range(1, max_order + 1):
-        arx = fit_arx(X[:cut], y[:cut], order, order)
-        scored += [(_holdout_error(m, X, y, cut), m.kind, order) for m in (arx, fit_oe(X[:cut], y[:cut], arx))]
-    _, kind, order = min(scored)
-    arx = fit_arx(X, y, order, order)
-    return arx if kind == "ARX" else fit_oe(X, y, arx)
 
 
 def _holdout_error(model: LinearModel, X: NDArray[np.float64], y: NDArray[np.float64], cut: int) -> float:

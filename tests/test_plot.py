@@ -140,7 +140,7 @@ def test_residuals_of_a_missed_delay_show_at_its_lag():
 
 def test_residual_panels_count_what_is_outside(model, record):
     shown = ResidualDisplay.from_estimator(model, *record)
-    assert "of 25 outside the 95 % band" in shown.axes_[0].get_title()
+    assert "of 25 outside 95 %" in shown.axes_[0].get_title()
 
 
 def test_too_few_axes_are_refused(model, record):

@@ -116,17 +116,19 @@ def test_globals_of_mlflow_are_left_alone(tracker, monkeypatch):
 
 def test_search_gets_a_child_for_each_candidate(tracker):
     X = np.random.default_rng(0).normal(size=(60, 3))
-    scoring = {"nmse": "neg_mean_squared_error", "score": "r2"}
-    search = GridSearchCV(Ridge(), {"alpha": [0.1, 1, 10]}, scoring=scoring, refit="nmse", cv=TimeSeriesSplit(4))
+    scoring = {"neg_nmse": "neg_mean_squared_error", "r2": "r2"}
+    search = GridSearchCV(Ridge(), {"alpha": [0.1, 1, 10]}, scoring=scoring, refit="neg_nmse", cv=TimeSeriesSplit(4))
     search.fit(X, X @ [1.0, 2.0, 3.0])
     with tracker.run("search") as parent:
         tracking.log_candidates(parent, search.cv_results_)
     children = [r for r in runs(tracker).values() if "mlflow.parentRunId" in r.data.tags]
     assert {r.data.params["alpha"] for r in children} == {"0.1", "1", "10"}
     for run in children:
-        folds = tracker.client.get_metric_history(run.info.run_id, "nmse")
+        folds = tracker.client.get_metric_history(run.info.run_id, "fold/nmse")
         assert [m.step for m in folds] == [0, 1, 2, 3]
-        assert np.mean([m.value for m in folds]) == pytest.approx(run.data.metrics["mean_nmse"])
+        assert np.mean([m.value for m in folds]) == pytest.approx(run.data.metrics["nmse"])
+        assert run.data.metrics["nmse"] > 0  # scikit-learn's sign is turned back
+        assert run.data.metrics["r2"] > 0
 
 
 def test_only_candidates_not_yet_recorded_are_logged(tracker):

@@ -284,9 +284,10 @@ def estimator_params(estimator: Any) -> dict[str, Any]:
 def log_candidates(
     parent: Run, results: Mapping[str, Any], first: int = 0, tags: Mapping[str, str] | None = None
 ) -> None:
-    """Record a search: a child for each candidate of ``cv_results_`` from `first` on, fold scores as steps.
+    """Record a search: a child for each candidate of ``cv_results_`` from `first` on.
 
-    Metrics are ``mean_<score>``, ``std_<score>`` and ``<score>`` a fold; a score named ``score`` is the search's own.
+    A score ``neg_nmse`` becomes the metric ``nmse``, its mean over the folds, beside ``nmse_std`` and the
+    stepped ``fold/nmse``; a score without ``neg_`` keeps its sign and its name.
     """
     scores = [k.removeprefix("mean_test_") for k in results if k.startswith("mean_test_")]
     for i in range(first, len(results["params"])):
@@ -294,9 +295,11 @@ def log_candidates(
         with parent.child(name[:250], tags=tags) as run:
             run.log_params(results["params"][i])
             for score in scores:
-                folds = sorted(k for k in results if re.fullmatch(rf"split\d+_test_{score}", k))
-                run.log_paths({score: [results[f"split{n}_test_{score}"][i] for n in range(len(folds))]})
-                run.log_metrics({f"{s}_{score}": results[f"{s}_test_{score}"][i] for s in ("mean", "std")})
+                sign, metric = (-1.0, score[4:]) if score.startswith("neg_") else (1.0, score)
+                n_folds = sum(bool(re.fullmatch(rf"split\d+_test_{score}", k)) for k in results)
+                run.log_paths({f"fold/{metric}": [sign * results[f"split{n}_test_{score}"][i] for n in range(n_folds)]})
+                mean, std = results[f"mean_test_{score}"][i], results[f"std_test_{score}"][i]
+                run.log_metrics({metric: sign * mean, f"{metric}_std": std})
             run.log_metrics({"fit_seconds": results["mean_fit_time"][i]})
 
 

@@ -1,0 +1,44 @@
+"""The estimators that the jobs compare, in the order of the tables."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pipelines._compare import Candidate
+from whsklearn import (
+    MILSRegressor,
+    MultiInnovationGradientRegressor,
+    PEMRegressor,
+    RLSRegressor,
+    RMILSRegressor,
+    SwarmRegressor,
+    WienerHammersteinLags,
+)
+
+PUBLISHED = {"gradient": "pseudolinear", "theta0": 0.01, "P0": 1e6}  # the article's start, theta(0) = 1/100
+
+
+def candidates(
+    lags: WienerHammersteinLags,
+    *,
+    p: int = 4,
+    seed: int = 0,
+    swarm: bool = False,
+    published: dict[str, Any] | None = None,
+) -> list[Candidate]:
+    """Both readings of RLS, MILS and RMILS, the gradient scheme, and the batch fit as the yardstick."""
+    old = {**PUBLISHED, **(published or {})}
+    common = {"lags": lags, "random_state": seed}
+    found = [
+        Candidate("RLS", RLSRegressor(**common, **old), "pseudolinear"),
+        Candidate("MILS", MILSRegressor(**common, p=p, **old), "pseudolinear"),
+        Candidate("RMILS", RMILSRegressor(**common, p=p, **old), "pseudolinear"),
+        Candidate("gradient", MultiInnovationGradientRegressor(**common, p=p), "pseudolinear"),
+        Candidate("RLS", RLSRegressor(**common), "full"),
+        Candidate("MILS", MILSRegressor(**common, p=p), "full"),
+        Candidate("RMILS", RMILSRegressor(**common, p=p), "full"),
+        Candidate("PEM", PEMRegressor(**common), "batch", stream=False),
+    ]
+    if swarm:
+        found.append(Candidate("swarm", SwarmRegressor(**common), "batch", stream=False))
+    return found

@@ -1,0 +1,35 @@
+"""Searches that hand over their results as they come in, so that an interruption loses nothing finished."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from joblib import effective_n_jobs
+
+
+def recorded(search_class: type) -> type:
+    """A subclass that calls ``on_results`` with the results so far, after every few candidates.
+
+    scikit-learn documents ``_run_search`` as the place where a subclass decides what is evaluated when
+    (`sklearn.model_selection.BaseSearchCV`); candidates, folds and results are its own.
+    """
+
+    class Recorded(search_class):  # type: ignore[misc, valid-type]
+        on_results: Any = None
+
+        def _run_search(self, evaluate_candidates: Any) -> None:
+            def in_chunks(candidates: Any, cv: Any = None, more_results: Any = None) -> Any:
+                candidates = list(candidates)
+                # Halving asks with its own columns, a rung at a time; those stay whole.
+                size = len(candidates) if more_results else max(1, 2 * effective_n_jobs(self.n_jobs))
+                results = None
+                for start in range(0, len(candidates), size):
+                    results = evaluate_candidates(candidates[start : start + size], cv=cv, more_results=more_results)
+                    if self.on_results is not None:
+                        self.on_results(results)
+                return results
+
+            super()._run_search(in_chunks)
+
+    Recorded.__name__ = Recorded.__qualname__ = search_class.__name__
+    return Recorded

@@ -1,0 +1,145 @@
+"""Identify the article's simulated example, or a log of your own, with every estimator and compare them.
+
+Prints Table 1 (both readings of RLS, MILS and RMILS, the gradient scheme, the batch fit), draws the
+convergence of Fig. 2 and the validation of Fig. 3, and records all of it in MLflow.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from pipelines._candidates import candidates
+from pipelines._cli import job, say_where, tracker_for
+from pipelines._compare import Candidate, Outcome, Record, by_name, compare, results_table
+from pipelines._linear import BestLinear
+from pipelines._logs import log_options, orders_of, record_of
+from whsklearn import WienerHammersteinLags
+from whsklearn.datasets import make_wiener_hammerstein
+from whsklearn.plot import (
+    ConvergenceDisplay,
+    HorizonDisplay,
+    ResidualDisplay,
+    TrackingDisplay,
+    flat_parameters,
+)
+from whsklearn.tracking import Run
+
+SNR_DB = 7.462  # the article's 7.4620, read as dB
+VALIDATION_RECORDS = 3
+
+
+@job
+@log_options
+@click.option("--samples", type=click.IntRange(min=50), default=1000, help="Samples of the simulated record.")
+@click.option("--snr", type=float, default=SNR_DB, help="Signal-to-noise ratio of the simulated record in dB.")
+@click.option("--innovation", "p", type=click.IntRange(min=1), default=4, help="Innovation length p.")
+@click.option(
+    "--test",
+    "test_files",
+    multiple=True,
+    type=click.Path(exists=True, dir_okay=False),
+    help="Further logs to validate on; else the last 30 % of the log.",
+)
+@click.option("--orders", default="2,2,2,2", help="Orders n_a,n_b,n_c,n_d.")
+@click.option("--law", default=None, help="Friction law, names joined by commas; the law (4) if left out.")
+@click.option("--swarm", is_flag=True, help="Compare a population search too, which takes a minute.")
+@click.option("--figures", type=click.Path(file_okay=False), help="Folder to write the figures to as well.")
+def main(**options: Any) -> None:
+    """Identify the simulated example, or your own LOG, with every estimator and compare them."""
+    lags = WienerHammersteinLags(**orders_of(options["orders"]), law=options["law"])
+    if options["log_file"]:
+        train, test, skip = records_of_log(options)
+        theta, truth, title = (
+            None,
+            None,
+            f"Free run on {', '.join(r.name for r in test)}, after fitting to {train.name}",
+        )
+    else:
+        train, test, system = simulated_records(options["samples"], options["snr"], options["seed"])
+        theta, truth, skip = system.theta, flat_parameters(system.parameters), 0
+        title = f"Example 5.1, N = {options['samples']}, SNR {options['snr']:g} dB: free run on {VALIDATION_RECORDS} fresh noise-free records"
+    tracker = tracker_for("simulated_example", options["track"], data=train.name)
+    found = candidates(lags, p=options["p"], seed=options["seed"], swarm=options["swarm"])
+    with tracker.run(f"comparison on {train.name}") as parent:
+        parent.log_params({k: v for k, v in options.items() if v not in (None, (), False)})
+        parent.log_input(train.X, train.y, train.name)
+        if options["log_file"]:
+            found.append(Candidate("best ARX or OE", BestLinear(), "linear", stream=False))
+        outcomes = compare(found, train, test, parent=parent, theta=theta, skip=skip)
+        text = results_table(outcomes, title)
+        click.echo(f"\n{text}")
+        parent.log_text(text, "table.txt")
+        draw(outcomes, train, test, truth, parent, options["figures"])
+    if options["log_file"]:
+        click.echo(verdict(outcomes))
+    say_where(tracker)
+
+
+def simulated_records(samples: int, snr: float, seed: int) -> tuple[Record, list[Record], Any]:
+    """Example 5.1: a noisy record to learn from, noise-free ones to judge by, and the truth."""
+    X, y, truth = make_wiener_hammerstein(samples, snr_db=snr, random_state=seed, return_truth=True)
+    fresh = []
+    for i in range(VALIDATION_RECORDS):
+        record = make_wiener_hammerstein(samples, snr_db=None, random_state=10_000 + VALIDATION_RECORDS * seed + i)
+        fresh.append(Record(f"validation {i + 1}", *record))
+    return Record("example-5.1", X, y), fresh, truth
+
+
+def records_of_log(options: dict[str, Any]) -> tuple[Record, list[Record], int]:
+    """The user's log to learn from, other logs or its own last part to judge by, and the samples not to judge."""
+    log = record_of(options)
+    if options["test_files"]:
+        tests = [record_of(options, f) for f in options["test_files"]]
+        return log, tests, min(r.y.size for r in tests) // 20
+    cut = int(0.7 * log.y.size)
+    return Record(log.name, log.X[:cut], log.y[:cut]), [Record(f"{log.name}, last 30 %", log.X, log.y)], cut
+
+
+def draw(
+    outcomes: list[Outcome], train: Record, test: list[Record], truth: Any, parent: Run, folder: str | None
+) -> None:
+    """Fig. 2, Fig. 3 and the validation pictures, kept with the run and, on request, in a folder."""
+    import matplotlib.pyplot as plt
+
+    chosen = by_name(outcomes)
+    streams = {k: o.paths for k, o in chosen.items() if k.split(",")[0] in ("MILS", "RMILS") and o.paths is not None}
+    best = min(chosen.values(), key=lambda o: o.indices["nmse"])
+    default = chosen.get("RMILS, full", best).fitted
+    window = slice(max(0, test[0].y.size - 300), None)
+    shown = {k: o.predictions[0][window] for k, o in chosen.items() if k.startswith(("MILS", "RMILS", "PEM", "best"))}
+    displays = {
+        "convergence": ConvergenceDisplay(streams, truth).plot(),
+        "validation": TrackingDisplay(test[0].y[window], shown).plot(),
+        "horizon": HorizonDisplay.from_estimators({"RMILS, full": default}, test[0].X, test[0].y),
+        "residuals": ResidualDisplay.from_estimator(default, train.X, train.y),
+    }
+    for name, display in displays.items():
+        parent.log_figure(display.figure_, f"{name}.png")
+        if folder:
+            Path(folder).mkdir(parents=True, exist_ok=True)
+            display.figure_.savefig(Path(folder) / f"{name}.png", dpi=120)
+        plt.close(display.figure_)
+
+
+def verdict(outcomes: list[Outcome]) -> str:
+    """Whether the nonlinear model earns its keep on this log."""
+    linear = next((o for o in outcomes if o.candidate.reading == "linear" and not o.failure), None)
+    others = [o for o in outcomes if o.candidate.reading != "linear" and not o.failure]
+    if linear is None or not others:
+        return "\nNo linear model could be fitted, so there is nothing to compare with."
+    best = min(others, key=lambda o: o.indices["nmse"])
+    ratio = best.indices["nmse"] / linear.indices["nmse"]
+    name = f"{best.candidate.name} ({best.candidate.reading})"
+    if ratio < 1:
+        return f"\n{name} leaves {ratio:.2g} of the best linear model's mean squared error in free run."
+    return (
+        f"\nWarning: the best linear model is better in free run than {name} by a factor of {ratio:.2g}: this log does "
+        "not behave as a Wiener-Hammerstein system of these orders and this law; try others, or an axis model."
+    )
+
+
+if __name__ == "__main__":
+    main()
