@@ -7,6 +7,7 @@ from whsklearn.datasets.real import fetch_emps, fetch_kr300
 from whsklearn.datasets.references import reference_signal
 from whsklearn.datasets.servo import make_servo_log
 from whsklearn.datasets.turntable import load_turntable
+from whsklearn.datasets.wiener_hammerstein import make_wiener_hammerstein
 
 __all__ = [
     "Finding",
@@ -18,5 +19,6 @@ __all__ = [
     "load_log",
     "load_turntable",
     "make_servo_log",
+    "make_wiener_hammerstein",
     "reference_signal",
 ]

@@ -64,6 +64,14 @@ class FrictionLaw:
             row[: len(t.term_shape)] = t.term_shape
         self.weights = np.array([t.magnitude for t in self.terms])
 
+    @property
+    def key(self) -> int | None:
+        """Index of the first term that is linear in x or dx, the key term of (5); None without one."""
+        for i, t in enumerate(self.terms):
+            if isinstance(t, Viscous) or (isinstance(t, Power) and t.degree == 1):
+                return i
+        return None
+
     def __len__(self) -> int:
         return len(self.terms)
 

@@ -1,0 +1,1 @@
+"""Compiled steps, state in and state out: the mathematics of the estimators."""

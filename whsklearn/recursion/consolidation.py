@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from whsklearn.recursion.predictor import advance, predict
+from whsklearn.recursion.predictor import advance, predict, push
 from whsklearn.systems.stability import is_stable
 
 HUGE = 1e290
@@ -38,8 +38,9 @@ def replay(
     now = origin.copy()
     u_past = np.zeros(na)
     y_past = np.zeros(max(nd, 1))
+    m = memory_u.shape[1]
     for i in range(na):
-        u_past[i] = memory_u[history - 1 - i]
+        u_past[i] = memory_u[history - 1 - i // m, i % m]
     for i in range(nd):
         y_past[i] = memory_y[history - 1 - i]
     total = 0.0
@@ -64,9 +65,7 @@ def replay(
         advance(theta, dims, codes, shapes, kappa, now, u_past, 0)
         if age >= tail - 1:
             state[:] = now
-        for i in range(na - 1, 0, -1):
-            u_past[i] = u_past[i - 1]
-        u_past[0] = memory_u[history + t]
+        push(u_past, memory_u[history + t])
         for i in range(nd - 1, 0, -1):
             y_past[i] = y_past[i - 1]
         y_past[0] = memory_y[history + t]

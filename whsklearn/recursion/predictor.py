@@ -15,7 +15,9 @@ What must be known of the past is one flat array, laid out by `state_size`:
 
     x(t-1) .. x(t-nx) | their gradients | v(t-1) .. v(t-nc) | their gradients
 
-``dims`` is (n_a, n_b, n_c, n_d, K) everywhere.
+``dims`` is (n_a, n_b, n_c, n_d, K) everywhere.  A system of m inputs has m numerators over one
+denominator; they are interleaved as u is, u_1(t-1) .. u_m(t-1), u_1(t-2) .., and dims[0] is
+m times n_a then.
 """
 
 from __future__ import annotations
@@ -38,6 +40,16 @@ def state_size(dims):
     n1 = dims[0] - 1 + dims[1]
     nx = max(dims[1], 1)
     return nx * (1 + n1) + dims[2] * (1 + n1 + dims[4])
+
+
+@njit(cache=True)
+def push(past, newest):
+    """Put the newest sample, one number an input, before the older ones."""
+    m = newest.size
+    for i in range(past.size - 1, m - 1, -1):
+        past[i] = past[i - m]
+    for i in range(m):
+        past[i] = newest[i]
 
 
 @njit(cache=True)
@@ -126,13 +138,12 @@ def record_errors(theta, dims, codes, shapes, kappa, u, y, restart, errors, jaco
     """
     n = parameter_count(dims)
     state = np.zeros(state_size(dims))
-    nu = dims[0]
     nd = dims[3]
-    u_past = np.zeros(nu)
+    u_past = np.zeros(dims[0])
     y_past = np.zeros(max(nd, 1))
     psi = np.empty(n)
     keep = jacobian.shape[0] > 0
-    for t in range(u.size):
+    for t in range(len(u)):
         if restart[t]:
             state[:] = 0.0
             u_past[:] = 0.0
@@ -142,9 +153,7 @@ def record_errors(theta, dims, codes, shapes, kappa, u, y, restart, errors, jaco
             for k in range(n):
                 jacobian[t, k] = psi[k]
         advance(theta, dims, codes, shapes, kappa, state, u_past, 0)
-        for i in range(nu - 1, 0, -1):
-            u_past[i] = u_past[i - 1]
-        u_past[0] = u[t]
+        push(u_past, u[t])
         for i in range(nd - 1, 0, -1):
             y_past[i] = y_past[i - 1]
         y_past[0] = y[t]
@@ -153,15 +162,14 @@ def record_errors(theta, dims, codes, shapes, kappa, u, y, restart, errors, jaco
 
 @njit(cache=True)
 def record_regressors(theta, dims, codes, shapes, kappa, u, y, restart, rows):
-    """Rows of the model that is linear once L1 is fixed: f_k(t-m) for m = 1..n_c, then -y(t-n).
-    """
+    """Rows of the model that is linear once L1 is fixed: f_k(t-m) for m = 1..n_c, then -y(t-n)."""
     na, nb, nc, nd, nw = dims[0], dims[1], dims[2], dims[3], dims[4]
     b0 = na - 1
     u_past = np.zeros(na)
     x_past = np.zeros(max(nb, 1))
     f = np.zeros((nc, nw))
     since = 0
-    for t in range(u.size):
+    for t in range(len(u)):
         if restart[t]:
             u_past[:] = 0.0
             x_past[:] = 0.0
@@ -186,9 +194,7 @@ def record_regressors(theta, dims, codes, shapes, kappa, u, y, restart, rows):
         for j in range(max(nb, 1) - 1, 0, -1):
             x_past[j] = x_past[j - 1]
         x_past[0] = x
-        for i in range(na - 1, 0, -1):
-            u_past[i] = u_past[i - 1]
-        u_past[0] = u[t]
+        push(u_past, u[t])
         since += 1
 
 
@@ -199,7 +205,7 @@ def motion(theta, dims, u, restart):
     u_past = np.zeros(na)
     x_past = np.zeros(max(nb, 1))
     power = 0.0
-    for t in range(u.size):
+    for t in range(len(u)):
         if restart[t]:
             u_past[:] = 0.0
             x_past[:] = 0.0
@@ -213,7 +219,5 @@ def motion(theta, dims, u, restart):
         for j in range(max(nb, 1) - 1, 0, -1):
             x_past[j] = x_past[j - 1]
         x_past[0] = x
-        for i in range(na - 1, 0, -1):
-            u_past[i] = u_past[i - 1]
-        u_past[0] = u[t]
-    return np.sqrt(power / max(u.size, 1))
+        push(u_past, u[t])
+    return np.sqrt(power / max(len(u), 1))

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from whsklearn.recursion.predictor import parameter_count, record_regressors
+from whsklearn.recursion.predictor import record_regressors
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -56,7 +56,7 @@ def least_squares_start(
     """
     na, nb, nc, nd, nw = dims
     n1 = na - 1 + nb
-    rows = np.empty((u.size, nc * nw + nd))
+    rows = np.empty((y.size, nc * nw + nd))
     record_regressors(theta, dims, codes, shapes, kappa, u, y, restart, rows)
     solution = np.linalg.lstsq(rows, y, rcond=1e-10)[0]
     if not np.isfinite(solution).all():
@@ -70,5 +70,4 @@ def least_squares_start(
     out[n1 : n1 + nw] = (c @ products) * first
     out[n1 + nw : n1 + nw + nc - 1] = c[1:] / first
     out[n1 + nw + nc - 1 :] = solution[nc * nw :]
-    assert out.size == parameter_count(np.array(dims))
     return out

@@ -13,16 +13,23 @@ import numpy as np
 from numba import njit
 
 from whsklearn.recursion.covariance import inflate, measurement_update
-from whsklearn.recursion.predictor import advance, predict
+from whsklearn.recursion.predictor import advance, predict, push
 from whsklearn.systems.stability import is_stable
 
 STABLE_RADIUS = 0.999
 LARGEST_PARAMETER = 1e8
+LOSS_FORGETTING = 0.995
+
+
+@njit(cache=True)
+def relative_sharpness(seen, sharpest):
+    """kappa times the root mean square of dx: rises with the samples seen from 1 to ``sharpest``."""
+    return min(max((seen / 32.0) ** 1.75, 1.0), sharpest)
 
 
 @njit(cache=True)
 def run_windows(
-    theta, ud, before, loss, recent_u, recent_y, since, forgetting, loss_forgetting, sharpness,
+    theta, ud, before, loss, motion, recent_u, recent_y, since, seen, forgetting, sharpness, sharpest,
     dims, codes, shapes, p, frozen, u, y,
 ):  # fmt: skip
     """Take every model through the samples u, y; all state arrays change in place.
@@ -33,16 +40,20 @@ def run_windows(
         Parameters, factorised covariance and the state before the window, a row a model.
     loss : ndarray of shape (S, 2)
         Weighted sum of squared innovations and sum of the weights.
-    recent_u, recent_y : ndarrays of shape (p + lags,)
+    motion : ndarray of shape (S, 2)
+        The same of dx, which sets the scale of kappa.
+    recent_u, recent_y : ndarrays of shape ((p + lags) * n_inputs,), (p + lags,)
         The latest samples, newest first.
     since : int
         Samples since the experiment began.
+    seen : int
+        Samples in all.
     forgetting : ndarray of shape (3,)
         Present value, final value, rate at which the one goes to the other.
-    loss_forgetting : float
-        Forgetting of ``loss``.
     sharpness : ndarray of shape (S,)
         kappa of each model.
+    sharpest : float
+        Where positive, kappa rises with the samples seen to this value (relative to dx).
 
     Returns
     -------
@@ -50,18 +61,19 @@ def run_windows(
         ``since`` after the last sample.
     """
     n_models, n = theta.shape
+    m = u.shape[1]
     na, nb = dims[0], dims[1]
     work = np.empty(before.shape[1])
     psi = np.empty(n)
     gain = np.empty(n)
     start = np.empty(n)
-    for t in range(u.size):
-        for k in range(recent_u.size - 1, 0, -1):
-            recent_u[k] = recent_u[k - 1]
+    for t in range(y.size):
+        push(recent_u, u[t])
+        for k in range(recent_y.size - 1, 0, -1):
             recent_y[k] = recent_y[k - 1]
-        recent_u[0] = u[t]
         recent_y[0] = y[t]
         since += 1
+        seen += 1
         window = min(p, since)
         forgetting[0] += (1.0 - forgetting[2]) * (forgetting[1] - forgetting[0])
         for s in range(n_models):
@@ -75,21 +87,27 @@ def run_windows(
                 if i == 0 or not frozen:
                     work[:] = before[s]
                     for k in range(window - 1, window - 1 - i, -1):
-                        advance(th, dims, codes, shapes, sharpness[s], work, recent_u, k + 1)
+                        advance(th, dims, codes, shapes, sharpness[s], work, recent_u, (k + 1) * m)
                 else:
-                    advance(start, dims, codes, shapes, sharpness[s], work, recent_u, window - i + 1)
+                    advance(start, dims, codes, shapes, sharpness[s], work, recent_u, (window - i + 1) * m)
                 now = window - 1 - i
                 e = recent_y[now] - predict(start if frozen else th, dims, work, recent_y, now + 1, psi)
                 if frozen:
                     for k in range(n):
                         e -= psi[k] * (th[k] - start[k])
                 if now == 0:
-                    loss[s, 0] = loss_forgetting * loss[s, 0] + e * e
-                    loss[s, 1] = loss_forgetting * loss[s, 1] + 1.0
+                    loss[s, 0] = LOSS_FORGETTING * loss[s, 0] + e * e
+                    loss[s, 1] = LOSS_FORGETTING * loss[s, 1] + 1.0
                 measurement_update(ud[s], psi, float(p), gain)
                 _step(th, gain, e, na, nb)
             if since >= p:
-                advance(th, dims, codes, shapes, sharpness[s], before[s], recent_u, p)
+                dx = advance(th, dims, codes, shapes, sharpness[s], before[s], recent_u, p * m)
+                motion[s, 0] = LOSS_FORGETTING * motion[s, 0] + dx * dx
+                motion[s, 1] = LOSS_FORGETTING * motion[s, 1] + 1.0
+            if sharpest > 0.0:
+                sharpness[s] = relative_sharpness(seen, sharpest) / max(
+                    np.sqrt(motion[s, 0] / max(motion[s, 1], 1.0)), 1e-12
+                )
     return since
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 from sklearn.utils import Bunch
 
-from whsklearn.effects import FrictionLaw, StaticEffect, as_law
+from whsklearn.effects import FrictionLaw, StaticEffect, Viscous, as_law
 from whsklearn.effects.terms import term
 from whsklearn.systems.stability import is_stable
 
@@ -74,6 +74,23 @@ class WienerHammersteinSystem:
         """The system of Example 5.1."""
         return cls(a=[1.0, 2.2], b=[1.0, 0.5], c=[1.0, 0.2], d=[0.15, 0.4])
 
+    @property
+    def theta(self) -> NDArray[np.float64]:
+        """The true theta of (6): [g a, g b (+ g at b_1), other weights, c[1:], d], g the linear term's weight.
+
+        Raises
+        ------
+        ValueError
+            If the law has no term that is linear in x or dx.
+        """
+        key = self.law.key
+        if key is None:
+            raise ValueError(f"The law {self.law.labels} has no linear term, so theta of (6) is not defined.")
+        g, b = self.law.weights[key], self.law.weights[key] * self.b
+        if self.b.size and isinstance(self.law.terms[key], Viscous):
+            b[0] += g
+        return np.concatenate([g * self.a, b, np.delete(self.law.weights, key), self.c[1:], self.d])
+
     def __repr__(self) -> str:
         blocks = ", ".join(f"{n}={getattr(self, n).tolist()}" for n in "abcd")
         return f"WienerHammersteinSystem({blocks}, law={self.law!r})"
@@ -97,9 +114,7 @@ class WienerHammersteinSystem:
         noise = np.zeros_like(u) if d is None else np.ascontiguousarray(d, dtype=float).reshape(-1)
         if noise.size != u.size:
             raise ValueError(f"d has {noise.size} samples and u has {u.size}; expected equal lengths.")
-        x, v, y = _simulate(
-            self.a, self.b, self.c, self.d, self.law.codes, self.law.shapes, self.law.weights, u, noise
-        )
+        x, v, y = _simulate(self.a, self.b, self.c, self.d, self.law.codes, self.law.shapes, self.law.weights, u, noise)
         return Bunch(x=x, v=v, y=y)
 
     def simulate(self, u: ArrayLike, d: ArrayLike | None = None) -> NDArray[np.float64]:

@@ -1,0 +1,17 @@
+"""The scikit-learn faces of the recursions, and the yardsticks they are held against."""
+
+from whsklearn.estimators.gradient import MultiInnovationGradientRegressor
+from whsklearn.estimators.mils import MILSRegressor
+from whsklearn.estimators.pem import PEMRegressor
+from whsklearn.estimators.rls import RLSRegressor
+from whsklearn.estimators.rmils import RMILSRegressor
+from whsklearn.estimators.swarm import SwarmRegressor
+
+__all__ = [
+    "MILSRegressor",
+    "MultiInnovationGradientRegressor",
+    "PEMRegressor",
+    "RLSRegressor",
+    "RMILSRegressor",
+    "SwarmRegressor",
+]

@@ -1,0 +1,206 @@
+"""An identified Wiener-Hammerstein model: its parameters in three forms, its free run, its predictions.
+
+natural : [a_2 .. , b_1 .. , weights, c_2 .. , d_1 ..], what the exact gradient works on
+paper   : theta of (6), products with the key term's weight g
+named   : a dict of ``a``, ``b``, ``c``, ``d`` and one weight a term of the law
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numba import njit
+
+from whsklearn.effects import FrictionLaw
+from whsklearn.effects.terms import VISCOUS, term
+from whsklearn.recursion.predictor import push
+from whsklearn.systems.stability import is_stable
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+RADIUS = 0.9995
+
+
+class Structure(NamedTuple):
+    """Orders, number of inputs, law and the index of its key term (-1 where it has none)."""
+
+    dims: NDArray[np.int64]
+    n_inputs: int
+    law: FrictionLaw
+    key: int
+
+    @property
+    def differs(self) -> bool:
+        """Whether the key term is in dx, so that theta holds g b_1 + g."""
+        return self.key >= 0 and int(self.law.codes[self.key]) == VISCOUS
+
+    def slices(self) -> tuple[slice, slice, slice, slice, slice]:
+        """Where a[1:], b, weights, c[1:], d stand in the natural vector."""
+        na, nb, nc, nd, nw = (int(i) for i in self.dims)
+        ends = np.cumsum([0, na - 1, nb, nw, nc - 1, nd])
+        return tuple(slice(int(s), int(e)) for s, e in zip(ends[:-1], ends[1:], strict=True))  # type: ignore[return-value]
+
+
+def paper_vector(natural: Array, s: Structure) -> Array:
+    """Theta of (6); the natural vector itself where the law has no key term."""
+    if s.key < 0:
+        return natural.copy()
+    a, b, w, c, d = (natural[i] for i in s.slices())
+    g = w[s.key]
+    shift = np.zeros(b.size)
+    if s.differs and b.size:
+        shift[0] = g
+    return np.concatenate([[g], g * a, g * b + shift, np.delete(w, s.key), c, d])
+
+
+def paper_jacobian(natural: Array, s: Structure) -> Array:
+    """Derivatives of `paper_vector`, shape (n, n)."""
+    n = natural.size
+    if s.key < 0:
+        return np.eye(n)
+    ia, ib, iw, ic, _ = s.slices()
+    g_at = iw.start + s.key
+    g = natural[g_at]
+    out = np.zeros((n, n))
+    out[0, g_at] = 1.0
+    for row, at in enumerate(range(ia.start, ib.stop), start=1):
+        out[row, at] = g
+        out[row, g_at] = natural[at] + (1.0 if s.differs and at == ib.start else 0.0)
+    rest = [i for i in range(iw.start, iw.stop) if i != g_at] + list(range(ic.start, n))
+    for row, at in enumerate(rest, start=ib.stop + 1):
+        out[row, at] = 1.0
+    return out
+
+
+def natural_vector(paper: Array, s: Structure) -> Array:
+    """The inverse of `paper_vector`."""
+    if s.key < 0:
+        return paper.copy()
+    ia, ib, _, _, _ = s.slices()
+    na1, nb, nw = ia.stop, ib.stop - ib.start, len(s.law)
+    g = paper[0] if abs(paper[0]) > 1e-9 else math.copysign(1e-9, paper[0])
+    b = paper[1 + na1 : 1 + na1 + nb] / g
+    if s.differs and nb:
+        b[0] -= 1.0
+    others = paper[1 + na1 + nb : na1 + nb + nw]
+    weights = np.insert(others, s.key, paper[0])
+    return np.concatenate([paper[1 : 1 + na1] / g, b, weights, paper[na1 + nb + nw :]])
+
+
+def named(natural: Array, s: Structure) -> dict[str, Any]:
+    """A dict of ``a``, ``b``, ``c``, ``d`` and the law's weights by label."""
+    a, b, w, c, d = (natural[i].copy() for i in s.slices())
+    a = np.concatenate([[1.0], a])
+    if s.n_inputs > 1:
+        a = a.reshape(-1, s.n_inputs)
+    blocks: dict[str, Any] = {"a": a, "b": b, "c": np.concatenate([[1.0], c]), "d": d}
+    return blocks | {label: float(v) for label, v in zip(s.law.labels, w, strict=True)}
+
+
+def named_errors(variances: Array, s: Structure) -> dict[str, Any]:
+    """Standard errors in the layout of `named`; fixed entries have none, so zero."""
+    errors = named(np.sqrt(np.maximum(variances, 0.0)), s)
+    errors["a"].flat[0] = 0.0
+    errors["c"][0] = 0.0
+    return errors
+
+
+def inside(denominator: Array) -> Array:
+    """The denominator with its poles drawn inside the unit circle, so that a free run stays finite."""
+    if denominator.size == 0 or is_stable(np.ascontiguousarray(denominator), 1.0):
+        return denominator
+    largest = np.abs(np.roots(np.concatenate([[1.0], denominator]))).max()
+    return denominator * (RADIUS / largest) ** np.arange(1, denominator.size + 1)
+
+
+def free_run(natural: Array, s: Structure, u: Array, restart: NDArray[np.bool_]) -> Array:
+    """Y from u alone, at rest where an experiment begins; shape (n,)."""
+    return predictions(natural, s, u, np.zeros(len(u)), restart, 0)
+
+
+def predictions(natural: Array, s: Structure, u: Array, y: Array, restart: NDArray[np.bool_], horizon: int) -> Array:
+    """Y_hat(t | t - horizon): outputs up to t - horizon are known; horizon 0 stands for none."""
+    a, b, w, c, d = (natural[i] for i in s.slices())
+    v = _static_output(
+        np.concatenate([[1.0], a]), inside(b), np.concatenate([[1.0], c]), s.law.codes, s.law.shapes, w, u, restart
+    )
+    d = inside(d) if horizon != 1 else d
+    if horizon == 0:
+        return _recursive_part(v, d, restart)
+    return _ahead(v, np.ascontiguousarray(d), y, restart, horizon)
+
+
+@njit(cache=True)
+def _static_output(a, b, c, codes, shapes, weights, u, restart):
+    """sum c_m v(t-m), with x and v by (1) and the law."""
+    n, m = u.shape
+    out = np.zeros(n)
+    u_past = np.zeros(a.size)
+    x_past = np.zeros(b.size + 1)
+    v_past = np.zeros(c.size)
+    for t in range(n):
+        if restart[t]:
+            u_past[:] = 0.0
+            x_past[:] = 0.0
+            v_past[:] = 0.0
+        for k in range(c.size):
+            out[t] += c[k] * v_past[k]
+        x = 0.0
+        for i in range(a.size):
+            x += a[i] * u_past[i]
+        for j in range(b.size):
+            x -= b[j] * x_past[j]
+        x = min(max(x, -1e30), 1e30)
+        v = 0.0
+        for k in range(codes.size):
+            v += weights[k] * term(codes[k], shapes[k, 0], shapes[k, 1], shapes[k, 2], x, x - x_past[0], math.inf)[0]
+        for k in range(c.size - 1, 0, -1):
+            v_past[k] = v_past[k - 1]
+        v_past[0] = min(max(v, -1e30), 1e30)
+        for j in range(b.size, 0, -1):
+            x_past[j] = x_past[j - 1]
+        x_past[0] = x
+        push(u_past, u[t])
+    return out
+
+
+@njit(cache=True)
+def _recursive_part(v, d, restart):
+    """y(t) = v(t) - sum d_n y(t-n)."""
+    y = np.zeros(v.size)
+    since = 0
+    for t in range(v.size):
+        if restart[t]:
+            since = 0
+        s = v[t]
+        for k in range(min(d.size, since)):
+            s -= d[k] * y[t - 1 - k]
+        y[t] = s
+        since += 1
+    return y
+
+
+@njit(cache=True)
+def _ahead(v, d, y, restart, horizon):
+    """The same from the outputs up to t - horizon, which are known."""
+    out = np.zeros(v.size)
+    run = np.zeros(v.size)
+    begin = 0
+    for t in range(v.size):
+        if restart[t]:
+            begin = t
+        first = max(begin, t - horizon + 1)
+        for i in range(first, t + 1):
+            s = v[i]
+            for k in range(d.size):
+                j = i - 1 - k
+                if j >= begin:
+                    s -= d[k] * (run[j] if j >= first else y[j])
+            run[i] = s
+        out[t] = run[t]
+    return out

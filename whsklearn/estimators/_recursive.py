@@ -1,0 +1,285 @@
+"""The scikit-learn face of the recursions: `fit`, `partial_fit` and the choice of a stream."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, ClassVar, Self
+
+import numpy as np
+
+from whsklearn._records import starts
+from whsklearn.estimators import _model as wh
+from whsklearn.estimators._streams import FullStream, PublishedStream, RowsStream, Stream
+from whsklearn.estimators.base import AxisRegressor
+from whsklearn.recursion.multistart import Reading
+from whsklearn.recursion.pseudolinear import BLOCK
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    Array = NDArray[np.float64]
+
+GRADIENTS = ("full", "pseudolinear")
+DEFAULT_P0 = {"rows": 1e6, "pseudolinear": 1e6, "full": 100.0}
+
+
+class RecursiveRegressor(AxisRegressor):
+    """Base of the estimators that learn sample by sample."""
+
+    _frozen: ClassVar[bool] = True  # all rows of a window at theta(t-1)
+    _published_mode: ClassVar[int] = BLOCK
+    _stochastic_gradient: ClassVar[bool] = False
+
+    p: int = 1
+
+    def fit(self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None) -> Self:
+        """Learn a record from a clean start.
+
+        The record goes through the recursion once; with ``gradient="full"`` the samples
+        still in memory are re-run once more at the end.
+
+        Parameters
+        ----------
+        X : array-like of shape (n, n_features)
+            Input u of shape (n, 1); with ``lags=None``, rows.
+        y : array-like of shape (n,)
+            Output.
+        groups : array-like of shape (n,), optional
+            Experiments; the state restarts where one begins.
+
+        Raises
+        ------
+        ValueError
+            If a parameter, a shape or a number is not what it must be; nothing changes then.
+        """
+        self._check_parameters()
+        X, y = self._validate(X, y, reset=True)
+        self._need_rows(len(X))
+        self._warn_constant(X)
+        restart = starts(groups, len(X), first=True)
+        rows, targets = (X, y) if self._is_wiener_hammerstein else self._rows(X, y, True, groups)
+        if len(targets) != len(restart):
+            restart = starts(None, len(targets), first=True)
+        seed = self._draw_seed()
+        stream = self._make_stream(rows.shape[1], seed)
+        state = stream.initial()
+        stream.run(state, rows, targets, restart)
+        stream.settle(state)
+        self._keep(stream, state, seed, groups)
+        return self
+
+    def partial_fit(self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None) -> Self:
+        """Learn further samples; the chunks in which they come make no difference.
+
+        Parameters
+        ----------
+        X, y, groups
+            As for `fit`. Without ``groups`` the samples continue the last experiment.
+
+        Raises
+        ------
+        ValueError
+            As `fit`; the state is exactly as it was then.
+        """
+        stream = self.__dict__.get("_stream")
+        if stream is None or groups is not None or not _plain(X, y, self.n_features_in_):
+            return self._partial_fit_checked(X, y, groups)
+        restart = _NO_RESTART if len(y) == 1 else np.zeros(len(y), dtype=np.bool_)
+        stream.run(self.state_, X, y, restart)
+        return self
+
+    def _partial_fit_checked(self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None) -> Self:
+        """`partial_fit` with every check; also the first call and the one after parameters changed."""
+        first = not hasattr(self, "state_")
+        self._check_parameters()
+        X, y = self._validate(X, y, reset=first)
+        last = None if first else self.state_["group"]
+        restart = starts(groups, len(X), first=first, last=last)
+        if first:
+            self._warn_constant(X)
+        rows, targets = X, y
+        if not self._is_wiener_hammerstein and self.lags is not None:
+            rows, targets = self._partial_rows(X, y, first)
+            restart = starts(None, len(targets), first=first)
+        if first:
+            seed = self._draw_seed()
+            stream = self._make_stream(self._n_columns(rows), seed)
+            state = stream.initial()
+        else:
+            seed = self.state_["seed"]
+            stream = self.__dict__.get("_stream") or self._make_stream(self._n_columns(rows), seed)
+            state = self.state_
+        if len(targets):
+            stream.run(state, np.ascontiguousarray(rows), np.ascontiguousarray(targets), restart)
+        self._keep(stream, state, seed, groups)
+        return self
+
+    def consolidate(self) -> Self:
+        """Re-run the samples in memory now, as `fit` does at its end; a stream may do so when it has time."""
+        self._make_stream(len(self.theta_), self.state_["seed"]).settle(self.state_)
+        return self
+
+    @property
+    def innovation_variance_(self) -> float:
+        """Variance of the one-step prediction error, over the latest samples."""
+        _ = self.theta_
+        loss = self.state_["loss"]
+        rows = loss.reshape(-1, 2)
+        seen = rows[:, 1] > 0
+        return float((rows[seen, 0] / rows[seen, 1]).min()) if seen.any() else float("nan")
+
+    # -- settings ------------------------------------------------------------------------
+
+    def _check_parameters(self) -> None:
+        """Raise in one sentence for a parameter that cannot be."""
+        p = self.p
+        if isinstance(p, bool) or not isinstance(p, (int, np.integer)) or p < 1:
+            raise ValueError(f"p is {p!r}, expected a whole number of 1 or more, the innovation length.")
+        for name, low, high in (("P0", 0.0, np.inf), ("forgetting", 0.0, 1.0)):
+            value = getattr(self, name, 1.0)
+            if value is None and name == "P0":
+                continue
+            if isinstance(value, bool) or not isinstance(value, (int, float, np.number)) or not low < value <= high:
+                expected = "a positive number" if name == "P0" else "a number above 0 and at most 1"
+                raise ValueError(f"{name} is {value!r}, expected {expected}.")
+            if not np.isfinite(value):
+                raise ValueError(f"{name} is {value!r}, expected a finite number.")
+        if self.gradient not in GRADIENTS:
+            raise ValueError(f"gradient is {self.gradient!r}, expected one of {', '.join(map(repr, GRADIENTS))}.")
+        for name, least in (("n_starts", 1), ("memory", 0)):
+            value = getattr(self, name, least)
+            if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < least:
+                raise ValueError(f"{name} is {value!r}, expected a whole number of {least} or more.")
+        if self._is_wiener_hammerstein:
+            self.lags.dims()
+            if self.gradient == "pseudolinear":
+                self.lags.key_term()
+
+    def _theta0(self, n: int, default: float) -> Array:
+        """theta(0) of the right length."""
+        theta0 = getattr(self, "theta0", None)
+        if theta0 is None:
+            return np.full(n, default)
+        theta0 = np.asarray(theta0, dtype=np.float64)
+        if theta0.ndim == 0:
+            theta0 = np.full(n, float(theta0))
+        if theta0.shape != (n,) or not np.isfinite(theta0).all():
+            raise ValueError(f"theta0 has shape {theta0.shape}, expected ({n},) finite numbers, one a parameter.")
+        return theta0
+
+    def _make_stream(self, n_columns: int, seed: int) -> Stream:
+        """The way of learning that the parameters ask for."""
+        p0 = getattr(self, "P0", None)
+        forgetting = float(getattr(self, "forgetting", 1.0))
+        p = int(self.p)
+        if not self._is_wiener_hammerstein:
+            return RowsStream(
+                n_columns, p, float(p0 or DEFAULT_P0["rows"]), forgetting, self._theta0(n_columns, 0.0),
+                self.gradient == "full", self._stochastic_gradient,
+            )  # fmt: skip
+        structure = self._structure()
+        n = int(structure.dims[:4].sum() - 2 + structure.dims[4])
+        if self.gradient == "pseudolinear":
+            theta0 = self._theta0(n, 0.01)  # the paper's theta(0)
+            p0 = float(p0 or DEFAULT_P0["pseudolinear"])
+            return PublishedStream(structure, p, p0, forgetting, theta0, self._published_mode)
+        theta0 = None
+        if getattr(self, "theta0", None) is not None:
+            theta0 = wh.natural_vector(self._theta0(n, 0.0), structure)
+            theta0[structure.slices()[1]] = wh.inside(theta0[structure.slices()[1]])
+        reading = Reading(
+            dims=structure.dims, codes=structure.law.codes, shapes=structure.law.shapes, p=p,
+            p0=float(p0 or DEFAULT_P0["full"]), forgetting=forgetting, n_starts=int(self.n_starts),
+            memory=int(self.memory), frozen=self._frozen, seed=seed, n_inputs=self.n_features_in_, theta0=theta0,
+        )  # fmt: skip
+        return FullStream(structure, reading)
+
+    def _n_columns(self, rows: Array) -> int:
+        """Columns that the stream sees."""
+        return int(rows.shape[1])
+
+    def _partial_rows(self, X: Array, y: Array, first: bool) -> tuple[Array, Array]:
+        """Rows of a stream through the lag transformer, which carries its own state."""
+        if first:
+            from sklearn.base import clone
+
+            self.lags_ = clone(self.lags)
+        return self.lags_.partial_rows(X, y)
+
+    def _keep(self, stream: Stream, state: dict[str, Any], seed: int, groups: ArrayLike | None) -> None:
+        """Make a state the estimator's own."""
+        state["seed"] = seed
+        if groups is not None:
+            state["group"] = str(np.asarray(groups)[-1])
+        state.setdefault("group", None)
+        self.state_ = state
+        fast = self.lags is None or self._is_wiener_hammerstein
+        self.__dict__.pop("_stream", None)
+        if fast:
+            self._stream = stream
+
+    # -- answers -------------------------------------------------------------------------
+
+    def _reader(self) -> Stream:
+        """The stream that can read the state."""
+        stream = self.__dict__.get("_stream")
+        if stream is None:
+            stream = self._make_stream(self.state_["theta"].shape[-1], self.state_["seed"])
+        return stream
+
+    def _theta(self) -> Array:
+        return self._reader().theta(self.state_)
+
+    def _covariance(self) -> Array:
+        return self._reader().covariance(self.state_)
+
+    def _natural(self) -> Array:
+        reader = self._reader()
+        return reader.natural(self.state_) if isinstance(reader, FullStream) else super()._natural()
+
+    def _natural_covariance(self) -> Array:
+        reader = self._reader()
+        if isinstance(reader, FullStream):
+            return reader.natural_covariance(self.state_)
+        return super()._natural_covariance()
+
+    def _check_state(self, state: dict[str, Any]) -> None:
+        """A state fits if it has the arrays of a fresh one, in their shapes where those are fixed."""
+        super()._check_state(state)
+        columns = np.shape(state["theta"])[-1]
+        self.__dict__.pop("_stream", None)
+        fresh = self._make_stream(columns, int(state.get("seed", 0))).initial()
+        for name, value in fresh.items():
+            if name not in state or np.shape(value)[1:] != np.shape(state[name])[1:]:
+                raise ValueError(
+                    f"This state does not fit {type(self).__name__}: its {name} has shape "
+                    f"{np.shape(state.get(name))}, expected like {np.shape(value)}; use the parameters it was saved with."
+                )
+
+    def set_params(self, **params: Any) -> Self:
+        """Set parameters; a stream goes on with them from the next sample."""
+        self.__dict__.pop("_stream", None)
+        return super().set_params(**params)
+
+    def __getstate__(self) -> dict[str, Any]:
+        state = dict(super().__getstate__())
+        state.pop("_stream", None)
+        return state
+
+
+_NO_RESTART = np.zeros(1, dtype=np.bool_)
+
+
+def _plain(X: Any, y: Any, n_features: int) -> bool:
+    """Whether X and y are what validation would return unchanged: the guarded fast path."""
+    if type(X) is not np.ndarray or type(y) is not np.ndarray:
+        return False
+    if X.dtype != np.float64 or y.dtype != np.float64 or X.ndim != 2 or y.ndim != 1:
+        return False
+    if X.shape[0] != y.shape[0] or X.shape[1] != n_features or y.shape[0] == 0 or not X.flags.c_contiguous:
+        return False
+    return bool(_usable(X, y))
+
+
+def _usable(X: Array, y: Array) -> bool:
+    """Finite and of sane size; the sum of squares is not finite if any number is not."""
+    return bool(np.dot(y, y) < 1e60) and bool(np.vdot(X, X) < 1e60)

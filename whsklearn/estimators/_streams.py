@@ -1,0 +1,208 @@
+"""The three ways an estimator learns, as state in and state out behind one interface.
+
+`RowsStream` takes rows as they are, `PublishedStream` is the paper's reading to the letter,
+`FullStream` the exact gradient.  A stream object holds settings only; what is learnt lives
+in the ``state`` dict that every call takes, so that it can be copied, saved and compared.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+from whsklearn.estimators._model import Structure, natural_vector, paper_jacobian, paper_vector
+from whsklearn.recursion import multistart
+from whsklearn.recursion.covariance import covariance, factorise
+from whsklearn.recursion.pseudolinear import GRADIENT, auxiliary_size, run_pseudolinear
+from whsklearn.recursion.rows import run_gradient, run_rows
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+    State = dict[str, Any]
+
+
+class Stream(Protocol):
+    """What an estimator asks of its way of learning."""
+
+    def initial(self) -> State:
+        """The state that has seen nothing."""
+
+    def run(self, state: State, u: Array, y: Array, restart: NDArray[np.bool_]) -> None:
+        """Learn from samples, in place."""
+
+    def settle(self, state: State) -> None:
+        """Read the record once more where the stream keeps one, in place."""
+
+    def theta(self, state: State) -> Array:
+        """The estimate, in the paper's order."""
+
+    def covariance(self, state: State) -> Array:
+        """Covariance of `theta`."""
+
+
+def noise_variance(loss: Array, n_parameters: int) -> float:
+    """Residual sum of squares by degrees of freedom; nan before there are any."""
+    free = loss[1] - n_parameters
+    return float(loss[0] / free) if free > 0 else float("nan")
+
+
+class RowsStream:
+    """Recursive least squares on given rows."""
+
+    def __init__(self, n: int, p: int, p0: float, forgetting: float, theta0: Array, counted_once: bool, gradient: bool):
+        self.n, self.p, self.p0, self.forgetting, self.theta0 = n, p, p0, forgetting, theta0
+        self.variance = float(p) if counted_once else 1.0
+        self.gradient = gradient
+
+    def initial(self) -> State:
+        """P0 I and theta0."""
+        return {
+            "seen": 0,
+            "since": 0,
+            "theta": self.theta0.copy(),
+            "ud": np.eye(self.n) * self.p0,
+            "loss": np.zeros(2),
+            "power": np.zeros(1),
+            "rows": np.zeros((self.p, self.n)),
+            "targets": np.zeros(self.p),
+        }
+
+    def run(self, state: State, u: Array, y: Array, restart: NDArray[np.bool_]) -> None:
+        """One update a row; an experiment's first window does not reach into the one before."""
+        for piece in pieces(restart):
+            if restart[piece.start]:
+                state["since"] = 0
+            window = state["rows"], state["targets"], state["since"]
+            if self.gradient:
+                state["since"] = run_gradient(
+                    state["theta"], state["loss"], *window, state["power"], self.forgetting, self.p, u[piece], y[piece]
+                )
+            else:
+                state["since"] = run_rows(
+                    state["theta"], state["ud"], state["loss"], *window, self.forgetting, self.p, self.variance,
+                    u[piece], y[piece],
+                )  # fmt: skip
+        state["seen"] += len(y)
+
+    def settle(self, state: State) -> None:
+        """Nothing is kept to be read again."""
+
+    def theta(self, state: State) -> Array:
+        """One weight a column."""
+        return state["theta"].copy()
+
+    def covariance(self, state: State) -> Array:
+        """Noise variance times P."""
+        return noise_variance(state["loss"], self.n) * covariance(state["ud"])
+
+
+class PublishedStream:
+    """(6) to (14) to the letter, with the auxiliary model."""
+
+    def __init__(self, structure: Structure, p: int, p0: float, forgetting: float, theta0: Array, mode: int):
+        self.structure, self.p, self.p0, self.forgetting = structure, p, p0, forgetting
+        self.theta0, self.mode = theta0, mode
+
+    def initial(self) -> State:
+        """P(0) = p_0 I and theta(0)."""
+        s, n = self.structure, self.theta0.size
+        lags = self.p + max(int(s.dims[0]) // s.n_inputs + 1, int(s.dims[3]), 1)
+        return {
+            "seen": 0,
+            "since": 0,
+            "theta": self.theta0.copy(),
+            "ud": np.eye(n) * self.p0,
+            "before": np.zeros(auxiliary_size(s.dims)),
+            "loss": np.zeros(2),
+            "power": np.zeros(1),
+            "recent_u": np.zeros(lags * s.n_inputs),
+            "recent_y": np.zeros(lags),
+        }
+
+    def run(self, state: State, u: Array, y: Array, restart: NDArray[np.bool_]) -> None:
+        """One window a sample."""
+        s = self.structure
+        for piece in pieces(restart):
+            if restart[piece.start]:
+                state["since"] = 0
+                for name in ("before", "recent_u", "recent_y"):
+                    state[name][:] = 0.0
+            state["since"] = run_pseudolinear(
+                state["theta"], state["ud"], state["before"], state["loss"], state["power"], state["recent_u"],
+                state["recent_y"], state["since"], self.forgetting, s.dims, s.law.codes, s.law.shapes, s.key, self.p,
+                self.mode, u[piece], y[piece],
+            )  # fmt: skip
+        state["seen"] += len(y)
+
+    def settle(self, state: State) -> None:
+        """Nothing is kept to be read again."""
+
+    def theta(self, state: State) -> Array:
+        """Products, in the paper's order."""
+        return state["theta"].copy()
+
+    def covariance(self, state: State) -> Array:
+        """Noise variance times P; overlapping windows make it about p times too small, as published."""
+        return noise_variance(state["loss"], self.theta0.size) * covariance(state["ud"])
+
+
+class FullStream:
+    """The exact gradient, several starts and a memory."""
+
+    def __init__(self, structure: Structure, reading: multistart.Reading):
+        self.structure, self.reading = structure, reading
+
+    def initial(self) -> State:
+        """The state of `multistart`."""
+        return multistart.initial_state(self.reading)
+
+    def run(self, state: State, u: Array, y: Array, restart: NDArray[np.bool_]) -> None:
+        """One window a sample and start, the memory at its instants."""
+        multistart.run(state, self.reading, u, y, restart)
+
+    def settle(self, state: State) -> None:
+        """Re-run the memory, so that the whole record speaks at the present parameters."""
+        if self.reading.memory and state["fill"]:
+            multistart.consolidate(state, self.reading)
+
+    def natural(self, state: State) -> Array:
+        """Parameters of the model that answers."""
+        return state["theta"][multistart.answer(state)].copy()
+
+    def theta(self, state: State) -> Array:
+        """The same as products, in the paper's order."""
+        return paper_vector(self.natural(state), self.structure)
+
+    def natural_covariance(self, state: State) -> Array:
+        """Noise variance times P."""
+        s = multistart.answer(state)
+        return noise_variance(state["loss"][s], 0) * covariance(state["ud"][s])
+
+    def covariance(self, state: State) -> Array:
+        """By the delta method."""
+        j = paper_jacobian(self.natural(state), self.structure)
+        return j @ self.natural_covariance(state) @ j.T
+
+
+def pieces(restart: NDArray[np.bool_]) -> list[slice]:
+    """The record cut where an experiment begins."""
+    cuts = np.flatnonzero(restart)
+    if not cuts.size:
+        return [slice(0, restart.size)] if restart.size else []
+    bounds = np.unique(np.concatenate([[0], cuts, [restart.size]]))
+    return [slice(int(i), int(j)) for i, j in zip(bounds[:-1], bounds[1:], strict=True)]
+
+
+__all__ = [
+    "GRADIENT",
+    "FullStream",
+    "PublishedStream",
+    "RowsStream",
+    "Stream",
+    "factorise",
+    "natural_vector",
+    "noise_variance",
+]

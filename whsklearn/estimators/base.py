@@ -1,0 +1,269 @@
+"""What all identified models share: validation, free run, prediction ahead, state, files."""
+
+from __future__ import annotations
+
+import copy
+import os
+import warnings
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+from sklearn.base import BaseEstimator, RegressorMixin, clone
+from sklearn.utils import check_random_state
+from sklearn.utils.validation import check_is_fitted, validate_data
+
+from whsklearn._records import check_lengths, starts
+from whsklearn.effects import as_law
+from whsklearn.estimators import _model as wh
+from whsklearn.state import read_state, write_state
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from whsklearn.lags import WienerHammersteinLags
+
+    Array = NDArray[np.float64]
+
+
+class AxisRegressor(RegressorMixin, BaseEstimator):
+    """Base of the estimators: ``predict`` is the free run, ``score`` is its R2.
+
+    A subclass learns in ``fit`` and leaves ``state_``, a dict of arrays, from which
+    `_natural`, `_theta` and `_covariance` read the answer.
+    """
+
+    lags: Any
+
+    # -- what the model is ---------------------------------------------------------------
+
+    @property
+    def _is_wiener_hammerstein(self) -> bool:
+        """Whether the rows are built from u and past y inside the estimator."""
+        return hasattr(self.lags, "key_term")
+
+    def _structure(self) -> wh.Structure:
+        """Orders and law as the kernels take them."""
+        lags: WienerHammersteinLags = self.lags
+        dims = lags.dims()
+        dims[0] *= self.n_features_in_
+        try:
+            key = lags.key_term()
+        except ValueError:
+            key = -1
+        return wh.Structure(dims, self.n_features_in_, as_law(lags.law), key)
+
+    def _theta(self) -> Array:
+        raise NotImplementedError
+
+    def _natural(self) -> Array:
+        return wh.natural_vector(self._theta(), self._structure())
+
+    def _covariance(self) -> Array:
+        raise NotImplementedError
+
+    def _natural_covariance(self) -> Array:
+        """Covariance of the natural parameters, by the delta method."""
+        jacobian = np.linalg.pinv(wh.paper_jacobian(self._natural(), self._structure()))
+        return jacobian @ self._covariance() @ jacobian.T
+
+    # -- what was learnt -----------------------------------------------------------------
+
+    @property
+    def theta_(self) -> Array:
+        """Estimate of shape (n_parameters,), in the paper's order, (6)."""
+        check_is_fitted(self, "state_")
+        return self._theta()
+
+    @property
+    def covariance_(self) -> Array:
+        """Covariance of `theta_`, shape (n_parameters, n_parameters)."""
+        check_is_fitted(self, "state_")
+        return self._covariance()
+
+    @property
+    def standard_errors_(self) -> Array:
+        """Standard errors of `theta_`, shape (n_parameters,)."""
+        return np.sqrt(np.maximum(np.diag(self.covariance_), 0.0))
+
+    @property
+    def parameters_(self) -> dict[str, Any]:
+        """``a``, ``b``, ``c``, ``d`` and a weight a term of the law; on given rows, a weight a column."""
+        check_is_fitted(self, "state_")
+        if self._is_wiener_hammerstein:
+            return wh.named(self._natural(), self._structure())
+        return dict(zip(self._column_names(), self._theta().tolist(), strict=True))
+
+    @property
+    def parameter_standard_errors_(self) -> dict[str, Any]:
+        """Standard errors in the layout of `parameters_`."""
+        check_is_fitted(self, "state_")
+        if self._is_wiener_hammerstein:
+            return wh.named_errors(np.diag(self._natural_covariance()), self._structure())
+        return dict(zip(self._column_names(), self.standard_errors_.tolist(), strict=True))
+
+    def _column_names(self) -> list[str]:
+        """Names of the weights on given rows."""
+        if self.lags is not None:
+            return [str(n) for n in self.lags_.get_feature_names_out()]
+        names = getattr(self, "feature_names_in_", [f"x{i}" for i in range(self.n_features_in_)])
+        return [str(n) for n in names]
+
+    # -- prediction ----------------------------------------------------------------------
+
+    def predict(self, X: ArrayLike, groups: ArrayLike | None = None) -> Array:
+        """Free run: the output from X alone, at rest before the first sample.
+
+        Parameters
+        ----------
+        X : array-like of shape (n, n_features)
+            Input u; with ``lags=None`` the rows themselves.
+        groups : array-like of shape (n,), optional
+            Experiments; each starts at rest.
+
+        Returns
+        -------
+        ndarray of shape (n,)
+            Finite whatever the estimate: poles outside the unit circle are drawn inside.
+        """
+        check_is_fitted(self, "state_")
+        X = validate_data(self, X, dtype=np.float64, reset=False)
+        if not self._is_wiener_hammerstein:
+            rows = X if self.lags is None else self.lags_.transform(X)
+            return rows @ self._theta()
+        restart = starts(groups, len(X), first=True)
+        return _finite(wh.free_run(self._natural(), self._structure(), np.ascontiguousarray(X), restart))
+
+    def predict_ahead(self, X: ArrayLike, y: ArrayLike, horizon: int = 1, groups: ArrayLike | None = None) -> Array:
+        """Prediction ``horizon`` samples ahead: y is known up to t - horizon, u up to t - 1.
+
+        Parameters
+        ----------
+        X : array-like of shape (n, n_features)
+            Input.
+        y : array-like of shape (n,)
+            Measured output.
+        horizon : int, default=1
+            Samples; 1 is the one-step prediction.
+        groups : array-like of shape (n,), optional
+            Experiments.
+
+        Returns
+        -------
+        ndarray of shape (n,)
+            On given rows, which hold no past output of their own, the same as `predict`.
+        """
+        check_is_fitted(self, "state_")
+        if isinstance(horizon, bool) or not isinstance(horizon, (int, np.integer)) or horizon < 1:
+            raise ValueError(f"horizon is {horizon!r}, expected a whole number of samples, 1 or more.")
+        X, y = validate_data(self, X, y, dtype=np.float64, reset=False)
+        if not self._is_wiener_hammerstein:
+            return self.predict(X)
+        restart = starts(groups, len(X), first=True)
+        natural, structure = self._natural(), self._structure()
+        y = np.ascontiguousarray(y, dtype=np.float64)
+        return _finite(wh.predictions(natural, structure, np.ascontiguousarray(X), y, restart, int(horizon)))
+
+    # -- state ---------------------------------------------------------------------------
+
+    def get_state(self) -> dict[str, Any]:
+        """A copy of all that was learnt, as a dict of arrays and numbers."""
+        check_is_fitted(self, "state_")
+        state = {"n_features_in": int(self.n_features_in_), "state": copy.deepcopy(self.state_)}
+        if hasattr(self, "feature_names_in_"):
+            state["feature_names_in"] = [str(n) for n in self.feature_names_in_]
+        if hasattr(getattr(self, "lags_", None), "get_state"):
+            state["lags"] = self.lags_.get_state()
+        return state
+
+    def set_state(self, state: dict[str, Any]) -> Self:
+        """Go on from what `get_state` of an estimator with the same parameters returned.
+
+        Raises
+        ------
+        ValueError
+            If the state is not of this kind of estimator or its orders differ.
+        """
+        if not isinstance(state, dict) or not {"n_features_in", "state"} <= state.keys():
+            raise ValueError("This is no state of an estimator; give what get_state() returned.")
+        self.n_features_in_ = int(state["n_features_in"])
+        if "feature_names_in" in state:
+            self.feature_names_in_ = np.array(state["feature_names_in"], dtype=object)
+        if self.lags is not None and not self._is_wiener_hammerstein:
+            self.lags_ = clone(self.lags)
+            if hasattr(self.lags_, "set_state") and "lags" in state:
+                self.lags_.set_state(state["lags"])
+        self._check_state(state["state"])
+        self.state_ = copy.deepcopy(state["state"])
+        return self
+
+    def _check_state(self, state: dict[str, Any]) -> None:
+        """Raise if a state cannot be this estimator's."""
+        if not isinstance(state, dict) or "theta" not in state:
+            raise ValueError("This state holds no theta; give what get_state() of the same estimator returned.")
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write parameters and state to a file, atomically and without pickle."""
+        write_state(path, type(self).__name__, self.get_params(deep=False), self.get_state())
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Self:
+        """Read what `save` wrote; a stream goes on from there.
+
+        Raises
+        ------
+        ValueError
+            If the file is damaged, foreign, or of another estimator.
+        """
+        params, state = read_state(path, cls.__name__)
+        return cls(**params).set_state(state)
+
+    # -- validation ----------------------------------------------------------------------
+
+    def _validate(self, X: ArrayLike, y: ArrayLike, reset: bool) -> tuple[Array, Array]:
+        """X and y as contiguous float64, checked; nothing learnt changes."""
+        X, y = validate_data(self, X, y, reset=reset, dtype=np.float64, order="C", y_numeric=True, multi_output=False)
+        y = np.ascontiguousarray(y, dtype=np.float64)
+        check_lengths(X, y)
+        return X, y
+
+    def _rows(self, X: Array, y: Array, fresh: bool, groups: ArrayLike | None = None) -> tuple[Array, Array]:
+        """Rows and targets of a lag transformer other than the Wiener-Hammerstein one."""
+        if self.lags is None:
+            return X, y
+        if fresh:
+            self.lags_ = clone(self.lags)
+            return self.lags_.rows(X, y, groups)
+        return self.lags_.partial_rows(X, y)
+
+    def _need_rows(self, n: int) -> None:
+        """Raise where a record cannot fill the lags once."""
+        needed = self.lags.max_lag + 1 if self._is_wiener_hammerstein else 1
+        if n < needed:
+            raise ValueError(
+                f"Found {n} sample{'s' if n != 1 else ''} (n_samples={n}), expected at least {needed}, as many as the "
+                "lags reach back and one more; give a longer record."
+            )
+
+    def _warn_constant(self, X: Array) -> None:
+        """An input that never changes shows no dynamics."""
+        if self._is_wiener_hammerstein and len(X) > self.lags.max_lag and np.ptp(X, axis=0).max() == 0.0:
+            warnings.warn(
+                "The input is constant, expected one that moves; the dynamics cannot be seen, excite the axis.",
+                UserWarning,
+                stacklevel=3,
+            )
+
+    def _draw_seed(self) -> int:
+        """One whole number from ``random_state``."""
+        return int(check_random_state(getattr(self, "random_state", None)).randint(2**31 - 1))
+
+    def __sklearn_tags__(self) -> Any:
+        tags = super().__sklearn_tags__()
+        # a strictly delayed dynamic model cannot fit the static data of the generic checks
+        tags.regressor_tags.poor_score = self.lags is not None
+        return tags
+
+
+def _finite(y_hat: Array) -> Array:
+    """Interim estimates may be far off; what leaves the estimator is a number."""
+    return np.clip(np.nan_to_num(y_hat, nan=0.0, posinf=1e30, neginf=-1e30), -1e30, 1e30)

@@ -1,0 +1,82 @@
+"""Recursive least squares, one innovation at a time."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from whsklearn.estimators._recursive import RecursiveRegressor
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+    from sklearn.base import TransformerMixin
+
+
+class RLSRegressor(RecursiveRegressor):
+    """Recursive least squares: on given rows, or of a Wiener-Hammerstein system.
+
+    Parameters
+    ----------
+    lags : WienerHammersteinLags or InverseDynamicsLags, optional
+        How rows are made of X and y; None takes the columns of X as they are.
+    P0 : float, optional
+        P(0) = P0 I; 1e6 by default, 100 for the exact gradient.
+    forgetting : float, default=1.0
+        Forgetting factor, in (0, 1].
+    theta0 : float or array-like of shape (n_parameters,), optional
+        theta(0), in the paper's order.
+    gradient : {"full", "pseudolinear"}, default="full"
+        Exact gradient of the predictor, or the published key-term reading; of no
+        consequence on given rows.
+    n_starts : int, default=32
+        Starts side by side (exact gradient only).
+    memory : int, default=1024
+        Samples kept and re-run with the newest parameters; 0 for the pure recursion (exact
+        gradient only).
+    random_state : int, RandomState or None
+        Of the starts.
+
+    Attributes
+    ----------
+    theta_ : ndarray of shape (n_parameters,)
+        Estimate.
+    covariance_, standard_errors_ : ndarrays
+        Of ``theta_``.
+    parameters_ : dict
+        The estimate by name.
+    state_ : dict
+        All that the stream carries.
+
+    References
+    ----------
+    Ljung 1999, System Identification, ch. 11.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from whsklearn import RLSRegressor
+    >>> X = np.random.default_rng(0).standard_normal((100, 2))
+    >>> model = RLSRegressor().fit(X, X @ [1.0, -2.0])
+    >>> model.theta_.round(3)
+    array([ 1., -2.])
+    """
+
+    def __init__(
+        self,
+        lags: TransformerMixin | None = None,
+        *,
+        P0: float | None = None,
+        forgetting: float = 1.0,
+        theta0: ArrayLike | None = None,
+        gradient: str = "full",
+        n_starts: int = 32,
+        memory: int = 1024,
+        random_state: Any = None,
+    ):
+        self.lags = lags
+        self.P0 = P0
+        self.forgetting = forgetting
+        self.theta0 = theta0
+        self.gradient = gradient
+        self.n_starts = n_starts
+        self.memory = memory
+        self.random_state = random_state

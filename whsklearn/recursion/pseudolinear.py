@@ -1,0 +1,160 @@
+"""The published reading: regressors (6) by key-term separation, an auxiliary model, (7)-(14).
+
+theta holds products, in the paper's order:
+
+    [g a_1 .. g a_na, g b_1 + g, g b_2 .. g b_nb, other weights, c_2 .. c_nc, d_1 .. d_nd]
+
+where g is the weight of the key term, gamma_6 (x - x(t-1)).  Where the key term is a linear
+one in x itself, b_1's entry is g b_1.  x_hat and v_hat are rebuilt from theta.
+
+The auxiliary state is x_hat(t-1) .. x_hat(t-nx), nx = max(n_b, 1) + 1, then
+v_hat(t-1) .. v_hat(t-nc).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from whsklearn.effects.terms import VISCOUS, term
+from whsklearn.recursion.covariance import inflate, measurement_update
+from whsklearn.recursion.predictor import push
+
+SMALLEST_KEY = 1e-9
+LARGEST_SIGNAL = 1e6
+
+BLOCK, REEVALUATED, GRADIENT = 0, 1, 2
+
+
+@njit(cache=True)
+def auxiliary_size(dims):
+    """Length of the auxiliary state."""
+    return max(dims[1], 1) + 1 + dims[2]
+
+
+@njit(cache=True)
+def row(dims, codes, shapes, key, state, u_past, first_u, y_past, first_y, phi):
+    """phi(t) of (6), from the auxiliary state, u(t-2), ... at ``first_u`` and y(t-1), ... at ``first_y``."""
+    na, nb, nc, nd, nw = dims[0], dims[1], dims[2], dims[3], dims[4]
+    nx = max(nb, 1) + 1
+    for i in range(na):
+        phi[i] = u_past[first_u + i]
+    for j in range(nb):
+        phi[na + j] = -state[1 + j]
+    differs = codes[key] == VISCOUS
+    if differs and nb == 0:
+        phi[0] -= state[1]  # no b_1 to share the term -g x(t-2) with
+    j = na + nb
+    for k in range(nw):
+        if k != key:
+            phi[j] = term(codes[k], shapes[k, 0], shapes[k, 1], shapes[k, 2], state[0], state[0] - state[1], math.inf)[
+                0
+            ]
+            j += 1
+    for m in range(1, nc):
+        phi[j] = state[nx + m]
+        j += 1
+    for i in range(nd):
+        phi[j + i] = -y_past[first_y + i]
+
+
+@njit(cache=True)
+def rebuild(theta, dims, codes, shapes, key, state, u_past, first):
+    """Take the auxiliary state one sample on: x_hat(t), v_hat(t) with the products of theta undone."""
+    na, nb, nc, nw = dims[0], dims[1], dims[2], dims[4]
+    nx = max(nb, 1) + 1
+    g = theta[0]
+    if abs(g) < SMALLEST_KEY:
+        g = SMALLEST_KEY if g >= 0.0 else -SMALLEST_KEY
+    x = u_past[first]
+    for i in range(1, na):
+        x += theta[i] / g * u_past[first + i]
+    differs = codes[key] == VISCOUS
+    for j in range(nb):
+        b = theta[na + j] / g
+        if j == 0 and differs:
+            b -= 1.0
+        x -= b * state[j]
+    # interim estimates may be unstable: the saturation keeps them finite and nothing else
+    x = min(max(x, -LARGEST_SIGNAL), LARGEST_SIGNAL)
+    dx = x - state[0]
+    v = 0.0
+    j = na + nb
+    for k in range(nw):
+        f = term(codes[k], shapes[k, 0], shapes[k, 1], shapes[k, 2], x, dx, math.inf)[0]
+        if k == key:
+            v += g * f
+        else:
+            v += theta[j] * f
+            j += 1
+    for k in range(nx - 1, 0, -1):
+        state[k] = state[k - 1]
+    state[0] = x
+    for k in range(nx + nc - 1, nx, -1):
+        state[k] = state[k - 1]
+    state[nx] = v
+
+
+@njit(cache=True)
+def run_pseudolinear(
+    theta, ud, before, loss, power, recent_u, recent_y, since, forgetting, dims, codes, shapes, key, p, mode, u, y
+):
+    """Take theta, P and the auxiliary model through samples; all state arrays change in place.
+
+    ``mode`` is BLOCK for (7)-(9), REEVALUATED for (10)-(14) with each row built anew from the
+    newest theta, GRADIENT for the stochastic gradient.  Every window starts from ``before``,
+    the auxiliary state before its first sample.  Weights are the paper's: 1 an innovation.
+    """
+    n = theta.size
+    m = u.shape[1]
+    work = np.empty(before.size)
+    phi = np.empty(n)
+    gain = np.empty(n)
+    start = np.empty(n)
+    step = np.empty(n)
+    for t in range(y.size):
+        push(recent_u, u[t])
+        for k in range(recent_y.size - 1, 0, -1):
+            recent_y[k] = recent_y[k - 1]
+        recent_y[0] = y[t]
+        since += 1
+        window = min(p, since)
+        if forgetting != 1.0:
+            inflate(ud, 1.0 / forgetting)
+        start[:] = theta
+        step[:] = 0.0
+        newest = 0.0
+        for i in range(window):
+            if i == 0 or mode == REEVALUATED:
+                work[:] = before
+                for k in range(window - 1, window - 1 - i, -1):
+                    rebuild(theta, dims, codes, shapes, key, work, recent_u, (k + 1) * m)
+            else:
+                rebuild(start, dims, codes, shapes, key, work, recent_u, (window - i + 1) * m)
+            now = window - 1 - i
+            row(dims, codes, shapes, key, work, recent_u, (now + 2) * m, recent_y, now + 1, phi)
+            e = recent_y[now]
+            for k in range(n):
+                e -= phi[k] * theta[k]
+            if mode == GRADIENT:
+                newest = 0.0
+                for k in range(n):
+                    step[k] += phi[k] * e
+                    newest += phi[k] * phi[k]
+            else:
+                measurement_update(ud, phi, 1.0, gain)
+                for k in range(n):
+                    theta[k] += gain[k] * e
+            if now == 0:
+                loss[0] = forgetting * loss[0] + e * e
+                loss[1] = forgetting * loss[1] + 1.0
+        if mode == GRADIENT:
+            power[0] = forgetting * power[0] + newest
+            if power[0] > 0.0:
+                for k in range(n):
+                    theta[k] += step[k] / power[0]
+        if since >= p:
+            rebuild(theta, dims, codes, shapes, key, before, recent_u, p * m)
+    return since
