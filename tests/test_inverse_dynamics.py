@@ -3,8 +3,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from sklearn.base import clone
+from sklearn.model_selection import GridSearchCV, TimeSeriesSplit
 
 from whsklearn.effects import Cogging, Coulomb, LoadFriction, PreslidingHysteresis, Saturation, Viscous
+from whsklearn.estimators import MILSRegressor, RLSRegressor, RMILSRegressor
 from whsklearn.inverse_dynamics import InverseDynamicsLags
 
 RATE = 500.0
@@ -85,6 +87,46 @@ def test_the_state_contract():
     rest = lags.partial_fit_transform(X[half:])
     assert np.array_equal(np.concatenate([first, rest]), whole)
     assert np.array_equal(lags.fit_transform(X), whole)  # starts clean
+
+
+def test_a_stream_goes_on_from_its_state():
+    X, y = smooth_axis(seconds=2.0)
+    lags = InverseDynamicsLags(sample_rate=RATE, causal=True)
+    lags.partial_rows(X[:300], y[:300])
+    other = clone(lags).set_state(lags.get_state())
+    for a, b in zip(lags.partial_rows(X[300:], y[300:]), other.partial_rows(X[300:], y[300:]), strict=True):
+        assert np.array_equal(a, b)
+    with pytest.raises(ValueError, match="no state of an InverseDynamicsLags"):
+        lags.set_state({"seen": 3})
+
+
+@pytest.mark.parametrize("estimator", [RLSRegressor, MILSRegressor, RMILSRegressor])
+@pytest.mark.parametrize("causal", [False, True])
+def test_every_recursive_estimator_identifies_the_axis(estimator, causal):
+    X, y = smooth_axis()
+    model = estimator(lags=InverseDynamicsLags(sample_rate=RATE, cutoff=50, border=50, causal=causal)).fit(X, y)
+    assert model.parameters_ == pytest.approx(TRUTH, rel=0.01)
+    assert model.score(X, y) > (0.9 if causal else 0.99)  # a stream's answer is late
+
+
+def test_an_axis_is_identified_sample_by_sample_and_saved_in_between(tmp_path):
+    X, y = smooth_axis(seconds=4.0)
+    lags = InverseDynamicsLags(sample_rate=RATE, cutoff=50, causal=True)
+    whole = RMILSRegressor(lags=lags, p=4).partial_fit(X, y)
+    piecewise = RMILSRegressor(lags=lags, p=4)
+    for i in range(0, 1000, 250):
+        piecewise.partial_fit(X[i : i + 250], y[i : i + 250])
+    piecewise.save(tmp_path / "axis.state")
+    later = RMILSRegressor.load(tmp_path / "axis.state").partial_fit(X[1000:], y[1000:])
+    assert later.theta_ == pytest.approx(whole.theta_, rel=1e-10)
+
+
+def test_a_grid_search_reaches_the_filter():
+    X, y = smooth_axis(seconds=4.0, noise=1e-6)
+    model = RLSRegressor(lags=InverseDynamicsLags(sample_rate=RATE))
+    search = GridSearchCV(model, {"lags__cutoff": [5.0, 50.0]}, cv=TimeSeriesSplit(2)).fit(X, y)
+    assert set(search.cv_results_["param_lags__cutoff"]) == {5.0, 50.0}
+    assert search.best_score_ > 0.95
 
 
 def test_same_length_zeros_before_the_start_and_names():

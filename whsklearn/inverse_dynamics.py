@@ -224,6 +224,27 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
         phi, late, warm = self._go_on(X, self._drive(X, target), target, groups)
         return phi[~warm], late[~warm]
 
+    def get_state(self) -> dict[str, Any]:
+        """What a stream needs to go on: arrays and numbers."""
+        check_is_fitted(self, "terms_")
+        return {"n_features_in": int(self.n_features_in_), **self._stream._asdict()}
+
+    def set_state(self, state: dict[str, Any]) -> Self:
+        """Go on from what `get_state` of a transformer with the same parameters returned.
+
+        Raises
+        ------
+        ValueError
+            If the state is not of this kind.
+        """
+        if not isinstance(state, dict) or not {"n_features_in", *_Stream._fields} <= state.keys():
+            raise ValueError("This is no state of an InverseDynamicsLags; give what get_state() returned.")
+        arrays = [np.array(state[name], dtype=float) for name in ("path", "drive", "torque")]
+        self._settle()
+        self.n_features_in_ = int(state["n_features_in"])
+        self._stream = _Stream(*arrays, int(state["seen"]))
+        return self
+
     @property
     def max_lag(self) -> int:
         """Samples of the past that a row needs: a window for streams, a period of the cutoff for records."""
