@@ -7,6 +7,7 @@ named   : a dict of ``a``, ``b``, ``c``, ``d`` and one weight a term of the law
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -43,7 +44,7 @@ class Structure(NamedTuple):
         """Where a[1:], b, weights, c[1:], d stand in the natural vector."""
         na, nb, nc, nd, nw = (int(i) for i in self.dims)
         ends = np.cumsum([0, na - 1, nb, nw, nc - 1, nd])
-        return tuple(slice(int(s), int(e)) for s, e in zip(ends[:-1], ends[1:], strict=True))  # type: ignore[return-value]
+        return tuple(slice(int(s), int(e)) for s, e in itertools.pairwise(ends))  # type: ignore[return-value]
 
 
 def paper_vector(natural: Array, s: Structure) -> Array:
@@ -138,7 +139,7 @@ def predictions(natural: Array, s: Structure, u: Array, y: Array, restart: NDArr
 @njit(cache=True)
 def _static_output(a, b, c, codes, shapes, weights, u, restart):
     """sum c_m v(t-m), with x and v by (1) and the law."""
-    n, m = u.shape
+    n = len(u)
     out = np.zeros(n)
     u_past = np.zeros(a.size)
     x_past = np.zeros(b.size + 1)

@@ -252,7 +252,8 @@ class RecursiveRegressor(AxisRegressor):
             if name not in state or np.shape(value)[1:] != np.shape(state[name])[1:]:
                 raise ValueError(
                     f"This state does not fit {type(self).__name__}: its {name} has shape "
-                    f"{np.shape(state.get(name))}, expected like {np.shape(value)}; use the parameters it was saved with."
+                    f"{np.shape(state.get(name))}, expected like "
+                    f"{np.shape(value)}; use the parameters it was saved with."
                 )
 
     def set_params(self, **params: Any) -> Self:

@@ -7,14 +7,15 @@ in the ``state`` dict that every call takes, so that it can be copied, saved and
 
 from __future__ import annotations
 
+import itertools
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from whsklearn.estimators._model import Structure, natural_vector, paper_jacobian, paper_vector
+from whsklearn.estimators._model import Structure, paper_jacobian, paper_vector
 from whsklearn.recursion import multistart
-from whsklearn.recursion.covariance import covariance, factorise
-from whsklearn.recursion.pseudolinear import GRADIENT, auxiliary_size, run_pseudolinear
+from whsklearn.recursion.covariance import covariance
+from whsklearn.recursion.pseudolinear import auxiliary_size, run_pseudolinear
 from whsklearn.recursion.rows import run_gradient, run_rows
 
 if TYPE_CHECKING:
@@ -193,16 +194,4 @@ def pieces(restart: NDArray[np.bool_]) -> list[slice]:
     if not cuts.size:
         return [slice(0, restart.size)] if restart.size else []
     bounds = np.unique(np.concatenate([[0], cuts, [restart.size]]))
-    return [slice(int(i), int(j)) for i, j in zip(bounds[:-1], bounds[1:], strict=True)]
-
-
-__all__ = [
-    "GRADIENT",
-    "FullStream",
-    "PublishedStream",
-    "RowsStream",
-    "Stream",
-    "factorise",
-    "natural_vector",
-    "noise_variance",
-]
+    return [slice(int(i), int(j)) for i, j in itertools.pairwise(bounds)]

@@ -41,9 +41,14 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
         """Whether the rows are built from u and past y inside the estimator."""
         return hasattr(self.lags, "key_term")
 
+    @property
+    def _lags(self) -> WienerHammersteinLags:
+        """The transformer that holds orders and law."""
+        return self.lags
+
     def _structure(self) -> wh.Structure:
         """Orders and law as the kernels take them."""
-        lags: WienerHammersteinLags = self.lags
+        lags = self._lags
         dims = lags.dims()
         dims[0] *= self.n_features_in_
         try:
@@ -237,7 +242,7 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
 
     def _need_rows(self, n: int) -> None:
         """Raise where a record cannot fill the lags once."""
-        needed = self.lags.max_lag + 1 if self._is_wiener_hammerstein else 1
+        needed = self._lags.max_lag + 1 if self._is_wiener_hammerstein else 1
         if n < needed:
             raise ValueError(
                 f"Found {n} sample{'s' if n != 1 else ''} (n_samples={n}), expected at least {needed}, as many as the "
@@ -246,7 +251,7 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
 
     def _warn_constant(self, X: Array) -> None:
         """An input that never changes shows no dynamics."""
-        if self._is_wiener_hammerstein and len(X) > self.lags.max_lag and np.ptp(X, axis=0).max() == 0.0:
+        if self._is_wiener_hammerstein and len(X) > self._lags.max_lag and np.ptp(X, axis=0).max() == 0.0:
             warnings.warn(
                 "The input is constant, expected one that moves; the dynamics cannot be seen, excite the axis.",
                 UserWarning,
@@ -254,7 +259,9 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
             )
 
     def _draw_seed(self) -> int:
-        """One whole number from ``random_state``."""
+        """One whole number from ``random_state``; 0 where nothing is drawn."""
+        if not self._is_wiener_hammerstein or getattr(self, "gradient", "full") != "full":
+            return 0
         return int(check_random_state(getattr(self, "random_state", None)).randint(2**31 - 1))
 
     def __sklearn_tags__(self) -> Any:

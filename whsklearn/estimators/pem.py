@@ -81,14 +81,9 @@ class PEMRegressor(AxisRegressor):
     def _is_wiener_hammerstein(self) -> bool:
         return True
 
-    def _structure(self) -> wh.Structure:
-        if self.lags is not None:
-            return super()._structure()
-        return type(self)(WienerHammersteinLags())._with_features(self.n_features_in_)._structure()
-
-    def _with_features(self, n: int) -> Self:
-        self.n_features_in_ = n
-        return self
+    @property
+    def _lags(self) -> WienerHammersteinLags:
+        return WienerHammersteinLags() if self.lags is None else self.lags
 
     def fit(self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None) -> Self:
         """Fit a record.
@@ -110,13 +105,9 @@ class PEMRegressor(AxisRegressor):
         if isinstance(self.n_starts, bool) or not isinstance(self.n_starts, (int, np.integer)) or self.n_starts < 1:
             raise ValueError(f"n_starts is {self.n_starts!r}, expected a whole number of 1 or more.")
         X, y = self._validate(X, y, reset=True)
+        self._need_rows(len(X))
+        self._warn_constant(X)
         structure = self._structure()
-        n = int(structure.dims[:4].sum() - 2 + structure.dims[4])
-        if len(X) <= n:
-            raise ValueError(
-                f"Found {len(X)} sample{'s' if len(X) != 1 else ''} (n_samples={len(X)}), expected more than the {n} "
-                "parameters; give a longer record or lower orders."
-            )
         restart = starts(groups, len(X), first=True)
         problem = _Problem(structure, np.ascontiguousarray(X), y, restart)
         rng = np.random.default_rng(self._draw_seed())
@@ -126,7 +117,7 @@ class PEMRegressor(AxisRegressor):
         self.cost_ = float(cost)
         self.state_ = {
             "theta": natural,
-            "covariance": cost / (len(y) - n) * problem.inverse_information(natural),
+            "covariance": cost / max(len(y) - natural.size, 1) * problem.inverse_information(natural),
             "seen": len(y),
         }
         return self
@@ -194,10 +185,11 @@ class _Problem:
         from scipy.optimize import least_squares
 
         best = np.inf, theta
+        method = "lm" if self.y.size >= theta.size else "trf"  # MINPACK needs as many residuals as parameters
         for relative in LADDER:
             kappa = relative / self.motion(theta)
             theta = least_squares(
-                self.residuals, theta, self.jacobian, method="lm", x_scale="jac", max_nfev=40, args=(kappa,)
+                self.residuals, theta, self.jacobian, method=method, x_scale="jac", max_nfev=40, args=(kappa,)
             ).x
             cost = float(np.sum(self.residuals(theta, np.inf) ** 2))
             if cost < best[0]:

@@ -73,11 +73,11 @@ class SwarmRegressor(PEMRegressor):
             if isinstance(value, bool) or not isinstance(value, (int, float, np.number)) or not value > 0:
                 raise ValueError(f"{name} is {value!r}, expected a positive number.")
         X, y = self._validate(X, y, reset=True)
+        self._need_rows(len(X))
+        self._warn_constant(X)
         structure = self._structure()
         blocks = structure.slices()
         n = blocks[-1].stop
-        if len(X) <= n:
-            raise ValueError(f"Found {len(X)} samples (n_samples={len(X)}), expected more than the {n} parameters.")
         restart = starts(groups, len(X), first=True)
         u = np.ascontiguousarray(X)
         limits = np.full((n, 2), [-self.bound, self.bound])

@@ -61,7 +61,7 @@ def least_squares_start(
     solution = np.linalg.lstsq(rows, y, rcond=1e-10)[0]
     if not np.isfinite(solution).all():
         return theta
-    left, _, right = np.linalg.svd(solution[: nc * nw].reshape(nc, nw), full_matrices=False)
+    left, _, _ = np.linalg.svd(solution[: nc * nw].reshape(nc, nw), full_matrices=False)
     c = left[:, 0]
     floor = 0.05 * np.abs(c).max()
     first = c[0] if abs(c[0]) > floor else np.copysign(floor, c[0])
