@@ -1,0 +1,231 @@
+"""How accurate the estimators are, measured: the paper's example, long records, other systems, p, intervals.
+
+    python benchmarks/accuracy.py                    # everything, about 25 minutes on 2 cores
+    python benchmarks/accuracy.py --section example --runs 20
+
+Every figure is of the free run against noise-free output, each run averaged over three
+fresh records of 1,000 samples.  Seeds are 0, 1, 2, ...; none is left out.  Intervals are
+95 % bootstrap intervals of the median, or Wilson intervals of a share.
+"""
+
+from __future__ import annotations
+
+import json
+import pathlib
+import time
+from typing import Any
+
+import click
+import numpy as np
+from joblib import Parallel, delayed
+from scipy.stats import bootstrap
+from tqdm import tqdm
+
+from whsklearn import PEMRegressor, RLSRegressor, RMILSRegressor, WienerHammersteinLags, WienerHammersteinSystem
+from whsklearn.datasets import make_wiener_hammerstein
+from whsklearn.effects import FrictionLaw, reduced_law
+from whsklearn.metrics import nmse
+from whsklearn.recursion.starts import random_stable
+
+SNR_DB = 7.462
+LENGTHS = (250, 500, 1000)
+INNOVATION_LENGTHS = (1, 2, 4, 8, 16)
+
+
+def free_run_nmse(model: Any, system: WienerHammersteinSystem, seed: int) -> float:
+    """NMSE of the free run, averaged over three fresh noise-free records."""
+    errors = []
+    for k in range(3):
+        X, y = make_wiener_hammerstein(1000, snr_db=None, random_state=[seed, 77, k], system=system)
+        errors.append(nmse(y, model.predict(X)))
+    return float(np.mean(errors))
+
+
+def random_system(seed: int) -> WienerHammersteinSystem:
+    """Orders of 1 to 3, stable blocks, a law of (4)'s form."""
+    rng = np.random.default_rng([seed, 5])
+    n_a, n_b, n_c, n_d = rng.integers(1, 4, 4)
+    a = np.concatenate([[1.0], rng.normal(0, 0.8, n_a - 1)])
+    c = np.concatenate([[1.0], rng.normal(0, 0.8, n_c - 1)])
+    law = reduced_law(rng.uniform(0.02, 0.5), rng.uniform(0.3, 1.0), rng.uniform(0.1, 0.5))
+    return WienerHammersteinSystem(a, random_stable(n_b, rng), c, random_stable(n_d, rng), law)
+
+
+def lags_of(system: WienerHammersteinSystem) -> WienerHammersteinLags:
+    """Lags of the system's own orders and law."""
+    law: FrictionLaw = system.law
+    return WienerHammersteinLags(system.a.size, system.b.size, system.c.size, system.d.size, law=law)
+
+
+def one_example(seed: int, n_samples: int, pem: bool) -> dict[str, float]:
+    """RMILS by default, the pure recursion, and PEM on one record of Example 5.1."""
+    system = WienerHammersteinSystem.example()
+    X, y = make_wiener_hammerstein(n_samples, snr_db=SNR_DB, random_state=seed)
+    models = {
+        "RMILS": RMILSRegressor(WienerHammersteinLags(), random_state=seed),
+        "RMILS, memory=0": RMILSRegressor(WienerHammersteinLags(), memory=0, P0=1.0, random_state=seed),
+        "RMILS, published": RMILSRegressor(WienerHammersteinLags(), gradient="pseudolinear", P0=1e6),
+    }
+    if pem:
+        models["PEM"] = PEMRegressor(WienerHammersteinLags(), random_state=seed)
+    out = {}
+    for name, model in models.items():
+        out[name] = free_run_nmse(model.fit(X, y), system, seed)
+    stream = RMILSRegressor(WienerHammersteinLags(), random_state=seed).partial_fit(X, y)
+    out["RMILS, partial_fit only"] = free_run_nmse(stream, system, seed)
+    return out
+
+
+def one_system(seed: int) -> dict[str, Any]:
+    """RMILS by default and PEM on one random system at 20 dB."""
+    system = random_system(seed)
+    X, y = make_wiener_hammerstein(1000, snr_db=20.0, random_state=[seed, 6], system=system)
+    out: dict[str, Any] = {"orders": [int(v.size) for v in (system.a, system.b, system.c, system.d)]}
+    for name, model in (
+        ("RMILS", RMILSRegressor(lags_of(system), random_state=seed)),
+        ("RMILS, memory=0", RMILSRegressor(lags_of(system), memory=0, P0=1.0, random_state=seed)),
+        ("RMILS, published", RMILSRegressor(lags_of(system), gradient="pseudolinear", P0=1e6)),
+        ("PEM", PEMRegressor(lags_of(system), n_starts=32, random_state=seed)),
+    ):
+        out[name] = free_run_nmse(model.fit(X, y), system, seed)
+    return out
+
+
+def one_length(seed: int, p: int, n_samples: int, memory: int) -> float:
+    """RMILS with one innovation length."""
+    X, y = make_wiener_hammerstein(n_samples, snr_db=SNR_DB, random_state=seed)
+    P0 = None if memory else 1.0
+    model = RMILSRegressor(WienerHammersteinLags(), p=p, memory=memory, P0=P0, random_state=seed)
+    return free_run_nmse(model.fit(X, y), WienerHammersteinSystem.example(), seed)
+
+
+def one_coverage(seed: int) -> dict[str, Any]:
+    """Whether 95 % intervals hold the truth: RLS on the true regressors, PEM on Example 5.1."""
+    X, y, truth = make_wiener_hammerstein(1000, snr_db=SNR_DB, random_state=seed, return_truth=True)
+    rows = WienerHammersteinLags(theta=truth.theta).fit_transform(X, y)
+    rls = RLSRegressor(P0=1e8).fit(rows, y)
+    pem = PEMRegressor(WienerHammersteinLags(), random_state=seed).fit(X, y)
+    out: dict[str, Any] = {}
+    for name, model in (("RLS", rls), ("PEM", pem)):
+        z = (model.theta_ - truth.theta) / model.standard_errors_
+        out[name] = (np.abs(z) < 1.96).tolist()
+    system = truth.system
+    named, errors = pem.parameters_, pem.parameter_standard_errors_
+    true = {"a": system.a[1:], "b": system.b, "c": system.c[1:], "d": system.d}
+    z = [(named[k][-v.size :] - v) / errors[k][-v.size :] for k, v in true.items()]
+    z += [np.array([(named[k] - w) / errors[k]]) for k, w in zip(system.law.labels, system.law.weights, strict=True)]
+    out["PEM, natural"] = (np.abs(np.concatenate(z)) < 1.96).tolist()
+    return out
+
+
+def median_interval(values: Any) -> tuple[float, float, float]:
+    """Median with its 95 % bootstrap interval."""
+    values = np.asarray(values)
+    if values.size < 3:
+        return float(np.median(values)), float(values.min()), float(values.max())
+    ci = bootstrap((values,), np.median, n_resamples=2000, rng=0, method="percentile").confidence_interval
+    return float(np.median(values)), float(ci.low), float(ci.high)
+
+
+def wilson(k: int, n: int) -> tuple[float, float]:
+    """95 % Wilson interval of a share."""
+    z, share = 1.96, k / n
+    centre = (share + z * z / (2 * n)) / (1 + z * z / n)
+    half = z * np.sqrt(share * (1 - share) / n + z * z / (4 * n * n)) / (1 + z * z / n)
+    return float(centre - half), float(centre + half)
+
+
+def run_all(function: Any, tasks: list[tuple[Any, ...]], label: str, n_jobs: int) -> list[Any]:
+    """Run tasks with a progress bar, in order."""
+    results = Parallel(n_jobs=n_jobs, return_as="generator")(delayed(function)(*task) for task in tasks)
+    return list(tqdm(results, total=len(tasks), desc=label, disable=None))
+
+
+def spread(rows: list[dict[str, Any]], title: str) -> list[str]:
+    """A table of NMSE by estimator."""
+    lines = [f"\n### {title}\n", "| estimator | median | 95 % interval | 95th percentile | worst |", "|---|---|---|---|---|"]
+    for name in rows[0]:
+        if name == "orders":
+            continue
+        v = np.array([r[name] for r in rows])
+        m, low, high = median_interval(v)
+        lines.append(f"| {name} | {m:.4f} | {low:.4f} to {high:.4f} | {np.quantile(v, 0.95):.4f} | {v.max():.4f} |")
+    return lines
+
+
+@click.command(help=__doc__.split("\n\n")[0])
+@click.option("--section", type=click.Choice(["all", "example", "long", "systems", "p", "coverage"]), default="all")
+@click.option("--runs", type=int, default=None, help="Runs in each section; 100, 30, 50, 100 and 200 by default.")
+@click.option("--jobs", type=int, default=2, show_default=True, help="Processes.")
+@click.option("--out", type=click.Path(path_type=pathlib.Path), default=None, help="Folder for accuracy.md and .json.")
+def main(section: str, runs: int | None, jobs: int, out: pathlib.Path | None) -> None:
+    """Measure and print."""
+    begun = time.time()
+    lines, record = ["# Accuracy"], {}
+    chosen = ("example", "long", "systems", "p", "coverage") if section == "all" else (section,)
+    if "example" in chosen:
+        rows = run_all(one_example, [(s, 1000, True) for s in range(runs or 100)], "Example 5.1", jobs)
+        record["example"] = rows
+        lines += spread(rows, f"Example 5.1, N = 1,000, 7.462 dB, {len(rows)} seeds: free-run NMSE")
+        ratio = np.median([r["RMILS"] for r in rows]) / np.median([r["PEM"] for r in rows])
+        lines.append(f"\nMedian of RMILS over median of PEM: {ratio:.2f}.")
+    if "long" in chosen:
+        rows = run_all(one_example, [(s, 10_000, False) for s in range(runs or 30)], "N = 10,000", jobs)
+        record["long"] = rows
+        lines += spread(rows, f"The same, N = 10,000, {len(rows)} seeds")
+    if "systems" in chosen:
+        rows = run_all(one_system, [(s,) for s in range(runs or 50)], "random systems", jobs)
+        record["systems"] = rows
+        lines += spread(rows, f"{len(rows)} random stable systems, N = 1,000, 20 dB")
+        for name in ("RMILS", "RMILS, memory=0", "RMILS, published"):
+            good = sum(r[name] <= 2 * r["PEM"] for r in rows)
+            low, high = wilson(good, len(rows))
+            lines.append(f"\n{name} within 2 times PEM: {good} of {len(rows)} (95 % interval {low:.2f} to {high:.2f}).")
+    if "p" in chosen:
+        lines += innovation_lengths(runs or 100, jobs, record)
+    if "coverage" in chosen:
+        lines += coverage(runs or 200, jobs, record)
+    lines.append(f"\n{time.time() - begun:.0f} s.")
+    print("\n".join(lines))
+    if out is not None:
+        out.mkdir(parents=True, exist_ok=True)
+        (out / "accuracy.md").write_text("\n".join(lines) + "\n")
+        (out / "accuracy.json").write_text(json.dumps(record))
+
+
+def innovation_lengths(runs: int, jobs: int, record: dict[str, Any]) -> list[str]:
+    """What p does, with and without the memory."""
+    lines = []
+    for memory in (1024, 0):
+        what = "with the default memory" if memory else "pure recursion, memory=0"
+        lines += [f"\n### Innovation length p, {what}: median NMSE and 95 % interval, {runs} seeds\n"]
+        lines += ["| p | " + " | ".join(f"N = {n}" for n in LENGTHS) + " |", "|---|" + "---|" * len(LENGTHS)]
+        for p in INNOVATION_LENGTHS:
+            cells = []
+            for n in LENGTHS:
+                v = run_all(one_length, [(s, p, n, memory) for s in range(runs)], f"p={p} N={n}", jobs)
+                record[f"p={p}, N={n}, memory={memory}"] = v
+                m, low, high = median_interval(v)
+                cells.append(f"{m:.4f} ({low:.4f} to {high:.4f})")
+            lines.append(f"| {p} | " + " | ".join(cells) + " |")
+    return lines
+
+
+def coverage(runs: int, jobs: int, record: dict[str, Any]) -> list[str]:
+    """Coverage of 95 % intervals, a row an estimator."""
+    rows = run_all(one_coverage, [(s,) for s in range(runs)], "coverage", jobs)
+    record["coverage"] = rows
+    lines = [f"\n### Coverage of 95 % intervals in %, {runs} seeds\n"]
+    for name, entries in (
+        ("RLS", "g a1, g a2, g b1 + g, g b2, beta1, beta2, c2, d1, d2"),
+        ("PEM", "g a1, g a2, g b1 + g, g b2, beta1, beta2, c2, d1, d2"),
+        ("PEM, natural", "a2, b1, b2, c2, d1, d2, viscous, coulomb, stribeck"),
+    ):
+        hits = np.array([r[name] for r in rows])
+        shares = ", ".join(f"{100 * s:.1f}" for s in hits.mean(axis=0))
+        lines.append(f"- {name}: {100 * hits.mean():.1f} in all; {entries}: {shares}")
+    return lines
+
+
+if __name__ == "__main__":
+    main()
