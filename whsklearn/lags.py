@@ -188,7 +188,7 @@ class WienerHammersteinLags(TransformerMixin, BaseEstimator):
         return out
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _fill(theta, dims, codes, shapes, key, state, past_u, past_y, u, y, restart):
     """Rows of (6), the auxiliary model run at a fixed theta."""
     out = np.empty((y.size, theta.size))

@@ -33,7 +33,7 @@ HINGE = 11
 CONSTANT = 12
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def smooth_sign(dx, kappa):
     """sign(dx) and its slope; tanh(kappa dx) for a finite kappa."""
     if kappa == math.inf:
@@ -42,7 +42,7 @@ def smooth_sign(dx, kappa):
     return s, kappa * (1.0 - s * s)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def term(code, s0, s1, s2, x, dx, kappa):
     """Value of a term and its derivatives by x and by dx."""
     if code == VISCOUS:
@@ -92,7 +92,7 @@ def term(code, s0, s1, s2, x, dx, kappa):
     return 1.0, 0.0, 0.0
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def term_values(code, s0, s1, s2, x, dx, kappa):
     """The values of one term along a record."""
     out = np.empty(x.size)

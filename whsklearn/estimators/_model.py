@@ -136,7 +136,7 @@ def predictions(natural: Array, s: Structure, u: Array, y: Array, restart: NDArr
     return _ahead(v, np.ascontiguousarray(d), y, restart, horizon)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _static_output(a, b, c, codes, shapes, weights, u, restart):
     """sum c_m v(t-m), with x and v by (1) and the law."""
     n = len(u)
@@ -170,7 +170,7 @@ def _static_output(a, b, c, codes, shapes, weights, u, restart):
     return out
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _recursive_part(v, d, restart):
     """y(t) = v(t) - sum d_n y(t-n)."""
     y = np.zeros(v.size)
@@ -186,7 +186,7 @@ def _recursive_part(v, d, restart):
     return y
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _ahead(v, d, y, restart, horizon):
     """The same from the outputs up to t - horizon, which are known."""
     out = np.zeros(v.size)

@@ -18,7 +18,7 @@ from whsklearn.systems.stability import is_stable
 HUGE = 1e290
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def replay(
     theta, dims, codes, shapes, kappa, origin, memory_u, memory_y, restarts, fill, history, tail, forgetting,
     information, slope, state,
@@ -75,7 +75,7 @@ def replay(
     return total
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def refine(
     theta, dims, codes, shapes, kappa, origin, memory_u, memory_y, restarts, fill, history, tail, forgetting,
     prior_theta, prior_information, iterations, information, state,
@@ -124,7 +124,7 @@ def refine(
     return cost
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _add_prior(theta, prior_theta, prior_information, information, slope):
     """Add the prior's part to the Gauss-Newton matrix and slope; returns its part of the cost."""
     n = theta.size
@@ -139,7 +139,7 @@ def _add_prior(theta, prior_theta, prior_information, information, slope):
     return cost
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def solve_damped(matrix, right, damping, solution):
     """Solve (A + damping diag A) s = r by Cholesky; False where A is not positive definite."""
     n = right.size

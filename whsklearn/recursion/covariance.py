@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def measurement_update(ud, phi, r, gain):
     """Update U and D by one row phi whose noise has variance r; ``gain`` receives L(t).
 
@@ -40,7 +40,7 @@ def measurement_update(ud, phi, r, gain):
     return alpha
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def inflate(ud, factor):
     """P <- P * factor, by D alone."""
     for j in range(ud.shape[0]):

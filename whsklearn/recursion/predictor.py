@@ -28,13 +28,13 @@ from numba import njit
 from whsklearn.effects.terms import term
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def parameter_count(dims):
     """Number of entries of theta."""
     return dims[0] - 1 + dims[1] + dims[4] + dims[2] - 1 + dims[3]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def state_size(dims):
     """Length of the flat state of one model."""
     n1 = dims[0] - 1 + dims[1]
@@ -42,7 +42,7 @@ def state_size(dims):
     return nx * (1 + n1) + dims[2] * (1 + n1 + dims[4])
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def push(past, newest):
     """Put the newest sample, one number an input, before the older ones."""
     m = newest.size
@@ -52,7 +52,7 @@ def push(past, newest):
         past[i] = newest[i]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def predict(theta, dims, state, y_past, first, psi):
     """y_hat(t) from the state and y(t-1), ... at y_past[first], ...; psi receives its gradient."""
     na, nb, nc, nd, nw = dims[0], dims[1], dims[2], dims[3], dims[4]
@@ -79,7 +79,7 @@ def predict(theta, dims, state, y_past, first, psi):
     return y_hat
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def advance(theta, dims, codes, shapes, kappa, state, u_past, first):
     """Take the state one sample on, from u(t-1), ... at u_past[first], ...; returns dx = x(t) - x(t-1)."""
     na, nb, nc, nw = dims[0], dims[1], dims[2], dims[4]
@@ -130,7 +130,7 @@ def advance(theta, dims, codes, shapes, kappa, state, u_past, first):
     return dx
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def record_errors(theta, dims, codes, shapes, kappa, u, y, restart, errors, jacobian):
     """Prediction errors over a record and, where ``jacobian`` has rows, psi for every sample.
 
@@ -160,7 +160,7 @@ def record_errors(theta, dims, codes, shapes, kappa, u, y, restart, errors, jaco
     return errors
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def record_regressors(theta, dims, codes, shapes, kappa, u, y, restart, rows):
     """Rows of the model that is linear once L1 is fixed: f_k(t-m) for m = 1..n_c, then -y(t-n)."""
     na, nb, nc, nd, nw = dims[0], dims[1], dims[2], dims[3], dims[4]
@@ -198,7 +198,7 @@ def record_regressors(theta, dims, codes, shapes, kappa, u, y, restart, rows):
         since += 1
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def motion(theta, dims, u, restart):
     """Root mean square of dx = x(t) - x(t-1), which sets the scale of kappa."""
     na, nb = dims[0], dims[1]

@@ -28,13 +28,13 @@ LARGEST_SIGNAL = 1e6
 BLOCK, REEVALUATED, GRADIENT = 0, 1, 2
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def auxiliary_size(dims):
     """Length of the auxiliary state."""
     return max(dims[1], 1) + 1 + dims[2]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def row(dims, codes, shapes, key, state, u_past, first_u, y_past, first_y, phi):
     """phi(t) of (6), from the auxiliary state, u(t-2), ... at ``first_u`` and y(t-1), ... at ``first_y``."""
     na, nb, nc, nd, nw = dims[0], dims[1], dims[2], dims[3], dims[4]
@@ -60,7 +60,7 @@ def row(dims, codes, shapes, key, state, u_past, first_u, y_past, first_y, phi):
         phi[j + i] = -y_past[first_y + i]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def rebuild(theta, dims, codes, shapes, key, state, u_past, first):
     """Take the auxiliary state one sample on: x_hat(t), v_hat(t) with the products of theta undone."""
     na, nb, nc, nw = dims[0], dims[1], dims[2], dims[4]
@@ -97,7 +97,7 @@ def rebuild(theta, dims, codes, shapes, key, state, u_past, first):
     state[nx] = v
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def run_pseudolinear(
     theta, ud, before, loss, power, recent_u, recent_y, since, forgetting, dims, codes, shapes, key, p, mode, u, y
 ):

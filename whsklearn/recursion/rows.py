@@ -13,7 +13,7 @@ from numba import njit
 from whsklearn.recursion.covariance import inflate, measurement_update
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def run_rows(theta, ud, loss, recent, targets, since, forgetting, p, variance, rows, y):
     """Update theta and P by each row and the p - 1 before it; all state arrays change in place.
 
@@ -67,7 +67,7 @@ def run_rows(theta, ud, loss, recent, targets, since, forgetting, p, variance, r
     return since
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def run_gradient(theta, loss, recent, targets, since, power, forgetting, p, rows, y):
     """Multi-innovation stochastic gradient: theta += Phi E / r, r(t) = lambda r(t-1) + |phi(t)|^2.
 

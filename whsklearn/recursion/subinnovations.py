@@ -21,13 +21,13 @@ LARGEST_PARAMETER = 1e8
 LOSS_FORGETTING = 0.995
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def relative_sharpness(seen, sharpest):
     """kappa times the root mean square of dx: rises with the samples seen from 1 to ``sharpest``."""
     return min(max((seen / 32.0) ** 1.75, 1.0), sharpest)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def run_windows(
     theta, ud, before, loss, motion, recent_u, recent_y, since, seen, forgetting, sharpness, sharpest,
     dims, codes, shapes, p, frozen, u, y,
@@ -111,7 +111,7 @@ def run_windows(
     return since
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _step(theta, gain, e, na, nb):
     """theta += gain e, halved until L1 is stable, not taken if it never is."""
     n = theta.size

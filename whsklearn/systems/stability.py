@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def is_stable(b, radius):
     """Whether 1 + b_1 q^-1 + ... has all its roots inside ``radius`` (Schur-Cohn step-down)."""
     n = b.size
