@@ -1,14 +1,15 @@
-"""Small pure helpers of the inverse dynamics: terms, their columns, the torque checked, runs of groups."""
+"""Small helpers of the inverse dynamics: terms, their columns, a stream's next piece, checks, runs of groups."""
 
 from __future__ import annotations
 
 import itertools
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from sklearn.utils import Bunch
 
 from whsklearn.effects import Effect, FrictionLaw, as_law, get_effect
+from whsklearn.stream_filtering import causal_delay, causal_motion
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -36,10 +37,63 @@ def effect_terms(law: Any, effects: str | Iterable[str | Effect]) -> tuple[Effec
     return terms
 
 
+def column_names(terms: tuple[Effect, ...]) -> list[str]:
+    """A name a column: the effect's, numbered where one recurs, with cos and sin where there are two."""
+    names = [t.name for t in terms]
+    out = []
+    for i, term in enumerate(terms):
+        label = term.name if names.count(term.name) == 1 else f"{term.name}{names[: i + 1].count(term.name)}"
+        out += [f"{label}_cos", f"{label}_sin"] if term.phased else [label]
+    return out
+
+
+def sized_effects(terms: tuple[Effect, ...], weights: Array) -> tuple[Effect, ...]:
+    """The terms with the sizes, and phases, that the weights of their columns give."""
+    found, at = [], 0
+    for term in terms:
+        n = len(term.coefficients)
+        fixed = {k: v for k, v in {**term.shape, **term.options}.items() if not (term.phased and k == "phase")}
+        found.append(type(term).from_coefficients(weights[at : at + n], **fixed))
+        at += n
+    return tuple(found)
+
+
 def stack_columns(terms: tuple[Effect, ...], moved: Motion, drive: Array, time: Array) -> Array:
     """Acceleration and every term's columns side by side."""
     signals = Bunch(time=time, drive=drive, **moved._asdict())
     return np.column_stack([moved.acceleration, *(t.columns(signals) for t in terms)])
+
+
+class Stream(NamedTuple):
+    """What a causal transformer carries: the last samples of position, drive and torque, and how many it has seen."""
+
+    path: Array
+    drive: Array
+    torque: Array
+    seen: int
+
+
+AT_START = Stream(np.empty(0), np.empty(0), np.empty(0), 0)
+
+
+def advance(
+    stream: Stream,
+    path: Array,
+    drive: Array,
+    target: Array,
+    terms: tuple[Effect, ...],
+    kernels: Array,
+    sample_rate: float,
+) -> tuple[Array, Array, Stream]:
+    """Columns and delayed torque of the next piece, zeros in the warm-up, and the stream after it."""
+    delay = kernels.shape[1] // 2
+    moved, past = causal_motion(path, stream.path, kernels)
+    force, past_drive = causal_delay(drive, stream.drive, delay)
+    late, past_torque = causal_delay(target, stream.torque, delay)
+    time = (stream.seen - delay + np.arange(len(path))) / sample_rate
+    phi = stack_columns(terms, moved, force, time)
+    phi[: max(2 * delay - stream.seen, 0)] = 0.0
+    return phi, late, Stream(past, past_drive, past_torque, stream.seen + len(path))
 
 
 def checked_torque(y: ArrayLike, n: int) -> Array:

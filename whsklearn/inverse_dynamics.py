@@ -7,23 +7,27 @@ estimator that takes rows identifies the axis.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.utils.validation import check_array, check_is_fitted, validate_data
 
-from whsklearn._axis_rows import DRIVEN, checked_torque, effect_terms, runs, stack_columns
-from whsklearn.effects import PreslidingHysteresis
-from whsklearn.filtering import (
-    causal_delay,
-    causal_kernels,
-    causal_motion,
-    causal_window,
-    decimate,
-    motion,
-    zero_phase,
+from whsklearn._axis_rows import (
+    AT_START,
+    DRIVEN,
+    Stream,
+    advance,
+    checked_torque,
+    column_names,
+    effect_terms,
+    runs,
+    sized_effects,
+    stack_columns,
 )
+from whsklearn.effects import PreslidingHysteresis
+from whsklearn.filtering import decimate, motion, zero_phase
+from whsklearn.stream_filtering import causal_delay, causal_kernels, causal_window
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -35,18 +39,6 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 __all__ = ["InverseDynamicsLags"]
-
-
-class _Stream(NamedTuple):
-    """What a causal transformer carries: the last samples of position, drive and torque, and how many it has seen."""
-
-    path: Array
-    drive: Array
-    torque: Array
-    seen: int
-
-
-_AT_START = _Stream(np.empty(0), np.empty(0), np.empty(0), 0)
 
 
 class InverseDynamicsLags(TransformerMixin, BaseEstimator):
@@ -237,12 +229,12 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
         ValueError
             If the state is not of this kind.
         """
-        if not isinstance(state, dict) or not {"n_features_in", *_Stream._fields} <= state.keys():
+        if not isinstance(state, dict) or not {"n_features_in", *Stream._fields} <= state.keys():
             raise ValueError("This is no state of an InverseDynamicsLags; give what get_state() returned.")
-        arrays = [np.array(state[name], dtype=float) for name in ("path", "drive", "torque")]
+        path, drive, torque = (np.array(state[name], dtype=float) for name in ("path", "drive", "torque"))
         self._settle()
         self.n_features_in_ = int(state["n_features_in"])
-        self._stream = _Stream(*arrays, int(state["seen"]))
+        self._stream = Stream(path, drive, torque, int(state["seen"]))
         return self
 
     @property
@@ -273,25 +265,14 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
                 f"The fitted inertia is {theta[0]:.3g}, expected a number above zero; check units and the sense of "
                 "drive and position, or give a record that accelerates more."
             )
-        found, at = [], 1
-        for term in self.terms_:
-            n = len(term.coefficients)
-            fixed = {k: v for k, v in {**term.shape, **term.options}.items() if not (term.phased and k == "phase")}
-            found.append(type(term).from_coefficients(theta[at : at + n], **fixed))
-            at += n
-        return float(theta[0]), tuple(found)
+        return float(theta[0]), sized_effects(self.terms_, theta[1:])
 
     def get_feature_names_out(self, input_features: Any = None) -> NDArray[np.object_]:
         """``inertia``, then the effects' names, numbered where one recurs, with cos and sin where there are two."""
         check_is_fitted(self, "terms_")
-        names = [t.name for t in self.terms_]
-        out = ["inertia"]
-        for i, term in enumerate(self.terms_):
-            label = term.name if names.count(term.name) == 1 else f"{term.name}{names[: i + 1].count(term.name)}"
-            out += [f"{label}_cos", f"{label}_sin"] if term.phased else [label]
-        return np.array(out, dtype=object)
+        return np.array(["inertia", *column_names(self.terms_)], dtype=object)
 
-    _stream: _Stream
+    _stream: Stream
 
     def _settle(self) -> None:
         """Terms, filter and delay from the parameters."""
@@ -305,7 +286,7 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
             self._kernels = causal_kernels(self.sample_rate, window, self.degree)
             delay = (window - 1) // 2
         self.terms_, self.cutoff_, self.delay_, self.warmup_ = terms, cutoff, delay, 2 * delay
-        self._stream = _AT_START
+        self._stream = AT_START
 
     def _fresh(self, X: ArrayLike, y: ArrayLike | None, groups: ArrayLike | None) -> Array:
         """Fit, and columns from a clean start."""
@@ -326,13 +307,13 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
             )
         return np.zeros(len(X))
 
-    def _columns(self, X: Array, drive: Array, groups: ArrayLike | None) -> tuple[Array, _Stream]:
+    def _columns(self, X: Array, drive: Array, groups: ArrayLike | None) -> tuple[Array, Stream]:
         """Columns of every record, each from a clean start, and the stream at the end of the last."""
-        stream = _AT_START
+        stream = AT_START
         pieces = []
         for s in runs(groups, len(X)):
             if self.causal:
-                phi, _, stream = self._advance(_AT_START, X[s, 0], drive[s], drive[s])
+                phi, _, stream = self._advance(AT_START, X[s, 0], drive[s], drive[s])
             else:
                 moved = motion(X[s, 0], self.sample_rate, self.cutoff_, self.order)
                 smooth = zero_phase(drive[s], self.sample_rate, self.cutoff_, self.order)
@@ -346,7 +327,7 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
         """Columns, delayed torque and warm-up rows of a piece of the stream; a new group starts a new stream."""
         stream, out = self._stream, []
         for i, s in enumerate(runs(groups, len(X))):
-            stream = _AT_START if i else stream
+            stream = AT_START if i else stream
             warm = stream.seen + np.arange(s.stop - s.start) < self.warmup_
             phi, late, stream = self._advance(stream, X[s, 0], drive[s], target[s])
             out.append((phi, late, warm))
@@ -354,15 +335,9 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
         phis, lates, warms = zip(*out, strict=True)
         return np.concatenate(phis), np.concatenate(lates), np.concatenate(warms)
 
-    def _advance(self, stream: _Stream, path: Array, drive: Array, target: Array) -> tuple[Array, Array, _Stream]:
-        """Columns and delayed torque of the next piece, and the stream after it."""
-        moved, past = causal_motion(path, stream.path, self._kernels)
-        force, past_drive = causal_delay(drive, stream.drive, self.delay_)
-        late, past_torque = causal_delay(target, stream.torque, self.delay_)
-        time = (stream.seen - self.delay_ + np.arange(len(path))) / self.sample_rate
-        phi = stack_columns(self.terms_, moved, force, time)
-        phi[: max(self.warmup_ - stream.seen, 0)] = 0.0
-        return phi, late, _Stream(past, past_drive, past_torque, stream.seen + len(path))
+    def _advance(self, stream: Stream, path: Array, drive: Array, target: Array) -> tuple[Array, Array, Stream]:
+        """Columns and delayed torque of the next piece, zeros in the warm-up, and the stream after it."""
+        return advance(stream, path, drive, target, self.terms_, self._kernels, self.sample_rate)
 
     def _next_piece(self, X: ArrayLike) -> Array:
         """Check a piece of a stream; the first one settles the columns."""
