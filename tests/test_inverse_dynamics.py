@@ -89,6 +89,17 @@ def test_the_state_contract():
     assert np.array_equal(lags.fit_transform(X), whole)  # starts clean
 
 
+def test_a_stream_goes_on_from_a_record_with_a_measured_drive_apart():
+    X, y = smooth_axis(seconds=2.0)
+    both = np.column_stack([X, 0.5 * y])
+    lags = InverseDynamicsLags(sample_rate=RATE, causal=True, effects=[LoadFriction(1.0)])
+    whole = lags.rows(both, y)
+    first = lags.rows(both[:500], y[:500])
+    rest = lags.partial_rows(both[500:], y[500:])
+    for a, b, c in zip(whole, first, rest, strict=True):
+        assert np.array_equal(a, np.concatenate([b, c]))
+
+
 def test_a_stream_goes_on_from_its_state():
     X, y = smooth_axis(seconds=2.0)
     lags = InverseDynamicsLags(sample_rate=RATE, causal=True)
@@ -198,6 +209,8 @@ def test_what_cannot_be_is_told():
         InverseDynamicsLags(causal=True, effects=[PreslidingHysteresis()]).partial_rows(X, y)
     with pytest.raises(ValueError, match=r"inertia is -0\.05"):
         lags.fit(X).interpret([-0.05, 1.0, 1.0, 0.0])
+    with pytest.raises(ValueError, match="3 weights, expected 4"):
+        lags.interpret([0.05, 1.0, 1.0])
 
 
 def test_a_refused_call_changes_nothing():

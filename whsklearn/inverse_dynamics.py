@@ -153,7 +153,8 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
         """
         check_is_fitted(self, "terms_")
         X = _validated(self, X)
-        return self._columns(X, self._drive(X, y), groups)[0]
+        drive = self._drive(X, y)
+        return self._columns(X, drive, drive, groups)[0]
 
     def fit_transform(self, X: ArrayLike, y: ArrayLike | None = None, groups: ArrayLike | None = None) -> Array:
         """`fit`, then columns from a clean start; a stream can go on from the end of X."""
@@ -259,7 +260,10 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
             If the inertia is not above zero, which no axis has.
         """
         check_is_fitted(self, "terms_")
-        theta = np.asarray(theta, dtype=float)
+        theta = np.asarray(theta, dtype=float).ravel()
+        expected = len(self.get_feature_names_out())
+        if len(theta) != expected:
+            raise ValueError(f"theta has {len(theta)} weights, expected {expected}, one a column.")
         if theta[0] <= 0:
             raise ValueError(
                 f"The fitted inertia is {theta[0]:.3g}, expected a number above zero; check units and the sense of "
@@ -291,7 +295,9 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
     def _fresh(self, X: ArrayLike, y: ArrayLike | None, groups: ArrayLike | None) -> Array:
         """Fit, and columns from a clean start."""
         X = _validated(self.fit(X, y), X)
-        phi, self._stream = self._columns(X, self._drive(X, y), groups)
+        drive = self._drive(X, y)
+        target = drive if y is None else np.asarray(y, dtype=float).ravel()
+        phi, self._stream = self._columns(X, drive, target, groups)
         return phi
 
     def _drive(self, X: Array, y: ArrayLike | None) -> Array:
@@ -307,13 +313,13 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
             )
         return np.zeros(len(X))
 
-    def _columns(self, X: Array, drive: Array, groups: ArrayLike | None) -> tuple[Array, Stream]:
+    def _columns(self, X: Array, drive: Array, target: Array, groups: ArrayLike | None) -> tuple[Array, Stream]:
         """Columns of every record, each from a clean start, and the stream at the end of the last."""
         stream = AT_START
         pieces = []
         for s in runs(groups, len(X)):
             if self.causal:
-                phi, _, stream = self._advance(AT_START, X[s, 0], drive[s], drive[s])
+                phi, _, stream = self._advance(AT_START, X[s, 0], drive[s], target[s])
             else:
                 moved = motion(X[s, 0], self.sample_rate, self.cutoff_, self.order)
                 smooth = zero_phase(drive[s], self.sample_rate, self.cutoff_, self.order)
@@ -345,13 +351,13 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
             raise ValueError(
                 "A zero-phase filter needs the whole record; use causal=True for a stream, whose delay is then known."
             )
-        if not hasattr(self, "terms_"):
-            self.fit(X)
-        X = _validated(self, X)
-        whole = [t.name for t in self.terms_ if isinstance(t, PreslidingHysteresis) or t.column_kind == "first_order"]
+        terms = getattr(self, "terms_", None) or effect_terms(self.law, self.effects)
+        whole = [t.name for t in terms if isinstance(t, PreslidingHysteresis) or t.column_kind == "first_order"]
         if whole:
             raise ValueError(f"{', '.join(whole)} needs the whole record; leave it out of a stream's effects.")
-        return X
+        if not hasattr(self, "terms_"):
+            self.fit(X)
+        return _validated(self, X)
 
 
 def _validated(owner: InverseDynamicsLags, X: ArrayLike, reset: bool = False) -> Array:

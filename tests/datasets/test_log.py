@@ -64,6 +64,19 @@ def test_units_may_be_stated_and_milliseconds_become_seconds(write):
     assert log.sample_rate == pytest.approx(RATE)
 
 
+def test_stamps_may_be_dates(write):
+    columns = table(400)
+    dates = pd.Timestamp("2024-05-01 12:00:00") + pd.to_timedelta(np.round(columns["time_s"] * 1e6), unit="us")
+    for name in ("axis.csv", "axis.parquet"):
+        if name.endswith("parquet"):
+            pytest.importorskip("pyarrow")
+        log = load_log(write({**columns, "stamp": dates}, name), **{**NAMES, "time": "stamp"})
+        assert log.sample_rate == pytest.approx(RATE)
+        assert log.time[-1] == pytest.approx(columns["time_s"][-1])
+    with pytest.raises(ValueError, match=r"'word' of axis\.csv is not numeric"):
+        load_log(write({**columns, "word": ["noon"] * 400}), **{**NAMES, "time": "word"})
+
+
 @pytest.mark.parametrize("off", [0.02, -0.3])
 def test_irregular_sampling_is_refused_with_the_row_and_resampled_on_request(write, off):
     columns = table()

@@ -50,7 +50,7 @@ def load_log(
     path : str or path
         A CSV file (comma, semicolon or tab), or Parquet (``.parquet``, ``.pq``; needs pyarrow).
     time : str
-        Column of the time stamps.
+        Column of the time stamps: numbers, or dates as ISO 8601 has them.
     input, drive : str
         Column of what drives the axis: torque, force, voltage, or u. Two names for one thing.
     output, position : str
@@ -171,7 +171,8 @@ def _numbers(frame: pd.DataFrame, roles: dict[str, str], name: str) -> dict[str,
             there = ", ".join(map(str, frame.columns))
             raise ValueError(f"{name} has no column {column!r} for {role}; it has: {there}.")
         values = frame[column]
-        numeric = pd.to_numeric(values, errors="coerce")
+        numeric = _clock(values) if role == "time" else None
+        numeric = pd.to_numeric(values, errors="coerce") if numeric is None else numeric
         bad = np.flatnonzero((numeric.isna() & values.notna()).to_numpy())
         if bad.size:
             raise ValueError(
@@ -182,6 +183,20 @@ def _numbers(frame: pd.DataFrame, roles: dict[str, str], name: str) -> dict[str,
     if len(frame) < 3:
         raise ValueError(f"{name} has {len(frame)} rows; a log needs 3 at the very least.")
     return out
+
+
+def _clock(values: pd.Series) -> pd.Series | None:
+    """Seconds since the first stamp, if the stamps are dates; None if they are not."""
+    import pandas as pd
+
+    if pd.api.types.is_numeric_dtype(values):
+        return None
+    if not pd.api.types.is_datetime64_any_dtype(values):
+        try:
+            values = pd.to_datetime(values, format="ISO8601")
+        except (ValueError, TypeError):
+            return None
+    return (values - values.dropna().iloc[0]).dt.total_seconds() if values.notna().any() else None
 
 
 def _unit(role: str, column: str, units: dict[str, str] | None) -> str:
