@@ -126,6 +126,12 @@ def test_missing_values_are_refused_with_the_row_and_dropped_on_request(write):
     assert len(log.y) == 2000
 
 
+def test_a_column_without_any_number_is_told(write):
+    columns = {**table(50), "torque_nm": np.full(50, np.inf)}
+    with pytest.raises(ValueError, match="Only 0 rows hold a number"):
+        load_log(write(columns), **NAMES, resample=True)
+
+
 def test_columns_that_are_missing_or_no_numbers_are_told(write):
     columns = table(50)
     with pytest.raises(ValueError, match=r"no column 'tau' for drive; it has: time_s, torque_nm, position_rad"):

@@ -225,6 +225,8 @@ def _present(
             f"Column {roles[role]!r} has no finite value at row {rows[0]} ({rows.size} such rows in all); "
             "fill or drop them, or pass resample=True."
         )
+    if missing.size - rows.size < 3:
+        raise ValueError(f"Only {missing.size - rows.size} rows hold a number in every column; a log needs 3 at least.")
     text = f"{rows.size} rows without a number were dropped, the first is row {rows[0]}; they are interpolated."
     found = Finding("LOG010", "warning", text, tuple(int(r) for r in rows[:10]), rows.size / missing.size)
     return {k: v[~missing] for k, v in table.items()}, (found,)
