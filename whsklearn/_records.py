@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from numpy.typing import ArrayLike, NDArray
 
 LARGEST = 1e30  # squares and products of four stay finite
@@ -19,6 +22,48 @@ def check_lengths(X: NDArray[np.float64], y: NDArray[np.float64]) -> None:
     for name, values in (("X", X), ("y", y)):
         if values.size and max(values.max(), -values.min()) > LARGEST:
             raise ValueError(f"{name} holds {np.abs(values).max():.3g}, expected at most {LARGEST:g}; check its unit.")
+
+
+@contextmanager
+def in_one_sentence(X: Any, y: Any = None) -> Iterator[None]:
+    """Reword what scikit-learn's validation refuses: what was got, what was expected, what to do."""
+    try:
+        yield
+    except ValueError as error:
+        raise ValueError(_reworded(str(error), X, y)) from None
+
+
+def _reworded(message: str, X: Any, y: Any) -> str:
+    """The sentence; words that scikit-learn's own checks look for are kept."""
+    first = message.splitlines()[0].rstrip(". ") if message else ""
+    for name, values in (("X", X), ("y", y)):
+        if f"{name} contains" in first:
+            what = "NaN" if "NaN" in first else "inf or a value too large"
+            return f"{name} contains {what}{_first_bad_row(values)}, expected finite numbers; cut such samples out."
+    if "Expected 2D array" in first or "dim 3" in first or "dim 4" in first:
+        return (
+            f"X has shape {np.shape(X)}, expected (n, columns), a row a sample: Reshape your data, X.reshape(-1, 1)."
+        )
+    if "inconsistent numbers of samples" in first:
+        return f"X has {len(X)} rows and y has {len(y)}; expected one output a row: cut the log to match."
+    if "could not convert string" in first:
+        return f"{first}, expected numbers; convert that column or leave it out."
+    if "Complex data not supported" in first:
+        return "Complex data not supported, expected real numbers; give the real part."
+    if "is expecting" in first:
+        return f"{first}; give the columns it was fitted on."
+    if "should be a 1d array" in first:
+        return f"{first}, expected one output a row; pick one column."
+    return message
+
+
+def _first_bad_row(values: Any) -> str:
+    """Where the first number is that is not finite."""
+    try:
+        good = np.isfinite(np.asarray(values, dtype=np.float64))
+    except (TypeError, ValueError):
+        return ""
+    return f", first in row {np.argmin(good.reshape(len(good), -1).all(axis=1))}"
 
 
 def starts(groups: ArrayLike | None, n: int, first: bool, last: object = None) -> NDArray[np.bool_]:

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numba import njit
-from sklearn.base import BaseEstimator, TransformerMixin
+from sklearn.base import BaseEstimator, TransformerMixin, clone
 from sklearn.utils.validation import check_array, check_is_fitted, column_or_1d
 
-from whsklearn._records import check_lengths, starts
+from whsklearn._records import check_lengths, in_one_sentence, starts
 from whsklearn.effects import FrictionLaw, StaticEffect, as_law
 from whsklearn.recursion.predictor import push
 from whsklearn.recursion.pseudolinear import auxiliary_size, rebuild, row
@@ -114,7 +114,9 @@ class WienerHammersteinLags(TransformerMixin, BaseEstimator):
         """Check the settings; nothing is learnt."""
         self.dims()
         self.key_term()
-        self.n_features_in_ = check_array(X, dtype=np.float64, input_name="X").shape[1]
+        with in_one_sentence(X):
+            n_features = check_array(X, dtype=np.float64, input_name="X").shape[1]
+        self.n_features_in_ = n_features
         self._carried: dict[str, Any] = {}
         return self
 
@@ -140,13 +142,16 @@ class WienerHammersteinLags(TransformerMixin, BaseEstimator):
 
     def fit_transform(self, X: ArrayLike, y: ArrayLike | None = None, groups: ArrayLike | None = None) -> Any:
         """Start clean, and keep the state for `partial_fit_transform`."""
+        carried: dict[str, Any] = {}
+        rows = clone(self).fit(X, y)._rows(X, y, groups, carried)
         self.fit(X, y)
-        return self._rows(X, y, groups, self._carried)
+        self._carried = carried
+        return rows
 
     def partial_fit_transform(self, X: ArrayLike, y: ArrayLike | None = None, groups: ArrayLike | None = None) -> Any:
         """Go on from where the last call ended."""
         if not hasattr(self, "_carried"):
-            self.fit(X, y)
+            return self.fit_transform(X, y, groups)
         return self._rows(X, y, groups, self._carried)
 
     def get_feature_names_out(self, input_features: Any = None) -> NDArray[np.object_]:
@@ -165,14 +170,19 @@ class WienerHammersteinLags(TransformerMixin, BaseEstimator):
         self, X: ArrayLike, y: ArrayLike | None, groups: ArrayLike | None, carried: dict[str, Any]
     ) -> NDArray[np.float64]:
         """Rows of X and y after ``carried``, which is updated; an empty one is the state at rest."""
-        if y is None:
-            raise ValueError("y is missing, and the regressors of (6) hold past outputs; call with (X, y).")
-        X = check_array(X, dtype=np.float64, input_name="X")
-        y_ = column_or_1d(check_array(y, ensure_2d=False, dtype=np.float64, input_name="y"))
-        check_lengths(X, y_)
+        with in_one_sentence(X, y):
+            X = check_array(X, dtype=np.float64, input_name="X")
         m = X.shape[1]
         if m != self.n_features_in_:
-            raise ValueError(f"X has {m} columns, expected {self.n_features_in_} as in fit; pick the same inputs.")
+            raise ValueError(
+                f"X has {m} features, but WienerHammersteinLags is expecting {self.n_features_in_} features as input; "
+                "pick the same inputs as in fit."
+            )
+        if y is None:
+            raise ValueError("y is missing, and the regressors of (6) hold past outputs; call with (X, y).")
+        with in_one_sentence(X, y):
+            y_ = column_or_1d(check_array(y, ensure_2d=False, dtype=np.float64, input_name="y"))
+        check_lengths(X, y_)
         restart = starts(groups, len(X), first=not carried)
         dims, law, key = self.dims(), as_law(self.law), self.key_term()
         dims[0] *= m

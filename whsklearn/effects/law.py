@@ -162,4 +162,6 @@ def as_law(law: str | FrictionLaw | StaticEffect | Iterable[StaticEffect] | None
         if law.strip() == "reduced":
             return reduced_law()
         return FrictionLaw([get_effect(n.strip())() for n in law.split(",") if n.strip()])  # type: ignore[misc]
+    if not isinstance(law, Iterable):
+        raise ValueError(f"law is {law!r}, expected names joined by commas, effects, a FrictionLaw or None.")
     return FrictionLaw(law)

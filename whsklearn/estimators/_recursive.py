@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 GRADIENTS = ("full", "pseudolinear")
+PER_MODEL = ("theta", "ud", "before", "loss", "motion", "sharpness", "origin", "prior_theta", "prior_information")
 DEFAULT_P0 = {"rows": 1e6, "pseudolinear": 1e6, "full": 100.0}
 
 
@@ -51,20 +52,22 @@ class RecursiveRegressor(AxisRegressor):
         ValueError
             If a parameter, a shape or a number is not what it must be; nothing changes then.
         """
-        self._check_parameters()
-        X, y = self._validate(X, y, reset=True)
-        self._need_rows(len(X))
-        self._warn_constant(X)
-        restart = starts(groups, len(X), first=True)
-        rows, targets = (X, y) if self._is_wiener_hammerstein else self._rows(X, y, True, groups)
-        if len(targets) != len(restart):
-            restart = starts(None, len(targets), first=True)
-        seed = self._draw_seed()
-        stream = self._make_stream(rows.shape[1], seed)
-        state = stream.initial()
-        stream.run(state, rows, targets, restart)
-        stream.settle(state)
-        self._keep(stream, state, seed, groups)
+        with self._unchanged_if_refused():
+            self._keep_lags()
+            self._check_parameters()
+            X, y = self._validate(X, y, reset=True)
+            self._need_rows(len(X))
+            restart = starts(groups, len(X), first=True)
+            self._warn_constant(X)
+            rows, targets = (X, y) if self._is_wiener_hammerstein else self._rows(X, y, groups)
+            if len(targets) != len(restart):
+                restart = starts(None, len(targets), first=True)
+            seed = self._draw_seed()
+            stream = self._make_stream(rows.shape[1], seed)
+            state = stream.initial()
+            stream.run(state, rows, targets, restart)
+            stream.settle(state)
+            self._keep(stream, state, seed, groups)
         return self
 
     def partial_fit(self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None) -> Self:
@@ -90,27 +93,31 @@ class RecursiveRegressor(AxisRegressor):
     def _partial_fit_checked(self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None) -> Self:
         """`partial_fit` with every check; also the first call and the one after parameters changed."""
         first = not hasattr(self, "state_")
-        self._check_parameters()
-        X, y = self._validate(X, y, reset=first)
-        last = None if first else self.state_["group"]
-        restart = starts(groups, len(X), first=first, last=last)
-        if first:
-            self._warn_constant(X)
-        rows, targets = X, y
-        if not self._is_wiener_hammerstein and self.lags is not None:
-            rows, targets = self._partial_rows(X, y, first)
-            restart = starts(None, len(targets), first=first)
-        if first:
-            seed = self._draw_seed()
-            stream = self._make_stream(self._n_columns(rows), seed)
-            state = stream.initial()
-        else:
-            seed = self.state_["seed"]
-            stream = self.__dict__.get("_stream") or self._make_stream(self._n_columns(rows), seed)
-            state = self.state_
-        if len(targets):
-            stream.run(state, np.ascontiguousarray(rows), np.ascontiguousarray(targets), restart)
-        self._keep(stream, state, seed, groups)
+        with self._unchanged_if_refused():
+            if first:
+                self._keep_lags()
+            self._check_parameters()
+            X, y = self._validate(X, y, reset=first)
+            last = None if first else self.state_["group"]
+            restart = starts(groups, len(X), first=first, last=last)
+            seed = self._draw_seed() if first else self.state_["seed"]
+            stream = self.__dict__.get("_stream")
+            if self._is_wiener_hammerstein and not first and stream is None:
+                self._keep_lags()
+                self._check_state(self.state_)
+            if first:
+                self._warn_constant(X)
+            rows, targets = X, y
+            if not self._is_wiener_hammerstein and self.lags is not None:
+                rows, targets = self.lags_.partial_rows(X, y)
+                restart = starts(None, len(targets), first=first)
+            stream = stream or self._make_stream(rows.shape[1], seed)
+            state = stream.initial() if first else self.state_
+            if not first and stream is not self.__dict__.get("_stream"):
+                self._check_state(state)
+            if len(targets):
+                stream.run(state, np.ascontiguousarray(rows), np.ascontiguousarray(targets), restart)
+            self._keep(stream, state, seed, groups)
         return self
 
     def consolidate(self) -> Self:
@@ -150,9 +157,9 @@ class RecursiveRegressor(AxisRegressor):
             if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < least:
                 raise ValueError(f"{name} is {value!r}, expected a whole number of {least} or more.")
         if self._is_wiener_hammerstein:
-            self.lags.dims()
+            self._lags.dims()
             if self.gradient == "pseudolinear":
-                self.lags.key_term()
+                self._lags.key_term()
 
     def _theta0(self, n: int, default: float) -> Array:
         """theta(0) of the right length."""
@@ -193,18 +200,6 @@ class RecursiveRegressor(AxisRegressor):
         )  # fmt: skip
         return FullStream(structure, reading)
 
-    def _n_columns(self, rows: Array) -> int:
-        """Columns that the stream sees."""
-        return int(rows.shape[1])
-
-    def _partial_rows(self, X: Array, y: Array, first: bool) -> tuple[Array, Array]:
-        """Rows of a stream through the lag transformer, which carries its own state."""
-        if first:
-            from sklearn.base import clone
-
-            self.lags_ = clone(self.lags)
-        return self.lags_.partial_rows(X, y)
-
     def _keep(self, stream: Stream, state: dict[str, Any], seed: int, groups: ArrayLike | None) -> None:
         """Make a state the estimator's own."""
         state["seed"] = seed
@@ -243,17 +238,19 @@ class RecursiveRegressor(AxisRegressor):
         return super()._natural_covariance()
 
     def _check_state(self, state: dict[str, Any]) -> None:
-        """A state fits if it has the arrays of a fresh one, in their shapes where those are fixed."""
+        """A state fits if it has the arrays of a fresh one; only the number of models may differ."""
         super()._check_state(state)
-        columns = np.shape(state["theta"])[-1]
         self.__dict__.pop("_stream", None)
-        fresh = self._make_stream(columns, int(state.get("seed", 0))).initial()
+        shape = np.shape(state["theta"])
+        fresh = self._make_stream(shape[-1] if shape else 0, int(state.get("seed", 0))).initial()
         for name, value in fresh.items():
-            if name not in state or np.shape(value)[1:] != np.shape(state[name])[1:]:
+            expected = np.shape(value)
+            if name in PER_MODEL and len(np.shape(fresh["theta"])) == 2:
+                expected = (*shape[:1], *expected[1:])
+            if name not in state or np.shape(state[name]) != expected:
                 raise ValueError(
-                    f"This state does not fit {type(self).__name__}: its {name} has shape "
-                    f"{np.shape(state.get(name))}, expected like "
-                    f"{np.shape(value)}; use the parameters it was saved with."
+                    f"The state of this {type(self).__name__} has {name} of shape {np.shape(state.get(name))}, and its "
+                    f"parameters ask for {expected}; use the parameters it was begun with, or call fit."
                 )
 
     def set_params(self, **params: Any) -> Self:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import os
 import warnings
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -12,12 +13,14 @@ from sklearn.base import BaseEstimator, RegressorMixin, clone
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted, validate_data
 
-from whsklearn._records import check_lengths, starts
+from whsklearn._records import check_lengths, in_one_sentence, starts
 from whsklearn.effects import as_law
 from whsklearn.estimators import _model as wh
 from whsklearn.state import read_state, write_state
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from numpy.typing import ArrayLike, NDArray
 
     from whsklearn.lags import WienerHammersteinLags
@@ -42,9 +45,14 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
         return hasattr(self.lags, "key_term")
 
     @property
-    def _lags(self) -> WienerHammersteinLags:
-        """The transformer that holds orders and law."""
+    def _given_lags(self) -> WienerHammersteinLags:
+        """The transformer that holds orders and law, as the user gave it."""
         return self.lags
+
+    @property
+    def _lags(self) -> WienerHammersteinLags:
+        """The same as it was when learning began: changing ``lags`` later changes no fitted model."""
+        return self.__dict__.get("lags_", self._given_lags)
 
     def _structure(self) -> wh.Structure:
         """Orders and law as the kernels take them."""
@@ -131,9 +139,10 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
             Finite whatever the estimate: poles outside the unit circle are drawn inside.
         """
         check_is_fitted(self, "state_")
-        X = validate_data(self, X, dtype=np.float64, reset=False)
+        with in_one_sentence(X):
+            X = validate_data(self, X, dtype=np.float64, reset=False)
         if not self._is_wiener_hammerstein:
-            rows = X if self.lags is None else self.lags_.transform(X)
+            rows = X if self.lags is None else self.lags_.transform(X, groups=groups)
             return rows @ self._theta()
         restart = starts(groups, len(X), first=True)
         return _finite(wh.free_run(self._natural(), self._structure(), np.ascontiguousarray(X), restart))
@@ -160,9 +169,10 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
         check_is_fitted(self, "state_")
         if isinstance(horizon, bool) or not isinstance(horizon, (int, np.integer)) or horizon < 1:
             raise ValueError(f"horizon is {horizon!r}, expected a whole number of samples, 1 or more.")
-        X, y = validate_data(self, X, y, dtype=np.float64, reset=False)
+        with in_one_sentence(X, y):
+            X, y = validate_data(self, X, y, dtype=np.float64, reset=False, y_numeric=True)
         if not self._is_wiener_hammerstein:
-            return self.predict(X)
+            return self.predict(X, groups)
         restart = starts(groups, len(X), first=True)
         natural, structure = self._natural(), self._structure()
         y = np.ascontiguousarray(y, dtype=np.float64)
@@ -190,15 +200,16 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
         """
         if not isinstance(state, dict) or not {"n_features_in", "state"} <= state.keys():
             raise ValueError("This is no state of an estimator; give what get_state() returned.")
-        self.n_features_in_ = int(state["n_features_in"])
-        if "feature_names_in" in state:
-            self.feature_names_in_ = np.array(state["feature_names_in"], dtype=object)
-        if self.lags is not None and not self._is_wiener_hammerstein:
-            self.lags_ = clone(self.lags)
-            if hasattr(self.lags_, "set_state") and "lags" in state:
+        with self._unchanged_if_refused():
+            self._keep_lags()
+            self.n_features_in_ = int(state["n_features_in"])
+            self.__dict__.pop("feature_names_in_", None)
+            if "feature_names_in" in state:
+                self.feature_names_in_ = np.array(state["feature_names_in"], dtype=object)
+            if "lags" in state and hasattr(getattr(self, "lags_", None), "set_state"):
                 self.lags_.set_state(state["lags"])
-        self._check_state(state["state"])
-        self.state_ = copy.deepcopy(state["state"])
+            self._check_state(state["state"])
+            self.state_ = copy.deepcopy(state["state"])
         return self
 
     def _check_state(self, state: dict[str, Any]) -> None:
@@ -224,21 +235,55 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
 
     # -- validation ----------------------------------------------------------------------
 
+    @contextmanager
+    def _unchanged_if_refused(self) -> Iterator[None]:
+        """Put every attribute back if the call within fails, fitted ones such as n_features_in_ too."""
+        before = self.__dict__.copy()
+        try:
+            yield
+        except BaseException:
+            self.__dict__.clear()
+            self.__dict__.update(before)
+            raise
+
+    def _keep_lags(self) -> None:
+        """Check the kind of ``lags`` and keep a copy as ``lags_``."""
+        lags = self._given_lags
+        self.__dict__.pop("lags_", None)
+        if lags is None:
+            return
+        if isinstance(lags, type) or not (self._is_wiener_hammerstein or hasattr(lags, "partial_rows")):
+            raise ValueError(
+                f"lags is {lags!r}, expected None, WienerHammersteinLags() or InverseDynamicsLags(); give one of them."
+            )
+        self.lags_ = clone(lags)
+
     def _validate(self, X: ArrayLike, y: ArrayLike, reset: bool) -> tuple[Array, Array]:
-        """X and y as contiguous float64, checked; nothing learnt changes."""
-        X, y = validate_data(self, X, y, reset=reset, dtype=np.float64, order="C", y_numeric=True, multi_output=False)
+        """X and y as contiguous float64, checked."""
+        with in_one_sentence(X, y):
+            X, y = validate_data(
+                self, X, y, reset=reset, dtype=np.float64, order="C", y_numeric=True, multi_output=False
+            )
         y = np.ascontiguousarray(y, dtype=np.float64)
         check_lengths(X, y)
         return X, y
 
-    def _rows(self, X: Array, y: Array, fresh: bool, groups: ArrayLike | None = None) -> tuple[Array, Array]:
-        """Rows and targets of a lag transformer other than the Wiener-Hammerstein one."""
-        if self.lags is None:
-            return X, y
-        if fresh:
-            self.lags_ = clone(self.lags)
-            return self.lags_.rows(X, y, groups)
-        return self.lags_.partial_rows(X, y)
+    def _checked_record(
+        self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None
+    ) -> tuple[Array, Array, NDArray[np.bool_]]:
+        """X, y and the starts of experiments for a batch fit; all attributes as before if refused."""
+        with self._unchanged_if_refused():
+            self._keep_lags()
+            X, y = self._validate(X, y, reset=True)
+            self._need_rows(len(X))
+            restart = starts(groups, len(X), first=True)
+            self._structure()
+            self._warn_constant(X, stacklevel=4)
+        return X, y, restart
+
+    def _rows(self, X: Array, y: Array, groups: ArrayLike | None) -> tuple[Array, Array]:
+        """Rows and targets of a record, as the lags other than the Wiener-Hammerstein ones make them."""
+        return (X, y) if self.lags is None else self.lags_.rows(X, y, groups)
 
     def _need_rows(self, n: int) -> None:
         """Raise where a record cannot fill the lags once."""
@@ -249,13 +294,13 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
                 "lags reach back and one more; give a longer record."
             )
 
-    def _warn_constant(self, X: Array) -> None:
+    def _warn_constant(self, X: Array, stacklevel: int = 3) -> None:
         """An input that never changes shows no dynamics."""
         if self._is_wiener_hammerstein and len(X) > self._lags.max_lag and np.ptp(X, axis=0).max() == 0.0:
             warnings.warn(
                 "The input is constant, expected one that moves; the dynamics cannot be seen, excite the axis.",
                 UserWarning,
-                stacklevel=3,
+                stacklevel=stacklevel,
             )
 
     def _draw_seed(self) -> int:

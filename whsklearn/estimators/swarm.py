@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from whsklearn._records import starts
 from whsklearn.estimators import _model as wh
 from whsklearn.estimators.pem import PEMRegressor
 
@@ -72,13 +71,10 @@ class SwarmRegressor(PEMRegressor):
         for name, value in (("n_generations", self.n_generations), ("bound", self.bound)):
             if isinstance(value, bool) or not isinstance(value, (int, float, np.number)) or not value > 0:
                 raise ValueError(f"{name} is {value!r}, expected a positive number.")
-        X, y = self._validate(X, y, reset=True)
-        self._need_rows(len(X))
-        self._warn_constant(X)
+        X, y, restart = self._checked_record(X, y, groups)
         structure = self._structure()
         blocks = structure.slices()
         n = blocks[-1].stop
-        restart = starts(groups, len(X), first=True)
         u = np.ascontiguousarray(X)
         limits = np.full((n, 2), [-self.bound, self.bound])
         limits[blocks[1]] = limits[blocks[4]] = [-0.999, 0.999]

@@ -126,6 +126,7 @@ def run_pseudolinear(
         start[:] = theta
         step[:] = 0.0
         newest = 0.0
+        span = 0.0
         for i in range(window):
             if i == 0 or mode == REEVALUATED:
                 work[:] = before
@@ -143,6 +144,7 @@ def run_pseudolinear(
                 for k in range(n):
                     step[k] += phi[k] * e
                     newest += phi[k] * phi[k]
+                span += newest
             else:
                 measurement_update(ud, phi, 1.0, gain)
                 for k in range(n):
@@ -152,9 +154,10 @@ def run_pseudolinear(
                 loss[1] = forgetting * loss[1] + 1.0
         if mode == GRADIENT:
             power[0] = forgetting * power[0] + newest
-            if power[0] > 0.0:
+            size = max(power[0], span)  # as in `run_gradient`
+            if size > 0.0:
                 for k in range(n):
-                    theta[k] += step[k] / power[0]
+                    theta[k] += step[k] / size
         if since >= p:
             rebuild(theta, dims, codes, shapes, key, before, recent_u, p * m)
     return since

@@ -86,6 +86,7 @@ def run_gradient(theta, loss, recent, targets, since, power, forgetting, p, rows
         since += 1
         power[0] = forgetting * power[0] + square
         step[:] = 0.0
+        span = 0.0
         window = min(p, since)
         for i in range(window):
             at = (since - window + i) % p
@@ -94,12 +95,15 @@ def run_gradient(theta, loss, recent, targets, since, power, forgetting, p, rows
                 e -= recent[at, k] * theta[k]
             for k in range(n):
                 step[k] += recent[at, k] * e
+                span += recent[at, k] * recent[at, k]
             if i == window - 1:
                 loss[0] = forgetting * loss[0] + e * e
                 loss[1] = forgetting * loss[1] + 1.0
-        if power[0] > 0.0:
+        # with forgetting r may fall below |Phi(p, t)|^2, where the step would overshoot and diverge
+        size = max(power[0], span)
+        if size > 0.0:
             for k in range(n):
-                theta[k] += step[k] / power[0]
+                theta[k] += step[k] / size
     return since
 
 

@@ -18,6 +18,7 @@ from whsklearn.systems.stability import is_stable
 
 STABLE_RADIUS = 0.999
 LARGEST_PARAMETER = 1e8
+LARGEST_SIGNAL = 1e60  # logs hold 1e30 at the most
 LOSS_FORGETTING = 0.995
 
 
@@ -67,6 +68,7 @@ def run_windows(
     psi = np.empty(n)
     gain = np.empty(n)
     start = np.empty(n)
+    old = np.empty(n)
     for t in range(y.size):
         push(recent_u, u[t])
         for k in range(recent_y.size - 1, 0, -1):
@@ -95,11 +97,16 @@ def run_windows(
                 if frozen:
                     for k in range(n):
                         e -= psi[k] * (th[k] - start[k])
+                size = abs(e)
+                for k in range(n):
+                    size += abs(psi[k])
+                usable = size < LARGEST_SIGNAL  # False for NaN too: an interim model that blows up teaches nothing
                 if now == 0:
-                    loss[s, 0] = LOSS_FORGETTING * loss[s, 0] + e * e
+                    loss[s, 0] = LOSS_FORGETTING * loss[s, 0] + (e * e if usable else LARGEST_SIGNAL)
                     loss[s, 1] = LOSS_FORGETTING * loss[s, 1] + 1.0
-                measurement_update(ud[s], psi, float(p), gain)
-                _step(th, gain, e, na, nb)
+                if usable:
+                    measurement_update(ud[s], psi, float(p), gain)
+                    _step(th, gain, e, na, nb, old)
             if since >= p:
                 dx = advance(th, dims, codes, shapes, sharpness[s], before[s], recent_u, p * m)
                 motion[s, 0] = LOSS_FORGETTING * motion[s, 0] + dx * dx
@@ -112,19 +119,19 @@ def run_windows(
 
 
 @njit(cache=True, error_model="numpy")
-def _step(theta, gain, e, na, nb):
-    """theta += gain e, halved until L1 is stable, not taken if it never is."""
+def _step(theta, gain, e, na, nb, old):
+    """theta += gain e, halved until L1 is stable, not taken if it never is; ``old`` is scratch."""
     n = theta.size
+    old[:] = theta
     b = theta[na - 1 : na - 1 + nb]
     scale = 1.0
     for _ in range(10):
         ok = True
         for k in range(n):
-            theta[k] += scale * gain[k] * e
+            theta[k] = old[k] + scale * gain[k] * e
             if not abs(theta[k]) < LARGEST_PARAMETER:
                 ok = False
         if ok and is_stable(b, STABLE_RADIUS):
             return
-        for k in range(n):
-            theta[k] -= scale * gain[k] * e
         scale *= 0.5
+    theta[:] = old
