@@ -84,6 +84,19 @@ class RecursiveRegressor(AxisRegressor):
             As `fit`; the state is exactly as it was then.
         """
         stream = self.__dict__.get("_stream")
+        if (
+            type(stream) is RowsStream
+            and groups is None
+            and type(X) is np.ndarray
+            and type(y) is np.ndarray
+            and X.shape == stream.row
+            and y.shape == _ONE
+            and X.dtype is _FLOAT
+            and y.dtype is _FLOAT
+            and X.flags.c_contiguous
+            and stream.step(self.state_, X, y)
+        ):
+            return self
         if stream is None or groups is not None or not _plain(X, y, self.n_features_in_):
             return self._partial_fit_checked(X, y, groups)
         restart = _NO_RESTART if len(y) == 1 else np.zeros(len(y), dtype=np.bool_)
@@ -264,6 +277,8 @@ class RecursiveRegressor(AxisRegressor):
         return state
 
 
+_ONE = (1,)
+_FLOAT = np.dtype(np.float64)
 _NO_RESTART = np.zeros(1, dtype=np.bool_)
 
 

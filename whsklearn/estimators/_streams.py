@@ -16,7 +16,7 @@ from whsklearn.estimators._model import Structure, paper_jacobian, paper_vector
 from whsklearn.recursion import multistart
 from whsklearn.recursion.covariance import covariance
 from whsklearn.recursion.pseudolinear import auxiliary_size, run_pseudolinear
-from whsklearn.recursion.rows import run_gradient, run_rows
+from whsklearn.recursion.rows import run_gradient, run_one_row, run_rows
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -56,6 +56,7 @@ class RowsStream:
     def __init__(self, n: int, p: int, p0: float, forgetting: float, theta0: Array, counted_once: bool, gradient: bool):
         self.n, self.p, self.p0, self.forgetting, self.theta0 = n, p, p0, forgetting, theta0
         self.variance = float(p) if counted_once else 1.0
+        self.row = (1, n)
         self.gradient = gradient
 
     def initial(self) -> State:
@@ -87,6 +88,20 @@ class RowsStream:
                     u[piece], y[piece],
                 )  # fmt: skip
         state["seen"] += len(y)
+
+    def step(self, state: State, u: Array, y: Array) -> bool:
+        """One row of float64; False, with nothing changed, if it needs the full validation."""
+        if self.gradient:
+            return False
+        since = run_one_row(
+            state["theta"], state["ud"], state["loss"], state["rows"], state["targets"], state["since"],
+            self.forgetting, self.p, self.variance, u, y,
+        )  # fmt: skip
+        if since < 0:
+            return False
+        state["since"] = since
+        state["seen"] += 1
+        return True
 
     def settle(self, state: State) -> None:
         """Nothing is kept to be read again."""

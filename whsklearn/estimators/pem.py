@@ -6,12 +6,11 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from whsklearn._records import starts
 from whsklearn.estimators import _model as wh
 from whsklearn.estimators.base import AxisRegressor
 from whsklearn.lags import WienerHammersteinLags
 from whsklearn.recursion.predictor import motion, record_errors
-from whsklearn.recursion.starts import least_squares_start, random_start
+from whsklearn.recursion.starts import least_squares_start, random_start, term_scales
 from whsklearn.systems.stability import is_stable
 
 if TYPE_CHECKING:
@@ -82,7 +81,7 @@ class PEMRegressor(AxisRegressor):
         return True
 
     @property
-    def _lags(self) -> WienerHammersteinLags:
+    def _given_lags(self) -> WienerHammersteinLags:
         return WienerHammersteinLags() if self.lags is None else self.lags
 
     def fit(self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None) -> Self:
@@ -104,13 +103,10 @@ class PEMRegressor(AxisRegressor):
         """
         if isinstance(self.n_starts, bool) or not isinstance(self.n_starts, (int, np.integer)) or self.n_starts < 1:
             raise ValueError(f"n_starts is {self.n_starts!r}, expected a whole number of 1 or more.")
-        X, y = self._validate(X, y, reset=True)
-        self._need_rows(len(X))
-        self._warn_constant(X)
+        X, y, restart = self._checked_record(X, y, groups)
         structure = self._structure()
-        restart = starts(groups, len(X), first=True)
-        problem = _Problem(structure, np.ascontiguousarray(X), y, restart)
         rng = np.random.default_rng(self._draw_seed())
+        problem = _Problem(structure, np.ascontiguousarray(X), y, restart, rng)
         found = [problem.climb(problem.start(i, rng)) for i in range(self.n_starts)]
         self.costs_ = np.array([cost for cost, _ in found])
         cost, natural = min(found, key=lambda f: f[0])
@@ -144,21 +140,17 @@ class PEMRegressor(AxisRegressor):
 class _Problem:
     """Residuals and Jacobian of one record, as scipy.optimize.least_squares takes them."""
 
-    def __init__(self, s: wh.Structure, u: Array, y: Array, restart: NDArray[np.bool_]):
+    def __init__(self, s: wh.Structure, u: Array, y: Array, restart: NDArray[np.bool_], rng: np.random.Generator):
         self.structure, self.u, self.y, self.restart = s, u, y, restart
         self.kernel = s.dims, s.law.codes, s.law.shapes
+        self.scales = term_scales(self.kernel, u, y, restart, rng)
         self.b = s.slices()[1]
         self.no_rows = np.empty((0, int(s.slices()[-1].stop)))
 
     def start(self, i: int, rng: np.random.Generator) -> Array:
         """The i-th start; every other one takes what is linear from least squares."""
-        dims = tuple(int(d) for d in self.structure.dims)
-        theta = random_start(dims, rng)
-        if i % 2 == 0:
-            return theta
-        kappa = 0.5 / self.motion(theta)
-        _, codes, shapes = self.kernel
-        return least_squares_start(theta, dims, codes, shapes, kappa, self.u, self.y, self.restart)
+        theta = random_start(tuple(self.structure.dims), rng, self.scales)
+        return least_squares_start(theta, self.kernel, self.u, self.y, self.restart) if i % 2 else theta
 
     def motion(self, theta: Array) -> float:
         """Root mean square of dx, never zero."""

@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from whsklearn._records import LARGEST
 from whsklearn.recursion.covariance import inflate, measurement_update
 
 
@@ -65,6 +66,20 @@ def run_rows(theta, ud, loss, recent, targets, since, forgetting, p, variance, r
             for k in range(n):
                 theta[k] += gain[k] * e
     return since
+
+
+@njit(cache=True, error_model="numpy")
+def run_one_row(theta, ud, loss, recent, targets, since, forgetting, p, variance, rows, y):
+    """`run_rows` for one row, checked here because a check outside costs more than the update.
+
+    Returns ``since``, or -1 with nothing changed if a number is not finite or absurdly large.
+    """
+    if not abs(y[0]) <= LARGEST:
+        return -1
+    for k in range(theta.size):
+        if not abs(rows[0, k]) <= LARGEST:
+            return -1
+    return run_rows(theta, ud, loss, recent, targets, since, forgetting, p, variance, rows, y)
 
 
 @njit(cache=True, error_model="numpy")

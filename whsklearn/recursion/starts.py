@@ -11,10 +11,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from whsklearn.recursion.predictor import record_regressors
+from whsklearn.recursion.predictor import motion, record_regressors
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+    Law = tuple[NDArray[np.int64], NDArray[np.int64], Array]  # dims, codes, shapes
 
 
 def random_stable(order: int, rng: np.random.Generator) -> NDArray[np.float64]:
@@ -25,47 +28,56 @@ def random_stable(order: int, rng: np.random.Generator) -> NDArray[np.float64]:
     return b
 
 
-def random_start(dims: tuple[int, ...], rng: np.random.Generator) -> NDArray[np.float64]:
-    """theta with stable blocks and moderate weights."""
+def random_start(dims: tuple[int, ...], rng: np.random.Generator, scales: Array | None = None) -> Array:
+    """theta with stable blocks; weights of the order of ``scales``, or of one where nothing is known."""
     na, nb, nc, nd, nw = dims
+    weights = rng.normal(0.0, 0.5, nw)
     return np.concatenate(
         [
             rng.normal(0.0, 1.5, na - 1),
             random_stable(nb, rng),
-            rng.normal(0.0, 0.5, nw),
+            weights if scales is None else weights * scales,
             rng.normal(0.0, 0.5, nc - 1),
             random_stable(nd, rng),
         ]
     )
 
 
-def least_squares_start(
-    theta: NDArray[np.float64],
-    dims: tuple[int, ...],
-    codes: NDArray[np.int64],
-    shapes: NDArray[np.float64],
-    kappa: float,
-    u: NDArray[np.float64],
-    y: NDArray[np.float64],
-    restart: NDArray[np.bool_],
-) -> NDArray[np.float64]:
+def term_scales(law: Law, u: Array, y: Array, restart: NDArray[np.bool_], rng: np.random.Generator) -> Array:
+    """Weights at which each term alone would have the output's size, the median over random L1.
+
+    With them a start and a prior do not depend on the units of the log.
+    """
+    dims = tuple(int(d) for d in law[0])
+    nw = dims[4]
+    rows = np.empty((y.size, dims[2] * nw + dims[3]))
+    sizes = np.empty((9, nw))
+    for i in range(len(sizes)):
+        record_regressors(random_start(dims, rng), *law, np.inf, u, y, restart, rows)
+        sizes[i] = np.sqrt(np.mean(rows[:, :nw] ** 2, axis=0))
+    typical = np.median(sizes, axis=0)
+    return np.std(y) / np.where(typical > 0.0, typical, 1.0)
+
+
+def least_squares_start(theta: Array, law: Law, u: Array, y: Array, restart: NDArray[np.bool_]) -> Array:
     """Keep L1 of ``theta`` and take weights, c and d from least squares.
 
     With L1 fixed, y is linear in the products c_m w_k and in d; the products are a matrix
     of rank one, so its first singular vectors give c and w (Bai 1998, Automatica 34(3)).
     """
-    na, nb, nc, nd, nw = dims
+    dims, codes, shapes = law
+    na, nb, nc, nd, nw = (int(d) for d in dims)
     n1 = na - 1 + nb
+    kappa = 0.5 / max(float(motion(theta, dims, u, restart)), 1e-12)
     rows = np.empty((y.size, nc * nw + nd))
     record_regressors(theta, dims, codes, shapes, kappa, u, y, restart, rows)
     solution = np.linalg.lstsq(rows, y, rcond=1e-10)[0]
     if not np.isfinite(solution).all():
         return theta
-    left, _, _ = np.linalg.svd(solution[: nc * nw].reshape(nc, nw), full_matrices=False)
-    c = left[:, 0]
+    products = solution[: nc * nw].reshape(nc, nw)
+    c = np.linalg.svd(products, full_matrices=False)[0][:, 0]
     floor = 0.05 * np.abs(c).max()
     first = c[0] if abs(c[0]) > floor else np.copysign(floor, c[0])
-    products = solution[: nc * nw].reshape(nc, nw)
     out = theta.copy()
     out[n1 : n1 + nw] = (c @ products) * first
     out[n1 + nw : n1 + nw + nc - 1] = c[1:] / first
