@@ -112,9 +112,9 @@ def own_level(axis, change):
     offset, drift, level = change
     p = axis.parameters
     scaled = {n: p[n] * (1 + level) for n in ("viscous", "coulomb", "stribeck", "position_friction") if n in p}
-    return axis.with_parameters(
-        {**scaled, "input_offset": p["input_offset"] + offset, "disturbance_tone": p["disturbance_tone"] + drift}
-    )
+    if "disturbance_tone" in p:
+        scaled["disturbance_tone"] = p["disturbance_tone"] + drift
+    return axis.with_parameters({**scaled, "input_offset": p["input_offset"] + offset})
 
 
 def levelled(axis):
@@ -171,6 +171,7 @@ def forward_rows(emps):
     four = fit(rigid, train, FOUR)
     full = fit(full_axis(), train, ALL)
     mean = levelled(full)
+    plain = [by_travel(four, f, train)[0] for f in (train, test)]
     travel = [by_travel(mean, f, train)[0] for f in (train, test)]
     moving = [by_travel(full, f, train, MOVING)[0] for f in (train, test)]
     cycle = [by_first_seconds(mean, f, 6.2)[0] for f in (train, test)]
@@ -178,6 +179,7 @@ def forward_rows(emps):
     lines = [
         ("published rigid parameters", rigid, rigid, state),
         ("the same four, fitted to the free run", four, four, state),
+        ("  own zero and friction level, by the travel known", *plain, state + ", drive"),
         ("+ asymmetric viscous, Stribeck, uneven, moving zero", full, full, state),
         ("  own zero and friction level, by the travel known", *travel, state + ", drive"),
         ("  own zero, its drift and friction level, by the travel", *moving, state + ", drive"),

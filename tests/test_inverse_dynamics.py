@@ -5,7 +5,7 @@ import pytest
 from sklearn.base import clone
 from sklearn.model_selection import GridSearchCV, TimeSeriesSplit
 
-from whsklearn.effects import Cogging, Coulomb, LoadFriction, PreslidingHysteresis, Saturation, Viscous
+from whsklearn.effects import Cogging, Coulomb, DisturbanceTone, LoadFriction, PreslidingHysteresis, Saturation, Viscous
 from whsklearn.estimators import MILSRegressor, RLSRegressor, RMILSRegressor
 from whsklearn.inverse_dynamics import InverseDynamicsLags
 
@@ -53,6 +53,13 @@ def test_rows_of_a_stream_lag_by_the_delay_that_is_told():
     late, now = stream.transform(X)[200 + d : -200 + d], record.transform(X)[200:-200]
     assert np.abs(late[:, :2] - now[:, :2]).max() < 2e-3 * np.abs(now[:, :2]).max()
     assert np.mean(late[:, 2] == now[:, 2]) > 0.99
+
+
+def test_a_stream_s_clock_is_late_as_its_rows_are():
+    X, _ = smooth_axis(seconds=2.0)
+    lags = InverseDynamicsLags(sample_rate=RATE, causal=True, law="viscous", effects=[DisturbanceTone(1.0, 3.0)]).fit(X)
+    rows = np.arange(lags.warmup_, len(X))
+    assert lags.transform(X)[rows, 2] == pytest.approx(np.cos(2 * np.pi * 3.0 * (rows - lags.delay_) / RATE))
 
 
 @pytest.mark.parametrize("piece", [1, 7, 400])
