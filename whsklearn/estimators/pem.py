@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
+from whsklearn.effects import FrictionLaw, Power, Viscous
+from whsklearn.effects.terms import CONSTANT, HINGE, POWER
 from whsklearn.estimators import _model as wh
 from whsklearn.estimators.base import AxisRegressor
 from whsklearn.lags import WienerHammersteinLags
@@ -18,8 +20,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-# kappa times the root mean square of dx: 1 is the best linear approximation, all but linear;
-# the last is sharp enough that 1 sample in 400 lies within the smoothed sign
+# kappa times the root mean square of dx; at the last about 1 sample in 400 lies within the smoothed sign
 LADDER = (1.0, 2.0, 4.0, 8.0, 20.0, 50.0, 100.0, 200.0, 400.0)
 INFERENCE = 20.0  # sharpness at which the covariance is taken, see `PEMRegressor`
 
@@ -27,16 +28,17 @@ INFERENCE = 20.0  # sharpness at which the covariance is taken, see `PEMRegresso
 class PEMRegressor(AxisRegressor):
     """Prediction-error fit of a Wiener-Hammerstein system by Levenberg-Marquardt from several starts.
 
-    Each start climbs a ladder of ever sharper signs; its first rung is all but linear, the best
-    linear approximation of the system. The start and rung with the least
-    prediction error under the true sign is kept.
+    The first start is the best linear approximation: the same two blocks about a linear law, fitted
+    first; the others are random.  Each climbs a ladder of ever sharper signs, and the start and
+    rung with the least prediction error under the true sign is kept.
 
     Parameters
     ----------
     lags : WienerHammersteinLags, optional
         Orders and law; Example 5.1's by default.
     n_starts : int, default=16
-        Half of them random, half with weights, c and d from least squares given L1.
+        One from the best linear approximation, of the others every second with weights, c and
+        d from least squares given a random L1.
     random_state : int, RandomState or None
         Of the starts.
 
@@ -58,8 +60,8 @@ class PEMRegressor(AxisRegressor):
     References
     ----------
     Ljung 1999, System Identification, ch. 7; More 1978, The Levenberg-Marquardt algorithm, as in
-    MINPACK, which scipy.optimize.least_squares calls; Schoukens, Marconato, Pintelon, Vandersteen,
-    Rolain 2015, Automatica 51, 60-69 (best linear approximation).
+    MINPACK, which scipy.optimize.least_squares calls; Sjoberg and Schoukens 2012, Initializing
+    Wiener-Hammerstein models based on partitioning of the best linear approximation, Automatica 48.
 
     Examples
     --------
@@ -148,9 +150,22 @@ class _Problem:
         self.no_rows = np.empty((0, int(s.slices()[-1].stop)))
 
     def start(self, i: int, rng: np.random.Generator) -> Array:
-        """The i-th start; every other one takes what is linear from least squares."""
+        """The i-th start: the best linear approximation, then two kinds in turn."""
+        if i == 0:
+            return least_squares_start(self.best_linear(rng), self.kernel, self.u, self.y, self.restart)
         theta = random_start(tuple(self.structure.dims), rng, self.scales)
         return least_squares_start(theta, self.kernel, self.u, self.y, self.restart) if i % 2 else theta
+
+    def best_linear(self, rng: np.random.Generator) -> Array:
+        """Blocks of the best linear approximation, in the place of the nonlinear model's."""
+        s = self.structure
+        moves = not np.isin(s.law.codes, (POWER, HINGE, CONSTANT)).all()
+        law = FrictionLaw([Viscous() if moves else Power()])
+        dims = np.append(s.dims[:4], 1)
+        linear = _Problem(s._replace(dims=dims, law=law, key=0), self.u, self.y, self.restart, rng)
+        _, found = min((linear.climb(linear.start(1 + i, rng), LADDER[:1]) for i in range(4)), key=lambda f: f[0])
+        weight = self.b.stop
+        return np.concatenate([found[:weight], np.zeros(len(s.law)), found[weight + 1 :]])
 
     def motion(self, theta: Array) -> float:
         """Root mean square of dx, never zero."""
@@ -172,13 +187,13 @@ class _Problem:
             record_errors(theta, *self.kernel, kappa, self.u, self.y, self.restart, errors, rows)
         return -np.nan_to_num(np.clip(rows, -1e100, 1e100))
 
-    def climb(self, theta: Array) -> tuple[float, Array]:
+    def climb(self, theta: Array, ladder: tuple[float, ...] = LADDER) -> tuple[float, Array]:
         """(least sum of squares under the true sign, its parameters) over the rungs."""
         from scipy.optimize import least_squares
 
         best = np.inf, theta
         method = "lm" if self.y.size >= theta.size else "trf"  # MINPACK needs as many residuals as parameters
-        for relative in LADDER:
+        for relative in ladder:
             kappa = relative / self.motion(theta)
             theta = least_squares(
                 self.residuals, theta, self.jacobian, method=method, x_scale="jac", max_nfev=40, args=(kappa,)
