@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numba import njit
@@ -73,6 +73,12 @@ class WienerHammersteinSystem:
     def example(cls) -> WienerHammersteinSystem:
         """The system of Example 5.1."""
         return cls(a=[1.0, 2.2], b=[1.0, 0.5], c=[1.0, 0.2], d=[0.15, 0.4])
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """``a``, ``b``, ``c``, ``d`` and a weight a term of the law, as an estimator's ``parameters_``."""
+        blocks: dict[str, Any] = {name: getattr(self, name).copy() for name in "abcd"}
+        return blocks | {k: float(w) for k, w in zip(self.law.labels, self.law.weights, strict=True)}
 
     @property
     def theta(self) -> NDArray[np.float64]:
