@@ -1,9 +1,13 @@
 from __future__ import annotations
 
+import pickle
+
 import numpy as np
 import pytest
 from sklearn.base import clone
+from sklearn.linear_model import LinearRegression
 from sklearn.model_selection import GridSearchCV, TimeSeriesSplit
+from sklearn.pipeline import make_pipeline
 
 from whsklearn.effects import Cogging, Coulomb, DisturbanceTone, LoadFriction, PreslidingHysteresis, Saturation, Viscous
 from whsklearn.estimators import MILSRegressor, RLSRegressor, RMILSRegressor
@@ -234,3 +238,21 @@ def test_saturation_has_a_column_too():
     X, y = smooth_axis(seconds=2.0)
     lags = InverseDynamicsLags(sample_rate=RATE, effects=[Saturation(0.3)])
     assert np.isfinite(lags.fit(X).transform(X, y)).all()
+
+
+def test_it_is_a_pipeline_step_too():
+    X, y = smooth_axis(seconds=6.0)
+    pipeline = make_pipeline(InverseDynamicsLags(sample_rate=RATE, cutoff=50), LinearRegression(fit_intercept=False))
+    assert pipeline.fit(X, y).score(X, y) > 0.99  # the borders are in it
+    assert pipeline[-1].coef_ == pytest.approx(list(TRUTH.values()), rel=0.05)
+
+
+def test_a_pickle_in_mid_stream_goes_on_and_no_input_is_changed():
+    X, y = smooth_axis(seconds=2.0)
+    X_before, y_before = X.copy(), y.copy()
+    lags = InverseDynamicsLags(sample_rate=RATE, causal=True)
+    lags.partial_rows(X[:300], y[:300])
+    other = pickle.loads(pickle.dumps(lags))
+    assert np.array_equal(lags.partial_rows(X[300:], y[300:])[0], other.partial_rows(X[300:], y[300:])[0])
+    assert np.array_equal(X, X_before)
+    assert np.array_equal(y, y_before)
