@@ -44,6 +44,10 @@ class AxisModel:
         """The model without its term ``index``."""
         return replace(self, terms=self.terms[:index] + self.terms[index + 1 :])
 
+    def with_terms(self, terms: tuple[Term, ...]) -> AxisModel:
+        """The model with other terms."""
+        return replace(self, terms=terms)
+
     @property
     def added(self) -> tuple[Term, ...]:
         """Effects beyond the base model."""
@@ -72,7 +76,9 @@ class AxisModel:
 
     def bounds(self) -> tuple[Array, Array]:
         """Lower and upper limits of `vector`."""
-        low, high = [np.log(self.inertia) - 3, -TIMING_LIMIT], [np.log(self.inertia) + 3, TIMING_LIMIT]
+        late = any(t.kind.name == "input_delay" for t in self.terms)  # then the delay is the timing
+        limit = 1e-9 if late else TIMING_LIMIT
+        low, high = [np.log(self.inertia) - 3, -limit], [np.log(self.inertia) + 3, limit]
         for i, j, logarithm in self.free():
             kind = self.terms[i].kind
             shape = j - kind.linear

@@ -15,7 +15,7 @@ from whsklearn.gap.axis_model import AxisModel, Term
 from whsklearn.gap.candidates import Scene, candidate
 from whsklearn.gap.fit import Fit, least_squares
 from whsklearn.gap.inverse import column, motion
-from whsklearn.gap.lens import Lens, autoregression, make_lens, whiten
+from whsklearn.gap.lens import Lens, autoregression, make_lens, solve_whitening, whiten
 from whsklearn.gap.record import ServoRecord, blocks, lattice, noise_level
 
 Array = NDArray[np.float64]
@@ -76,15 +76,47 @@ class Bench:
         """Rms of the missing torque that position noise alone gives."""
         return self.lens.noise_gain * self.noise
 
+    def quiet_variance(self) -> float:
+        """Variance of whitened missing torque if only position noise were left."""
+        from scipy.signal import fftconvolve
+
+        spread = np.zeros((self.ar.size - 1) * self.lens.every + 1)
+        spread[:: self.lens.every] = self.ar
+        return float(self.noise**2 * np.sum(fftconvolve(self.lens.taps, spread) ** 2)) + 1e-300
+
     def rms(self, d: Array, on: str = "held") -> float:
         """Rms of missing torque on one part."""
         mask = {"train": self.train, "held": self.held >= 0, "all": self.usable}[on] & self.usable
         return float(np.sqrt(np.mean(d[mask] ** 2)))
 
+    def weigh(self, gap: float) -> None:
+        """Set the whitening to position noise plus white torque of the rms ``gap``.
+
+        Nothing of the gap itself enters but its size, so no tone and no slow drift is whitened away.
+        """
+        taps, every = self.lens.taps, self.lens.every
+        full = np.concatenate([taps, np.zeros(AR_ORDER * every)])
+        r = np.array([taps @ full[i * every : i * every + taps.size] for i in range(AR_ORDER + 1)])
+        white = max(gap, 0.5 * self.tolerance * self.scene.torque) ** 2
+        self.ar = solve_whitening(self.noise**2 * r, white)
+
     def tune_whitening(self, d: Array) -> None:
-        """Set the whitening polynomial to the missing torque ``d`` of the best model so far."""
-        white = (0.5 * self.tolerance * self.scene.torque) ** 2
+        """Set the whitening to what the best model so far leaves over, ``d``."""
+        white = (0.25 * self.tolerance * self.scene.torque) ** 2
         self.ar = autoregression(d[self.usable], AR_ORDER, white)
+
+    # --- candidates --------------------------------------------------------------------------
+    def screen(self, model: AxisModel, fit: Fit, kinds: tuple | None = None) -> list:
+        """See `whsklearn.gap.signatures.screen`."""
+        from whsklearn.gap import signatures
+
+        return signatures.screen(self, model, fit, signatures.usable_kinds(model) if kinds is None else kinds)
+
+    def refine(self, model: AxisModel, trial: object) -> object:
+        """See `whsklearn.gap.signatures.refine`."""
+        from whsklearn.gap import signatures
+
+        return signatures.refine(self, model, trial)  # type: ignore[arg-type]
 
     # --- fitting ---------------------------------------------------------------------------
     def fit(self, model: AxisModel, *, max_iterations: int = 12, tolerance: float = 5e-4) -> tuple[AxisModel, Fit]:

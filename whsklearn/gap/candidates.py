@@ -116,7 +116,7 @@ def _gap_starts(s: Scene) -> list[tuple[float, ...]]:
     return [(gap, 0.45, min(60.0, 0.6 * s.resonance), 0.15) for gap in (0.0015, 0.005, 0.015, 0.05)]
 
 
-_ORDER: Callable[[Scene], list[Range]] = lambda s: [(0.3, 400.0)]  # noqa: E731
+_ORDER: Callable[[Scene], list[Range]] = lambda s: [(0.8 * max(1.0, 1.0 / s.reach), 4000.0)]  # noqa: E731
 _FLEX: Callable[[Scene], list[Range]] = lambda s: [  # noqa: E731
     (1e-4 / s.inertia / 1e3, 1.0 / s.inertia),
     (0.05, 0.95),
@@ -239,7 +239,14 @@ CATALOGUE: tuple[Candidate, ...] = (
         substeps=6,
         positive=True,
     ),
-    Candidate("cogging", k.COGGING, ("cos", "sin", "order"), linear=2, ranged=_ORDER, scanned="order"),
+    Candidate(
+        "cogging",
+        k.COGGING,
+        ("cos", "sin", "order"),
+        linear=2,
+        ranged=lambda s: [(1.4 * max(1.0, 0.8 / s.reach), 4000.0)],  # one period a turn is imbalance
+        scanned="order",
+    ),
     Candidate("gravity_imbalance", k.GRAVITY, ("cos", "sin"), linear=2),
     Candidate(
         "cable_spring",

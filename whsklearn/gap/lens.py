@@ -111,14 +111,18 @@ def make_lens(dt: float, inertia: float, noise: float, torque: float, *, trackin
 
 def autoregression(x: Array, order: int, white: float) -> Array:
     """Coefficients [1, a1, ...] that whiten ``x`` (Yule-Walker) plus a white part of variance ``white``."""
-    from scipy.linalg import solve_toeplitz
-
     x = x - x.mean()
     n = x.size
-    r = np.array([x[: n - i] @ x[i:] for i in range(order + 1)]) / n
+    return solve_whitening(np.array([x[: n - i] @ x[i:] for i in range(order + 1)]) / n, white)
+
+
+def solve_whitening(covariance: Array, white: float) -> Array:
+    """The whitening polynomial of an autocovariance with a white part added (Yule-Walker)."""
+    from scipy.linalg import solve_toeplitz
+
+    r = covariance.copy()
     r[0] = r[0] * 1.0001 + white
-    a = solve_toeplitz(r[:order], -r[1:])
-    return np.concatenate([[1.0], a])
+    return np.concatenate([[1.0], solve_toeplitz(r[:-1], -r[1:])])
 
 
 def whiten(d: Array, ar: Array) -> Array:

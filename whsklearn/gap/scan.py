@@ -1,4 +1,8 @@
-"""Where a candidate's first shape number is found by looking at all of them: order, frequency, time."""
+"""Where a candidate's first shape number is found by looking at all of them: order, frequency, time.
+
+Behind a Gaussian of width sigma, cos(k q(t)) at the speed v is exp(-(k v sigma)^2 / 2) cos(k q), so
+thousands of orders are tried on the decimated motion alone, all in one matrix product.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +12,6 @@ from numpy.typing import NDArray
 from whsklearn.gap import axis_kernel as k
 from whsklearn.gap.bench import Bench
 from whsklearn.gap.candidates import Candidate
-from whsklearn.gap.inverse import column
 from whsklearn.gap.lens import whiten
 
 Array = NDArray[np.float64]
@@ -18,76 +21,100 @@ def scan_values(kind: Candidate, bench: Bench) -> Array:
     """The grid of a scan: steps of a quarter of the resolution that the record has."""
     s = bench.scene
     if kind.scanned == "time":
-        return np.linspace(0.06, 0.94, 89) * s.seconds
+        return np.linspace(0.05, 0.95, 181) * s.seconds
+    fastest = 2.0 * bench.lens.cutoff
     if kind.scanned == "frequency":
-        highest = 2.0 * bench.lens.cutoff
-        return np.arange(0.5 / s.seconds, highest, 0.35 / s.seconds)
-    step = 0.25 * np.pi / s.reach
-    fastest = 2 * np.pi * 2.0 * bench.lens.cutoff / max(s.speed, 1e-9)
-    highest = float(np.clip(fastest, 3.0, 130.0))
-    whole = np.arange(1.0, highest + 1)
-    grid = np.arange(0.5, highest, max(step, highest / 700))
+        return np.arange(1.0 / s.seconds, fastest, 0.3 / s.seconds)
+    low = kind.ranged(s)[0][0]
+    highest = float(np.clip(2 * np.pi * fastest / max(s.speed, 1e-9), 3.0 * max(low, 1.0), 400.0 * max(low, 1.0)))
+    step = max(0.2 * np.pi / s.reach, highest / 900)
+    grid = np.arange(low, highest, step)
+    whole = np.arange(np.ceil(low), highest + 1) if highest < 300 else np.zeros(0)
     return np.unique(np.concatenate([whole, grid]))
 
 
-def scan(kind: Candidate, bench: Bench, residual: Array, base: Array, angle: Array, speed: Array) -> tuple[Array, Array]:
+def scan(
+    kind: Candidate, bench: Bench, residual: Array, base: Array, angle: Array, speed: Array, values: Array | None = None
+) -> tuple[Array, Array]:
     """(values, drop of the sum of squares at each): linear, on the tracked motion.
 
     ``base`` are the sensitivities of the model in force on the training samples, which the columns
     are projected off.
     """
-    values = scan_values(kind, bench)
-    thin = max(1, bench.lens.every // 4)
-    while bench.lens.every % thin:
-        thin -= 1
-    motion = [x[::thin] for x in (angle, speed, bench.record.drive)]
-    time = (np.arange(len(bench.record)) * bench.scene.dt)[::thin]
-    taps = bench.lens.smooth[bench.lens.half_width % thin :: thin]
-    taps = taps / taps.sum()
+    values = scan_values(kind, bench) if values is None else values
     mask = bench.train & bench.usable
     q, _ = np.linalg.qr(base)
     r = residual - q @ (q.T @ residual)
-    steps = change_columns(kind, bench, motion, time) if kind.scanned == "time" else None
     gains = np.zeros(values.size)
-    for i, value in enumerate(values):
-        if steps is None:
-            x = column(kind, *motion, time, (float(value),))
-        else:
-            x = steps * (time >= value)[:, None]
-        seen = _decimate(x, taps, bench.lens.every // thin, mask.size)
-        z = whiten(seen, bench.ar)[mask]
-        z = z - q @ (q.T @ z)
-        c, *_ = np.linalg.lstsq(z.T @ z + 1e-9 * np.eye(z.shape[1]) * np.trace(z.T @ z), z.T @ r, rcond=None)
-        gains[i] = float(r @ (z @ c))
+    signals = _signals(kind, bench, angle, speed)
+    for i in range(0, values.size, 128):
+        part = values[i : i + 128]
+        columns = _columns(kind, bench, part, *signals)
+        z = whiten(columns, bench.ar)[mask]
+        z -= q @ (q.T @ z)
+        n = part.size
+        if not kind.paired:
+            gains[i : i + 128] = (z.T @ r) ** 2 / np.maximum(np.sum(z * z, axis=0), 1e-30)
+            continue
+        c, s = z[:, :n], z[:, n:]
+        cc, ss, cs = np.sum(c * c, 0), np.sum(s * s, 0), np.sum(c * s, 0)
+        rc, rs = c.T @ r, s.T @ r
+        ridge = 1e-6 * (cc + ss) + 1e-30
+        det = (cc + ridge) * (ss + ridge) - cs**2
+        gains[i : i + 128] = ((ss + ridge) * rc**2 - 2 * cs * rc * rs + (cc + ridge) * rs**2) / det
     return values, gains
 
 
-def change_columns(kind: Candidate, bench: Bench, motion: list[Array], time: Array) -> Array:
-    """The signal whose weight steps."""
-    angle, speed, drive = motion
-    x = {
-        k.CHANGE_INERTIA: np.gradient(speed, time),
+def _signals(kind: Candidate, bench: Bench, angle: Array, speed: Array) -> tuple[Array, Array, Array, Array]:
+    """Angle, speed, the factor on the wave and time, decimated."""
+    pick = bench.lens.pick
+    time = np.arange(len(bench.record)) * bench.scene.dt
+    factor = {
+        k.TORQUE_RIPPLE: bench.record.drive,
+        k.POSITION_FRICTION: np.sign(speed),
         k.CHANGE_VISCOUS: speed,
         k.CHANGE_COULOMB: np.sign(speed),
-        k.CHANGE_GAIN: drive,
-    }[kind.code]
-    return x[:, None]
+        k.CHANGE_GAIN: bench.record.drive,
+    }.get(kind.code)
+    if kind.code == k.CHANGE_INERTIA:
+        factor = np.gradient(speed, bench.scene.dt)
+    blurred = np.ones(pick(angle).size) if factor is None else bench.lens.blur(factor)
+    return pick(angle), pick(speed), blurred, pick(time)
 
 
-def _decimate(x: Array, taps: Array, every: int, n: int) -> Array:
-    from whsklearn.gap.lens import _apply
+def _columns(kind: Candidate, bench: Bench, values: Array, angle: Array, speed: Array, factor: Array, time: Array) -> Array:
+    if kind.scanned == "time":
+        return factor[:, None] * (time[:, None] >= values[None, :])
+    sigma = 0.833 / (2 * np.pi * bench.lens.cutoff)
+    if kind.scanned == "frequency":
+        phase = 2 * np.pi * time[:, None] * values[None, :]
+        size = np.ones((time.size, 1)) * np.exp(-0.5 * (2 * np.pi * values * sigma) ** 2)[None, :]
+    else:
+        phase = angle[:, None] * values[None, :]
+        size = np.exp(-0.5 * (speed[:, None] * values[None, :] * sigma) ** 2)
+    size = size * factor[:, None]
+    return np.concatenate([size * np.cos(phase), size * np.sin(phase)], axis=1)
 
-    out = _apply(x, taps, every)
-    return out[:n] if out.shape[0] >= n else np.pad(out, [(0, n - out.shape[0]), (0, 0)], mode="edge")
 
-
-def peaks(values: Array, gains: Array, n: int = 3) -> list[tuple[float, ...]]:
-    """The n best separate maxima as starts."""
-    order = np.argsort(gains)[::-1]
+def peaks(values: Array, gains: Array, n: int = 3) -> list[float]:
+    """The n best separate maxima."""
     chosen: list[int] = []
-    for i in order:
+    for i in np.argsort(gains)[::-1]:
         if all(abs(int(i) - j) > 6 for j in chosen):
             chosen.append(int(i))
         if len(chosen) == n:
             break
-    return [(float(values[i]),) for i in chosen]
+    return [float(values[i]) for i in chosen]
+
+
+def zoom(
+    kind: Candidate, bench: Bench, residual: Array, base: Array, motion: tuple[Array, Array], values: Array, gains: Array
+) -> list[tuple[float, ...]]:
+    """The best maxima of a scan, each looked at again ten times finer."""
+    step = float(np.median(np.diff(values)))
+    out: list[tuple[float, ...]] = []
+    for centre in peaks(values, gains):
+        fine = np.clip(centre + step * np.linspace(-1.2, 1.2, 25), values[0], values[-1])
+        fine, again = scan(kind, bench, residual, base, *motion, values=fine)
+        out.append((float(fine[np.argmax(again)]),))
+    return out

@@ -17,7 +17,7 @@ from whsklearn.gap.axis_model import AxisModel, Term, size_unit
 from whsklearn.gap.bench import Bench
 from whsklearn.gap.candidates import CATALOGUE, Candidate
 from whsklearn.gap.fit import Fit, gain_of
-from whsklearn.gap.scan import peaks, scan
+from whsklearn.gap.scan import scan, zoom
 
 Array = NDArray[np.float64]
 SMALL = 0.01  # share of the rms drive at which signatures are taken
@@ -34,6 +34,8 @@ class Trial:
         Drop of the whitened sum of squares that the signature promises.
     visible : float
         Share of the signature left after projection on the model's own sensitivities.
+    expected : float
+        Delta BIC that an effect of two percent of the rms drive would give in this record.
     model : AxisModel or None
         The joint refit, if it was worth one.
     cost : float
@@ -43,6 +45,7 @@ class Trial:
     kind: Candidate
     screened: float
     visible: float
+    expected: float = np.inf
     start: tuple[float, ...] = ()
     sizes: tuple[float, ...] = ()
     model: AxisModel | None = None
@@ -70,16 +73,19 @@ def _signature(bench: Bench, model: AxisModel, residual: Array, kind: Candidate,
 
 def screen(bench: Bench, model: AxisModel, fit: Fit, kinds: tuple[Candidate, ...]) -> list[Trial]:
     """Every candidate at its best start, most promising first."""
-    r, base = fit.residual, fit.jacobian
+    r = fit.residual
+    low, high = model.bounds()
+    base = fit.jacobian[:, (fit.x > low + 1e-6) & (fit.x < high - 1e-6)]  # a pinned number explains nothing more
     _, angle, speed = bench.follow(model)
     q, _ = np.linalg.qr(base)
+    quiet = bench.quiet_variance()
     trials = []
     for kind in kinds:
         scanned = None
         starts = kind.starts(bench.scene)
         if kind.scanned:
             scanned = scan(kind, bench, r, base, angle, speed)
-            starts = peaks(*scanned)
+            starts = zoom(kind, bench, r, base, (angle, speed), *scanned)
         best = Trial(kind, -np.inf, 0.0, scanned=scanned)
         for shape in starts:
             columns = _signature(bench, model, r, kind, shape)
@@ -93,7 +99,12 @@ def screen(bench: Bench, model: AxisModel, fit: Fit, kinds: tuple[Candidate, ...
             if kind.linear == 0 and c[0] < 0:
                 drop = 0.0
             if drop > best.screened:
-                best = Trial(kind, drop, visible, shape, tuple(map(float, c)) if kind.linear else (), scanned=scanned)
+                best = Trial(
+                    kind, drop, visible, start=shape, sizes=tuple(map(float, c)) if kind.linear else (), scanned=scanned
+                )
+                if kind.linear:
+                    unit = 0.02 * size_unit(kind, (0.0,) * kind.linear + shape, bench.scene)
+                    best.expected = total * visible**2 * unit**2 / kind.linear / quiet
         trials.append(best)
     return sorted(trials, key=lambda t: -t.screened)
 
