@@ -32,7 +32,7 @@ _EMPS_CITATION = """\
 A. Janot, M. Gautier, M. Brunot: Data Set and Reference Models of EMPS. Workshop on Nonlinear System Identification
 Benchmarks, Eindhoven, 2019."""
 
-_KR300_PAGE = "their publishers (Weigand, Ulmen, Janot, Ruskowski 2021)"
+_KR300_PAGE = "https://github.com/JonasWeigand/Robot_Identification (Weigand, Ulmen, Janot, Ruskowski 2021)"
 _KR300_COLUMNS = [
     "time_s",
     "motor_torque_Nm",
@@ -45,8 +45,8 @@ _KR300_COLUMNS = [
 _KR300_UNITS = {"time": "s", "torque": "Nm", "position": "deg", "velocity": "deg/s", "reference": "deg"}
 _KR300_TEXT = """\
 Axis 1 of a KUKA KR300, a turntable: vertical axis, gear 256.857:1, encoders on motor and load, 250 Hz, three records
-of 10 s. Torque is the motor's, positions are in degrees of the load. ``A`` is for identification, ``B`` and ``C``
-for validation."""
+of 10 s, in which the rest of the arm moves too. Torque is the motor's, positions are in degrees of the load. ``A`` is
+for identification, ``B`` and ``C`` for validation."""
 _KR300_CITATION = "J. Weigand, J. Ulmen, A. Janot, M. Ruskowski, 2021: records of a KUKA KR300. MIT licence."
 
 # SHA-256 of the numbers, each as nine significant digits, so that CSV and MAT files of one record agree.
@@ -114,7 +114,7 @@ def fetch_kr300(folder: str | os.PathLike[str] | None = None, *, verify: bool = 
     ----------
     folder : str or path, optional
         Holds ``kr300_axis1_A.csv``, ``_B`` and ``_C``, directly or in ``kr300/``; ``WHSKLEARN_DATA``
-        by default.
+        by default. The publishers' files hold all six axes in MATLAB's format, so nothing is downloaded.
     verify : bool, default=True
         Compare the numbers with the checksum of the published ones.
 
