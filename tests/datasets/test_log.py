@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from whsklearn.datasets import check_log, load_log
+from whsklearn.datasets import check_log, load_log, load_turntable, make_servo_log
 
 RATE = 200.0
 NAMES = {"time": "time_s", "drive": "torque_nm", "position": "position_rad"}
@@ -193,6 +193,13 @@ def test_repeated_rows_are_found_and_a_rest_is_not():
     idle = check_log(c["time_s"], {"drive": c["torque_nm"][rest], "position": c["position_rad"][rest]})
     assert "LOG006" in twice.codes
     assert "LOG006" not in idle.codes
+
+
+def test_what_the_library_simulates_is_a_clean_log():
+    for frame in (load_turntable(), make_servo_log(reference="staircase", duration=10.0, resolution=1e-4)):
+        signals = {"drive": frame["torque_nm"].to_numpy(), "position": frame["position_rad"].to_numpy()}
+        report = check_log(frame["time_s"].to_numpy(), signals)
+        assert report.ok, str(report)
 
 
 def test_a_drive_of_zeros_and_an_axis_that_stands_still_are_told():

@@ -245,6 +245,7 @@ def _repeats(signals: dict[str, Array]) -> list[Finding]:
     """Rows equal to the row before in every signal while the axis moves: a logger that fell behind."""
     table = np.column_stack(list(signals.values()))
     same = np.r_[False, (table[1:] == table[:-1]).all(axis=1)]
+    same &= ~((table == table.max(axis=0)) | (table == table.min(axis=0))).any(axis=1)  # a limit, a turning point
     edges = np.flatnonzero(np.diff(np.r_[0, same.astype(int), 0]))
     starts, lengths = edges[::2], edges[1::2] - edges[::2]
     short = lengths <= 20  # longer runs are an axis at rest
