@@ -64,7 +64,9 @@ def load_turntable(
             log = pd.read_csv(folder / name)
             break
     else:
-        raise FileNotFoundError(f"{name} is not installed; reinstall the package, or use make_turntable({experiment!r}).")
+        raise FileNotFoundError(
+            f"{name} is not installed; reinstall the package, or use make_turntable({experiment!r})."
+        )
     if return_X_y:
         return log[["reference_rad"]].to_numpy(), log["position_rad"].to_numpy()
     return log

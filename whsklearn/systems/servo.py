@@ -198,7 +198,8 @@ class ServoAxis:
         -------
         Bunch
             Arrays of shape (n,): ``time``, ``reference``, ``drive`` (as logged), ``position``
-            (as measured), ``true_position``, ``velocity``, ``torque`` (at the axis), ``load_position``, ``load_velocity``.
+            (as measured), ``true_position``, ``velocity``, ``torque`` (at the axis), ``load_position``,
+            ``load_velocity``.
 
         Raises
         ------
