@@ -33,7 +33,7 @@ def candidates(
         Candidate("RLS", RLSRegressor(**common, **old), "pseudolinear"),
         Candidate("MILS", MILSRegressor(**common, p=p, **old), "pseudolinear"),
         Candidate("RMILS", RMILSRegressor(**common, p=p, **old), "pseudolinear"),
-        Candidate("gradient", MultiInnovationGradientRegressor(**common, p=p), "pseudolinear"),
+        Candidate("gradient", MultiInnovationGradientRegressor(lags=lags, p=p, theta0=old["theta0"]), "pseudolinear"),
         Candidate("RLS", RLSRegressor(**common), "full"),
         Candidate("MILS", MILSRegressor(**common, p=p), "full"),
         Candidate("RMILS", RMILSRegressor(**common, p=p), "full"),

@@ -52,15 +52,12 @@ def main(**options: Any) -> None:
     lags = WienerHammersteinLags(**orders_of(options["orders"]), law=options["law"])
     if options["log_file"]:
         train, test, skip = records_of_log(options)
-        theta, truth, title = (
-            None,
-            None,
-            f"Free run on {', '.join(r.name for r in test)}, after fitting to {train.name}",
-        )
+        theta, truth = None, None
+        title = f"Free run on {', '.join(r.name for r in test)}, fitted to {train.name}"
     else:
         train, test, system = simulated_records(options["samples"], options["snr"], options["seed"])
         theta, truth, skip = system.theta, flat_parameters(system.parameters), 0
-        title = f"Example 5.1, N = {options['samples']}, SNR {options['snr']:g} dB: free run on {VALIDATION_RECORDS} fresh noise-free records"
+        title = f"Example 5.1, N = {options['samples']}, SNR {options['snr']:g} dB: free run on new noise-free data"
     tracker = tracker_for("simulated_example", options["track"], data=train.name)
     found = candidates(lags, p=options["p"], seed=options["seed"], swarm=options["swarm"])
     with tracker.run(f"comparison on {train.name}") as parent:
@@ -105,17 +102,21 @@ def draw(
     import matplotlib.pyplot as plt
 
     chosen = by_name(outcomes)
-    streams = {k: o.paths for k, o in chosen.items() if k.split(",")[0] in ("MILS", "RMILS") and o.paths is not None}
     best = min(chosen.values(), key=lambda o: o.indices["nmse"])
-    default = chosen.get("RMILS, full", best).fitted
-    window = slice(max(0, test[0].y.size - 300), None)
-    shown = {k: o.predictions[0][window] for k, o in chosen.items() if k.startswith(("MILS", "RMILS", "PEM", "best"))}
-    displays = {
-        "convergence": ConvergenceDisplay(streams, truth).plot(),
-        "validation": TrackingDisplay(test[0].y[window], shown).plot(),
-        "horizon": HorizonDisplay.from_estimators({"RMILS, full": default}, test[0].X, test[0].y),
-        "residuals": ResidualDisplay.from_estimator(default, train.X, train.y),
+    default = chosen.get("RMILS, full", best)
+    judged = {k: chosen[k].fitted for k in ("RMILS, pseudolinear", "RMILS, full") if k in chosen}
+    shown = {
+        k: o.predictions[0] for k, o in chosen.items() if k in judged or o.candidate.reading in ("batch", "linear")
     }
+    displays: dict[str, Any] = {
+        "validation": TrackingDisplay(test[0].y, shown, window=slice(-120, None)).plot(),
+        "horizon": HorizonDisplay.from_estimators(judged, test[0].X, test[0].y),
+        "residuals": ResidualDisplay.from_estimator(default.fitted, train.X, train.y),
+    }
+    for reading in ("pseudolinear", "full"):
+        paths = {k: o.paths for k, o in by_name(outcomes, reading=reading).items() if "MILS" in k and o.paths}
+        if paths:
+            displays[f"convergence_{reading}"] = ConvergenceDisplay(paths, truth).plot()
     for name, display in displays.items():
         parent.log_figure(display.figure_, f"{name}.png")
         if folder:

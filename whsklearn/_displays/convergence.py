@@ -67,13 +67,15 @@ class ConvergenceDisplay(Display):
             self._plot_block(ax, panel)
         if self.truth:
             for i, (model, delta) in enumerate(self.errors().items()):
-                axes[3].semilogy(self.paths[model][0], delta, color=COLOURS[i], label=model)
+                axes[3].semilogy(self.paths[model][0], delta, STYLES[i % 3], color="black", linewidth=1.3)
             axes[3].set(title="parameter error", ylabel="delta", xlabel="samples seen")
-            axes[3].legend(frameon=False)
             axes[2].set_xlabel("samples seen")
         else:
             for ax in axes[:3]:
                 ax.set_xlabel("samples seen")
+        lines = [axes[0].plot([], [], STYLES[j % 3], color="black", label=m)[0] for j, m in enumerate(self.paths)]
+        truth = [axes[0].plot([], [], color="0.5", linestyle=TRUTH, label="truth")[0]] if self.truth else []
+        self.figure_.legend(handles=lines + truth, loc="outside lower center", ncols=4, frameon=False)
         return self
 
     def _plot_block(self, ax: Any, panel: str) -> None:
@@ -85,13 +87,10 @@ class ConvergenceDisplay(Display):
                 ax.plot(steps, paths[name], STYLES[j % 3], color=COLOURS[i % len(COLOURS)], label=label, linewidth=1.3)
                 if self.truth and j == 0:
                     ax.axhline(self.truth[name], color=COLOURS[i % len(COLOURS)], linestyle=TRUTH, linewidth=0.9)
-        if len(self.paths) > 1 and panel == "L1":
-            for j, model in enumerate(self.paths):
-                ax.plot([], [], STYLES[j % 3], color="0.3", label=model)
         low, high = self._limits(panel)
         ax.set(title=panel, ylabel="estimate", ylim=(low, high))
         if ax.get_legend_handles_labels()[0]:
-            ax.legend(frameon=False, ncols=2, fontsize="small")
+            ax.legend(frameon=False, ncols=3, fontsize="small", loc="upper right")
 
     def _limits(self, panel: str) -> tuple[float, float]:
         """Axis limits that the first few wild estimates do not spoil."""
@@ -101,4 +100,4 @@ class ConvergenceDisplay(Display):
         low = min([low, *[float(v.min()) for v in values if v.size == 1]])
         high = max([high, *[float(v.max()) for v in values if v.size == 1]])
         margin = 0.12 * (high - low) or 0.5
-        return low - margin, high + margin
+        return low - margin, high + 2 * margin  # room for the legend

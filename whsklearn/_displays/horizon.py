@@ -74,7 +74,7 @@ class HorizonDisplay(Display):
             ax.axhline(self.free_run[name], color=colour, linestyle=TRUTH, linewidth=1.0)
         ax.plot([], [], color="0.3", linestyle=TRUTH, label="free run")
         ax.set_xticks(self.horizons, [str(h) for h in self.horizons])
-        ax.minorticks_off()
+        ax.tick_params(axis="x", which="minor", bottom=False, labelbottom=False)
         ax.set(xlabel="steps ahead", ylabel="NMSE")
         ax.legend(frameon=False)
         return self

@@ -27,16 +27,25 @@ class TrackingDisplay(Display):
         Seconds; samples are counted where it is missing.
     output : str
         Name and unit of the output for the axis.
+    window : slice, optional
+        The samples to draw; the NMSE in the legend is of all of them.
     """
 
     def __init__(
-        self, y: ArrayLike, predictions: Mapping[str, ArrayLike], *, time: ArrayLike | None = None, output: str = "y"
+        self,
+        y: ArrayLike,
+        predictions: Mapping[str, ArrayLike],
+        *,
+        time: ArrayLike | None = None,
+        output: str = "y",
+        window: slice | None = None,
     ):
         self.y = np.asarray(y, dtype=float).ravel()
         self.predictions = {k: np.asarray(v, dtype=float).ravel() for k, v in predictions.items()}
         self.time = np.arange(self.y.size) if time is None else np.asarray(time, dtype=float).ravel()
         self.time_label = "sample" if time is None else "time in s"
         self.output = output
+        self.window = slice(None) if window is None else window
 
     @classmethod
     def from_estimator(
@@ -48,12 +57,13 @@ class TrackingDisplay(Display):
     def plot(self, axes: Any = None) -> TrackingDisplay:
         """Draw the overlay above the error."""
         top, bottom = self._axes(axes, 2, 1, (10.0, 5.6), sharex=True, height_ratios=[2, 1])[:2]
-        top.plot(self.time, self.y, color="black", linewidth=1.6, label="measured")
+        time, y = self.time[self.window], self.y[self.window]
+        top.plot(time, y, color="black", linewidth=1.6, label="measured")
         for i, (name, y_hat) in enumerate(self.predictions.items()):
             colour = COLOURS[i % len(COLOURS)]
             label = f"{name}, NMSE {nmse(self.y, y_hat):.2g}"
-            top.plot(self.time, y_hat, color=colour, linewidth=1.1, linestyle=(0, (5, 2)), label=label)
-            bottom.plot(self.time, self.y - y_hat, color=colour, linewidth=0.9)
+            top.plot(time, y_hat[self.window], color=colour, linewidth=1.2, linestyle=(0, (5, 2)), label=label)
+            bottom.plot(time, y - y_hat[self.window], color=colour, linewidth=0.9)
         top.set_ylabel(self.output)
         bottom.set(ylabel="error", xlabel=self.time_label)
         bottom.axhline(0.0, color="0.3", linewidth=0.7)
