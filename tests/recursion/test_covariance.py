@@ -20,7 +20,7 @@ def test_factors_lead_back_to_p(n):
     ud = factorise(p)
     np.testing.assert_allclose(covariance(ud), p, rtol=1e-12, atol=1e-15)
     assert (np.diag(ud) > 0).all()
-    assert not np.tril(ud, -1).any()
+    assert not np.triu(ud, 1).any()
 
 
 @pytest.mark.parametrize("n", [1, 3, 9])
@@ -54,8 +54,15 @@ def test_a_row_of_zeros_changes_nothing():
 def test_inflation_is_by_d_alone():
     p = random_covariance(4, 2)
     ud = factorise(p)
-    inflate(ud, 1.25)
+    inflate(ud, 1.25, np.inf)
     np.testing.assert_allclose(covariance(ud), 1.25 * p, rtol=1e-12)
+
+
+def test_inflation_ends_at_the_ceiling_and_takes_nothing_away():
+    ud = np.diag([0.5, 3.0, 20.0])
+    for _ in range(1000):
+        inflate(ud, 1.1, 10.0)
+    assert np.diag(ud).tolist() == [10.0, 10.0, 20.0]
 
 
 def test_p_stays_positive_where_the_plain_form_does_not():
@@ -66,7 +73,7 @@ def test_p_stays_positive_where_the_plain_form_does_not():
     lost = False
     for _ in range(2_000):
         phi = np.ones(n) + 0.1 * rng.standard_normal(n)
-        inflate(ud, 1 / 0.95)
+        inflate(ud, 1 / 0.95, np.inf)
         measurement_update(ud, phi, 1.0, gain)
         if not lost:
             plain /= 0.95

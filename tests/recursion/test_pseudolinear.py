@@ -33,8 +33,8 @@ def run(system, X, y, mode, p=3, theta0=None, p0=1e6, forgetting=1.0):
     state = np.zeros(auxiliary_size(dims))
     ud, loss, power = np.eye(theta.size) * p0, np.zeros(2), np.zeros(1)
     run_pseudolinear(
-        theta, ud, state, loss, power, np.zeros(lags), np.zeros(lags), 0, forgetting, dims, law.codes, law.shapes,
-        law.key, p, mode, X, y,
+        theta, ud, state, loss, power, np.zeros(lags), np.zeros(lags), 0, forgetting, np.inf, dims, law.codes,
+        law.shapes, law.key, p, mode, X, y,
     )  # fmt: skip
     return theta, covariance(ud), state
 

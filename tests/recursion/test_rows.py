@@ -15,7 +15,7 @@ def stream(rows, y, p=1, variance=1.0, forgetting=1.0, p0=1e6, chunks=1, theta0=
     theta = np.zeros(n) if theta0 is None else theta0.copy()
     ud, loss, recent, targets, since = np.eye(n) * p0, np.zeros(2), np.zeros((p, n)), np.zeros(p), 0
     for part in np.array_split(np.arange(len(y)), chunks):
-        since = run_rows(theta, ud, loss, recent, targets, since, forgetting, p, variance, rows[part], y[part])
+        since = run_rows(theta, ud, loss, recent, targets, since, forgetting, np.inf, p, variance, rows[part], y[part])
     return theta, covariance(ud), loss
 
 

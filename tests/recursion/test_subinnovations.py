@@ -30,8 +30,8 @@ def run(dims, law, theta0, X, y, p=4, frozen=False, p0=1.0, kappa=3.0, forgettin
     since, seen, forgetting = 0, 0, np.array(forgetting)
     for part in np.array_split(np.arange(len(y)), chunks):
         since = run_windows(
-            *s.values(), since, seen, forgetting, np.array([kappa]), 0.0, dims, law.codes, law.shapes, p, frozen,
-            X[part], y[part],
+            *s.values(), since, seen, forgetting, np.inf, np.array([kappa]), 0.0, dims, law.codes, law.shapes, p,
+            frozen, X[part], y[part],
         )  # fmt: skip
         seen += len(part)
     return s
