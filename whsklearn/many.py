@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numba import njit
 
-from whsklearn.recursion.covariance import covariance, inflate, measurement_update
+from whsklearn.recursion.covariance import WIND_UP, covariance, inflate, measurement_update
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -69,19 +69,19 @@ def least_squares_of_many(
     bounds = np.linspace(0, n_axes, threads + 1).astype(int)
     pieces = [slice(a, b) for a, b in itertools.pairwise(bounds)]  # numba releases the GIL in each
     with ThreadPoolExecutor(threads) as pool:
-        list(pool.map(lambda s: _run_axes(X[s], y[s], theta[s], ud[s], float(forgetting)), pieces))
+        list(pool.map(lambda s: _run_axes(X[s], y[s], theta[s], ud[s], float(forgetting), WIND_UP * P0), pieces))
     return theta, np.array([covariance(factors) for factors in ud])
 
 
 @njit(cache=True, nogil=True)
-def _run_axes(X, y, theta, ud, forgetting):
+def _run_axes(X, y, theta, ud, forgetting, ceiling):
     """One axis after another through all of its samples; theta and ud change in place."""
     n_axes, n_samples, n = X.shape
     gain = np.empty(n)
     for axis in range(n_axes):
         for t in range(n_samples):
             if forgetting != 1.0:
-                inflate(ud[axis], 1.0 / forgetting)
+                inflate(ud[axis], 1.0 / forgetting, ceiling)
             e = y[axis, t]
             for k in range(n):
                 e -= X[axis, t, k] * theta[axis, k]

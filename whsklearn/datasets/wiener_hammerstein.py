@@ -35,7 +35,7 @@ def make_wiener_hammerstein(
         Example 5.1 by default.
     return_truth : bool, default=False
         Also return a Bunch with ``system``, ``u``, ``x``, ``v``, ``y`` (noise-free), ``d``
-        ``parameters`` by name, and ``theta`` in the paper's order.
+        ``parameters`` by name, and ``theta`` in the paper's order (None without a linear term).
 
     Returns
     -------
@@ -49,7 +49,7 @@ def make_wiener_hammerstein(
     Raises
     ------
     ValueError
-        If n_samples is below 1, or the truth is asked of a law without a linear term.
+        If n_samples is below 1.
 
     Examples
     --------
@@ -72,4 +72,4 @@ def make_wiener_hammerstein(
     y = system.simulate(u, d)
     if not return_truth:
         return u[:, None], y
-    return u[:, None], y, Bunch(system=system, u=u, d=d, theta=system.theta, parameters=system.parameters, **clean)
+    return u[:, None], y, Bunch(system=system, u=u, d=d, theta=None if system.law.key is None else system.theta, parameters=system.parameters, **clean)

@@ -38,7 +38,10 @@ def smooth_sign(dx, kappa):
     """sign(dx) and its slope; tanh(kappa dx) for a finite kappa."""
     if kappa == math.inf:
         return (1.0 if dx > 0.0 else (-1.0 if dx < 0.0 else 0.0)), 0.0
-    s = math.tanh(kappa * dx)
+    z = kappa * dx
+    if abs(z) > 20.0:  # there tanh is one to the last bit, and most samples of a sharp sign are there
+        return (1.0 if z > 0.0 else -1.0), 0.0
+    s = math.tanh(z)
     return s, kappa * (1.0 - s * s)
 
 

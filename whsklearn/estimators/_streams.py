@@ -14,7 +14,7 @@ import numpy as np
 
 from whsklearn.estimators._model import Structure, paper_jacobian, paper_vector
 from whsklearn.recursion import multistart
-from whsklearn.recursion.covariance import covariance
+from whsklearn.recursion.covariance import WIND_UP, covariance
 from whsklearn.recursion.pseudolinear import auxiliary_size, run_pseudolinear
 from whsklearn.recursion.rows import run_gradient, run_one_row, run_rows
 
@@ -55,6 +55,7 @@ class RowsStream:
 
     def __init__(self, n: int, p: int, p0: float, forgetting: float, theta0: Array, counted_once: bool, gradient: bool):
         self.n, self.p, self.p0, self.forgetting, self.theta0 = n, p, p0, forgetting, theta0
+        self.ceiling = WIND_UP * p0
         self.variance = float(p) if counted_once else 1.0
         self.row = (1, n)
         self.gradient = gradient
@@ -84,8 +85,8 @@ class RowsStream:
                 )
             else:
                 state["since"] = run_rows(
-                    state["theta"], state["ud"], state["loss"], *window, self.forgetting, self.p, self.variance,
-                    u[piece], y[piece],
+                    state["theta"], state["ud"], state["loss"], *window, self.forgetting, self.ceiling, self.p,
+                    self.variance, u[piece], y[piece],
                 )  # fmt: skip
         state["seen"] += len(y)
 
@@ -95,7 +96,7 @@ class RowsStream:
             return False
         since = run_one_row(
             state["theta"], state["ud"], state["loss"], state["rows"], state["targets"], state["since"],
-            self.forgetting, self.p, self.variance, u, y,
+            self.forgetting, self.ceiling, self.p, self.variance, u, y,
         )  # fmt: skip
         if since < 0:
             return False
@@ -121,6 +122,7 @@ class PublishedStream:
     def __init__(self, structure: Structure, p: int, p0: float, forgetting: float, theta0: Array, mode: int):
         self.structure, self.p, self.p0, self.forgetting = structure, p, p0, forgetting
         self.theta0, self.mode = theta0, mode
+        self.ceiling = WIND_UP * p0
 
     def initial(self) -> State:
         """P(0) = p_0 I and theta(0)."""
@@ -148,8 +150,8 @@ class PublishedStream:
                     state[name][:] = 0.0
             state["since"] = run_pseudolinear(
                 state["theta"], state["ud"], state["before"], state["loss"], state["power"], state["recent_u"],
-                state["recent_y"], state["since"], self.forgetting, s.dims, s.law.codes, s.law.shapes, s.key, self.p,
-                self.mode, u[piece], y[piece],
+                state["recent_y"], state["since"], self.forgetting, self.ceiling, s.dims, s.law.codes, s.law.shapes,
+                s.key, self.p, self.mode, u[piece], y[piece],
             )  # fmt: skip
         state["seen"] += len(y)
 

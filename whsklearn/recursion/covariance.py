@@ -2,13 +2,16 @@
 
 U is unit upper triangular and D diagonal and positive, so P stays symmetric and positive
 definite by construction (Bierman 1977, Factorization Methods for Discrete Sequential
-Estimation, ch. V).  Both live in one square array: D on the diagonal, U above it.
+Estimation, ch. V).  Both live in one square array: D on the diagonal, the columns of U as
+rows below it, so that the inner loops run along memory.
 """
 
 from __future__ import annotations
 
 import numpy as np
 from numba import njit
+
+WIND_UP = 1e3  # forgetting may take P to this many times P(0), and no further
 
 
 @njit(cache=True, error_model="numpy")
@@ -22,43 +25,46 @@ def measurement_update(ud, phi, r, gain):
     for j in range(n):
         f = phi[j]
         for i in range(j):
-            f += ud[i, j] * phi[i]
+            f += ud[j, i] * phi[i]
         d = ud[j, j]
         g = d * f
         before = alpha
         alpha += f * g
         ud[j, j] = d * (before / alpha)
         gain[j] = g
-        if before > 0.0:
-            lam = -f / before
-            for i in range(j):
-                u = ud[i, j]
-                ud[i, j] = u + lam * gain[i]
-                gain[i] += g * u
+        shift = -f / before
+        for i in range(j):
+            u = ud[j, i]
+            ud[j, i] = u + shift * gain[i]
+            gain[i] += g * u
     for j in range(n):
         gain[j] /= alpha
     return alpha
 
 
 @njit(cache=True, error_model="numpy")
-def inflate(ud, factor):
-    """P <- P * factor, by D alone."""
+def inflate(ud, factor, ceiling):
+    """P <- P * factor, by D alone, as far as ``ceiling`` allows.
+
+    Without a ceiling forgetting winds P up where nothing is excited, until it overflows.
+    """
     for j in range(ud.shape[0]):
-        ud[j, j] *= factor
+        if ud[j, j] < ceiling:
+            ud[j, j] = min(ud[j, j] * factor, ceiling)
 
 
 def factorise(p: np.ndarray) -> np.ndarray:
     """U and D of a symmetric positive definite P, in one array."""
     # P = U D U' with U upper: the Cholesky factor of P with both axes reversed, reversed back
-    lower = np.linalg.cholesky(p[::-1, ::-1])[::-1, ::-1]
-    scale = np.diag(lower).copy()
-    ud = np.triu(lower / scale, 1)
+    root = np.linalg.cholesky(p[::-1, ::-1])[::-1, ::-1]
+    scale = np.diag(root).copy()
+    ud = np.triu(root / scale, 1).T.copy()
     ud[np.diag_indices_from(ud)] = scale**2
     return ud
 
 
 def covariance(ud: np.ndarray) -> np.ndarray:
     """P = U D U' of shape (n, n), exactly symmetric."""
-    u = np.triu(ud, 1) + np.eye(ud.shape[0])
-    root = u * np.sqrt(np.diag(ud))
-    return root @ root.T
+    root = (np.tril(ud, -1).T + np.eye(ud.shape[0])) * np.sqrt(np.diag(ud))
+    p = root @ root.T
+    return (p + p.T) / 2.0

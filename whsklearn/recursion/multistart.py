@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from whsklearn.recursion.consolidation import refine, replay
-from whsklearn.recursion.covariance import factorise
+from whsklearn.recursion.covariance import WIND_UP, factorise
 from whsklearn.recursion.predictor import motion, parameter_count, state_size
 from whsklearn.recursion.starts import least_squares_start, random_start, term_scales
 from whsklearn.recursion.subinnovations import relative_sharpness, run_windows
@@ -35,6 +35,7 @@ GROWTH = 1.25  # ratio of successive re-runs: an answer is never older than a fi
 FIRST_RERUN = 64
 LADDER = (1.0, 2.0, 4.0, 8.0, 20.0, 50.0, 100.0, 200.0, 400.0)
 ITERATIONS = 8
+REOPENING = 100.0  # how far forgetting may widen P beyond its widest direction at the last re-run
 INFERENCE = 20.0  # sharpness at which P is taken: intervals cover there (benchmarks/accuracy.py)
 PURE_SHARPEST = 80.0  # without re-runs a sharper sign loses more starts than it gains accuracy
 
@@ -124,6 +125,7 @@ def initial_state(r: Reading) -> State:
         "recent_y": np.zeros(r.p + h),
         # the pure recursion forgets its beginnings, a re-run mends them instead
         "forgetting": np.array([r.forgetting if m else min(0.95, r.forgetting), r.forgetting, 0.99]),
+        "ceiling": WIND_UP * r.p0,
         "memory_u": np.zeros((h + m, r.n_inputs)),
         "memory_y": np.zeros(h + m),
         "memory_restart": np.zeros(m, dtype=bool),
@@ -148,7 +150,7 @@ def run(state: State, r: Reading, u: NDArray[np.float64], y: NDArray[np.float64]
         _remember(state, r, u[at:stop], y[at:stop], bool(restart[at]))
         state["since"] = run_windows(
             state["theta"], state["ud"], state["before"], state["loss"], state["motion"], state["recent_u"],
-            state["recent_y"], state["since"], state["seen"], state["forgetting"], state["sharpness"],
+            state["recent_y"], state["since"], state["seen"], state["forgetting"], state["ceiling"], state["sharpness"],
             0.0 if r.memory else PURE_SHARPEST, *r.law, r.p, r.frozen, u[at:stop], y[at:stop],
         )  # fmt: skip
         state["seen"] += stop - at
@@ -237,7 +239,7 @@ def consolidate(state: State, r: Reading) -> None:
         state["memory_y"][r.history :][:fill],
         state["memory_restart"][:fill],
     )
-    if not record[1].any():
+    if np.ptp(record[1]) == 0.0:
         return  # an axis at rest shows nothing
     first_block = not state["blocks"]
     sharpest = relative_sharpness(state["seen"], LADDER[-1])
@@ -272,8 +274,9 @@ def _fresh(r: Reading, count: int, scales: Array, record: Record, rng: np.random
 def _set_prior(state: State, r: Reading, scales: Array, y: Array) -> None:
     """P0 becomes information: about what each parameter can contribute to the output."""
     n1 = r.dims[0] - 1 + r.dims[1]
-    information = np.full(r.size, np.var(y) / r.p0)
-    information[n1 : n1 + r.dims[4]] = (np.std(y) / scales) ** 2 / r.p0
+    power = np.mean(y**2)  # not the variance, which an output that stands still has none of
+    information = np.full(r.size, power / r.p0)
+    information[n1 : n1 + r.dims[4]] = power / scales**2 / r.p0
     state["prior_information"] = np.diag(information)[None]
     state["prior_theta"] = np.zeros((1, r.size))
 
@@ -332,6 +335,8 @@ def _adopt(state: State, r: Reading, chosen: list[_Candidate]) -> None:
     state["loss"] = np.array([[c.cost, float(state["fill"])] for c in chosen])
     state["motion"] = np.zeros((len(chosen), 2))
     state["ud"] = np.array([factorise(_inverse(c.information)) for c in chosen])
+    # far from where it was learnt the model is another one: after an idle spell P must not be wide open
+    state["ceiling"] = float(REOPENING * state["ud"].diagonal(axis1=1, axis2=2).max())
 
 
 def _inverse(information: NDArray[np.float64]) -> NDArray[np.float64]:

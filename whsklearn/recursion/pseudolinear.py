@@ -99,7 +99,24 @@ def rebuild(theta, dims, codes, shapes, key, state, u_past, first):
 
 @njit(cache=True, error_model="numpy")
 def run_pseudolinear(
-    theta, ud, before, loss, power, recent_u, recent_y, since, forgetting, dims, codes, shapes, key, p, mode, u, y
+    theta,
+    ud,
+    before,
+    loss,
+    power,
+    recent_u,
+    recent_y,
+    since,
+    forgetting,
+    ceiling,
+    dims,
+    codes,
+    shapes,
+    key,
+    p,
+    mode,
+    u,
+    y,
 ):
     """Take theta, P and the auxiliary model through samples; all state arrays change in place.
 
@@ -122,7 +139,7 @@ def run_pseudolinear(
         since += 1
         window = min(p, since)
         if forgetting != 1.0:
-            inflate(ud, 1.0 / forgetting)
+            inflate(ud, 1.0 / forgetting, ceiling)
         start[:] = theta
         step[:] = 0.0
         newest = 0.0

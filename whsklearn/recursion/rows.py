@@ -15,7 +15,7 @@ from whsklearn.recursion.covariance import inflate, measurement_update
 
 
 @njit(cache=True, error_model="numpy")
-def run_rows(theta, ud, loss, recent, targets, since, forgetting, p, variance, rows, y):
+def run_rows(theta, ud, loss, recent, targets, since, forgetting, ceiling, p, variance, rows, y):
     """Update theta and P by each row and the p - 1 before it; all state arrays change in place.
 
     Parameters
@@ -30,6 +30,8 @@ def run_rows(theta, ud, loss, recent, targets, since, forgetting, p, variance, r
         Rows since the experiment began.
     forgetting : float
         Forgetting factor.
+    ceiling : float
+        Where forgetting stops to inflate P.
     variance : float
         Noise variance of one update: p where a row counts once in all, 1 to the letter.
     rows, y : ndarrays of shape (m, n), (m,)
@@ -50,7 +52,7 @@ def run_rows(theta, ud, loss, recent, targets, since, forgetting, p, variance, r
         targets[at] = y[t]
         since += 1
         if forgetting != 1.0:
-            inflate(ud, 1.0 / forgetting)
+            inflate(ud, 1.0 / forgetting, ceiling)
             loss[0] *= forgetting
             loss[1] *= forgetting
         window = min(p, since)
@@ -69,7 +71,7 @@ def run_rows(theta, ud, loss, recent, targets, since, forgetting, p, variance, r
 
 
 @njit(cache=True, error_model="numpy")
-def run_one_row(theta, ud, loss, recent, targets, since, forgetting, p, variance, rows, y):
+def run_one_row(theta, ud, loss, recent, targets, since, forgetting, ceiling, p, variance, rows, y):
     """`run_rows` for one row, checked here because a check outside costs more than the update.
 
     Returns ``since``, or -1 with nothing changed if a number is not finite or absurdly large.
@@ -79,7 +81,7 @@ def run_one_row(theta, ud, loss, recent, targets, since, forgetting, p, variance
     for k in range(theta.size):
         if not abs(rows[0, k]) <= LARGEST:
             return -1
-    return run_rows(theta, ud, loss, recent, targets, since, forgetting, p, variance, rows, y)
+    return run_rows(theta, ud, loss, recent, targets, since, forgetting, ceiling, p, variance, rows, y)
 
 
 @njit(cache=True, error_model="numpy")

@@ -56,7 +56,7 @@ def term_scales(law: Law, u: Array, y: Array, restart: NDArray[np.bool_], rng: n
         record_regressors(random_start(dims, rng), *law, np.inf, u, y, restart, rows)
         sizes[i] = np.sqrt(np.mean(rows[:, :nw] ** 2, axis=0))
     typical = np.median(sizes, axis=0)
-    return np.std(y) / np.where(typical > 0.0, typical, 1.0)
+    return np.sqrt(np.mean(y**2)) / np.where(typical > 0.0, typical, 1.0)
 
 
 def least_squares_start(theta: Array, law: Law, u: Array, y: Array, restart: NDArray[np.bool_]) -> Array:

@@ -30,7 +30,7 @@ def relative_sharpness(seen, sharpest):
 
 @njit(cache=True, error_model="numpy")
 def run_windows(
-    theta, ud, before, loss, motion, recent_u, recent_y, since, seen, forgetting, sharpness, sharpest,
+    theta, ud, before, loss, motion, recent_u, recent_y, since, seen, forgetting, ceiling, sharpness, sharpest,
     dims, codes, shapes, p, frozen, u, y,
 ):  # fmt: skip
     """Take every model through the samples u, y; all state arrays change in place.
@@ -51,6 +51,8 @@ def run_windows(
         Samples in all.
     forgetting : ndarray of shape (3,)
         Present value, final value, rate at which the one goes to the other.
+    ceiling : float
+        Where forgetting stops to inflate P.
     sharpness : ndarray of shape (S,)
         kappa of each model.
     sharpest : float
@@ -81,7 +83,7 @@ def run_windows(
         for s in range(n_models):
             th = theta[s]
             if forgetting[0] != 1.0:
-                inflate(ud[s], 1.0 / forgetting[0])
+                inflate(ud[s], 1.0 / forgetting[0], ceiling)
             for k in range(n):
                 start[k] = th[k]
             for i in range(window):
