@@ -77,12 +77,12 @@ def test_the_recursion_goes_on_from_a_re_run_as_if_it_had_been_linear_all_along(
 
 
 def test_turning_the_page_loses_nothing_for_a_linear_model(linear_record):
-    X, y = linear_record
+    X, y = (v[:650] for v in linear_record)
     one, many = reading(LINEAR, memory=1024), reading(LINEAR, memory=100)
     whole, paged = streamed(one, X, y), streamed(many, X, y)
     for state, r in ((whole, one), (paged, many)):
         multistart.consolidate(state, r)
-    assert paged["blocks"] == 7
+    assert paged["blocks"] == 6
     p_whole, p_paged = covariance(whole["ud"][0]), covariance(paged["ud"][0])
     np.testing.assert_allclose(p_paged, p_whole, rtol=0.01, atol=0.003 * np.abs(p_whole).max())
     errors = np.sqrt(np.diag(p_whole) * whole["loss"][0, 0] / whole["loss"][0, 1])
@@ -94,7 +94,7 @@ def test_the_state_is_of_one_size_whatever_the_length(memory):
     X, y = make_wiener_hammerstein(3000, random_state=1)
     r = reading(EXAMPLE, memory=memory, n_starts=2)
     early, late = streamed(r, X[:1000], y[:1000]), streamed(r, X, y)
-    assert {k: v for k, v in sizes(early).items()} == sizes(late)
+    assert sizes(early) == sizes(late)
 
 
 @pytest.mark.parametrize("memory", [0, 96])

@@ -1,0 +1,134 @@
+"""Laws: sums of terms, and the named ones of the paper."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from whsklearn.effects import Backlash, Coulomb, FrictionLaw, Viscous, as_law, reduced_law
+from whsklearn.effects.law import piecewise_linear_law, polynomial_law, smooth_law
+from whsklearn.effects.static import Power
+
+X, DX = np.random.default_rng(0).standard_normal((2, 200))
+
+
+def test_the_reduced_law_is_four():
+    v = 0.05 * DX + 0.7 * np.sign(DX) - 0.2 * np.tanh(DX)
+    np.testing.assert_allclose(reduced_law()(X, DX), v, atol=1e-15)
+    np.testing.assert_allclose(as_law(None)(X, DX), v, atol=1e-15)
+    np.testing.assert_allclose(as_law("reduced")(X, DX), v, atol=1e-15)
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.lists(st.floats(0.05, 20.0), min_size=6, max_size=6))
+def test_the_smooth_law_is_three(gamma):
+    g1, g2, g3, g4, g5, g6 = gamma
+    v = g1 * np.tanh(g2 * DX) - g1 * np.tanh(g3 * DX) + g4 * np.tanh(g5 * DX) + g6 * DX
+    np.testing.assert_allclose(smooth_law(gamma)(X, DX), v, rtol=1e-9, atol=1e-9)
+
+
+def test_three_tends_to_four_as_its_slopes_grow():
+    """gamma_2 and gamma_5 to infinity, gamma_3 = 1: sign() and the remaining tanh of (4)."""
+    away = []
+    for steep in (10.0, 100.0, 1000.0):
+        smooth = smooth_law([0.2, steep, 1.0, 0.5, steep, 0.05])
+        away.append(np.mean(np.abs(smooth(X, DX) - reduced_law()(X, DX))))
+    assert away[0] > 8 * away[1] > 64 * away[2]
+
+
+def test_a_polynomial_is_that_of_numpy():
+    coefficients = [0.3, -1.0, 0.0, 0.5]
+    np.testing.assert_allclose(polynomial_law(coefficients)(X, DX), np.polynomial.Polynomial(coefficients)(X))
+    assert "power" in polynomial_law([0.0, 0.0, 1.0]).labels[0]  # the linear term stays, as the key term
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.lists(st.floats(-3, 3), min_size=1, max_size=4, unique=True).map(sorted),
+    st.lists(st.floats(-2, 2), min_size=5, max_size=5),
+)
+def test_a_piecewise_linear_law_goes_through_zero_with_its_slopes(knots, slopes):
+    if np.diff(knots).min(initial=1.0) < 1e-3:
+        return
+    slopes = slopes[: len(knots) + 1]
+    law = piecewise_linear_law(knots, slopes)
+    assert abs(float(law(0.0, 0.0))) < 1e-12
+    edges = [-5.0, *knots, 5.0]
+    for slope, low, high in zip(slopes, edges[:-1], edges[1:], strict=True):
+        at = low + (high - low) * np.array([0.25, 0.75])
+        rise = np.diff(law(at, 0.0)) / np.diff(at)
+        assert rise[0] == pytest.approx(slope, abs=1e-6)
+    grid = np.linspace(-5, 5, 4001)
+    assert np.abs(np.diff(law(grid, 0.0))).max() <= max(map(abs, slopes)) * 0.0025 + 1e-9  # continuous
+
+
+def test_known_characteristics():
+    dead = piecewise_linear_law([-0.5, 0.5], [1.0, 0.0, 1.0])
+    x = np.linspace(-2, 2, 81)
+    np.testing.assert_allclose(dead(x, 0.0), np.sign(x) * np.maximum(np.abs(x) - 0.5, 0.0), atol=1e-12)
+    clip = piecewise_linear_law([-0.5, 0.5], [0.0, 1.0, 0.0])
+    np.testing.assert_allclose(clip(x, 0.0), np.clip(x, -0.5, 0.5), atol=1e-12)
+
+
+def test_regressors_and_weights_make_the_law():
+    law = smooth_law([0.5, 3.0, 0.6, 0.8, 2.0, 0.1])
+    np.testing.assert_allclose(law.regressors(X, DX) @ law.weights, law(X, DX))
+    assert law.regressors(X[:, None], DX[:7]).shape == (200, 7, 3)
+
+
+def test_reweighting_keeps_the_terms():
+    law = reduced_law().reweighted([1.0, 2.0, 3.0])
+    assert law.labels == reduced_law().labels
+    assert law.weights.tolist() == [1.0, 2.0, 3.0]
+    assert law != reduced_law()
+    assert law.reweighted(reduced_law().weights) == reduced_law()
+    assert hash(reduced_law()) == hash(reduced_law())
+
+
+def test_labels_number_terms_that_recur():
+    assert FrictionLaw([Power(1, 1), Power(1, 2), Viscous()]).labels == ("power1", "power2", "viscous")
+
+
+def test_the_key_is_the_first_linear_term():
+    assert as_law("viscous,coulomb").key == 0
+    assert FrictionLaw([Coulomb(), Power(1.0, 2), Power(1.0, 1), Viscous()]).key == 2
+    assert FrictionLaw([Coulomb()]).key is None
+
+
+@pytest.mark.parametrize("law", ["viscous,coulomb", [Viscous(), Coulomb()], (Viscous(), Coulomb())])
+def test_a_law_may_be_given_in_several_ways(law):
+    assert as_law(law).labels == ("viscous", "coulomb")
+    assert as_law(Coulomb()).labels == ("coulomb",)
+    assert as_law(reduced_law()) == reduced_law()
+
+
+@pytest.mark.parametrize(
+    ("law", "says"),
+    [
+        ("viscous,glue", "glue"),
+        ("", "no term"),
+        ([], "no term"),
+        ("backlash", "memoryless"),
+        ([Backlash()], "memoryless"),
+        (["viscous"], "memoryless"),
+        (5, "expected names"),
+    ],
+)
+def test_what_is_no_law_is_refused(law, says):
+    with pytest.raises(ValueError, match=says):
+        as_law(law)
+
+
+@pytest.mark.parametrize("gamma", [[1, 1, 1, 1, 1], [1, 1, 1, 1, 1, 0], [1, -1, 1, 1, 1, 1]])
+def test_three_needs_six_positive_parameters(gamma):
+    with pytest.raises(ValueError, match="six positive"):
+        smooth_law(gamma)
+
+
+def test_a_piecewise_linear_law_says_what_is_wrong_with_it():
+    with pytest.raises(ValueError, match="one slope more"):
+        piecewise_linear_law([0.0], [1.0])
+    with pytest.raises(ValueError, match="increasing"):
+        piecewise_linear_law([1.0, 0.0], [1.0, 2.0, 3.0])

@@ -1,0 +1,98 @@
+"""The compiled terms: derivatives, limits and symmetry."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from whsklearn.effects import terms
+from whsklearn.effects.terms import smooth_sign, term, term_values
+
+SHAPES = {
+    terms.VISCOUS: (0.0, 0.0, 0.0),
+    terms.COULOMB: (0.0, 0.0, 0.0),
+    terms.TANH: (0.4, 0.0, 0.0),
+    terms.TANH_DIFFERENCE: (0.2, 1.1, 0.0),
+    terms.STRIBECK_TANH: (0.7, 0.0, 0.0),
+    terms.STRIBECK_EXP: (0.5, 1.6, 0.0),
+    terms.QUADRATIC_DRAG: (0.0, 0.0, 0.0),
+    terms.ASYMMETRIC_COULOMB: (0.0, 0.0, 0.0),
+    terms.ASYMMETRIC_VISCOUS: (0.0, 0.0, 0.0),
+    terms.POSITION_FRICTION: (3.0, 0.4, 0.0),
+    terms.POWER: (3.0, 0.0, 0.0),
+    terms.HINGE: (0.3, 0.0, 0.0),
+    terms.CONSTANT: (0.0, 0.0, 0.0),
+}
+ODD = (
+    terms.VISCOUS, terms.COULOMB, terms.TANH, terms.TANH_DIFFERENCE, terms.STRIBECK_TANH, terms.STRIBECK_EXP,
+    terms.QUADRATIC_DRAG,
+)  # fmt: skip
+SIGNED = (terms.COULOMB, terms.STRIBECK_EXP, terms.ASYMMETRIC_COULOMB, terms.ASYMMETRIC_VISCOUS)
+POINTS = [(x, dx) for x in (-1.3, -0.2, 0.6, 2.0) for dx in (-1.7, -0.31, 0.05, 0.8)]
+
+
+def test_every_code_is_tested():
+    codes = {v for k, v in vars(terms).items() if k.isupper() and isinstance(v, int) and k != "N_SHAPE"}
+    assert codes == set(SHAPES)
+
+
+@pytest.mark.parametrize("kappa", [0.7, 3.0, 12.0])
+@pytest.mark.parametrize("code", list(SHAPES))
+def test_derivatives_are_those_of_the_value(code, kappa):
+    h = 1e-6
+    for x, dx in POINTS:
+        _, by_x, by_dx = term(code, *SHAPES[code], x, dx, kappa)
+        along = [term(code, *SHAPES[code], x + s * h, dx, kappa)[0] for s in (1, -1)]
+        across = [term(code, *SHAPES[code], x, dx + s * h, kappa)[0] for s in (1, -1)]
+        assert by_x == pytest.approx((along[0] - along[1]) / (2 * h), rel=1e-5, abs=1e-7)
+        assert by_dx == pytest.approx((across[0] - across[1]) / (2 * h), rel=1e-5, abs=1e-7)
+
+
+@pytest.mark.parametrize("code", SIGNED)
+def test_sharper_and_sharper_it_becomes_the_sign(code):
+    """The distance to kappa = inf falls faster than any power of kappa away from dx = 0."""
+    for x, dx in POINTS:
+        limit = term(code, *SHAPES[code], x, dx, math.inf)[0]
+        away = [abs(term(code, *SHAPES[code], x, dx, k)[0] - limit) for k in (10.0, 100.0, 1000.0)]
+        assert away[0] >= away[1] >= away[2]
+        assert away[2] < 1e-12
+
+
+@pytest.mark.parametrize("kappa", [2.0, math.inf])
+@pytest.mark.parametrize("code", ODD)
+def test_friction_is_odd_and_nothing_at_rest(code, kappa):
+    for _, dx in POINTS:
+        assert term(code, *SHAPES[code], 0.4, -dx, kappa)[0] == pytest.approx(
+            -term(code, *SHAPES[code], 0.4, dx, kappa)[0]
+        )
+    assert term(code, *SHAPES[code], 0.4, 0.0, kappa)[0] == 0.0
+
+
+@pytest.mark.parametrize("kappa", [1.0, 1e9, math.inf])
+@pytest.mark.parametrize("code", list(SHAPES))
+def test_nothing_but_numbers_comes_out(code, kappa):
+    for x in (0.0, -1e3, 1e3):
+        for dx in (0.0, 1e-300, -1e3, 1e3):
+            assert np.isfinite(term(code, *SHAPES[code], x, dx, kappa)).all()
+
+
+def test_smooth_sign_is_the_tanh_of_the_paper():
+    for dx in (-2.0, -0.01, 0.0, 0.3, 50.0):
+        value, slope = smooth_sign(dx, 4.0)
+        assert value == pytest.approx(math.tanh(4.0 * dx), abs=1e-15)
+        assert slope == pytest.approx(4.0 / math.cosh(min(4.0 * dx, 300.0)) ** 2, abs=1e-15)
+
+
+def test_a_record_is_its_samples():
+    x, dx = np.array(POINTS).T
+    values = term_values(terms.STRIBECK_EXP, 0.5, 1.6, 0.0, x, dx, 3.0)
+    np.testing.assert_array_equal(
+        values, [term(terms.STRIBECK_EXP, 0.5, 1.6, 0.0, p, q, 3.0)[0] for p, q in zip(x, dx, strict=True)]
+    )
+
+
+def test_powers_of_x_are_exact():
+    for degree in range(5):
+        assert term(terms.POWER, float(degree), 0.0, 0.0, -1.5, 0.0, 1.0)[0] == (-1.5) ** degree
