@@ -1,0 +1,348 @@
+"""u-y records of Wiener-Hammerstein systems with a hidden effect, from the equations alone.
+
+Nothing of the library is used: blocks are direct-form loops, the law and the effects are written here once
+more, sizes are found by bisection on the output.  What a finder may see is ``frame`` (u, y and time_s).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+import pandas as pd
+from numba import njit
+
+STATIC = (
+    "asymmetric_coulomb asymmetric_viscous stribeck quadratic_drag load_friction position_friction "
+    "presliding_hysteresis friction_drift cogging gravity_imbalance cable_spring hardening_spring end_stop "
+    "disturbance_tone parameter_change"
+).split()
+DRIVE = "dead_zone saturation input_delay actuator_lag torque_ripple".split()
+TRANSMISSION = ["backlash"]
+SENSOR = "output_offset output_drift sensor_rectification encoder_eccentricity quantization".split()
+EFFECTS = (*STATIC, *DRIVE, *TRANSMISSION, *SENSOR)
+FOREIGN = ("cubic_input", "product", "even_spring", "square_wave_time", "second_kink", "rate_limit", "bilinear_output")
+INVISIBLE = ("input_offset",)
+ALIASES = (
+    frozenset({"output_offset", "asymmetric_coulomb", "input_offset"}),
+    frozenset({"input_delay", "actuator_lag"}),
+)
+NUMBER = {name: i for i, name in enumerate((*EFFECTS, *FOREIGN, *INVISIBLE))}
+INPUTS = ("white", "multisine", "coloured")
+
+
+@dataclass
+class Case:
+    """One record and what it hides."""
+
+    frame: pd.DataFrame
+    truth: tuple[str, ...]
+    kind: str  # named, nothing, coloured, foreign, pair
+    seed: int
+    size: float
+    snr_db: float
+    excitation: str
+    strength: float  # size over noise, times root n
+    parameters: list[dict[str, float]] = field(default_factory=list)
+    system: dict[str, list[float]] = field(default_factory=dict)
+
+
+@njit(cache=True)
+def _play(x, gap, last):
+    if x - gap / 2 > last:
+        return x - gap / 2
+    if x + gap / 2 < last:
+        return x + gap / 2
+    return last
+
+
+@njit(cache=True)
+def run(a, b, c, d, law, kinds, p, u, noise, dt):
+    """y of the record; ``kinds`` number the effects, ``p`` (n_effects, 4) holds size first."""
+    n = u.size
+    w = np.zeros(n)
+    x0 = np.zeros(n)
+    v = np.zeros(n)
+    q = np.zeros(n)
+    y = np.zeros(n)
+    last = np.zeros(2)
+    z = np.zeros(2)
+    lagged = np.zeros(2)
+    x_old = 0.0
+    dx_old = 0.0
+    for t in range(n):
+        for i in range(a.size):
+            if t - 1 - i >= 0:
+                x0[t] += a[i] * w[t - 1 - i]
+        for i in range(b.size):
+            if t - 1 - i >= 0:
+                x0[t] -= b[i] * x0[t - 1 - i]
+        x = x0[t]
+        for j in range(kinds.size):
+            if kinds[j] == 20:
+                last[j] = _play(x, p[j, 0], last[j])
+                x = last[j]
+        dx = x - x_old
+        sg = 1.0 if dx > 0 else (-1.0 if dx < 0 else 0.0)
+        v[t] = law[0] * dx + law[1] * sg - law[2] * math.tanh(dx)
+        now = u[t]
+        for j in range(kinds.size):
+            k, s, h, g = kinds[j], p[j, 0], p[j, 1], p[j, 2]
+            if k == 0:
+                v[t] += s * abs(sg)
+            elif k == 1:
+                v[t] += s * abs(dx)
+            elif k == 2:
+                v[t] += s * math.exp(-((dx / h) ** 2)) * sg
+            elif k == 3:
+                v[t] += s * dx * abs(dx)
+            elif k == 4:
+                v[t] += s * abs(u[t]) * sg
+            elif k == 5:
+                v[t] += s * math.cos(h * x + g) * sg
+            elif k == 6:
+                if sg != 0:
+                    z[j] = sg + (z[j] - sg) * math.exp(-abs(dx) / h)
+                v[t] += s * z[j]
+            elif k == 7:
+                v[t] += s * (1 - math.exp(-t * dt / h)) * sg
+            elif k == 8:
+                v[t] += s * math.cos(h * x + g)
+            elif k == 9:
+                v[t] += s * math.cos(x + g)
+            elif k == 10:
+                v[t] += s * x
+            elif k == 11:
+                v[t] += s * x**3
+            elif k == 12:
+                v[t] += s * (max(x - h, 0.0) - max(-x - h, 0.0))
+            elif k == 13:
+                v[t] += s * math.cos(2 * math.pi * h * t * dt + g)
+            elif k == 14:
+                if t * dt > h:
+                    v[t] += s * (dx if g < 1 else sg)
+            elif k == 15:
+                now = 0.0 if abs(now) < s else now - math.copysign(s, now)
+            elif k == 16:
+                now = now if abs(now) < s else math.copysign(s, now)
+            elif k == 17:
+                m = int(s / dt)
+                f = s / dt - m
+                now = (1 - f) * (u[t - m] if t >= m else 0.0) + f * (u[t - m - 1] if t > m else 0.0)
+            elif k == 18:
+                lagged[j] = math.exp(-dt / s) * lagged[j] + (1 - math.exp(-dt / s)) * now
+                now = lagged[j]
+            elif k == 19:
+                now = now * (1 - s * math.cos(h * x + g))
+            elif k == 26:
+                now = now + s * now**3
+            elif k == 27:
+                v[t] += s * x * dx
+            elif k == 28:
+                v[t] += s * x * x
+            elif k == 29:
+                v[t] += s * (1.0 if (t * dt) % (2 * h) < h else -1.0) * dx
+            elif k == 30:
+                v[t] += s * (max(dx - h, 0.0) - 2.0 * max(-dx - 1.7 * h, 0.0))
+            elif k == 31:
+                step = now - lagged[j]
+                lagged[j] += min(max(step, -s), s)
+                now = lagged[j]
+            elif k == 33:
+                now = now - s
+        w[t] = now
+        x_old = x
+        dx_old = dx
+        q[t] = noise[t]
+        for i in range(c.size):
+            if t - 1 - i >= 0:
+                q[t] += c[i] * v[t - 1 - i]
+        for i in range(d.size):
+            if t - 1 - i >= 0:
+                q[t] -= d[i] * q[t - 1 - i]
+        for j in range(kinds.size):
+            if kinds[j] == 32 and t > 0:
+                q[t] += p[j, 0] * q[t - 1] * u[t - 1]
+        y[t] = q[t]
+        for j in range(kinds.size):
+            k, s, h, g = kinds[j], p[j, 0], p[j, 1], p[j, 2]
+            if k == 21:
+                y[t] += s
+            elif k == 22:
+                y[t] += s * t * dt
+            elif k == 23:
+                y[t] = (1 - s) * y[t] + s * abs(y[t])
+            elif k == 24:
+                y[t] += s * math.cos(h * q[t] + g)
+            elif k == 25:
+                y[t] = s * math.floor(y[t] / s + 0.5)
+    return y
+
+
+def _block(rng: np.random.Generator) -> np.ndarray:
+    """Denominator of order 2 with poles of modulus 0.2 to 0.9."""
+    if rng.uniform() < 0.5:
+        r, turn = rng.uniform(0.3, 0.88), rng.uniform(0.2, 2.9)
+        return np.array([-2 * r * math.cos(turn), r * r])
+    p1, p2 = rng.uniform(-0.85, 0.85, 2)
+    return np.array([-p1 - p2, p1 * p2])
+
+
+def draw_system(rng: np.random.Generator) -> dict[str, np.ndarray]:
+    """Example 5.1 in one of three cases, a random stable system in the others."""
+    if rng.uniform() < 1 / 3:
+        parts = dict(a=[1.0, 2.2], b=[1.0, 0.5], c=[1.0, 0.2], d=[0.15, 0.4], law=[0.05, 0.7, 0.2])
+        return {key: np.array(value) for key, value in parts.items()}
+    return {
+        "a": np.array([1.0, rng.uniform(-1.5, 1.5)]),
+        "b": _block(rng),
+        "c": np.array([1.0, rng.uniform(-0.8, 0.8)]),
+        "d": _block(rng),
+        "law": np.array([rng.uniform(0.05, 0.3), rng.uniform(0.3, 1.0), rng.uniform(0.1, 0.3)]),
+    }
+
+
+def draw_input(kind: str, n: int, rng: np.random.Generator) -> np.ndarray:
+    """White, odd random-phase multisine, or first-order coloured noise; standard deviation of 0.7 to 1.5."""
+    if kind == "multisine":
+        period = n // 2
+        lines = np.arange(1, int(0.42 * period), 2)
+        phases = rng.uniform(0, 2 * np.pi, lines.size)
+        t = np.arange(n)
+        u = np.zeros(n)
+        for line, phase in zip(lines, phases, strict=True):
+            u += np.cos(2 * np.pi * line * t / period + phase)
+    else:
+        u = rng.standard_normal(n)
+        if kind == "coloured":
+            for t in range(1, n):
+                u[t] += rng_pole(kind) * u[t - 1]
+    return rng.uniform(0.7, 1.5) * u / u.std()
+
+
+def rng_pole(_: str) -> float:
+    """Pole of the coloured input."""
+    return 0.6
+
+
+def _colour(rng: np.random.Generator, n: int) -> np.ndarray:
+    """Noise with a spectrum of its own."""
+    e = rng.standard_normal(n + 200)
+    p1, p2 = rng.uniform(0.4, 0.95), rng.uniform(-0.5, 0.5)
+    zero = rng.uniform(-0.6, 0.6)
+    out = np.zeros_like(e)
+    for t in range(2, e.size):
+        out[t] = (p1 + p2) * out[t - 1] - p1 * p2 * out[t - 2] + e[t] + zero * e[t - 1]
+    return out[200:] / out[200:].std()
+
+
+def _shape(name: str, rng: np.random.Generator, x: np.ndarray, y: np.ndarray, seconds: float, dt: float) -> list[float]:
+    """Off-grid shape numbers in the scale of the record."""
+    dx, sx, reach = np.std(np.diff(x)), np.std(x), np.quantile(np.abs(x), 0.99)
+    phase = rng.uniform(-3, 3)
+    return {
+        "stribeck": [dx * rng.uniform(0.15, 0.7)],
+        "position_friction": [rng.uniform(0.8, 5.0) / sx, phase],
+        "presliding_hysteresis": [dx * rng.uniform(0.2, 2.5)],
+        "friction_drift": [seconds * rng.uniform(0.1, 0.8)],
+        "cogging": [rng.uniform(0.8, 6.0) / sx, phase],
+        "gravity_imbalance": [0.0, phase],
+        "end_stop": [reach * rng.uniform(0.3, 0.75)],
+        "disturbance_tone": [rng.uniform(0.01, 0.4) / dt, phase],
+        "parameter_change": [seconds * rng.uniform(0.25, 0.75), float(rng.integers(2))],
+        "torque_ripple": [rng.uniform(0.8, 6.0) / sx, phase],
+        "encoder_eccentricity": [rng.uniform(1.0, 4.0) / np.std(y), phase],
+        "square_wave_time": [seconds * rng.uniform(0.05, 0.2)],
+        "second_kink": [dx * rng.uniform(0.5, 1.2)],
+    }.get(name, [])
+
+
+def _states(s: dict[str, np.ndarray], u: np.ndarray) -> np.ndarray:
+    x = np.zeros(u.size)
+    for t in range(u.size):
+        for i, a in enumerate(s["a"]):
+            x[t] += a * u[t - 1 - i] if t - 1 - i >= 0 else 0.0
+        for i, b in enumerate(s["b"]):
+            x[t] -= b * x[t - 1 - i] if t - 1 - i >= 0 else 0.0
+    return x
+
+
+def _sized(name: str, target: float, s: dict[str, np.ndarray], row: np.ndarray, u: np.ndarray, dt: float) -> np.ndarray:
+    """The row with the size that moves the noise-free output by ``target`` of its rms."""
+    none = np.zeros(u.size)
+    blocks = (s["a"], s["b"], s["c"], s["d"], s["law"])
+    y0 = run(*blocks, np.zeros(0, np.int64), np.zeros((0, 4)), u, none, dt)
+    kind = np.array([NUMBER[name]])
+    top = float(np.abs(u).max())
+    falling = name in ("saturation", "rate_limit")
+    low, high = 1e-6, {"sensor_rectification": 1.0, "saturation": top, "rate_limit": 2 * top}.get(name, 1e3)
+    if name in ("encoder_eccentricity", "torque_ripple"):
+        high = 0.9 / (row[1] if name == "encoder_eccentricity" else 1.0)
+    for _ in range(60):
+        size = math.sqrt(low * high)
+        row[0] = size
+        y = run(*blocks, kind, row[None, :], u, none, dt)
+        moved = np.sqrt(np.mean((y - y0) ** 2)) / np.sqrt(np.mean(y0**2))
+        over = not moved < target
+        if over != falling:
+            high = size
+        else:
+            low = size
+    return row
+
+
+def make_case(
+    seed: int, kind: str = "named", name: str | None = None, *, n: int = 3000, size: float | None = None,
+    snr_db: float | None = None, excitation: str | None = None,
+) -> Case:  # fmt: skip
+    """Draw a record.
+
+    Parameters
+    ----------
+    seed : int
+    kind : str
+        ``named``, ``nothing``, ``coloured`` (noise only), ``foreign`` or ``pair``.
+    name : str, optional
+        The effect, drawn where left out.
+    """
+    rng = np.random.default_rng([seed, 77])
+    s = draw_system(rng)
+    excitation = excitation or str(rng.choice(INPUTS))
+    u = draw_input(excitation, n, rng)
+    dt = float(rng.choice([1.0, 0.01, 0.001]))
+    x = _states(s, u)
+    snr = float(rng.uniform(15, 40)) if snr_db is None else snr_db
+    size = float(rng.choice([0.02, 0.05, 0.15])) if size is None else size
+    blocks = (s["a"], s["b"], s["c"], s["d"], s["law"])
+    y0 = run(*blocks, np.zeros(0, np.int64), np.zeros((0, 4)), u, np.zeros(n), dt)
+    names: list[str] = []
+    if kind in ("named", "foreign"):
+        names = [name or str(rng.choice(EFFECTS if kind == "named" else FOREIGN))]
+    elif kind == "pair":
+        first, second = rng.choice(len(EFFECTS), 2, replace=False)
+        names = [EFFECTS[first], EFFECTS[second]] if name is None else name.split("+")
+    rows = np.zeros((len(names), 4))
+    for row, effect in zip(rows, names, strict=True):
+        shape = _shape(effect, rng, x, y0, n * dt, dt)
+        row[1 : 1 + len(shape)] = shape
+        _sized(effect, size, s, row, u, dt)
+    numbers = np.array([NUMBER[e] for e in names], dtype=np.int64)
+    e = _colour(rng, n) if kind == "coloured" else rng.standard_normal(n)
+    noise = e * np.std(y0) * 10 ** (-snr / 20)
+    y = run(*blocks, numbers, rows, u, noise, dt)
+    frame = pd.DataFrame({"time_s": np.arange(n) * dt, "u": u, "y": y})
+    parameters = [dict(zip(("size", "shape", "phase"), map(float, r), strict=False)) for r in rows]
+    system = {key: value.tolist() for key, value in s.items()}
+    strength = size * 10 ** (snr / 20) * math.sqrt(n)
+    return Case(frame, tuple(names), kind, seed, size, snr, excitation, strength, parameters, system)
+
+
+def right(truth: tuple[str, ...], name: str) -> bool:
+    """Whether a name is the truth."""
+    return name in truth
+
+
+def right_group(truth: tuple[str, ...], name: str) -> bool:
+    """Whether a name is the truth or an alias that no record tells from it."""
+    return name in truth or any(name in g and g & set(truth) for g in ALIASES)

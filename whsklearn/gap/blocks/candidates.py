@@ -1,0 +1,278 @@
+"""What may be missing between u and y: the catalogue's effects as the compiled chain takes them.
+
+A candidate is a code, a few numbers and what is known of each: how many leading ones the output is
+linear in, which are found by a scan, their ranges and where a search starts, in the units of the log.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from whsklearn.effects import codes as k
+from whsklearn.effects import terms as s
+from whsklearn.systems.block_effects import TONE_U
+
+
+@dataclass(frozen=True)
+class Scales:
+    """Sizes of the signals of the fitted base model, from which starts and ranges follow."""
+
+    u: float  # rms
+    u_peak: float
+    x: float
+    x_peak: float
+    dx: float
+    v: float
+    y: float
+    n: int
+    dt: float
+
+    @property
+    def seconds(self) -> float:
+        """Length of the record."""
+        return self.n * self.dt
+
+
+Numbers = tuple[float, ...]
+Range = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One effect in one variant.
+
+    Attributes
+    ----------
+    name, code : str, int
+        Canonical name and what the compiled chain calls it.
+    fields : tuple of str
+        What the numbers are; waves have ``cosine`` and ``sine`` first.
+    linear : int
+        How many leading numbers the output is linear in for a fixed rest: 1, 2, or 0 where the size
+        itself is a shape (a threshold, a delay).
+    shapes : callable
+        Scales -> list of tuples of the other numbers, where a search starts.
+    ranges : callable
+        Scales -> one (low, high) for each of them, spanned in ratios where low > 0.
+    unit : callable
+        Scales -> a small size for the derivative by the linear numbers.
+    free : tuple of bool
+        Whether each of them is fitted after the scan; all by default.
+    scanned : int
+        Independent places that the scan looks at, a factor on the odds; 1 if none.
+    positive : bool
+        Whether a physical size is positive.
+    options : dict
+        Text fields.
+    """
+
+    name: str
+    code: int
+    fields: tuple[str, ...]
+    linear: int = 1
+    shapes: Callable[[Scales], list[Numbers]] = lambda _: [()]
+    ranges: Callable[[Scales], list[Range]] = lambda _: []
+    unit: Callable[[Scales], float] = lambda z: 1e-3 * z.v
+    free: tuple[bool, ...] = ()
+    scanned: int = 1
+    positive: bool = False
+    options: dict[str, str] = field(default_factory=dict)
+    variant: str = ""
+
+    @property
+    def label(self) -> str:
+        """Name with the variant."""
+        extra = self.variant or ",".join(self.options.values())
+        return f"{self.name}[{extra}]" if extra else self.name
+
+    @property
+    def n_numbers(self) -> int:
+        """Numbers the data must give, scanned ones included."""
+        return len(self.fields)
+
+    def is_free(self, i: int) -> bool:
+        """Whether number i takes part in the joint fit."""
+        j = i - self.linear
+        return j < 0 or not self.free or self.free[j]
+
+
+def _grid(*axes: Iterable[float]) -> list[Numbers]:
+    return [tuple(map(float, p)) for p in itertools.product(*axes)]
+
+
+def _ratios(low: float, high: float, n: int) -> list[float]:
+    return [float(v) for v in np.geomspace(low, high, n)]
+
+
+def _orders(z: Scales) -> list[Numbers]:
+    return _grid(np.arange(0.4, 14.0, 0.35) / max(z.x, 1e-300))
+
+
+def _order_range(z: Scales) -> list[Range]:
+    return [(0.25 / max(z.x, 1e-300), 20.0 / max(z.x, 1e-300))]
+
+
+def _times(z: Scales) -> list[Numbers]:
+    return _grid(np.linspace(0.08, 0.92, 43) * z.seconds)
+
+
+def _tones(z: Scales) -> list[Numbers]:
+    n = min(z.n, 4000)
+    return _grid(np.arange(4, int(0.99 * n)) * 0.5 / (n * z.dt))
+
+
+def _lags(z: Scales) -> list[Numbers]:
+    return _grid(z.dt * np.array([0.15, 0.3, 0.5, 0.8, 1.2, 2.0, 3.5, 7.0]))
+
+
+CATALOGUE: tuple[Candidate, ...] = (
+    Candidate("viscous", s.VISCOUS, ("coefficient",)),
+    Candidate("coulomb", s.COULOMB, ("torque",)),
+    Candidate("asymmetric_coulomb", s.ASYMMETRIC_COULOMB, ("torque",)),
+    Candidate("asymmetric_viscous", s.ASYMMETRIC_VISCOUS, ("coefficient",)),
+    Candidate(
+        "stribeck", s.STRIBECK_EXP, ("torque", "velocity", "exponent"),
+        shapes=lambda z: _grid(z.dx * np.array([0.05, 0.1, 0.2, 0.4, 0.8, 1.5]), [2.0]),
+        ranges=lambda z: [(0.01 * z.dx, 5.0 * z.dx), (0.5, 2.5)], free=(True, False),
+    ),
+    Candidate(
+        "stribeck", s.STRIBECK_EXP, ("torque", "velocity", "exponent"), variant="exponent 1",
+        shapes=lambda z: _grid(z.dx * np.array([0.05, 0.1, 0.2, 0.4, 0.8, 1.5]), [1.0]),
+        ranges=lambda z: [(0.01 * z.dx, 5.0 * z.dx), (0.5, 2.5)], free=(True, False),
+    ),
+    Candidate("quadratic_drag", s.QUADRATIC_DRAG, ("coefficient",), unit=lambda z: 1e-3 * z.v / z.dx**2),
+    Candidate("load_friction", k.LOAD_FRICTION, ("coefficient",), unit=lambda z: 1e-3 * z.v / z.u),
+    Candidate(
+        "position_friction", s.POSITION_FRICTION, ("cosine", "sine", "order"), linear=2,
+        shapes=_orders, ranges=_order_range, scanned=20,
+    ),
+    Candidate(
+        "presliding_hysteresis", k.DAHL, ("torque", "distance"),
+        shapes=lambda z: _grid(z.dx * np.array([0.05, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2, 6.4])),
+        ranges=lambda z: [(0.02 * z.dx, 20.0 * z.dx)],
+    ),
+    Candidate(
+        "friction_drift", k.FRICTION_DRIFT, ("torque", "time_constant"),
+        shapes=lambda z: _grid(z.seconds * np.array([0.05, 0.15, 0.4, 1.0, 3.0])),
+        ranges=lambda z: [(0.02 * z.seconds, 10.0 * z.seconds)],
+    ),
+    Candidate("input_offset", k.INPUT_OFFSET, ("torque",), unit=lambda z: 1e-3 * z.u),
+    Candidate(
+        "dead_zone", k.DEAD_ZONE, ("width",), linear=0, positive=True,
+        shapes=lambda z: _grid(z.u * np.array([0.02, 0.05, 0.1, 0.2, 0.4, 0.8])),
+        ranges=lambda z: [(1e-3 * z.u, 0.95 * z.u_peak)],
+    ),
+    Candidate(
+        "saturation", k.SATURATION, ("limit",), linear=0, positive=True,
+        shapes=lambda z: _grid(z.u_peak * np.array([0.97, 0.93, 0.87, 0.8, 0.7, 0.6, 0.45, 0.3])),
+        ranges=lambda z: [(0.1 * z.u_peak, 0.999 * z.u_peak)],
+    ),
+    Candidate(
+        "input_delay", k.INPUT_DELAY, ("delay",), linear=0, positive=True,
+        shapes=lambda z: _grid(z.dt * np.array([0.1, 0.3, 0.6, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0])),
+        ranges=lambda z: [(1e-3 * z.dt, 50.0 * z.dt)],
+    ),
+    Candidate(
+        "actuator_lag", k.ACTUATOR_LAG, ("time_constant",), linear=0, positive=True, shapes=_lags,
+        ranges=lambda z: [(0.05 * z.dt, 200.0 * z.dt)],
+    ),
+    Candidate(
+        "torque_ripple", k.TORQUE_RIPPLE, ("cosine", "sine", "order"), linear=2, shapes=_orders,
+        ranges=_order_range, unit=lambda _: 1e-3, scanned=20,
+    ),
+    Candidate(
+        "backlash", k.BACKLASH, ("gap",), linear=0, positive=True,
+        shapes=lambda z: _grid(z.x * np.array([0.02, 0.05, 0.1, 0.2, 0.4, 0.8])),
+        ranges=lambda z: [(1e-3 * z.x, 1.5 * z.x_peak)],
+    ),
+    Candidate(
+        "flexible_coupling", k.FLEXIBLE_COUPLING, ("frequency", "damping_ratio"), linear=0, positive=True,
+        shapes=lambda z: _grid(np.array([0.03, 0.06, 0.1, 0.16, 0.23, 0.32, 0.42]) / z.dt, [0.05, 0.3]),
+        ranges=lambda z: [(0.005 / z.dt, 0.49 / z.dt), (0.002, 0.95)],
+    ),
+    Candidate(
+        "cogging", k.COGGING, ("cosine", "sine", "order"), linear=2, shapes=_orders, ranges=_order_range, scanned=20,
+    ),
+    Candidate("gravity_imbalance", k.GRAVITY_IMBALANCE, ("cosine", "sine"), linear=2),
+    Candidate(
+        "cable_spring", k.CABLE_SPRING, ("stiffness", "centre"), shapes=lambda _: [(0.0,)], free=(False,),
+        ranges=lambda z: [(-z.x_peak, z.x_peak)], unit=lambda z: 1e-3 * z.v / z.x,
+    ),
+    Candidate(
+        "hardening_spring", k.HARDENING_SPRING, ("stiffness", "centre"), shapes=lambda _: [(0.0,)], free=(False,),
+        ranges=lambda z: [(-z.x_peak, z.x_peak)], unit=lambda z: 1e-3 * z.v / z.x**3,
+    ),
+    Candidate(
+        "end_stop", k.END_STOP, ("stiffness", "angle"),
+        shapes=lambda z: _grid(z.x_peak * np.array([0.9, 0.8, 0.7, 0.6, 0.5, 0.35, 0.2])),
+        ranges=lambda z: [(0.05 * z.x_peak, 0.98 * z.x_peak)], unit=lambda z: 1e-3 * z.v / z.x, positive=True,
+    ),
+    Candidate("output_offset", k.OUTPUT_OFFSET, ("offset",), unit=lambda z: 1e-3 * z.y),
+    Candidate("output_drift", k.OUTPUT_DRIFT, ("rate",), unit=lambda z: 1e-3 * z.y / z.seconds),
+    Candidate(
+        "sensor_rectification", k.SENSOR_RECTIFICATION, ("fraction",), linear=0, positive=True,
+        shapes=lambda _: _grid([0.02, 0.06, 0.15, 0.3, 0.7, 1.0]), ranges=lambda _: [(1e-3, 1.0)],
+    ),
+    Candidate(
+        "encoder_eccentricity", k.ENCODER_ECCENTRICITY, ("cosine", "sine", "order"), linear=2,
+        shapes=lambda z: _grid(np.arange(0.4, 10.0, 0.35) / z.y), ranges=lambda z: [(0.25 / z.y, 15.0 / z.y)],
+        unit=lambda z: 1e-4 * z.y, scanned=20,
+    ),
+    Candidate(
+        "disturbance_tone", k.DISTURBANCE_TONE, ("cosine", "sine", "frequency"), linear=2, shapes=_tones,
+        ranges=lambda z: [(0.5 / z.seconds, 0.5 / z.dt)], scanned=2000,
+    ),
+    Candidate(
+        "disturbance_tone", TONE_U, ("cosine", "sine", "frequency"), linear=2, shapes=_tones, variant="at the input",
+        ranges=lambda z: [(0.5 / z.seconds, 0.5 / z.dt)], unit=lambda z: 1e-3 * z.u, scanned=2000,
+    ),
+    *(
+        Candidate(
+            "parameter_change", code, ("change", "time"), shapes=_times, free=(False,), scanned=40,
+            ranges=lambda z: [(0.02 * z.seconds, 0.98 * z.seconds)], unit=unit, options={"parameter": parameter},
+        )
+        for parameter, code, unit in (
+            ("inertia", k.CHANGE_INERTIA, lambda z: 1e-3 * z.v / z.dx),
+            ("viscous", k.CHANGE_VISCOUS, lambda z: 1e-3 * z.v / z.dx),
+            ("coulomb", k.CHANGE_COULOMB, lambda z: 1e-3 * z.v),
+            ("gain", k.CHANGE_GAIN, lambda z: 1e-3),
+        )
+    ),
+)  # fmt: skip
+
+
+def catalogue_for(law_codes: Iterable[int]) -> list[Candidate]:
+    """All candidates but those that the law already holds."""
+    held = set(int(c) for c in law_codes)
+    return [c for c in CATALOGUE if not (c.code in (s.VISCOUS, s.COULOMB, s.QUADRATIC_DRAG) and c.code in held)]
+
+
+def effect_of(candidate: Candidate, numbers: Iterable[float]) -> tuple[str, dict[str, float]]:
+    """(equation, named parameters) of the catalogue's effect with these numbers; waves as amplitude and phase."""
+    from whsklearn.effects import get_effect
+
+    cls: Any = get_effect(candidate.name)
+    q = [float(v) for v in numbers]
+    named: dict[str, Any] = {}
+    rest = list(zip(candidate.fields, q, strict=False))
+    if candidate.linear == 2:
+        named["amplitude"] = math.hypot(q[0], q[1])
+        named["phase"] = math.atan2(-q[1], q[0])
+        rest = rest[2:]
+        if candidate.name == "position_friction":
+            named["torque"] = named.pop("amplitude")
+    named.update(rest)
+    if candidate.name == "sensor_rectification":
+        named["fraction"] = min(named["fraction"], 1.0)
+    equation = str(cls.equation)
+    if candidate.name == "flexible_coupling":
+        equation = "two more poles between L1 and the law, gain one, natural frequency f, damping zeta"
+    elif candidate.name == "backlash":
+        equation = "x_l = play of x, gap b"
+    return equation, named

@@ -1,0 +1,150 @@
+"""Fits: from many starts for the base model, from where one stands for a candidate."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from whsklearn.gap.blocks.candidates import Scales
+from whsklearn.gap.blocks.model import (
+    BlockModel,
+    Setting,
+    chain,
+    coloured,
+    from_vector,
+    jacobian,
+    raw_errors,
+    signal_scales,
+    stable_blocks,
+    to_vector,
+)
+from whsklearn.recursion.starts import least_squares_start, random_start, term_scales
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+LADDER = (1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)  # kappa times rms dx
+MULTISTART_SAMPLES = 2500
+
+
+def cost(s: Setting, m: BlockModel) -> float:
+    """Sum of squared errors over the samples of the fit."""
+    e = coloured(raw_errors(s, m), m.ar)[s.fit]
+    return float(e @ e)
+
+
+def rms_dx(s: Setting, m: BlockModel) -> float:
+    """Root mean square of dx, never zero."""
+    return max(float(np.sqrt(np.mean(np.diff(chain(s, m)[0]) ** 2))), 1e-12)
+
+
+def climb(
+    s: Setting, m: BlockModel, z: Scales, *, steps: int = 12, tolerance: float = 1e-6, colour: bool = True
+) -> tuple[BlockModel, float]:
+    """Levenberg-Marquardt at the model's sharpness; (model, sum of squares)."""
+    keep = slice(None) if colour else slice(0, -m.ar.size if m.ar.size else None)
+    x = to_vector(m, z)
+    base = raw_errors(s, m)
+    e = coloured(base, m.ar)[s.fit]
+    best, damping = float(e @ e), 1e-3
+    for _ in range(steps):
+        rows = jacobian(s, m, z, base)[s.fit][:, keep]
+        scale = np.maximum(np.linalg.norm(rows, axis=0), 1e-9 * np.sqrt(len(e)))
+        normal = (rows / scale).T @ (rows / scale)
+        slope = (rows / scale).T @ e
+        improved = False
+        for _ in range(7):
+            move = np.linalg.lstsq(normal + damping * np.eye(len(slope)), slope, rcond=None)[0] / scale
+            trial_x = x.copy()
+            trial_x[keep] -= move
+            trial = from_vector(m, trial_x, z)
+            if stable_blocks(s, trial.theta):
+                trial_base = raw_errors(s, trial)
+                trial_e = coloured(trial_base, trial.ar)[s.fit]
+                now = float(trial_e @ trial_e)
+                if now < best:
+                    improved = True
+                    break
+            damping = max(damping, 1e-6) * 6.0
+        if not improved:
+            break
+        gain = (best - now) / max(best, 1e-300)
+        m, x, base, e, best = trial, to_vector(trial, z), trial_base, trial_e, now
+        damping = max(damping / 8.0, 1e-9)
+        if gain < tolerance:
+            break
+    return m, best
+
+
+def sharpen(
+    s: Setting, m: BlockModel, z: Scales, rungs: tuple[float, ...] = LADDER, *, steps: int = 8, colour: bool = True
+) -> tuple[BlockModel, float]:
+    """Climb over ever sharper signs; the rung with the least sum of squares answers."""
+    best: tuple[BlockModel, float] | None = None
+    for relative in rungs:
+        m, value = climb(s, m.at(relative / rms_dx(s, m)), z, steps=steps, colour=colour)
+        if best is None or value < best[1]:
+            best = m, value
+    assert best is not None
+    return best
+
+
+def shortened(s: Setting, n: int) -> Setting:
+    """The first n samples."""
+    if s.u.size <= n:
+        return s
+    return dataclasses.replace(s, u=s.u[:n], y=s.y[:n], fit=s.fit[:n], held=s.held[:n])
+
+
+def start_thetas(s: Setting, rng: np.random.Generator, n_starts: int) -> list[Array]:
+    """Random stable blocks, weights, c and d from least squares, the most promising first."""
+    restart = np.zeros(s.u.size, dtype=bool)
+    restart[0] = True
+    kernel = (s.dims, s.law.codes, s.law.shapes)
+    u = np.ascontiguousarray(s.u[:, None])
+    scales = term_scales(kernel, u, s.y, restart, rng)
+    dims = tuple(int(d) for d in s.dims)
+    out = [least_squares_start(random_start(dims, rng, scales), kernel, u, s.y, restart) for _ in range(n_starts)]
+    return [t for t in out if np.isfinite(t).all() and stable_blocks(s, t)]
+
+
+def fit_base(s: Setting, rng: np.random.Generator, *, n_starts: int = 24, keep: int = 4) -> list[tuple[BlockModel, float]]:
+    """Separate minima of the base model on the whole fit, the least first."""
+    short = shortened(s, MULTISTART_SAMPLES)
+    first: list[tuple[float, BlockModel]] = []
+    for theta in start_thetas(short, rng, n_starts):
+        m = BlockModel(theta, ar=np.zeros(0))
+        m = m.at(1.0 / rms_dx(short, m))
+        z = signal_scales(short, m)
+        m, value = climb(short, m, z, steps=6, tolerance=1e-3)
+        first.append((value, m))
+    first.sort(key=lambda f: f[0])
+    second: list[tuple[float, BlockModel]] = []
+    for _, m in separate(first, 1e-4)[: 3 * keep]:
+        m, value = sharpen(short, m, signal_scales(short, m), (1.0, 3.0, 10.0), steps=10)
+        second.append((value, m))
+    second.sort(key=lambda f: f[0])
+    out = []
+    for _, m in separate(second, 1e-3)[:keep]:
+        full = dataclasses.replace(m, ar=BlockModel(m.theta).ar)
+        out.append(sharpen(s, full, signal_scales(s, full), LADDER[2:], steps=10))
+    return sorted(out, key=lambda f: f[1])
+
+
+def separate(found: list[tuple[float, BlockModel]], share: float) -> list[tuple[float, BlockModel]]:
+    """Those whose sums of squares differ by more than a share, the least of each."""
+    out: list[tuple[float, BlockModel]] = []
+    for value, m in found:
+        if not out or value > out[-1][0] * (1.0 + share):
+            out.append((value, m))
+    return out
+
+
+def refit(s: Setting, m: BlockModel, z: Scales, *, thorough: bool = False) -> tuple[BlockModel, float]:
+    """The joint refit of a model that stands near its minimum."""
+    rungs = (3.0, 10.0, 30.0, 100.0, 300.0) if thorough else (30.0, 100.0, 300.0)
+    return sharpen(s, m, z, rungs, steps=10 if thorough else 6)
