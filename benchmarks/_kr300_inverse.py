@@ -41,6 +41,7 @@ def rows(frame, effects):
         cutoff=20.0,
         decimate=4,
         border=20,
+        standstill=0.0,
     )
     drive = frame["motor_torque_Nm"].to_numpy()
     X = np.column_stack([np.deg2rad(frame["motor_position_deg"].to_numpy()), drive])

@@ -38,7 +38,7 @@ CANDIDATES = {
 def emps_rows(frame, terms=(), border=49):
     """Rows of the reference method: order 4 and 100 Hz, central differences, every tenth row."""
     law = [Viscous(1.0), Coulomb(1.0), *terms]
-    lags = InverseDynamicsLags(sample_rate=1000.0, law=law, cutoff=100.0, decimate=10, border=border)
+    lags = InverseDynamicsLags(sample_rate=1000.0, law=law, cutoff=100.0, decimate=10, border=border, standstill=0.0)
     return (*lags.rows(frame[["position_m"]].to_numpy(), frame["force_N"].to_numpy()), lags)
 
 

@@ -9,6 +9,7 @@ from sklearn.linear_model import LinearRegression
 from sklearn.model_selection import GridSearchCV, TimeSeriesSplit
 from sklearn.pipeline import make_pipeline
 
+from whsklearn.datasets import make_servo_log
 from whsklearn.effects import Cogging, Coulomb, DisturbanceTone, LoadFriction, PreslidingHysteresis, Saturation, Viscous
 from whsklearn.estimators import MILSRegressor, RLSRegressor, RMILSRegressor
 from whsklearn.inverse_dynamics import InverseDynamicsLags
@@ -197,6 +198,35 @@ def test_effects_of_the_drive_take_it_from_x_or_from_y():
     assert np.array_equal(lags.transform(X, y), two.transform(np.column_stack([X, y])))
     with pytest.raises(ValueError, match="load_friction is a function of the drive"):
         lags.transform(X)
+
+
+@pytest.mark.parametrize("reference", ["rich", "multisine", "sweep"])
+def test_an_axis_is_identified_from_its_simulated_log(reference):
+    log, truth = make_servo_log(reference=reference, duration=20.0, return_truth=True)
+    lags = InverseDynamicsLags(sample_rate=1000.0, cutoff=50.0, decimate=10, border=100)
+    X, y = log[["position_rad"]].to_numpy(), log["torque_nm"].to_numpy()
+    model = RMILSRegressor(lags=lags).fit(X, y)
+    expected = {k: truth.parameters[k] for k in ("inertia", "viscous", "coulomb")}
+    assert {k: model.parameters_[k] for k in expected} == pytest.approx(expected, rel=0.03)
+    at_rest = RMILSRegressor(lags=clone(lags).set_params(standstill=0.0)).fit(X, y).parameters_
+    bias = [abs(found["viscous"] / expected["viscous"] - 1) for found in (at_rest, model.parameters_)]
+    assert bias[0] > bias[1]
+
+
+def test_standstill_leaves_out_slow_rows_of_records_and_streams():
+    X, y = smooth_axis(seconds=4.0)
+    for causal in (False, True):
+        lags = InverseDynamicsLags(sample_rate=RATE, causal=causal, standstill=0.5)
+        phi, _ = lags.rows(X, y)
+        assert np.abs(phi[:, 1]).min() >= 0.5
+        assert len(phi) < len(X)
+    pieces = [clone(lags).partial_rows(X, y)[0]]
+    piecewise = clone(lags)
+    pieces.append(
+        np.concatenate([piecewise.partial_rows(X[i : i + 100], y[i : i + 100])[0] for i in range(0, 2000, 100)])
+    )
+    for p in pieces:
+        assert np.array_equal(p, phi)
 
 
 def test_what_cannot_be_is_told():

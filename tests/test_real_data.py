@@ -13,7 +13,7 @@ from whsklearn.datasets import check_log, fetch_emps, fetch_kr300
 from whsklearn.effects import InputOffset, Viscous
 
 PUBLISHED = {"inertia": 95.11, "viscous": 203.5, "coulomb": 20.39, "input_offset": -3.16}
-REFERENCE = InverseDynamicsLags(sample_rate=1000.0, cutoff=100.0, decimate=10, border=49)
+REFERENCE = InverseDynamicsLags(sample_rate=1000.0, cutoff=100.0, decimate=10, border=49, standstill=0.0)
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["Motion", "central_difference", "decimate", "motion", "zero_phase"]
+__all__ = ["Motion", "central_difference", "decimate", "motion", "velocity_noise", "zero_phase"]
 
 _DECIMATOR_ORDER = 8
 _DECIMATOR_RIPPLE = 0.05  # dB
@@ -112,6 +112,36 @@ def motion(position: ArrayLike, sample_rate: float, cutoff: float, order: int = 
     q = zero_phase(position, sample_rate, cutoff, order)
     v = central_difference(q, sample_rate)
     return Motion(q, v, central_difference(v, sample_rate))
+
+
+def velocity_noise(position: ArrayLike, sample_rate: float, cutoff: float, order: int = 4) -> float:
+    """Standard deviation of the noise in the velocity that `motion` gives, per s.
+
+    White noise of the position is seen above the cutoff, where no motion is; what of it passes into the velocity
+    follows from the filter's impulse response. A lattice of step q counts as noise of variance q^2 / 12.
+
+    Parameters
+    ----------
+    position, sample_rate, cutoff, order
+        As for `motion`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> t = np.arange(5000) / 1000
+    >>> noise = 1e-4 * np.random.default_rng(0).normal(size=5000)
+    >>> error = motion(np.sin(t) + noise, 1000, 50).velocity - np.cos(t)
+    >>> bool(abs(velocity_noise(np.sin(t) + noise, 1000, 50) / error.std() - 1) < 0.1)
+    True
+    """
+    q = np.asarray(position, dtype=float)
+    left = q - zero_phase(q, sample_rate, cutoff, order)
+    impulse = np.zeros(max(int(40 * sample_rate / cutoff), 200))
+    impulse[impulse.size // 2] = 1.0
+    answer = zero_phase(impulse, sample_rate, cutoff, order)
+    above = float(np.sqrt(np.sum((impulse - answer) ** 2)))
+    into_velocity = float(np.sqrt(np.sum(central_difference(answer, sample_rate) ** 2)))
+    return 1.4826 * float(np.median(np.abs(left))) / above * into_velocity
 
 
 def decimate(x: ArrayLike, factor: int) -> NDArray[np.float64]:

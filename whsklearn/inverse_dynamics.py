@@ -26,8 +26,8 @@ from whsklearn._axis_rows import (
     stack_columns,
 )
 from whsklearn.effects import PreslidingHysteresis
-from whsklearn.filtering import decimate, motion, zero_phase
-from whsklearn.stream_filtering import causal_delay, causal_kernels, causal_window
+from whsklearn.filtering import decimate, motion, velocity_noise, zero_phase
+from whsklearn.stream_filtering import causal_delay, causal_kernels, causal_motion, causal_window
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -60,6 +60,10 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
         Rows of `rows` are low-passed and every ``decimate``-th is kept (records only).
     border : int, default=0
         Rows left out at the start of each record by `rows`, where the filter has no past.
+    standstill : float, optional
+        Speed below which `rows` leaves rows out: at rest, friction is whatever the drive asks for, and the sign of
+        a noisy velocity is drawn by lot, which takes from Coulomb friction what it gives to viscous. By default
+        five times the noise of the velocity in a record, 0 in a stream and where a hysteresis models the rest.
     causal : bool, default=False
         False: whole records, no delay. True: streams, a polynomial over a moving window;
         row t then holds the values of ``delay_`` samples before, and `rows` delays the
@@ -80,8 +84,8 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
 
     Notes
     -----
-    Torque side: a positive weight is paid for by the drive. The defaults, with ``decimate=10`` and
-    ``border=49``, are the reference method of Janot, Gautier, Brunot 2019, Data set and
+    Torque side: a positive weight is paid for by the drive. The defaults, with ``decimate=10``,
+    ``border=49`` and ``standstill=0``, are the reference method of Janot, Gautier, Brunot 2019, Data set and
     reference models of EMPS, Workshop on Nonlinear System Identification Benchmarks.
     X is position (n, 1), or position and measured drive (n, 2) where an effect such as
     ``load_friction`` is a function of the drive; y is the torque (rad and Nm, or m and N).
@@ -110,6 +114,7 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
         order: int = 4,
         decimate: int = 1,
         border: int = 0,
+        standstill: float | None = None,
         causal: bool = False,
         window: int | None = None,
         degree: int = 4,
@@ -121,6 +126,7 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
         self.order = order
         self.decimate = decimate
         self.border = border
+        self.standstill = standstill
         self.causal = causal
         self.window = window
         self.degree = degree
@@ -188,7 +194,7 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
         -------
         phi : ndarray of shape (m, n_terms)
         target : ndarray of shape (m,)
-            Without border and warm-up, and decimated: m < n.
+            Without border, warm-up and standstill, and decimated: m < n.
 
         Raises
         ------
@@ -200,8 +206,10 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
         pieces = []
         for s in runs(groups, len(phi)):
             late = causal_delay(target[s], np.empty(0), self.delay_)[0]
-            both = np.column_stack([phi[s], late])[max(self.border, self.warmup_) :]
-            pieces.append(both if self.causal else decimate(both, self.decimate))
+            path = np.asarray(X, dtype=float)[s, 0]
+            both = np.column_stack([self._speed(path), phi[s], late])[max(self.border, self.warmup_) :]
+            both = both if self.causal else decimate(both, self.decimate)
+            pieces.append(both[np.abs(both[:, 0]) >= self._limit(path), 1:])
         both = np.concatenate(pieces)
         return both[:, :-1], both[:, -1]
 
@@ -214,8 +222,16 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
         target = np.asarray(y, dtype=float).ravel()
         if len(target) != len(X) or not np.isfinite(target).all():
             raise ValueError(f"y is not {len(X)} finite torques; give one a row of X.")
+        memory = self._stream.path
         phi, late, warm = self._go_on(X, self._drive(X, target), target, groups)
-        return phi[~warm], late[~warm]
+        keep = ~warm
+        if self.standstill:
+            speeds = [
+                causal_motion(X[s, 0], np.empty(0) if i else memory, self._kernels)[0].velocity
+                for i, s in enumerate(runs(groups, len(X)))
+            ]
+            keep &= np.abs(np.concatenate(speeds)) >= self.standstill
+        return phi[keep], late[keep]
 
     def get_state(self) -> dict[str, Any]:
         """What a stream needs to go on: arrays and numbers."""
@@ -326,6 +342,20 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
                 phi = stack_columns(self.terms_, moved, smooth, np.arange(len(smooth)) / self.sample_rate)
             pieces.append(phi)
         return np.concatenate(pieces), stream
+
+    def _speed(self, path: Array) -> Array:
+        """Velocity of a record, as its columns have it."""
+        if self.causal:
+            return causal_motion(path, np.empty(0), self._kernels)[0].velocity
+        return motion(path, self.sample_rate, self.cutoff_, self.order).velocity
+
+    def _limit(self, path: Array) -> float:
+        """Speed below which a row counts as standstill."""
+        if self.standstill is not None:
+            return float(self.standstill)
+        if self.causal or any(isinstance(t, PreslidingHysteresis) for t in self.terms_):
+            return 0.0
+        return 5.0 * velocity_noise(path, self.sample_rate, self.cutoff_, self.order)
 
     def _go_on(
         self, X: Array, drive: Array, target: Array, groups: ArrayLike | None

@@ -64,9 +64,9 @@ for name, record in records.items():
 # Inverse dynamics
 # ----------------
 # The torque balance is linear in inertia and friction, so a recursive estimator on motion columns identifies the
-# axis. ``cutoff``, ``decimate`` and ``border`` are those of the reference method (Janot, Gautier, Brunot 2019); on
-# the measured record its figures come out within 0.1 %: 95.11 kg, 203.5 N s/m, 20.39 N, -3.16 N.
-lags = InverseDynamicsLags(sample_rate=1000, law="viscous,coulomb", cutoff=100, decimate=10, border=49)
+# axis. ``cutoff``, ``decimate``, ``border`` and ``standstill`` are those of the reference method (Janot, Gautier,
+# Brunot 2019); on the measured record its figures come out within 0.1 %: 95.11 kg, 203.5 N s/m, 20.39 N, -3.16 N.
+lags = InverseDynamicsLags(sample_rate=1000, law="viscous,coulomb", cutoff=100, decimate=10, border=49, standstill=0.0)
 X, force = (records["identification"][[c]].to_numpy() for c in ("position_m", "force_N"))
 model = RMILSRegressor(lags=lags, p=4).fit(X, force.ravel())
 for name, value in model.parameters_.items():
