@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from whsklearn.gap.axis_model import AxisModel, Term
 from whsklearn.gap.candidates import Scene, candidate
-from whsklearn.gap.fit import Fit, least_squares
+from whsklearn.gap.fit import Fit, jacobian, least_squares
 from whsklearn.gap.inverse import column, motion
 from whsklearn.gap.lens import Lens, autoregression, make_lens, solve_whitening, whiten
 from whsklearn.gap.record import ServoRecord, blocks, lattice, noise_level
@@ -117,6 +117,75 @@ class Bench:
         from whsklearn.gap import signatures
 
         return signatures.refine(self, model, trial)  # type: ignore[arg-type]
+
+    def cheap_kinds(self, model: AxisModel) -> tuple:
+        """Candidates without a second mass, for the null."""
+        from whsklearn.gap import signatures
+
+        return tuple(k for k in signatures.usable_kinds(model) if k.substeps == 1)
+
+    def twin(self, model: AxisModel, rng: np.random.Generator) -> Bench:
+        """See `whsklearn.gap.twin.twin`."""
+        from whsklearn.gap import twin
+
+        return twin.twin(self, model, rng)
+
+    def generic_basis(self, model: AxisModel) -> list[Array]:
+        """Blocks of nameless columns, shape (n_decimated, k) each: by position, speed, drive, time and products."""
+        _, angle, speed = self.follow(model)
+        q, v = self.lens.pick(angle), self.lens.pick(speed)
+        u = self.lens.blur(self.record.drive)
+        t = np.arange(q.size) / q.size
+        q = (q - self.scene.middle) / self.scene.reach
+        v, u = v / (2 * self.scene.speed), u / (2 * self.scene.torque)
+        s = np.sign(v)
+        powers = [q, v, u, q * v, q * q, v * v, q**3, v**3, q * q * v, q * v * v, s, s * q, s * v, s * q * q, q * u]
+        waves = [f(k * angle_k) for k in range(1, 13) for angle_k in [self.lens.pick(angle)] for f in (np.sin, np.cos)]
+        return [
+            np.column_stack(powers),
+            np.column_stack([np.exp(-0.5 * ((v - c) / 0.12) ** 2) for c in np.linspace(-1, 1, 16)]),
+            np.column_stack(waves),
+            np.column_stack([w * x for w in waves[:8] for x in (np.ones_like(v), v, s, u)]),
+            np.column_stack([p * t for p in powers]),
+            np.column_stack([np.roll(x, k) for x in (u, v, s) for k in (0, 1, 2, 4, 8)]),
+        ]
+
+    def aliases(self, name: str) -> tuple[str, ...]:
+        """Names that no such record can tell from ``name``."""
+        from whsklearn.gap.candidates import ALIASES
+
+        return ALIASES.get(name, ())
+
+    def effect_with_errors(self, model: AxisModel, index: int) -> tuple[object, dict[str, float]]:
+        """The catalogue's effect of one term, and the standard errors of its labelled numbers.
+
+        The covariance is s^2 (J'J)^-1 of the whitened training residual; it is carried to labels such as
+        amplitude and phase by drawing.
+        """
+        self.tune_whitening(self.missing(model))
+        x, (_, high) = model.vector(), model.bounds()
+        r = self.residual(model)
+        jac = jacobian(lambda z: self.residual(model.with_vector(z)), x, r, model.steps(), high)
+        scale = np.linalg.norm(jac, axis=0) + 1e-300
+        covariance = np.linalg.pinv((jac / scale).T @ (jac / scale), rcond=1e-10) / np.outer(scale, scale)
+        covariance *= float(r @ r) / max(r.size - x.size, 1)
+        term = model.terms[index]
+        effect = term.kind.effect(np.array(term.q))
+        centre = effect.labelled()
+        rng = np.random.default_rng(0)
+        draws: dict[str, list[float]] = {k: [] for k, v in centre.items() if not isinstance(v, str)}
+        for z in rng.multivariate_normal(x, covariance, 64, method="eigh"):
+            other = model.with_vector(z).terms[index]
+            try:
+                labels = term.kind.effect(np.array(other.q)).labelled()
+            except ValueError:
+                continue
+            for k, values in draws.items():
+                gap = labels[k] - centre[k]
+                values.append((gap + np.pi) % (2 * np.pi) - np.pi if k.startswith("phase") else gap)
+        held = {term.kind.fields[term.kind.linear + i] for i in term.kind.held}
+        errors = {k: float(np.std(v)) for k, v in draws.items() if v and not any(k.startswith(h) for h in held)}
+        return effect, errors
 
     # --- fitting ---------------------------------------------------------------------------
     def fit(self, model: AxisModel, *, max_iterations: int = 12, tolerance: float = 5e-4) -> tuple[AxisModel, Fit]:

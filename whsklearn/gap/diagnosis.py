@@ -1,0 +1,145 @@
+"""The outcome of a diagnosis, and how a verdict follows from what the search found."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from whsklearn.gap import judge
+from whsklearn.gap.judge import Evidence
+from whsklearn.gap.locate import Place
+
+VERDICTS = ("no_gap", "named", "ambiguous", "partial", "unknown", "coloured_noise", "not_testable", "data_problem")
+
+
+@dataclass
+class NamedEffect:
+    """An effect with its numbers, its evidence and what it cannot be told from."""
+
+    effect: Any
+    standard_errors: dict[str, float]
+    delta_bic: float
+    confidence: float
+    closure: float
+    aliases: list[str] = field(default_factory=list)
+
+    @property
+    def name(self) -> str:
+        """Canonical name."""
+        return str(self.effect.name)
+
+    def as_dict(self) -> dict[str, Any]:
+        """For the report's file."""
+        return {
+            "name": self.name,
+            "place": self.effect.place,
+            "equation": self.effect.equation,
+            "parameters": {k: _plain(v) for k, v in self.effect.labelled().items()},
+            "standard_errors": self.standard_errors,
+            "delta_bic": self.delta_bic,
+            "confidence": self.confidence,
+            "aliases": self.aliases,
+        }
+
+
+@dataclass
+class CandidateLine:
+    """One line of the table of candidates."""
+
+    name: str
+    delta_bic: float
+    closure: float
+    status: str
+    reason: str
+
+    def as_dict(self) -> dict[str, Any]:
+        """For the report's file."""
+        return dict(self.__dict__)
+
+
+@dataclass
+class Diagnosis:
+    """All that a report needs; ``as_dict`` is the file that other programs read."""
+
+    verdict: str
+    sentence: str
+    effects: list[NamedEffect] = field(default_factory=list)
+    candidates: list[CandidateLine] = field(default_factory=list)
+    where: list[Place] = field(default_factory=list)
+    where_sentence: str = ""
+    before: dict[str, float] = field(default_factory=lambda: dict.fromkeys(("nmse", "mu_e", "rmse"), 0.0))
+    after: dict[str, float] = field(default_factory=lambda: dict.fromkeys(("nmse", "mu_e", "rmse"), 0.0))
+    floor: float = 0.0
+    closure: float = 0.0
+    next_experiment: str = ""
+    seconds: float = 0.0
+    problems: list[Any] = field(default_factory=list)
+    horizons: list[dict[str, float]] = field(default_factory=list)
+    rounds: list[dict[str, Any]] = field(default_factory=list)
+    residual_tests: list[dict[str, Any]] = field(default_factory=list)
+    base_parameters: list[dict[str, Any]] = field(default_factory=list)
+    need: float = 0.0
+    interrupted: bool = False
+    notes: list[str] = field(default_factory=list)
+    pictures: dict[str, Any] = field(default_factory=dict)
+
+    def as_dict(self) -> dict[str, Any]:
+        """The contract of ``gap.json``."""
+        raw = {
+            "verdict": self.verdict,
+            "effects": [e.as_dict() for e in self.effects],
+            "candidates": [c.as_dict() for c in self.candidates],
+            "where": [p.as_dict() for p in self.where],
+            "before": self.before,
+            "after": self.after,
+            "noise_floor_rmse": self.floor,
+            "closure": self.closure,
+            "next_experiment": self.next_experiment,
+            "seconds": self.seconds,
+        }
+        return _plain(raw)
+
+
+def _plain(value: Any) -> Any:
+    """Numbers as JSON has them: no NumPy scalars, no NaN or infinity."""
+    if isinstance(value, dict):
+        return {str(k): _plain(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(v) for v in value]
+    if isinstance(value, bool | np.bool_):
+        return bool(value)
+    if isinstance(value, int | np.integer):
+        return int(value)
+    if isinstance(value, float | np.floating):
+        return float(value) if np.isfinite(value) else 0.0
+    return value
+
+
+def verdict_of(
+    taken: list[Evidence], total_closure: float, rivals: list[list[str]], gap_is_quiet: bool, follows: float
+) -> str:
+    """The verdict, from what was taken and what is left.
+
+    Parameters
+    ----------
+    taken : list of Evidence
+    total_closure : float
+        Of the missing torque on held-out samples, all effects together.
+    rivals : list of list of str
+        For each effect, the names that could stand in its place, aliases left out.
+    gap_is_quiet : bool
+        Whether the base model is at the floor already.
+    follows : float
+        Cross-validated share of the gap that follows the motion.
+    """
+    if not taken:
+        if gap_is_quiet:
+            return "no_gap"
+        return "unknown" if follows > 0.04 else "coloured_noise"
+    if total_closure < judge.PARTIAL:
+        return "unknown"
+    if any(rivals):
+        return "ambiguous"
+    return "named" if total_closure >= judge.NAMED else "partial"

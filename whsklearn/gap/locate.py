@@ -1,0 +1,171 @@
+"""Where the gap lives: its share by time, position, velocity, reversal, drive and frequency.
+
+The p-value is that of the between-bin share of power under circular shifts of the gap against the
+axis, which keep the dependence within each (Politis and Romano 1992); they are adjusted over the
+axes after Benjamini and Hochberg 1995.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+N_BINS = 20
+N_SHIFTS = 199
+
+
+@dataclass(frozen=True)
+class Place:
+    """The stretch of one signal in which the gap is densest.
+
+    Attributes
+    ----------
+    signal : str
+    low, high : float
+        The stretch, in ``unit``.
+    share : float
+        Share of the power of the gap inside it.
+    width : float
+        Share of the samples inside it.
+    p_value : float
+        Adjusted; small if the gap follows the signal.
+    centres, means, errors : ndarray
+        Mean of the gap and its standard error by bin.
+    """
+
+    signal: str
+    low: float
+    high: float
+    share: float
+    width: float
+    p_value: float
+    unit: str
+    centres: Array
+    means: Array
+    errors: Array
+
+    def as_dict(self) -> dict[str, Any]:
+        """For the report's file."""
+        return {
+            "signal": self.signal,
+            "from": self.low,
+            "to": self.high,
+            "share_of_gap": self.share,
+            "p_value": self.p_value,
+        }
+
+
+def locate(axes: dict[str, tuple[Array, str]], gap: Array, rng: np.random.Generator) -> list[Place]:
+    """Every axis looked at, most telling first.
+
+    Parameters
+    ----------
+    axes : dict
+        Name -> (signal of shape (n,), unit).
+    gap : ndarray of shape (n,)
+        What is missing, at the same samples.
+    rng : Generator
+        Of the shifts.
+    """
+    found = [_one_axis(name, x, unit, gap, rng) for name, (x, unit) in axes.items() if np.ptp(x) > 0]
+    order = np.argsort([p.p_value for p in found])
+    adjusted = np.ones(len(found))
+    running = 1.0
+    for rank in range(len(found) - 1, -1, -1):
+        i = order[rank]
+        running = min(running, found[i].p_value * len(found) / (rank + 1))
+        adjusted[i] = running
+    places = [Place(**{**p.__dict__, "p_value": float(a)}) for p, a in zip(found, adjusted, strict=True)]
+    return sorted(places, key=lambda p: (p.p_value, -p.share / max(p.width, 1e-9)))
+
+
+def _one_axis(name: str, x: Array, unit: str, gap: Array, rng: np.random.Generator) -> Place:
+    edges = np.unique(np.quantile(x, np.linspace(0, 1, N_BINS + 1)))
+    bins = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, edges.size - 2)
+    n_bins = edges.size - 1
+    count = np.bincount(bins, minlength=n_bins)
+    power = gap**2
+    observed = _statistic(bins, count, gap, power, n_bins)
+    least = max(1, gap.size // 50)
+    shifts = rng.integers(least, gap.size - least, N_SHIFTS)
+    null = [_statistic(bins, count, np.roll(gap, s), np.roll(power, s), n_bins) for s in shifts]
+    p = (1 + sum(v >= observed for v in null)) / (1 + N_SHIFTS)
+    mean = np.bincount(bins, gap, n_bins) / np.maximum(count, 1)
+    var = np.bincount(bins, power, n_bins) / np.maximum(count, 1) - mean**2
+    inside = np.bincount(bins, power, n_bins)
+    first, last = _densest(inside, count)
+    return Place(
+        name, float(edges[first]), float(edges[last + 1]), float(inside[first : last + 1].sum() / inside.sum()),
+        float(count[first : last + 1].sum() / count.sum()), float(p), unit, 0.5 * (edges[1:] + edges[:-1]), mean,
+        np.sqrt(np.maximum(var, 0) / np.maximum(count / 8, 1)),
+    )  # fmt: skip
+
+
+def _statistic(bins: Array, count: Array, gap: Array, power: Array, n: int) -> float:
+    """Between-bin share of the gap (its mean) plus between-bin share of its power."""
+    total = np.maximum(count, 1)
+    mean = np.bincount(bins, gap, n) / total
+    level = np.bincount(bins, power, n) / total
+    centred = power - power.mean()
+    by_mean = np.sum(count * (mean - gap.mean()) ** 2) / max(float(np.sum((gap - gap.mean()) ** 2)), 1e-300)
+    by_power = np.sum(count * (level - power.mean()) ** 2) / max(float(centred @ centred), 1e-300)
+    return float(by_mean + by_power)
+
+
+def _densest(power: Array, count: Array) -> tuple[int, int]:
+    """The run of bins with the largest share of power beyond its share of samples."""
+    excess = power / power.sum() - count / count.sum()
+    best, start, total, where = -1.0, 0, 0.0, (0, power.size - 1)
+    for i, e in enumerate(excess):
+        if total <= 0:
+            start, total = i, 0.0
+        total += e
+        if total > best:
+            best, where = total, (start, i)
+    return where
+
+
+def spectrum(gap: Array, rate: float) -> tuple[Array, Array]:
+    """Frequencies in Hz and amplitudes of the gap."""
+    from scipy.signal import periodogram
+
+    f, p = periodogram(gap, rate, window="hann", scaling="spectrum")
+    return f[1:], np.sqrt(2 * p[1:])
+
+
+def order_spectrum(gap: Array, angle: Array, orders: Array) -> Array:
+    """Amplitude of the gap at every order of the angle (periods a turn)."""
+    out = np.empty(orders.size)
+    for i, k in enumerate(orders):
+        out[i] = 2 * np.abs(np.mean(gap * np.exp(-1j * k * angle)))
+    return out
+
+
+def since_reversal(speed: Array, dt: float, quiet: float) -> Array:
+    """Seconds since the velocity last changed its sign."""
+    out = np.empty(speed.size)
+    sign, age = 0.0, 0.0
+    for i, v in enumerate(speed):
+        now = np.sign(v) if abs(v) > quiet else sign
+        age = 0.0 if now != sign else age + dt
+        sign = now
+        out[i] = age
+    return out
+
+
+def sentence(places: list[Place]) -> str:
+    """Where the gap lives, in words."""
+    telling = [p for p in places if p.p_value <= 0.05]
+    if not telling:
+        return "The gap follows none of the signals that were looked at."
+    p = max(telling, key=lambda p: p.share - p.width)
+    share, width = 100 * p.share, 100 * p.width
+    if p.signal == "reversal":
+        return f"{share:.0f} % of the gap lives between {p.low:.2g} and {p.high:.2g} s after a reversal ({width:.0f} % of the time)."
+    if p.share - p.width < 0.08:
+        return f"The gap follows {p.signal}, and is spread over its whole range."
+    return f"{share:.0f} % of the gap lives where {p.signal} is between {p.low:.3g} and {p.high:.3g} {p.unit} ({width:.0f} % of the time)."

@@ -1,0 +1,90 @@
+"""What the diagnosis says in words: the sentence first, and the experiment that would tell more."""
+
+from __future__ import annotations
+
+from typing import Any
+
+MENU: dict[frozenset[str], str] = {
+    frozenset({"input_offset", "asymmetric_coulomb"}): (
+        "Let the axis rest and ramp the drive slowly up and down until it breaks away in both directions, 30 s: at rest "
+        "only an offset of the drive remains."
+    ),
+    frozenset({"input_delay", "actuator_lag"}): "Add a fast multisine (to a third of the sampling rate) at small amplitude, 20 s.",
+    frozenset({"quadratic_drag", "stribeck"}): "Run constant speeds from very slow to top speed, both ways, 60 s.",
+    frozenset({"backlash", "presliding_hysteresis"}): "Run one sine at three amplitudes, the smallest below 1 degree, 30 s.",
+    frozenset({"cogging", "disturbance_tone"}): "Cross the full turn at two constant speeds, 30 s: orders stay, hertz move.",
+    frozenset({"cable_spring", "gravity_imbalance"}): "Travel at least half a turn at slow speed, 30 s.",
+}
+RICH = (
+    "Repeat with a rich reference: eight tones of 0.1 to 2.9 Hz on a slow triangle over the whole travel, 40 s; it shows "
+    "all effects of the catalogue at two percent of the rms drive."
+)
+
+
+def article_list(names: list[str]) -> str:
+    """Names joined as in prose.
+
+    Examples
+    --------
+    >>> article_list(["cogging", "stribeck", "backlash"])
+    'cogging, stribeck and backlash'
+    """
+    pretty = [n.replace("_", " ") for n in names]
+    return pretty[0] if len(pretty) == 1 else ", ".join(pretty[:-1]) + " and " + pretty[-1]
+
+
+def numbers(effect: Any) -> str:
+    """The parameters with units, short."""
+    out = []
+    for label, value in effect.labelled().items():
+        if isinstance(value, str):
+            out.append(f"{label} {value}")
+        elif not label.startswith("phase"):
+            out.append(f"{label} {value:.4g}")
+    return ", ".join(out)
+
+
+def summary(d: Any, before: float, after: float, floor: float, drive: float, line: Any) -> str:
+    """The verdict in one paragraph."""
+    def percent(x: float) -> str:
+        return f"{100 * x / drive:.2f} %"
+
+    what = line.gap_word if hasattr(line, "gap_word") else "missing torque"
+    opening = f"Of the rms {'drive' if line.kind == 'servo' else 'output'}, the {what} is {percent(before)}; noise alone gives {percent(floor)}. "
+    left = f"The {what} falls to {percent(after)}, and {100 * max(d.closure, 0):.0f} % of the gap in simulation is closed."
+    if d.verdict == "named":
+        parts = [f"{e.name.replace('_', ' ')} ({numbers(e.effect)})" for e in d.effects]
+        alias = sorted({a for e in d.effects for a in e.aliases})
+        tail = f" No such record can tell it from {article_list(alias)}." if alias else ""
+        return opening + "Consistent with " + " and ".join(parts) + ". " + left + tail
+    if d.verdict == "ambiguous":
+        groups = [article_list([e.name, *e.aliases]).replace(" and ", " or ") for e in d.effects]
+        return opening + "Something is missing, and this record cannot tell which: " + "; ".join(groups) + ". " + left
+    if d.verdict == "partial":
+        return (
+            opening + f"The gap resembles {article_list([e.name for e in d.effects])}, which explains a part only. " + left
+        )
+    if d.verdict == "unknown":
+        return opening + "Something follows the motion, and it is none of the effects in the catalogue. " + d.where_sentence
+    if d.verdict == "coloured_noise":
+        return opening + "What is left is coloured noise: it follows neither the motion nor the drive. No effect is named."
+    if d.verdict == "not_testable":
+        return opening + "No gap is seen, but this record could not have shown most effects."
+    return opening + "The model explains the log to the noise floor: nothing is missing that this record could show."
+
+
+def next_experiment(d: Any, line: Any, found: Any) -> str:
+    """The experiment that would decide what is open."""
+    if d.verdict == "named" and not any(e.aliases for e in d.effects):
+        return "None needed for this verdict; validate the repaired model on a second record."
+    open_names = {n for e in d.effects for n in (e.name, *e.aliases)}
+    for pair, text in MENU.items():
+        if pair <= open_names:
+            return text
+    if d.verdict == "coloured_noise":
+        return "Repeat the same reference twice: what repeats is a missing effect, what does not is noise."
+    if d.verdict == "unknown":
+        return "Repeat the experiment at half the amplitude and at half the speed; compare where the gap lives."
+    if d.verdict == "no_gap":
+        return "None needed; effects marked not testable would need a richer reference."
+    return RICH
