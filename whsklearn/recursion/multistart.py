@@ -239,7 +239,7 @@ def consolidate(state: State, r: Reading) -> None:
         state["memory_y"][r.history :][:fill],
         state["memory_restart"][:fill],
     )
-    if np.ptp(record[1]) == 0.0:
+    if not fill or np.ptp(record[1]) == 0.0:
         return  # an axis at rest shows nothing
     first_block = not state["blocks"]
     sharpest = relative_sharpness(state["seen"], LADDER[-1])
