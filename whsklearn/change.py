@@ -23,12 +23,13 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["ChangeAlarm", "ParameterChange", "compare_parameters"]
+__all__ = ["ChangeAlarm", "ParameterChange", "compare_parameters", "set_forgetting"]
 
 # Cells by their tail probability: fine in the tails, where a change shows first.
 _TAIL = np.array([0.001, 0.004, 0.012, 0.03, 0.07, 0.14, 0.24, 0.36])
 _LEVELS = np.r_[_TAIL, 0.5, 1 - _TAIL[::-1]]
 _BETS = ((0.0, 1.2), (0.0, 1.6), (0.0, 3.0), (0.25, 1.0), (-0.25, 1.0), (1.0, 1.0), (-1.0, 1.0))  # shift, spread
+_LARGEST_TILT = 10.0  # so that a burst of a few outliers, such as a sign() that flips, is no alarm
 _MOST = 1e6  # samples remembered by the cell frequencies
 
 
@@ -280,6 +281,41 @@ def compare_parameters(
     return sorted(changes, key=lambda c: -abs(c.z))
 
 
+def set_forgetting(model: Any, forgetting: float) -> None:
+    """Let a recursive estimator forget at another rate from its next sample on, mid-stream.
+
+    Lowered for a while after an alarm, it makes room for what is new; raised again, the
+    estimate settles.
+
+    Parameters
+    ----------
+    model : estimator
+        With a parameter ``forgetting``; what it has learnt stays.
+    forgetting : float
+        In (0, 1].
+
+    Raises
+    ------
+    ValueError
+        If it is out of range.
+
+    Examples
+    --------
+    >>> from whsklearn import RLSRegressor
+    >>> from whsklearn.change import set_forgetting
+    >>> model = RLSRegressor().partial_fit([[1.0], [2.0]], [2.0, 4.0])
+    >>> set_forgetting(model, 0.99)
+    >>> model.forgetting
+    0.99
+    """
+    if not 0 < forgetting <= 1:
+        raise ValueError(f"set_forgetting: forgetting is {forgetting!r}, expected a number above 0 and at most 1.")
+    model.set_params(forgetting=forgetting)
+    schedule = getattr(model, "state_", {}).get("forgetting")
+    if schedule is not None:  # the exact gradient carries its schedule: present value, final value, rate
+        schedule[:2] = forgetting
+
+
 def _autoregression(e: NDArray[np.float64], order: int) -> NDArray[np.float64]:
     """Yule-Walker coefficients; zeros for a constant signal."""
     centred = e - e.mean()
@@ -296,4 +332,5 @@ def _tilts() -> NDArray[np.float64]:
     from scipy.special import ndtr, ndtri
 
     edges = np.r_[-np.inf, ndtri(_LEVELS), np.inf]
-    return np.array([np.diff(ndtr((edges - m) / s)) / np.diff(ndtr(edges)) for m, s in _BETS])
+    tilts = np.array([np.diff(ndtr((edges - m) / s)) / np.diff(ndtr(edges)) for m, s in _BETS])
+    return np.minimum(tilts, _LARGEST_TILT)

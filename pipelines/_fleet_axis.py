@@ -1,0 +1,130 @@
+"""What is done with one axis of a fleet: read, identify, judge; runs in any process of any machine.
+
+Functions here take and return plain values, and an axis that fails is a row of the result like
+any other: one bad log among a million must not end the job.
+"""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from sklearn.base import clone
+
+Row = dict[str, Any]
+
+
+def axes_of(folder: Path, axis: str) -> list[str]:
+    """Names of the axes of a Parquet folder partitioned as ``axis=NAME/``, in order.
+
+    Raises
+    ------
+    ValueError
+        If the folder has no such partition.
+    """
+    names = sorted(p.name.split("=", 1)[1] for p in folder.glob(f"{axis}=*") if p.is_dir())
+    if not names:
+        raise ValueError(f"{folder} holds no folder {axis}=NAME; give a Parquet folder partitioned by {axis!r}.")
+    return names
+
+
+def read_axis(
+    folder: Path, axis: str, name: str, inputs: list[str], output: str, time_column: str | None
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """X (n, n_inputs) and y (n,) of one axis, in the order of time, or of files and rows.
+
+    Raises
+    ------
+    ValueError
+        If the axis has no rows, a column is missing or no number, or a time stands twice.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    columns = [*([time_column] if time_column else []), *inputs, output]
+    files = sorted((folder / f"{axis}={name}").glob("*.parquet"))
+    if not files:
+        raise ValueError("no Parquet file in its folder")
+    parts = []
+    for file in files:
+        try:
+            table = pq.ParquetFile(file).read(columns=columns)
+        except (pa.ArrowException, OSError) as error:
+            raise ValueError(f"{file.name} cannot be read: {str(error).splitlines()[0]}") from None
+        if missing := [c for c in columns if c not in table.column_names]:
+            raise ValueError(f"{file.name} has no column {', '.join(missing)}")
+        try:
+            parts.append(np.column_stack([table.column(c).to_numpy().astype(np.float64) for c in columns]))
+        except (TypeError, ValueError):
+            raise ValueError(f"{file.name} holds values that are no numbers") from None
+    rows = np.concatenate(parts)
+    if time_column:
+        rows = rows[np.argsort(rows[:, 0], kind="stable")]
+        if np.any(np.diff(rows[:, 0]) <= 0):
+            raise ValueError(f"a {time_column} stands twice")
+        rows = rows[:, 1:]
+    return rows[:, :-1], rows[:, -1]
+
+
+def identify_axis(model: Any, X: NDArray[np.float64], y: NDArray[np.float64], test_share: float) -> Row:
+    """Fit a clone on the first part of the record, judge its free run on the rest."""
+    from whsklearn.plot import flat_parameters
+    from whsklearn.metrics import mu_e, nmse, rmse
+
+    stop = len(y) - int(len(y) * test_share)
+    fitted = clone(model).fit(X[:stop], y[:stop])
+    y_hat = fitted.predict(X)  # from the start, so that the test part is past the transient
+    row: Row = {f"{name}": value for name, value in flat_parameters(fitted.parameters_).items()}
+    judged = slice(stop, None) if test_share else slice(None)
+    for index in (nmse, mu_e, rmse):
+        row[index.__name__] = index(y[judged], y_hat[judged])
+    return row
+
+
+def identify_axes(model: Any, names: list[str], source: dict[str, Any], test_share: float) -> list[Row]:
+    """One result row for each of the named axes; ``source`` holds the arguments of `read_axis`."""
+    done = []
+    for name in names:
+        began = time.perf_counter()
+        row: Row = {"axis": name, "rows": 0, "failure": ""}
+        try:
+            X, y = read_axis(**(source | {"name": name, "folder": Path(source["folder"])}))
+            row["rows"] = len(y)
+            row |= identify_axis(model, X, y, test_share)
+        except (ValueError, ArithmeticError, np.linalg.LinAlgError) as error:
+            row["failure"] = str(error).splitlines()[0][:500]
+        done.append(row | {"seconds": time.perf_counter() - began})
+    return done
+
+
+def outliers(table: Any, limit: float = 6.0) -> Any:
+    """Rows of a result table that failed or stand apart, the worst first, with what stands apart in ``why``.
+
+    A column stands apart by its distance from the fleet's median in units of the scaled median absolute deviation,
+    nmse on a logarithmic scale and upwards only.
+    """
+    import pandas as pd
+
+    numeric = table.drop(columns=["axis", "rows", "failure", "seconds", "mu_e", "rmse"], errors="ignore").astype(float)
+    if "nmse" in numeric:
+        numeric["nmse"] = np.log10(numeric["nmse"].clip(lower=1e-12))
+    centre = numeric.median()
+    spread = 1.4826 * (numeric - centre).abs().median()
+    z = (numeric - centre) / spread.where(spread > 0)
+    if "nmse" in z:
+        z["nmse"] = z["nmse"].clip(lower=0.0)
+    size = z.abs().fillna(0.0)
+    why = pd.Series(
+        [", ".join(f"{c} {z.at[i, c]:+.1f}" for c in size.columns if size.at[i, c] > limit) for i in table.index],
+        index=table.index,
+        dtype=object,
+    )
+    why = why.where(table["failure"] == "", "failed: " + table["failure"].astype(object))
+    worst = (
+        size.max(axis=1).where(table["failure"] == "", np.inf) if len(size.columns) else pd.Series(np.inf, table.index)
+    )
+    found = table.assign(why=why, worst=worst)[why != ""]
+    return found.sort_values("worst", ascending=False).drop(columns="worst")

@@ -1,0 +1,62 @@
+"""The innovations of a stream: one-step errors with the parameters that were known before.
+
+The model of a block's beginning predicts the whole block one step ahead, from the rows before it.  Blocks lie
+at fixed row counts, so neither the blocks in which rows arrive nor a restart changes an innovation.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from sklearn.base import clone
+
+BLOCK = 100  # rows
+CONTEXT = 300  # rows before a block, in which the predictor forgets that it starts from rest
+
+
+class Innovations:
+    """One-step errors of a learning model, block by block.
+
+    Parameters
+    ----------
+    model : estimator
+        The one that learns; a second one of its kind does the predicting.
+    """
+
+    def __init__(self, model: Any):
+        self.model = model
+        self._before = clone(model)
+        self.state: dict[str, Any] = {}
+        self.rows = np.empty((0, 0))
+        self.experiments = np.empty(0, dtype=np.int64)
+        self.new = 0
+
+    def learnt(self, rows: NDArray[np.float64], experiments: NDArray[np.int64]) -> None:
+        """Take note of rows that the model has learnt; at most up to the end of a block."""
+        self.rows = np.concatenate([self.rows.reshape(-1, rows.shape[1]), rows])
+        self.experiments = np.concatenate([self.experiments, experiments])
+        self.new += len(rows)
+
+    def of_block(self) -> NDArray[np.float64]:
+        """Innovations of the block that is complete; the next one begins.  NaN while nothing was known before."""
+        e = np.full(self.new, np.nan)
+        if self.state:
+            self._before.set_state(self.state)
+            X, y = self.rows[:, :-1], self.rows[:, -1]
+            y_hat = self._before.predict_ahead(X, y, horizon=1, groups=self.experiments)
+            e = (y - y_hat)[len(y) - self.new :]
+        self.state = self.model.get_state()
+        self.rows, self.experiments, self.new = self.rows[-CONTEXT:], self.experiments[-CONTEXT:], 0
+        return e
+
+    def get_state(self) -> dict[str, Any]:
+        """What `set_state` needs to go on identically."""
+        names = ("state", "rows", "experiments", "new")
+        return {name: getattr(self, name) for name in names}
+
+    def set_state(self, state: dict[str, Any]) -> None:
+        """Go on from a state that `get_state` gave."""
+        for name, value in state.items():
+            setattr(self, name, value)

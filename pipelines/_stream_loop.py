@@ -1,0 +1,250 @@
+"""The loop of a stream, apart from files and signals: rows in, records out, state to carry.
+
+Nothing here depends on how rows arrive in blocks: records are made at fixed row counts, so a stream that was
+stopped, or killed and resumed from its checkpoint, writes what an undisturbed one writes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipelines._stream_innovations import BLOCK, Innovations
+from pipelines._stream_rows import BadRow
+from whsklearn.change import ChangeAlarm, compare_parameters, set_forgetting
+from whsklearn.plot import flat_parameters
+
+Record = dict[str, Any]
+ADAPTING_FORGETTING = 0.9964  # after an alarm: half of the past is gone in 200 rows
+ADAPTING_ROWS = 20 * BLOCK
+DRIFT_LEVEL = 0.01  # probability that a drift is ever reported though there is none
+
+
+@dataclass(frozen=True)
+class Options:
+    """What a stream does with its rows."""
+
+    every: int = 1000
+    predictions: bool = False
+    refuse: bool = False
+    restart_after_gap: bool = False
+    max_step: float = np.inf
+    smallest_change: float = 5.0  # per cent
+
+
+class Refused(ValueError):
+    """A bad row in a stream that refuses them."""
+
+
+@dataclass
+class Carried:
+    """What the loop itself carries, all of it numbers, so that a checkpoint can hold it."""
+
+    rows: int = 0
+    bad: int = 0
+    experiment: int = 0
+    time: float = -np.inf
+    times: list[float] = field(default_factory=list)
+    last: list[float] = field(default_factory=list)
+    squares: float = 0.0
+    counted: int = 0
+    alarms: int = 0
+    alarm_row: int = -1
+    adapting: int = 0
+    looks: int = 0
+    reference: dict[str, Any] = field(default_factory=dict)
+
+
+class Stream:
+    """A model that learns from rows, watched by an alarm.
+
+    Parameters
+    ----------
+    model : estimator
+        With ``partial_fit``, ``predict_ahead`` and ``get_state``.
+    alarm : ChangeAlarm
+    options : Options
+    emit : callable
+        Takes each record, a dict with the keys ``kind`` and ``row``.
+    timed : bool
+        Whether a row's first value is its time.
+    """
+
+    def __init__(
+        self, model: Any, alarm: ChangeAlarm, options: Options, emit: Callable[[Record], None], timed: bool = False
+    ):
+        self.model, self.alarm, self.options, self.emit, self.timed = model, alarm, options, emit, timed
+        self.forgetting = model.forgetting
+        self.innovations = Innovations(model)
+        self.carried = Carried()
+        self.taken = 0  # lines of the last call of feed that were dealt with
+
+    def feed(
+        self, lines: Sequence[bytes], parse: Callable[[bytes], list[float]], first: int, whole: bool = True
+    ) -> None:
+        """Take lines, the first of which has the number ``first``.
+
+        Raises
+        ------
+        Refused
+            At the first bad row, if bad rows are refused; the rows before it are learnt.
+        """
+        rows: list[list[float]] = []
+        experiments: list[int] = []
+        numbers: list[int] = []
+        refused = None
+        self.taken, self._first = len(lines), first
+        for number, line in enumerate(lines, first):
+            if not line.strip():
+                continue
+            try:
+                row = self._checked(parse(line))
+            except BadRow as reason:
+                if self.options.refuse:
+                    refused = Refused(f"line {number}: {reason}; correct it, or skip bad rows.")
+                    self.taken = number - first
+                    break
+                self._bad(number, str(reason))
+                if self.options.restart_after_gap:
+                    self.carried.experiment += 1
+                    continue
+                if not self.carried.last:
+                    continue
+                row = list(self.carried.last)  # hold the last sample in place of the lost one
+                if self.timed:
+                    row[0] = self.carried.time
+            self.carried.last = row
+            rows.append(row)
+            experiments.append(self.carried.experiment)
+            numbers.append(number)
+        if rows:
+            self._learn(np.array(rows), np.array(experiments), numbers)
+        if refused is not None:
+            raise refused
+
+    def _checked(self, row: list[float]) -> list[float]:
+        """The row, if its time goes on; a pause longer than ``max_step`` begins a new experiment."""
+        if self.timed:
+            now, before = row[0], self.carried.time
+            if now <= before:
+                raise BadRow(f"time {now:.17g} does not come after {before:.17g}")
+            if now - before > self.options.max_step and before > -np.inf:
+                self.carried.experiment += 1
+            self.carried.time = now
+        return row
+
+    def _bad(self, number: int, reason: str) -> None:
+        """Report a row that is passed over."""
+        self.carried.bad += 1
+        self.emit({"kind": "bad_row", "line": number, "row": self.carried.rows, "reason": reason})
+
+    def _learn(self, rows: NDArray[np.float64], experiments: NDArray[np.int64], numbers: list[int]) -> None:
+        """Learn from rows in pieces that end where an estimate is due."""
+        start = 0
+        while start < len(rows):
+            every, rows_now = self.options.every, self.carried.rows
+            due = min(every - rows_now % every, BLOCK - rows_now % BLOCK)
+            piece = slice(start, min(start + due, len(rows)))
+            try:
+                self._learn_piece(rows[piece], experiments[piece])
+            except ValueError as error:
+                if len(rows[piece]) > 1:  # find out which row is refused
+                    piece = slice(start, start + 1)
+                try:
+                    self._learn_piece(rows[piece], experiments[piece])
+                except ValueError:
+                    if self.options.refuse:
+                        self.taken = numbers[start] - self._first
+                        raise Refused(f"line {numbers[start]}: {error}") from None
+                    self._bad(numbers[start], str(error))
+            if self.carried.rows % self.options.every == 0:
+                self._estimate()
+            start = piece.stop
+
+    def _learn_piece(self, rows: NDArray[np.float64], experiments: NDArray[np.int64]) -> None:
+        """One partial_fit; at a block's end, what its innovations say."""
+        timed = int(self.timed)
+        self.model.partial_fit(rows[:, timed:-1], rows[:, -1], groups=experiments)
+        self.carried.rows += len(rows)
+        self.innovations.learnt(rows[:, timed:], experiments)
+        self.carried.times = (self.carried.times + rows[:, 0].tolist())[-BLOCK:] if timed else []
+        if self.carried.rows % BLOCK == 0:
+            y = self.innovations.rows[-BLOCK:, -1]
+            self._watch(y, self.innovations.of_block())
+
+    def _watch(self, y: NDArray[np.float64], e: NDArray[np.float64]) -> None:
+        """Predictions, alarm and spread of the block that is complete."""
+        first = self.carried.rows - len(e) + 1
+        if self.options.predictions:
+            for i, (value, error) in enumerate(zip(y.tolist(), e.tolist(), strict=True)):
+                self.emit(self._record("prediction", first + i) | {"y": value, "y_hat": value - error})
+        if self.carried.adapting:
+            self._adapt(max(self.carried.adapting - BLOCK, 0))
+        e = e[np.isfinite(e)]  # the first block has none
+        self.carried.squares += float(np.sum(e * e))
+        self.carried.counted += len(e)
+        for i in self.alarm.update(e).tolist():
+            self.carried.alarm_row = first + i
+            self.carried.alarms += 1
+            self._adapt(ADAPTING_ROWS)
+            self.emit(self._record("alarm", first + i) | {"interval": self.alarm.interval})
+
+    def _adapt(self, rows: int) -> None:
+        """Forget faster for so many more rows, so that the model follows a change; 0 settles it again."""
+        self.carried.adapting = rows
+        set_forgetting(self.model, min(self.forgetting, ADAPTING_FORGETTING) if rows else self.forgetting)
+
+    def resume(self, carried: Carried, model: dict[str, Any], innovations: dict[str, Any]) -> None:
+        """Go on from what was carried."""
+        self.carried = carried
+        if carried.rows:
+            self.model.set_state(model)
+            self.innovations.set_state(innovations)
+        if carried.adapting:
+            self._adapt(carried.adapting)
+
+    def _record(self, kind: str, row: int) -> Record:
+        """The head of a record of one of the last rows."""
+        times = self.carried.times
+        return {"kind": kind, "row": row} | ({"time": times[row - self.carried.rows - 1]} if times else {})
+
+    def _estimate(self) -> None:
+        """Emit the present estimate, and what changed since the reference was taken."""
+        c, names = self.carried, list(estimates(self.model)[0])
+        values, errors = estimates(self.model)
+        self.emit(
+            self._record("estimate", c.rows)
+            | {"innovation_rmse": (c.squares / c.counted) ** 0.5, "bad_rows": c.bad}
+            | {"parameters": values, "standard_errors": errors}
+        )
+        c.squares, c.counted = 0.0, 0
+        if not self.alarm.watching_:
+            return  # settling after the start or an alarm
+        after, variances = list(values.values()), [errors[n] ** 2 for n in names]
+        if not np.all(np.isfinite(variances)):
+            return
+        if c.reference:
+            c.looks += 1
+            level = DRIFT_LEVEL * 6 / (np.pi * c.looks) ** 2 if c.alarm_row < 0 else DRIFT_LEVEL
+            before = c.reference
+            changes = compare_parameters(names, before["values"], before["variances"], after, variances, level)
+            least = self.options.smallest_change
+            said = [str(change) for change in changes if change.significant and abs(change.percent) >= least]
+            if said or c.alarm_row >= 0:
+                since = {"since_row": before["row"], "alarm_row": c.alarm_row if c.alarm_row >= 0 else None}
+                self.emit(self._record("change", c.rows) | since | {"changes": said})
+            if not said and c.alarm_row < 0:
+                return  # the reference stays
+        c.reference = {"values": after, "variances": variances, "row": c.rows}
+        c.alarm_row, c.looks = -1, 0
+
+
+def estimates(model: Any) -> tuple[dict[str, float], dict[str, float]]:
+    """Parameters and standard errors by name."""
+    values = flat_parameters(model.parameters_)
+    errors = flat_parameters(model.parameter_standard_errors_)
+    return values, {name: errors.get(name, float("nan")) for name in values}
