@@ -87,7 +87,7 @@ def test_a_drawn_effect_matters_as_much_as_asked(name):
     effect = draw_effect(name, axis, reference, 0.1, random_state=2)
     base = axis.simulate(reference, noise=False)
     record = axis.with_effect(effect).simulate(reference, noise=False)
-    answer = np.std(record.drive - base.drive) / np.std(base.drive)
+    answer = np.sqrt(np.mean((record.drive - base.drive) ** 2)) / np.std(base.drive)
     assert 0.02 < answer < 0.25
 
 
