@@ -11,13 +11,12 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from sklearn.base import BaseEstimator, TransformerMixin
-from sklearn.utils.validation import check_array, check_is_fitted, validate_data
+from sklearn.utils.validation import check_array, check_is_fitted
 
 from whsklearn._axis_rows import (
     AT_START,
     DRIVEN,
     Stream,
-    advance,
     checked_torque,
     column_names,
     effect_terms,
@@ -25,6 +24,7 @@ from whsklearn._axis_rows import (
     sized_effects,
     stack_columns,
 )
+from whsklearn._motion_stream import MotionStream, validated
 from whsklearn.effects import PreslidingHysteresis
 from whsklearn.filtering import decimate, motion, velocity_noise, zero_phase
 from whsklearn.stream_filtering import causal_delay, causal_kernels, causal_motion, causal_window
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 __all__ = ["InverseDynamicsLags"]
 
 
-class InverseDynamicsLags(TransformerMixin, BaseEstimator):
+class InverseDynamicsLags(MotionStream, TransformerMixin, BaseEstimator):
     """Columns of the inverse dynamics of an axis, from its measured position.
 
     Parameters
@@ -137,7 +137,7 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
         if n_columns > 2:
             raise ValueError(f"X has {n_columns} columns, expected position, or position and drive; pick those.")
         self._settle()
-        _validated(self, X, reset=True)
+        validated(self, X, reset=True)
         return self
 
     def transform(self, X: ArrayLike, y: ArrayLike | None = None, groups: ArrayLike | None = None) -> Array:
@@ -158,25 +158,13 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
             In a causal transformer, row t belongs to time t - ``delay_``.
         """
         check_is_fitted(self, "terms_")
-        X = _validated(self, X)
+        X = validated(self, X)
         drive = self._drive(X, y)
         return self._columns(X, drive, drive, groups)[0]
 
     def fit_transform(self, X: ArrayLike, y: ArrayLike | None = None, groups: ArrayLike | None = None) -> Array:
         """`fit`, then columns from a clean start; a stream can go on from the end of X."""
         return self._fresh(X, y, groups)
-
-    def partial_fit_transform(self, X: ArrayLike, y: ArrayLike | None = None, groups: ArrayLike | None = None) -> Array:
-        """Columns of the next piece of a stream, going on where the last piece ended; shape (n, n_terms).
-
-        Raises
-        ------
-        ValueError
-            If the transformer is not causal, or an effect needs the whole record.
-        """
-        X = self._next_piece(X)
-        drive = self._drive(X, y)
-        return self._go_on(X, drive, drive, groups)[0]
 
     def rows(self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None) -> tuple[Array, Array]:
         """Regression rows of records: columns and torque, treated alike, from a clean start.
@@ -212,47 +200,6 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
             pieces.append(both[np.abs(both[:, 0]) >= self._limit(path), 1:])
         both = np.concatenate(pieces)
         return both[:, :-1], both[:, -1]
-
-    def partial_rows(self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None) -> tuple[Array, Array]:
-        """Regression rows of the next piece of a stream, the torque delayed like the columns.
-
-        Rows of the warm-up are left out, so the first pieces may give none.
-        """
-        X = self._next_piece(X)
-        target = np.asarray(y, dtype=float).ravel()
-        if len(target) != len(X) or not np.isfinite(target).all():
-            raise ValueError(f"y is not {len(X)} finite torques; give one a row of X.")
-        memory = self._stream.path
-        phi, late, warm = self._go_on(X, self._drive(X, target), target, groups)
-        keep = ~warm
-        if self.standstill:
-            speeds = [
-                causal_motion(X[s, 0], np.empty(0) if i else memory, self._kernels)[0].velocity
-                for i, s in enumerate(runs(groups, len(X)))
-            ]
-            keep &= np.abs(np.concatenate(speeds)) >= self.standstill
-        return phi[keep], late[keep]
-
-    def get_state(self) -> dict[str, Any]:
-        """What a stream needs to go on: arrays and numbers."""
-        check_is_fitted(self, "terms_")
-        return {"n_features_in": int(self.n_features_in_), **self._stream._asdict()}
-
-    def set_state(self, state: dict[str, Any]) -> Self:
-        """Go on from what `get_state` of a transformer with the same parameters returned.
-
-        Raises
-        ------
-        ValueError
-            If the state is not of this kind.
-        """
-        if not isinstance(state, dict) or not {"n_features_in", *Stream._fields} <= state.keys():
-            raise ValueError("This is no state of an InverseDynamicsLags; give what get_state() returned.")
-        path, drive, torque = (np.array(state[name], dtype=float) for name in ("path", "drive", "torque"))
-        self._settle()
-        self.n_features_in_ = int(state["n_features_in"])
-        self._stream = Stream(path, drive, torque, int(state["seen"]))
-        return self
 
     @property
     def max_lag(self) -> int:
@@ -292,8 +239,6 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
         check_is_fitted(self, "terms_")
         return np.array(["inertia", *column_names(self.terms_)], dtype=object)
 
-    _stream: Stream
-
     def _settle(self) -> None:
         """Terms, filter and delay from the parameters."""
         if not self.sample_rate > 0:
@@ -310,7 +255,7 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
 
     def _fresh(self, X: ArrayLike, y: ArrayLike | None, groups: ArrayLike | None) -> Array:
         """Fit, and columns from a clean start."""
-        X = _validated(self.fit(X, y), X)
+        X = validated(self.fit(X, y), X)
         drive = self._drive(X, y)
         target = drive if y is None else np.asarray(y, dtype=float).ravel()
         phi, self._stream = self._columns(X, drive, target, groups)
@@ -356,40 +301,3 @@ class InverseDynamicsLags(TransformerMixin, BaseEstimator):
         if self.causal or any(isinstance(t, PreslidingHysteresis) for t in self.terms_):
             return 0.0
         return 5.0 * velocity_noise(path, self.sample_rate, self.cutoff_, self.order)
-
-    def _go_on(
-        self, X: Array, drive: Array, target: Array, groups: ArrayLike | None
-    ) -> tuple[Array, Array, NDArray[np.bool_]]:
-        """Columns, delayed torque and warm-up rows of a piece of the stream; a new group starts a new stream."""
-        stream, out = self._stream, []
-        for i, s in enumerate(runs(groups, len(X))):
-            stream = AT_START if i else stream
-            warm = stream.seen + np.arange(s.stop - s.start) < self.warmup_
-            phi, late, stream = self._advance(stream, X[s, 0], drive[s], target[s])
-            out.append((phi, late, warm))
-        self._stream = stream
-        phis, lates, warms = zip(*out, strict=True)
-        return np.concatenate(phis), np.concatenate(lates), np.concatenate(warms)
-
-    def _advance(self, stream: Stream, path: Array, drive: Array, target: Array) -> tuple[Array, Array, Stream]:
-        """Columns and delayed torque of the next piece, zeros in the warm-up, and the stream after it."""
-        return advance(stream, path, drive, target, self.terms_, self._kernels, self.sample_rate)
-
-    def _next_piece(self, X: ArrayLike) -> Array:
-        """Check a piece of a stream; the first one settles the columns."""
-        if not self.causal:
-            raise ValueError(
-                "A zero-phase filter needs the whole record; use causal=True for a stream, whose delay is then known."
-            )
-        terms = getattr(self, "terms_", None) or effect_terms(self.law, self.effects)
-        whole = [t.name for t in terms if isinstance(t, PreslidingHysteresis) or t.column_kind == "first_order"]
-        if whole:
-            raise ValueError(f"{', '.join(whole)} needs the whole record; leave it out of a stream's effects.")
-        if not hasattr(self, "terms_"):
-            self.fit(X)
-        return _validated(self, X)
-
-
-def _validated(owner: InverseDynamicsLags, X: ArrayLike, reset: bool = False) -> Array:
-    """X as a finite (n, 1) or (n, 2) array of floats."""
-    return np.asarray(validate_data(owner, X, dtype=np.float64, reset=reset))
