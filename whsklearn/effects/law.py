@@ -33,7 +33,7 @@ class FrictionLaw:
     Attributes
     ----------
     labels : tuple of str
-        One name a weight, numbered where a kind of term recurs.
+        One name a weight, numbered where a kind of term recurs; powers are x0, x1, x2, ...
     codes, shapes, weights : ndarray of shape (n_terms,), (n_terms, 3), (n_terms,)
         The law as the compiled kernels take it.
 
@@ -56,7 +56,7 @@ class FrictionLaw:
                 raise ValueError(
                     f"{t!r} cannot be a term of a friction law: expected a memoryless effect such as Coulomb()."
                 )
-        names = [t.name for t in self.terms]
+        names = [f"x{int(t.degree)}" if isinstance(t, Power) else t.name for t in self.terms]
         self.labels = tuple(n if names.count(n) == 1 else f"{n}{names[: i + 1].count(n)}" for i, n in enumerate(names))
         self.codes = np.array([t.code for t in self.terms], dtype=np.int64)
         self.shapes = np.zeros((len(self.terms), N_SHAPE))
