@@ -259,3 +259,6 @@ def make_case(
         "time_s": np.arange(u.size) / rig.rate, "reference_rad": rig.r[0], "torque_nm": u, "position_rad": y,
     })  # fmt: skip
     return Case(frame, tuple(effects), kind, seed, size, noise, drawn)
+
+
+COLUMNS = {"time": "time_s", "drive": "torque_nm", "position": "position_rad", "reference": "reference_rad"}

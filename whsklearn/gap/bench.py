@@ -7,6 +7,7 @@ model and every candidate is judged by the same numbers.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -166,26 +167,7 @@ class Bench:
         x, (_, high) = model.vector(), model.bounds()
         r = self.residual(model)
         jac = jacobian(lambda z: self.residual(model.with_vector(z)), x, r, model.steps(), high)
-        scale = np.linalg.norm(jac, axis=0) + 1e-300
-        covariance = np.linalg.pinv((jac / scale).T @ (jac / scale), rcond=1e-10) / np.outer(scale, scale)
-        covariance *= float(r @ r) / max(r.size - x.size, 1)
-        term = model.terms[index]
-        effect = term.kind.effect(np.array(term.q))
-        centre = effect.labelled()
-        rng = np.random.default_rng(0)
-        draws: dict[str, list[float]] = {k: [] for k, v in centre.items() if not isinstance(v, str)}
-        for z in rng.multivariate_normal(x, covariance, 64, method="eigh"):
-            other = model.with_vector(z).terms[index]
-            try:
-                labels = term.kind.effect(np.array(other.q)).labelled()
-            except ValueError:
-                continue
-            for k, values in draws.items():
-                gap = labels[k] - centre[k]
-                values.append((gap + np.pi) % (2 * np.pi) - np.pi if k.startswith("phase") else gap)
-        held = {term.kind.fields[term.kind.linear + i] for i in term.kind.held}
-        errors = {k: float(np.std(v)) for k, v in draws.items() if v and not any(k.startswith(h) for h in held)}
-        return effect, errors
+        return labelled_errors(model, index, x, r, jac)
 
     # --- fitting ---------------------------------------------------------------------------
     def fit(self, model: AxisModel, *, max_iterations: int = 12, tolerance: float = 5e-4) -> tuple[AxisModel, Fit]:
@@ -264,3 +246,26 @@ def make_bench(
         lens.pick(train & ~edge), lens.pick(np.where(edge, -1, number)), lens.pick(usable), tolerance, quantum,
     )  # fmt: skip
     return bench, model
+
+
+def labelled_errors(model: Any, index: int, x: Array, r: Array, jac: Array) -> tuple[object, dict[str, float]]:
+    """The effect of one term and the standard errors of its labelled numbers, from residual and derivatives."""
+    scale = np.linalg.norm(jac, axis=0) + 1e-300
+    covariance = np.linalg.pinv((jac / scale).T @ (jac / scale), rcond=1e-10) / np.outer(scale, scale)
+    covariance *= float(r @ r) / max(r.size - x.size, 1)
+    term = model.terms[index]
+    effect = term.kind.effect(np.array(term.q))
+    centre = effect.labelled()
+    rng = np.random.default_rng(0)
+    draws: dict[str, list[float]] = {k: [] for k, v in centre.items() if not isinstance(v, str)}
+    for z in rng.multivariate_normal(x, covariance, 64, method="eigh"):
+        other = model.with_vector(z).terms[index]
+        try:
+            labels = term.kind.effect(np.array(other.q)).labelled()
+        except ValueError:
+            continue
+        for k, values in draws.items():
+            gap = labels[k] - centre[k]
+            values.append((gap + np.pi) % (2 * np.pi) - np.pi if k.startswith("phase") else gap)
+    held = {term.kind.fields[term.kind.linear + i] for i in term.kind.held}
+    return effect, {k: float(np.std(v)) for k, v in draws.items() if v and not any(k.startswith(h) for h in held)}

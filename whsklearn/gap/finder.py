@@ -74,7 +74,7 @@ class GapFinder(BaseEstimator):
         law: str | None = None,
         max_effects: int = 3,
         tolerance: float = 0.002,
-        n_twins: int = 2,
+        n_twins: int = 1,
         random_state: int = 0,
         progress: Callable[[str], None] | None = None,
         on_round: Callable[[Round], None] | None = None,
@@ -113,6 +113,11 @@ class GapFinder(BaseEstimator):
             return self
         rng = np.random.default_rng(self.random_state)
         self._say("base model")
+        if hasattr(line, "diagnose"):
+            diagnosis, repaired = line.diagnose(self, rng)
+            diagnosis.problems = problems
+            self._close(line, diagnosis, repaired, began)
+            return self
         bench, model = line.open(rng)
         found = self._search(line, bench, model, rng)
         self._say("prove")

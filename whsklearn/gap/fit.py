@@ -50,14 +50,18 @@ def least_squares(
     *,
     max_iterations: int = 15,
     tolerance: float = 2e-4,
+    slopes: Callable[[Array], Array] | None = None,
 ) -> Fit:
-    """Minimise the sum of squares of ``residual`` within bounds (Levenberg 1944, Marquardt 1963)."""
+    """Minimise the sum of squares of ``residual`` within bounds (Levenberg 1944, Marquardt 1963).
+
+    ``slopes`` gives the derivatives where differences of the residual would be too rough.
+    """
     low, high = bounds
     x = np.clip(x0, low, high)
     r = residual(x)
     cost = float(r @ r)
     damping = 1e-3
-    jac = jacobian(residual, x, r, steps, high)
+    jac = slopes(x) if slopes else jacobian(residual, x, r, steps, high)
     for _ in range(max_iterations):
         gradient = jac.T @ r
         pinned = ((x <= low) & (gradient > 0)) | ((x >= high) & (gradient < 0))
@@ -82,7 +86,7 @@ def least_squares(
         damping = max(damping / 6.0, 1e-9)
         if drop < tolerance:
             break
-        jac = jacobian(residual, x, r, steps, high)
+        jac = slopes(x) if slopes else jacobian(residual, x, r, steps, high)
     return Fit(x, r, jac, cost)
 
 

@@ -189,9 +189,9 @@ def make_line(model: Any, log: Any, y: Any, *, law: str | None, tolerance: float
         _known_terms(names)
         return ServoLine(record, names, model if isinstance(model, ServoAxis) else None, tolerance)
     if isinstance(model, WienerHammersteinSystem) or model == "wiener-hammerstein":
-        from whsklearn.gap.wh_line import WienerHammersteinLine
+        from whsklearn.gap.blocks.line import BlockLine
 
-        return WienerHammersteinLine.from_log(model, log, y, law=law, tolerance=tolerance, columns=columns)
+        return BlockLine(model, *_input_output(log, y, columns), law=law, tolerance=tolerance)
     if all(hasattr(model, name) for name in ("simulate", "refit", "with_effect")):
         from whsklearn.gap.simulator_line import SimulatorLine
 
@@ -200,6 +200,26 @@ def make_line(model: Any, log: Any, y: Any, *, law: str | None, tolerance: float
         f"model is {model!r}; expected 'servo', 'wiener-hammerstein', a ServoAxis, a WienerHammersteinSystem, or an "
         "object with simulate, refit and with_effect."
     )
+
+
+def _input_output(log: Any, y: Any, columns: dict[str, Any]) -> tuple[Array, Array]:
+    """u and y, shape (n,) each, from a frame with named columns or from arrays."""
+    if y is not None:
+        u, v = np.asarray(log, dtype=float), np.asarray(y, dtype=float).reshape(-1)
+        if u.ndim == 2 and u.shape[1] != 1:
+            raise ValueError(f"The input has {u.shape[1]} columns; the gap workflow takes one input and one output.")
+        if u.size != v.size:
+            raise ValueError(f"{u.size} samples of the input and {v.size} of the output; give as many of each.")
+        return u.reshape(-1), v
+    frame = pd.DataFrame(log)
+    picked = []
+    for role in ("input", "output"):
+        column = columns.get(role) or {"input": "u", "output": "y"}[role]
+        if column not in frame.columns:
+            have = ", ".join(map(str, frame.columns))
+            raise ValueError(f"The log has no column {column!r} for the {role}; it has {have}. Name the right one.")
+        picked.append(pd.to_numeric(frame[column], errors="coerce").to_numpy(dtype=float))
+    return picked[0], picked[1]
 
 
 def _known_terms(names: tuple[str, ...]) -> None:

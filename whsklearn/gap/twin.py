@@ -66,6 +66,6 @@ def twin(bench: Bench, model: AxisModel, rng: np.random.Generator) -> Bench:
     sigma = np.sqrt(max(bench.noise**2 - quiet**2, (0.3 * bench.noise) ** 2))
     u, y = _closed_loop(
         model.inertia, model.timing, codes, q, record.drive, *bench.start, sigma * rng.standard_normal(len(record)),
-        bench.quantum, dt, max(1, int(np.ceil(dt / 5e-4))), model.inertia * w * w, 1.4 * model.inertia * w,
+        bench.quantum, dt, max(1, int(np.ceil(dt / 1e-4))), model.inertia * w * w, 1.4 * model.inertia * w,
     )  # fmt: skip
     return dataclasses.replace(bench, record=dataclasses.replace(record, drive=u, position=y))

@@ -1,0 +1,158 @@
+"""The blind protocol at scale: hidden effects, nothing missing, coloured noise, foreign effects, pairs.
+
+    python -m benchmarks.blind --count 2 --out blind.csv
+
+draws its logs with the generator of ``tests/blind`` (which shares no integrator, filter or step with the
+finder), diagnoses each from its table alone and prints the rates with Wilson 95 % intervals, the
+confusion matrix and, with ``--compare``, what naive regression with BIC and FROLS name on the same logs.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+import time
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import click
+from tqdm import tqdm
+
+from tests.blind import comparators, servo, wiener_hammerstein
+from whsklearn.gap import GapFinder
+from whsklearn.gap.candidates import ALIASES
+
+FIELDS = (
+    "system kind truth size noise seed verdict names top closure seconds aliases error naive frols".split()
+)
+
+
+def wilson(k: int, n: int) -> tuple[float, float, float]:
+    """Share and its 95 % interval (Wilson 1927, JASA 22)."""
+    if n == 0:
+        return math.nan, 0.0, 1.0
+    z, p = 1.96, k / n
+    centre = (p + z * z / (2 * n)) / (1 + z * z / n)
+    half = z / (1 + z * z / n) * math.sqrt(p * (1 - p) / n + z * z / (4 * n * n))
+    return p, max(0.0, centre - half), min(1.0, centre + half)
+
+
+def plan(count: int, first_seed: int, sizes: tuple[float, ...], kinds: tuple[str, ...], systems: tuple[str, ...]) -> list:
+    """(system, kind, effects, size, noise, seed) of every case."""
+    out: list[tuple] = []
+    for system in systems:
+        source = servo if system == "servo" else wiener_hammerstein
+        for i in range(count):
+            seed = first_seed + i
+            noise = source.NOISES[i % len(source.NOISES)]
+            if "named" in kinds:
+                out += [(system, "named", (e,), s, noise, seed + 97 * j) for j, e in enumerate(source.EFFECTS) for s in sizes]
+            for kind, share in (("none", 10), ("coloured", 5), ("foreign", 5), ("pair", 5)):
+                if kind in kinds:
+                    out += [
+                        (system, kind, None, 0.05, source.NOISES[j % len(source.NOISES)], seed * 1000 + j)
+                        for j in range(share)
+                    ]
+    return out
+
+
+def diagnose(case: tuple, compare: bool) -> dict[str, Any]:
+    """One row of the table."""
+    system, kind, effects, size, noise, seed = case
+    source = servo if system == "servo" else wiener_hammerstein
+    drawn = source.make_case(kind, seed, effects=effects, size=size, noise=noise)
+    began = time.perf_counter()
+    row: dict[str, Any] = {"system": system, "kind": kind, "truth": "+".join(drawn.truth), "size": size, "noise": noise,
+                           "seed": seed, "error": ""}  # fmt: skip
+    try:
+        finder = GapFinder(system)
+        finder.fit(drawn.frame, **source.COLUMNS)
+        d = finder.diagnosis_
+        row |= {"verdict": d.verdict, "names": "+".join(e.name for e in d.effects), "closure": round(d.closure, 4),
+                "aliases": "+".join(sorted({a for e in d.effects for a in e.aliases})),
+                "top": d.candidates[0].name if d.candidates else ""}  # fmt: skip
+    except (ValueError, FloatingPointError, ArithmeticError) as error:
+        row |= {"verdict": "error", "names": "", "closure": 0.0, "aliases": "", "top": "", "error": str(error)[:80]}
+    row["seconds"] = round(time.perf_counter() - began, 2)
+    if compare and system == "servo":
+        row |= {"naive": comparators.naive(drawn.frame), "frols": comparators.frols(drawn.frame)}
+    return row
+
+
+def same(name: str, truth: str) -> bool:
+    """Whether a name is the truth or its alias."""
+    return name == truth or truth in ALIASES.get(name, ())
+
+
+def summary(rows: list[dict[str, Any]]) -> str:
+    """Rates with Wilson intervals, in the order of the targets."""
+
+    def rate(label: str, hits: list[bool], goal: str) -> str:
+        p, low, high = wilson(sum(hits), len(hits))
+        return f"{label:<58} {sum(hits):>4}/{len(hits):<4} {100 * p:6.1f} %  [{100 * low:5.1f}, {100 * high:5.1f}]  {goal}"
+
+    lines = []
+    for system in sorted({r["system"] for r in rows}):
+        mine = [r for r in rows if r["system"] == system]
+        single = [r for r in mine if r["kind"] == "named"]
+        first = [r["names"].split("+")[0] for r in single]
+        confident = [r["verdict"] == "named" and not any(same(n, t) for n in [r["names"].split("+")[0]] for t in r["truth"].split("+"))
+                     for r in mine]  # fmt: skip
+        lines += [
+            f"== {system}",
+            rate("right name first, verdict named", [r["verdict"] == "named" and n == r["truth"] for r, n in zip(single, first, strict=True)], ">= 90"),
+            rate("  with alias groups", [r["verdict"] == "named" and same(n, r["truth"]) for r, n in zip(single, first, strict=True)], ">= 95"),
+            rate("  right or among the ambiguous", [same(n, r["truth"]) or r["truth"] in r["aliases"].split("+") for r, n in zip(single, first, strict=True)], ""),
+            rate("confident wrong name, all cases", confident, "<= 2"),
+            rate("nothing named, nothing missing", [r["verdict"] not in ("named", "partial", "ambiguous") for r in mine if r["kind"] == "none"], ">= 99"),
+            rate("nothing named, coloured noise", [r["verdict"] not in ("named", "partial", "ambiguous") for r in mine if r["kind"] == "coloured"], ">= 97"),
+            rate("foreign effect not confidently named", [r["verdict"] != "named" for r in mine if r["kind"] == "foreign"], ">= 90"),
+            rate("both of a pair found", [all(any(same(n, t) for n in r["names"].split("+")) for t in r["truth"].split("+")) for r in mine if r["kind"] == "pair"], ">= 80"),
+            rate("  spurious third or wrong name in a pair", [any(n and not any(same(n, t) for t in r["truth"].split("+")) for n in r["names"].split("+")) for r in mine if r["kind"] == "pair"], ""),
+        ]  # fmt: skip
+        named = sorted(r["closure"] for r in single if r["verdict"] == "named")
+        if named:
+            lines.append(f"median closure of named {named[len(named) // 2]:.3f}, least {named[0]:.3f}")
+        seconds = sorted(r["seconds"] for r in mine)
+        lines.append(f"seconds a case: median {seconds[len(seconds) // 2]:.1f}, worst {seconds[-1]:.1f}")
+        for peer in ("naive", "frols"):
+            told = [r for r in single if r.get(peer) is not None]
+            quiet = [r for r in mine if r["kind"] in ("none", "coloured") and r.get(peer) is not None]
+            if told:
+                lines.append(rate(f"{peer}: right name", [same(r[peer], r["truth"]) for r in told], ""))
+                lines.append(rate(f"{peer}: nothing named where nothing is missing", [r[peer] == "" for r in quiet], ""))
+        wrong = Counter((r["truth"], r["verdict"], r["names"]) for r in single if not (r["verdict"] == "named" and same(r["names"].split("+")[0], r["truth"])))
+        lines += ["misses (truth, verdict, names):", *[f"  {n} x {k}" for k, n in sorted(wrong.items())]]
+    return "\n".join(lines)
+
+
+@click.command(help=__doc__)
+@click.option("--count", default=1, help="Seeds a cell.")
+@click.option("--first-seed", default=900, help="First seed; development used those below 900.")
+@click.option("--sizes", default="0.02,0.05,0.15")
+@click.option("--kinds", default="named,none,coloured,foreign,pair")
+@click.option("--systems", default="servo,wiener-hammerstein")
+@click.option("--compare/--no-compare", default=False)
+@click.option("--out", default="blind.csv", type=click.Path(dir_okay=False))
+@click.option("--resume/--no-resume", default=False, help="Keep the rows that the file has and go on.")
+def main(count: int, first_seed: int, sizes: str, kinds: str, systems: str, compare: bool, out: str, resume: bool) -> None:
+    cases = plan(count, first_seed, tuple(map(float, sizes.split(","))), tuple(kinds.split(",")), tuple(systems.split(",")))
+    rows: list[dict[str, Any]] = []
+    if resume and Path(out).exists():
+        with open(out, newline="", encoding="utf-8") as file:
+            rows = [{**r, "closure": float(r["closure"]), "seconds": float(r["seconds"])} for r in csv.DictReader(file)]
+        cases = cases[len(rows) :]
+    with open(out, "a" if rows else "w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, FIELDS, restval=None)
+        if not rows:
+            writer.writeheader()
+        for case in tqdm(cases):
+            rows.append(diagnose(case, compare))
+            writer.writerow(rows[-1])
+            file.flush()
+    click.echo(summary(rows))
+
+
+if __name__ == "__main__":
+    main()
