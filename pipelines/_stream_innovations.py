@@ -6,6 +6,7 @@ at fixed row counts, so neither the blocks in which rows arrive nor a restart ch
 
 from __future__ import annotations
 
+import copy
 from typing import Any
 
 import numpy as np
@@ -27,8 +28,7 @@ class Innovations:
 
     def __init__(self, model: Any):
         self.model = model
-        self._before = clone(model)
-        self.state: dict[str, Any] = {}
+        self._before: Any = None
         self.rows = np.empty((0, 0))
         self.experiments = np.empty(0, dtype=np.int64)
         self.new = 0
@@ -42,21 +42,21 @@ class Innovations:
     def of_block(self) -> NDArray[np.float64]:
         """Innovations of the block that is complete; the next one begins.  NaN while nothing was known before."""
         e = np.full(self.new, np.nan)
-        if self.state:
-            self._before.set_state(self.state)
+        if self._before is not None:
             X, y = self.rows[:, :-1], self.rows[:, -1]
             y_hat = self._before.predict_ahead(X, y, horizon=1, groups=self.experiments)
             e = (y - y_hat)[len(y) - self.new :]
-        self.state = self.model.get_state()
+        self._before = copy.copy(self.model)  # what set_state of a clone does, without its checks
+        self._before.state_ = copy.deepcopy(self.model.state_)
         self.rows, self.experiments, self.new = self.rows[-CONTEXT:], self.experiments[-CONTEXT:], 0
         return e
 
     def get_state(self) -> dict[str, Any]:
         """What `set_state` needs to go on identically."""
-        names = ("state", "rows", "experiments", "new")
-        return {name: getattr(self, name) for name in names}
+        before = {} if self._before is None else self._before.get_state()
+        return {"before": before, "rows": self.rows, "experiments": self.experiments, "new": self.new}
 
     def set_state(self, state: dict[str, Any]) -> None:
         """Go on from a state that `get_state` gave."""
-        for name, value in state.items():
-            setattr(self, name, value)
+        self._before = clone(self.model).set_state(state["before"]) if state["before"] else None
+        self.rows, self.experiments, self.new = state["rows"], state["experiments"], state["new"]

@@ -168,7 +168,11 @@ class Stream:
     def _learn_piece(self, rows: NDArray[np.float64], experiments: NDArray[np.int64]) -> None:
         """One partial_fit; at a block's end, what its innovations say."""
         timed = int(self.timed)
-        self.model.partial_fit(rows[:, timed:-1], rows[:, -1], groups=experiments)
+        X, y = np.ascontiguousarray(rows[:, timed:-1]), np.ascontiguousarray(rows[:, -1])
+        if self.carried.rows and experiments[0] == experiments[-1] == self.innovations.experiments[-1]:
+            self.model.partial_fit(X, y)  # the same experiment goes on: the fast path
+        else:
+            self.model.partial_fit(X, y, groups=experiments)
         self.carried.rows += len(rows)
         self.innovations.learnt(rows[:, timed:], experiments)
         self.carried.times = (self.carried.times + rows[:, 0].tolist())[-BLOCK:] if timed else []

@@ -60,6 +60,11 @@ class Out:
         os.fsync(self.file.fileno())
         return self.file.tell()
 
+    def close(self) -> None:
+        """Close the file, but not stdout."""
+        if self.path is not None:
+            self.file.close()
+
 
 class Stopper:
     """SIGTERM and SIGINT ask for a stop after the rows in hand; a second one stops at once."""
@@ -121,7 +126,10 @@ def main(
         out, place["out"] if loaded else (0 if fresh or out is None or not out.exists() else out.stat().st_size)
     )
     tracker = tracker_for("stream", track)
-    with tracker.run(Path(source).name if source != "-" else "stdin", tags={"resumed_from": place["run"]}) as run:
+    with (
+        contextlib.closing(writer),
+        tracker.run(Path(source).name if source != "-" else "stdin", tags={"resumed_from": place["run"]}) as run,
+    ):
         run.log_params(estimator_params(model) | {"source": source, "columns": ",".join(columns)})
         place["run"] = run.id
         stream = Stream(model, alarm, options, _to(writer, run), timed=time_column is not None)
@@ -144,6 +152,8 @@ def _run(
         click.echo(f"Going on after row {rows} from {kept}.", err=True)
     stopper = Stopper()
     with contextlib.closing(_open(source, place, follow)) as lines:
+        if not rows:  # from here on a crash at any instant knows where rows and records stood
+            _save(stream, kept, place, lines, writer)
         try:
             _feed(stream, source, place, lines, stopper, lambda: _save(stream, kept, place, lines, writer), seconds)
         except Refused:
