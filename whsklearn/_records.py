@@ -24,6 +24,11 @@ def check_lengths(X: NDArray[np.float64], y: NDArray[np.float64]) -> None:
             raise ValueError(f"{name} holds {np.abs(values).max():.3g}, expected at most {LARGEST:g}; check its unit.")
 
 
+def writeable(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A contiguous array that is not read-only: for those a kernel would be compiled once more."""
+    return np.array(values) if not values.flags.writeable else np.ascontiguousarray(values)
+
+
 @contextmanager
 def in_one_sentence(X: Any, y: Any = None) -> Iterator[None]:
     """Reword what scikit-learn's validation refuses: what was got, what was expected, what to do."""

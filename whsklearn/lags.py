@@ -10,7 +10,7 @@ from numba import njit
 from sklearn.base import BaseEstimator, TransformerMixin, clone
 from sklearn.utils.validation import check_array, check_is_fitted, column_or_1d
 
-from whsklearn._records import check_lengths, in_one_sentence, starts
+from whsklearn._records import check_lengths, in_one_sentence, starts, writeable
 from whsklearn.effects import FrictionLaw, StaticEffect, as_law
 from whsklearn.recursion.predictor import push
 from whsklearn.recursion.pseudolinear import auxiliary_size, rebuild, row
@@ -193,6 +193,7 @@ class WienerHammersteinLags(TransformerMixin, BaseEstimator):
         state = carried.get("state", np.zeros(auxiliary_size(dims))).copy()
         past_u = carried.get("u", np.zeros((self.n_a + 1) * m)).copy()
         past_y = carried.get("y", np.zeros(max(self.n_d, 1))).copy()
+        X, y_ = writeable(X), writeable(y_)
         out = _fill(theta, dims, law.codes, law.shapes, key, state, past_u, past_y, X, y_, restart)
         carried.update(state=state, u=past_u, y=past_y)
         return out

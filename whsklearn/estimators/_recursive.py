@@ -93,7 +93,8 @@ class RecursiveRegressor(AxisRegressor):
             and y.shape == _ONE
             and X.dtype is _FLOAT
             and y.dtype is _FLOAT
-            and X.flags.c_contiguous
+            and X.flags.carray  # contiguous, aligned, writeable
+            and y.flags.carray
             and stream.step(self.state_, X, y)
         ):
             return self
@@ -288,7 +289,9 @@ def _plain(X: Any, y: Any, n_features: int) -> bool:
         return False
     if X.dtype != np.float64 or y.dtype != np.float64 or X.ndim != 2 or y.ndim != 1:
         return False
-    if X.shape[0] != y.shape[0] or X.shape[1] != n_features or y.shape[0] == 0 or not X.flags.c_contiguous:
+    if X.shape[0] != y.shape[0] or X.shape[1] != n_features or y.shape[0] == 0:
+        return False
+    if not (X.flags.carray and y.flags.carray):
         return False
     return bool(_usable(X, y))
 

@@ -13,7 +13,7 @@ from sklearn.base import BaseEstimator, RegressorMixin, clone
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted, validate_data
 
-from whsklearn._records import check_lengths, in_one_sentence, starts
+from whsklearn._records import check_lengths, in_one_sentence, starts, writeable
 from whsklearn.effects import as_law
 from whsklearn.estimators import _model as wh
 from whsklearn.state import read_state, write_state
@@ -145,7 +145,7 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
             rows = X if self.lags is None else self.lags_.transform(X, groups=groups)
             return rows @ self._theta()
         restart = starts(groups, len(X), first=True)
-        return _finite(wh.free_run(self._natural(), self._structure(), np.ascontiguousarray(X), restart))
+        return _finite(wh.free_run(self._natural(), self._structure(), writeable(X), restart))
 
     def predict_ahead(self, X: ArrayLike, y: ArrayLike, horizon: int = 1, groups: ArrayLike | None = None) -> Array:
         """Prediction ``horizon`` samples ahead: y is known up to t - horizon, u up to t - 1.
@@ -175,8 +175,8 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
             return self.predict(X, groups)
         restart = starts(groups, len(X), first=True)
         natural, structure = self._natural(), self._structure()
-        y = np.ascontiguousarray(y, dtype=np.float64)
-        return _finite(wh.predictions(natural, structure, np.ascontiguousarray(X), y, restart, int(horizon)))
+        y = writeable(np.asarray(y, dtype=np.float64))
+        return _finite(wh.predictions(natural, structure, writeable(X), y, restart, int(horizon)))
 
     # -- state ---------------------------------------------------------------------------
 
@@ -264,9 +264,9 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
             X, y = validate_data(
                 self, X, y, reset=reset, dtype=np.float64, order="C", y_numeric=True, multi_output=False
             )
-        y = np.ascontiguousarray(y, dtype=np.float64)
+        y = np.asarray(y, dtype=np.float64)
         check_lengths(X, y)
-        return X, y
+        return writeable(X), writeable(y)
 
     def _checked_record(
         self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None
