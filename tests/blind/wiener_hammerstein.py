@@ -58,8 +58,11 @@ def _play(x, gap, last):
 
 
 @njit(cache=True)
-def run(a, b, c, d, law, kinds, p, u, noise, dt):
-    """y of the record; ``kinds`` number the effects, ``p`` (n_effects, 4) holds size first."""
+def run(a, b, c, d, law, kinds, p, u, noise, dt, port):
+    """y of the record; ``kinds`` number the effects, ``p`` (n_effects, 4) holds size first.
+
+    ``port`` receives the largest ratio of an effect's rms to its port's: at u, x, v and y.
+    """
     n = u.size
     w = np.zeros(n)
     x0 = np.zeros(n)
@@ -71,6 +74,7 @@ def run(a, b, c, d, law, kinds, p, u, noise, dt):
     lagged = np.zeros(2)
     x_old = 0.0
     dx_old = 0.0
+    power = np.zeros((4, 2))
     for t in range(n):
         for i in range(a.size):
             if t - 1 - i >= 0:
@@ -83,9 +87,12 @@ def run(a, b, c, d, law, kinds, p, u, noise, dt):
             if kinds[j] == 20:
                 last[j] = _play(x, p[j, 0], last[j])
                 x = last[j]
+        power[1, 0] += (x - x0[t]) ** 2
+        power[1, 1] += x0[t] ** 2
         dx = x - x_old
         sg = 1.0 if dx > 0 else (-1.0 if dx < 0 else 0.0)
         v[t] = law[0] * dx + law[1] * sg - law[2] * math.tanh(dx)
+        plain = v[t]
         now = u[t]
         for j in range(kinds.size):
             k, s, h, g = kinds[j], p[j, 0], p[j, 1], p[j, 2]
@@ -152,6 +159,10 @@ def run(a, b, c, d, law, kinds, p, u, noise, dt):
             elif k == 33:
                 now = now - s
         w[t] = now
+        power[0, 0] += (now - u[t]) ** 2
+        power[0, 1] += u[t] ** 2
+        power[2, 0] += (v[t] - plain) ** 2
+        power[2, 1] += plain**2
         x_old = x
         dx_old = dx
         q[t] = noise[t]
@@ -164,6 +175,7 @@ def run(a, b, c, d, law, kinds, p, u, noise, dt):
         for j in range(kinds.size):
             if kinds[j] == 32 and t > 0:
                 q[t] += p[j, 0] * q[t - 1] * u[t - 1]
+                power[2, 0] += (p[j, 0] * q[t - 1] * u[t - 1]) ** 2
         y[t] = q[t]
         for j in range(kinds.size):
             k, s, h, g = kinds[j], p[j, 0], p[j, 1], p[j, 2]
@@ -177,6 +189,12 @@ def run(a, b, c, d, law, kinds, p, u, noise, dt):
                 y[t] += s * math.cos(h * q[t] + g)
             elif k == 25:
                 y[t] = s * math.floor(y[t] / s + 0.5)
+        power[3, 0] += (y[t] - q[t]) ** 2
+        power[3, 1] += q[t] ** 2
+    port[0] = 0.0
+    for j in range(4):
+        if power[j, 1] > 0:
+            port[0] = max(port[0], math.sqrt(power[j, 0] / power[j, 1]))
     return y
 
 
@@ -269,10 +287,9 @@ def _states(s: dict[str, np.ndarray], u: np.ndarray) -> np.ndarray:
 
 
 def _sized(name: str, target: float, s: dict[str, np.ndarray], row: np.ndarray, u: np.ndarray, dt: float) -> np.ndarray:
-    """The row with the size that moves the noise-free output by ``target`` of its rms."""
-    none = np.zeros(u.size)
+    """The row with the size at which the effect is ``target`` of the rms at its port."""
+    none, port = np.zeros(u.size), np.zeros(1)
     blocks = (s["a"], s["b"], s["c"], s["d"], s["law"])
-    y0 = run(*blocks, np.zeros(0, np.int64), np.zeros((0, 4)), u, none, dt)
     kind = np.array([NUMBER[name]])
     top = float(np.abs(u).max())
     falling = name in ("saturation", "rate_limit")
@@ -282,9 +299,8 @@ def _sized(name: str, target: float, s: dict[str, np.ndarray], row: np.ndarray, 
     for _ in range(60):
         size = math.sqrt(low * high)
         row[0] = size
-        y = run(*blocks, kind, row[None, :], u, none, dt)
-        moved = np.sqrt(np.mean((y - y0) ** 2)) / np.sqrt(np.mean(y0**2))
-        over = not moved < target
+        run(*blocks, kind, row[None, :], u, none, dt, port)
+        over = not port[0] < target
         if over != falling:
             high = size
         else:
@@ -315,7 +331,7 @@ def make_case(
     snr = float(rng.uniform(15, 40)) if snr_db is None else snr_db
     size = float(rng.choice([0.02, 0.05, 0.15])) if size is None else size
     blocks = (s["a"], s["b"], s["c"], s["d"], s["law"])
-    y0 = run(*blocks, np.zeros(0, np.int64), np.zeros((0, 4)), u, np.zeros(n), dt)
+    y0 = run(*blocks, np.zeros(0, np.int64), np.zeros((0, 4)), u, np.zeros(n), dt, np.zeros(1))
     names: list[str] = []
     if kind in ("named", "foreign"):
         names = [name or str(rng.choice(EFFECTS if kind == "named" else FOREIGN))]
@@ -330,7 +346,7 @@ def make_case(
     numbers = np.array([NUMBER[e] for e in names], dtype=np.int64)
     e = _colour(rng, n) if kind == "coloured" else rng.standard_normal(n)
     noise = e * np.std(y0) * 10 ** (-snr / 20)
-    y = run(*blocks, numbers, rows, u, noise, dt)
+    y = run(*blocks, numbers, rows, u, noise, dt, np.zeros(1))
     frame = pd.DataFrame({"time_s": np.arange(n) * dt, "u": u, "y": y})
     parameters = [dict(zip(("size", "shape", "phase"), map(float, r), strict=False)) for r in rows]
     system = {key: value.tolist() for key, value in s.items()}

@@ -27,14 +27,40 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
+CAP = 16.0  # what one sample can cost at the most, in variances
 LADDER = (1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)  # kappa times rms dx
 MULTISTART_SAMPLES = 2500
 
 
+def weights_of(e: Array) -> tuple[Array, float]:
+    """(weight of every error, variance of the sound ones): a sample on the wrong side of a sign is an outlier.
+
+    The density is a Gaussian over a low floor, w = g / (g + exp(-CAP / 2)) with g = exp(-e^2 / 2 s^2), and s^2 the
+    weighted mean square (expectation-maximisation).
+    """
+    variance = float(np.mean(e**2)) + 1e-300
+    for _ in range(12):
+        g = np.exp(-0.5 * e**2 / variance)
+        w = g / (g + np.exp(-0.5 * CAP))
+        new = float(np.sum(w * e**2) / max(np.sum(w), 1.0)) + 1e-300
+        done = abs(new - variance) < 1e-4 * variance
+        variance = new
+        if done:
+            break
+    return w, variance
+
+
+def deviance(e: Array) -> tuple[float, Array]:
+    """(sum of squares that has the same likelihood, weights)."""
+    w, variance = weights_of(e)
+    capped = -2.0 * np.log((np.exp(-0.5 * e**2 / variance) + np.exp(-0.5 * CAP)) / (1.0 + np.exp(-0.5 * CAP)))
+    n = e.size
+    return n * variance * float(np.exp(np.mean(capped) - 1.0)), w
+
+
 def cost(s: Setting, m: BlockModel) -> float:
-    """Sum of squared errors over the samples of the fit."""
-    e = coloured(raw_errors(s, m), m.ar)[s.fit]
-    return float(e @ e)
+    """Sum of squares over the samples of the fit, outliers capped."""
+    return deviance(coloured(raw_errors(s, m), m.ar)[s.fit])[0]
 
 
 def rms_dx(s: Setting, m: BlockModel) -> float:
@@ -50,22 +76,24 @@ def climb(
     x = to_vector(m, z)
     base = raw_errors(s, m)
     e = coloured(base, m.ar)[s.fit]
-    best, damping = float(e @ e), 1e-3
+    best, w = deviance(e)
+    damping = 1e-3
     for _ in range(steps):
-        rows = jacobian(s, m, z, base)[s.fit][:, keep]
+        root = np.sqrt(w)
+        rows = jacobian(s, m, z, base)[s.fit][:, keep] * root[:, None]
         scale = np.maximum(np.linalg.norm(rows, axis=0), 1e-9 * np.sqrt(len(e)))
-        normal = (rows / scale).T @ (rows / scale)
-        slope = (rows / scale).T @ e
+        rows /= scale
+        normal, slope = rows.T @ rows, rows.T @ (root * e)
         improved = False
         for _ in range(7):
-            move = np.linalg.lstsq(normal + damping * np.eye(len(slope)), slope, rcond=None)[0] / scale
+            move = np.linalg.solve(normal + damping * np.eye(len(slope)), slope) / scale
             trial_x = x.copy()
             trial_x[keep] -= move
             trial = from_vector(m, trial_x, z)
             if stable_blocks(s, trial.theta):
                 trial_base = raw_errors(s, trial)
                 trial_e = coloured(trial_base, trial.ar)[s.fit]
-                now = float(trial_e @ trial_e)
+                now, trial_w = deviance(trial_e)
                 if now < best:
                     improved = True
                     break
@@ -73,7 +101,7 @@ def climb(
         if not improved:
             break
         gain = (best - now) / max(best, 1e-300)
-        m, x, base, e, best = trial, to_vector(trial, z), trial_base, trial_e, now
+        m, x, base, e, best, w = trial, to_vector(trial, z), trial_base, trial_e, now, trial_w
         damping = max(damping / 8.0, 1e-9)
         if gain < tolerance:
             break
@@ -146,5 +174,7 @@ def separate(found: list[tuple[float, BlockModel]], share: float) -> list[tuple[
 
 def refit(s: Setting, m: BlockModel, z: Scales, *, thorough: bool = False) -> tuple[BlockModel, float]:
     """The joint refit of a model that stands near its minimum."""
-    rungs = (3.0, 10.0, 30.0, 100.0, 300.0) if thorough else (30.0, 100.0, 300.0)
-    return sharpen(s, m, z, rungs, steps=10 if thorough else 6)
+    here = climb(s, m, z, steps=10) if np.isfinite(m.kappa) else None
+    rungs = (3.0, 10.0, 30.0, 100.0, 300.0, 1000.0) if thorough else (30.0, 150.0, 1000.0)
+    best = sharpen(s, m, z, rungs, steps=10 if thorough else 6)
+    return best if here is None or best[1] <= here[1] else here

@@ -15,6 +15,7 @@ import numpy as np
 from numba import njit
 
 from whsklearn.effects import FrictionLaw
+from whsklearn.effects.terms import term
 from whsklearn.estimators._model import inside
 from whsklearn.gap.blocks.candidates import Candidate, Scales
 from whsklearn.systems.block_effects import N_NUMBERS, run_chain
@@ -186,11 +187,18 @@ def from_vector(m: BlockModel, x: Array, z: Scales) -> BlockModel:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _sensitivities(theta, steps, dims, codes, shapes, kappa, ecodes, eq, slots, slot_steps, u, y, dt, base, out):
-    """Forward differences of y - y_hat by theta and by the chosen numbers of the effects."""
+def _sensitivities(theta, steps, dims, codes, shapes, kappa, ecodes, eq, slots, slot_steps, u, y, dt, base, sensor, out):
+    """Derivatives of y - y_hat by theta and by the chosen numbers of the effects.
+
+    Forward differences for L1 and the effects; where no sensor stands behind L2, the law's weights, c and d are
+    exact, as y_hat is linear in them.
+    """
     n = u.size
+    na, nb, nc, nd, nw = dims[0], dims[1], dims[2], dims[3], dims[4]
+    n1 = na - 1 + nb
+    n_moved = theta.size if sensor else n1
     x, v, y_hat, zero = np.empty(n), np.empty(n), np.empty(n), np.zeros(n)
-    for i in range(theta.size):
+    for i in range(n_moved):
         moved = theta.copy()
         moved[i] += steps[i]
         run_chain(moved, dims, codes, shapes, kappa, ecodes, eq, u, y, zero, dt, False, x, v, y_hat)
@@ -202,6 +210,24 @@ def _sensitivities(theta, steps, dims, codes, shapes, kappa, ecodes, eq, slots, 
         run_chain(theta, dims, codes, shapes, kappa, ecodes, moved_eq, u, y, zero, dt, False, x, v, y_hat)
         for t in range(n):
             out[t, theta.size + i] = (y[t] - y_hat[t] - base[t]) / slot_steps[i]
+    if sensor:
+        return
+    run_chain(theta, dims, codes, shapes, kappa, ecodes, eq, u, y, zero, dt, False, x, v, y_hat)
+    c0 = n1 + nw
+    d0 = c0 + nc - 1
+    f = np.zeros((n, nw))
+    for t in range(n):
+        dx = x[t] - (x[t - 1] if t > 0 else 0.0)
+        for i in range(nw):
+            f[t, i] = term(codes[i], shapes[i, 0], shapes[i, 1], shapes[i, 2], x[t], dx, kappa)[0]
+            s = f[t - 1, i] if t > 0 else 0.0
+            for m in range(1, min(nc, t)):
+                s += theta[c0 + m - 1] * f[t - 1 - m, i]
+            out[t, n1 + i] = -s
+        for m in range(1, nc):
+            out[t, c0 + m - 1] = -v[t - 1 - m] if t > m else 0.0
+        for m in range(nd):
+            out[t, d0 + m] = y[t - 1 - m] if t > m else 0.0
 
 
 def jacobian(s: Setting, m: BlockModel, z: Scales, base: Array) -> Array:
@@ -222,9 +248,10 @@ def jacobian(s: Setting, m: BlockModel, z: Scales, base: Array) -> Array:
     out = np.empty((n, p + len(slots)))
     steps = 1e-6 * np.maximum(np.abs(m.theta), 0.05)
     where = np.array(slots, dtype=np.int64).reshape(-1, 2)
+    sensor = bool(np.any((codes >= 140) & (codes < 150)))
     _sensitivities(
         m.theta, steps, s.dims, s.law.codes, s.law.shapes, m.kappa, codes, eq, where, np.array(scales, dtype=float),
-        s.u, s.y, s.dt, base, out,
+        s.u, s.y, s.dt, base, sensor, out,
     )  # fmt: skip
     out[:, p:] *= np.array(factors, dtype=float)
     out = coloured(np.clip(np.nan_to_num(out), -1e12, 1e12), m.ar)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from whsklearn.gap.blocks.candidates import Candidate, Scales
-from whsklearn.gap.blocks.fit import rms_dx
+from whsklearn.gap.blocks.fit import rms_dx, weights_of
 from whsklearn.gap.blocks.model import BlockModel, Setting, Term, chain, coloured, jacobian, raw_errors
 from whsklearn.systems import block_effects as be
 
@@ -61,6 +61,7 @@ class Stand:
     errors: Array
     basis: Array
     smooth_base: Array
+    root: Array  # square roots of the samples' weights
 
     def leftover(self, columns: Array) -> Array:
         """Columns without what the model's own parameters can make."""
@@ -71,18 +72,19 @@ def take_stand(s: Setting, m: BlockModel, z: Scales) -> Stand:
     """Errors under the model's own sharpness, sensitivities under a softer sign."""
     soft = m.at(min(m.kappa, SHARPNESS / rms_dx(s, m)))
     base = raw_errors(s, soft)
-    rows = jacobian(s, soft, z, base)[s.fit]
+    errors = coloured(raw_errors(s, m), m.ar)[s.fit]
+    root = np.sqrt(weights_of(errors)[0])
+    rows = jacobian(s, soft, z, base)[s.fit] * root[:, None]
     rows = rows / np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
     left, values, _ = np.linalg.svd(rows, full_matrices=False)
     basis = left[:, values > 1e-9 * values[0]]
-    errors = coloured(raw_errors(s, m), m.ar)[s.fit]
-    return Stand(soft, errors, basis, base)
+    return Stand(soft, root * errors, basis, base, root)
 
 
 def change(s: Setting, stand: Stand, kind: Candidate, numbers: tuple[float, ...]) -> Array:
     """What the effect with these numbers does to the errors."""
     moved = raw_errors(s, stand.model.plus(Term(kind, numbers)))
-    return coloured(moved - stand.smooth_base, stand.model.ar)[s.fit]
+    return stand.root * coloured(moved - stand.smooth_base, stand.model.ar)[s.fit]
 
 
 def signature(s: Setting, stand: Stand, kind: Candidate, shape: tuple[float, ...], z: Scales) -> Array:
@@ -231,9 +233,6 @@ def remainder(s: Setting, m: BlockModel, z: Scales) -> Remainder:
     left, values, _ = np.linalg.svd(columns, full_matrices=False)
     basis = left[:, values > 1e-3 * values[0]]
     residual = stand.leftover(stand.errors[:, None])[:, 0]
-    # a few samples beside a reversal may be off by the height of the sign; they are no trend
-    limit = 5.0 * 1.4826 * np.median(np.abs(residual)) + 1e-300
-    residual = np.clip(residual, -limit, limit)
     k, n = basis.shape[1], residual.size
     room = max(n - k - stand.basis.shape[1], 1)
     explained = float(np.sum((basis.T @ residual) ** 2))

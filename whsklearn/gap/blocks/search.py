@@ -1,0 +1,285 @@
+"""The search: screen, refit the best, take the one that stands out, look again; exchange and prune."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from whsklearn.gap.blocks.candidates import Candidate, Scales, catalogue_for
+from whsklearn.gap.blocks.fit import cost, fit_base, refit
+from whsklearn.gap.blocks.model import BlockModel, Setting, Term, coloured, free_run, raw_errors, signal_scales
+from whsklearn.gap.blocks.score import (
+    ABSORBED,
+    Remainder,
+    Screened,
+    Stand,
+    coherence,
+    refine_scan,
+    remainder,
+    screen,
+    take_stand,
+)
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+NEED = 30.0  # delta BIC for a name
+MARGIN = 10.0  # delta BIC over the next name
+SIMILAR = 0.97  # coherence of two signatures that no record like this one tells apart
+QUIET = 1e-4  # p-value below which something is left
+MAX_REFITS = 7
+
+
+@dataclass
+class Trial:
+    """A candidate refitted on top of a model."""
+
+    screened: Screened
+    model: BlockModel
+    cost: float
+    delta_bic: float
+    moved: float = 0.0  # rms change of the simulated output, share of rms y
+    better: float = 0.0  # share of held-out blocks improved
+    held_gain: float = 0.0
+    reason: str = ""
+
+    @property
+    def kind(self) -> Candidate:
+        """What was tried."""
+        return self.screened.term.kind
+
+    @property
+    def name(self) -> str:
+        """Canonical name."""
+        return self.kind.name
+
+
+@dataclass
+class Round:
+    """One pass over the catalogue."""
+
+    before: BlockModel
+    cost: float
+    screened: list[Screened]
+    trials: list[Trial]
+    taken: Trial | None = None
+
+
+@dataclass
+class Found:
+    """Where the search ended."""
+
+    base: BlockModel
+    base_cost: float
+    minima: list[tuple[BlockModel, float]]
+    scales: Scales
+    model: BlockModel
+    cost: float
+    rounds: list[Round] = field(default_factory=list)
+    taken: list[Trial] = field(default_factory=list)
+    left: Remainder | None = None
+    base_left: Remainder | None = None
+    interrupted: bool = False
+
+
+def delta_bic(n: int, before: float, after: float, numbers: int, places: int) -> float:
+    """n ln(before / after) - p ln n - 2 ln(places), sums of squares on n samples."""
+    return float(n * np.log(before / max(after, 1e-300)) - numbers * np.log(n) - 2 * np.log(max(places, 1)))
+
+
+def held_errors(s: Setting, m: BlockModel) -> tuple[Array, NDArray[np.intp]]:
+    """Whitened prediction errors of the held-out samples and their blocks."""
+    mask = s.held >= 0
+    return coloured(raw_errors(s, m), m.ar)[mask], s.held[mask]
+
+
+def weigh(s: Setting, before: BlockModel, trial: Trial) -> None:
+    """What held-out samples and the free run say of a trial."""
+    e0, block = held_errors(s, before)
+    e1, _ = held_errors(s, trial.model)
+    limit = 6.0 * 1.4826 * np.median(np.abs(e0)) + 1e-300  # a sample beside a reversal is off by the sign's height
+    e0, e1 = np.clip(e0, -limit, limit), np.clip(e1, -limit, limit)
+    wins = [np.sum(e1[block == i] ** 2) < np.sum(e0[block == i] ** 2) for i in np.unique(block)]
+    trial.better = float(np.mean(wins))
+    trial.held_gain = 1.0 - float(e1 @ e1) / max(float(e0 @ e0), 1e-300)
+    apart = free_run(s, trial.model) - free_run(s, trial.model.without(len(trial.model.terms) - 1))
+    trial.moved = float(np.sqrt(np.mean(apart**2) / np.mean(s.y**2)))
+
+
+def objection(s: Setting, trial: Trial, z: Scales, need: float, tolerance: float) -> str:
+    """Why a trial earns no name; empty if it does."""
+    if trial.delta_bic < need:
+        return f"evidence {trial.delta_bic:.0f} is below the {need:.0f} that chance may reach"
+    if trial.moved < tolerance:
+        return f"it moves the output by {100 * trial.moved:.2f} % of its rms, below the tolerance"
+    if trial.held_gain <= 0 or trial.better < 0.6:
+        return f"it improves only {100 * trial.better:.0f} % of the held-out blocks"
+    kind, q = trial.kind, trial.model.terms[-1].q
+    if kind.positive and q[0] <= 0:
+        return f"its size would be {q[0]:.3g}, and a physical one is positive"
+    for j in range(kind.linear, kind.n_numbers):
+        low, high = kind.ranges(z)[j - kind.linear]
+        full = kind.name == "sensor_rectification" and q[j] > 0.5
+        if kind.is_free(j) and not full and (q[j] <= low * (1 + 1e-6) or q[j] >= high * (1 - 1e-6)):
+            return f"its {kind.fields[j]} runs to the end of the plausible range"
+    return ""
+
+
+def try_all(
+    s: Setting, m: BlockModel, value: float, kinds: list[Candidate], z: Scales, *, others: list[BlockModel] | None = None
+) -> Round:
+    """Screen all candidates on a model, refit the best."""
+    stand = take_stand(s, m, z)
+    screened = screen(s, stand, kinds, z)
+    n = int(s.fit.sum())
+    worth = sorted(screened, key=lambda c: -_promise(c, value, n))
+    trials = []
+    for c in worth[:MAX_REFITS]:
+        if c.left < ABSORBED or c.gain <= 0.0 or _promise(c, value, n) < -5.0:
+            continue
+        trials.append(_refit_trial(s, m, value, refine_scan(s, stand, c, z), z))
+    trials.sort(key=lambda t: -t.delta_bic)
+    for i, t in enumerate(trials[:3]):
+        for other in others or []:
+            again = _from_elsewhere(s, other, t, value, z)
+            if again is not None and again.cost < trials[i].cost:
+                trials[i] = again
+    for t in trials:
+        weigh(s, m, t)
+    trials.sort(key=lambda t: -t.delta_bic)
+    return Round(m, value, screened, trials)
+
+
+def _promise(c: Screened, value: float, n: int) -> float:
+    kind = c.term.kind
+    return delta_bic(n, value, max(value - c.gain, 1e-3 * value), kind.n_numbers, kind.scanned)
+
+
+def _refit_trial(s: Setting, m: BlockModel, value: float, c: Screened, z: Scales) -> Trial:
+    kind = c.term.kind
+    fitted, now = refit(s, m.plus(c.term), z)
+    if kind.is_free(kind.linear) is False and kind.name == "parameter_change":
+        fitted, now = _walk_time(s, fitted, now, z)
+    n = int(s.fit.sum())
+    return Trial(c, fitted, now, delta_bic(n, value, now, kind.n_numbers, kind.scanned))
+
+
+def _from_elsewhere(s: Setting, other: BlockModel, t: Trial, value: float, z: Scales) -> Trial | None:
+    """The same candidate from another minimum of the base model."""
+    stand = take_stand(s, other, z)
+    again = screen(s, stand, [t.kind], z)
+    if not again or again[0].gain <= 0.0:
+        return None
+    fitted, now = refit(s, other.plus(refine_scan(s, stand, again[0], z).term), z)
+    n = int(s.fit.sum())
+    return Trial(again[0], fitted, now, delta_bic(n, value, now, t.kind.n_numbers, t.kind.scanned))
+
+
+def _walk_time(s: Setting, m: BlockModel, value: float, z: Scales) -> tuple[BlockModel, float]:
+    """The time of a change, moved while the sum of squares falls; the rest stays."""
+    step = 0.01 * z.seconds
+    last = m.terms[-1]
+    best, least = last.q[1], value
+    while step >= 0.5 * z.dt:
+        for shift in (-step, step):
+            time = min(max(best + shift, 0.02 * z.seconds), 0.98 * z.seconds)
+            trial = BlockModel(m.theta, (*m.terms[:-1], Term(last.kind, (last.q[0], time))), m.ar, m.kappa)
+            now = cost(s, trial)
+            if now < least:
+                best, least = time, now
+        step *= 0.5
+    moved = BlockModel(m.theta, (*m.terms[:-1], Term(last.kind, (last.q[0], best))), m.ar, m.kappa)
+    return refit(s, moved, z)
+
+
+def search(
+    s: Setting,
+    rng: np.random.Generator,
+    *,
+    max_effects: int = 3,
+    tolerance: float = 0.003,
+    need: float = NEED,
+    progress: Callable[[str], None] = lambda _: None,
+) -> Found:
+    """Find what the base model lacks; an interruption keeps the finished rounds."""
+    progress("base model")
+    minima = fit_base(s, rng)
+    base, value = minima[0]
+    z = signal_scales(s, base)
+    found = Found(base, value, minima, z, base, value)
+    kinds = catalogue_for(s.law.codes)
+    found.base_left = found.left = remainder(s, base, z)
+    progress("search")
+    try:
+        for number in range(max_effects):
+            others = [m for m, c in minima[1:3] if c < 4.0 * value] if number == 0 else []
+            one = try_all(s, found.model, found.cost, kinds, z, others=others)
+            found.rounds.append(one)
+            for t in one.trials:
+                t.reason = objection(s, t, z, need, tolerance)
+            sound = [t for t in one.trials if not t.reason]
+            if not sound or sound[0].delta_bic < 0.6 * one.trials[0].delta_bic:
+                break
+            one.taken = sound[0]
+            found.taken.append(sound[0])
+            found.model, found.cost = sound[0].model, sound[0].cost
+            if number > 0:
+                exchange(s, found, kinds, need, tolerance)
+            found.left = remainder(s, found.model, z)
+            if found.left.p_value > 0.01:
+                break
+        prune(s, found, need)
+        found.left = remainder(s, found.model, z)
+    except KeyboardInterrupt:
+        found.interrupted = True
+    return found
+
+
+def exchange(s: Setting, found: Found, kinds: list[Candidate], need: float, tolerance: float) -> None:
+    """Try every earlier effect against all others in its place: it was chosen when more was missing."""
+    for i in range(len(found.taken) - 1):
+        without, value = refit(s, found.model.without(i), found.scales)
+        one = try_all(s, without, value, kinds, found.scales)
+        for t in one.trials:
+            t.reason = objection(s, t, found.scales, need, tolerance)
+        best = next((t for t in one.trials if not t.reason), None)
+        if best is None or best.cost > found.cost * (1 - 1e-4):
+            continue
+        terms = list(best.model.terms)
+        terms.insert(i, terms.pop())
+        found.model = BlockModel(best.model.theta, tuple(terms), best.model.ar, best.model.kappa)
+        found.cost = best.cost
+        found.taken[i] = best
+        found.rounds[i].trials = one.trials
+
+
+def prune(s: Setting, found: Found, need: float) -> None:
+    """Drop effects that the others have made needless."""
+    n = int(s.fit.sum())
+    for i in reversed(range(len(found.taken))):
+        if len(found.taken) < 2:
+            return
+        kind = found.taken[i].kind
+        smaller, value = refit(s, found.model.without(i), found.scales)
+        evidence = delta_bic(n, value, found.cost, kind.n_numbers, kind.scanned)
+        if evidence < need:
+            found.model, found.cost = smaller, value
+            del found.taken[i]
+
+
+def aliases_of(s: Setting, one: Round, taken: Trial, z: Scales) -> tuple[list[str], list[str]]:
+    """(names that no such record tells from the one taken, names that this record leaves open)."""
+    stand: Stand = take_stand(s, taken.model, z)
+    alike, close = [], []
+    for t in one.trials:
+        if t.name == taken.name or taken.delta_bic - t.delta_bic >= MARGIN:
+            continue
+        c = coherence(taken.screened.signature, t.screened.signature)
+        (alike if c >= SIMILAR else close).append(t.name)
+    del stand
+    return list(dict.fromkeys(alike)), [n for n in dict.fromkeys(close) if n not in alike]
