@@ -96,7 +96,7 @@ def make_servo_log(
     if snr_db is not None:
         quiet = axis.simulate(path, noise=False, disturbance=disturbance)
         sensor["noise"] = float(np.std(quiet.true_position) * 10.0 ** (-snr_db / 20.0))
-    axis = dataclasses.replace(axis, sensor=dataclasses.replace(axis.sensor, **sensor))
+    axis = dataclasses.replace(axis, sensor=dataclasses.replace(axis.sensor, **sensor))  # type: ignore[arg-type]
     record = axis.simulate(path, random_state=rng, disturbance=disturbance)
     log = record_frame(record)
     if not return_truth:

@@ -203,9 +203,10 @@ def _probe() -> Bunch:
 def _experiment() -> tuple[Any, NDArray[np.float64]]:
     """A smooth axis and a drive that moves it by some radians either way."""
     from whsklearn.effects.friction import Coulomb, Viscous
+    from whsklearn.effects.law import FrictionLaw
     from whsklearn.systems.servo import ServoAxis
 
-    axis = ServoAxis(0.05, [Viscous(0.3), Coulomb(0.2)], friction="tanh", smoothing=0.05)
+    axis = ServoAxis(0.05, FrictionLaw([Viscous(0.3), Coulomb(0.2)]), friction="tanh", smoothing=0.05)
     t = np.arange(4000) / axis.sample_rate
     return axis, 0.9 * np.sin(2.0 * math.pi * 0.45 * t + 0.4) + 0.4 * np.sin(2.0 * math.pi * 1.3 * t)
 

@@ -37,10 +37,12 @@ class StaticEffect(Effect):
 
     def columns(self, signals: Any) -> NDArray[np.float64]:
         """The term at weight one."""
-        shape = (*self.term_shape, 0.0, 0.0, 0.0)[:3]
+        s0, s1, s2 = (*self.term_shape, 0.0, 0.0, 0.0)[:3]
         kappa = getattr(signals, "kappa", None)
         position, velocity = (np.ascontiguousarray(s, dtype=float) for s in (signals.position, signals.velocity))
-        return as_column(terms.term_values(self.code, *shape, position, velocity, math.inf if kappa is None else kappa))
+        return as_column(
+            terms.term_values(self.code, s0, s1, s2, position, velocity, math.inf if kappa is None else kappa)
+        )
 
 
 @dataclass(frozen=True)

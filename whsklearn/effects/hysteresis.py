@@ -30,54 +30,54 @@ def stribeck_level(ratio, velocity, v):
 
 
 @njit(cache=True)
-def advance_hysteresis(code, p, z, dx, v):
-    """Move the states z along a path dx travelled at velocity v; exact for a constant v."""
+def advance_hysteresis(code, p, z, k, dx, v):
+    """Move the states z[k] along a path dx travelled at velocity v; exact for a constant v."""
     if dx == 0.0:
         return
     s = 1.0 if dx > 0.0 else -1.0
-    r = abs(dx) / p[1]
+    r = abs(dx) / p[k, 1]
     if code == codes.DAHL:
-        z[0] = s + (z[0] - s) * math.exp(-r)
+        z[k, 0] = s + (z[k, 0] - s) * math.exp(-r)
     elif code == codes.LUGRE:
-        g = stribeck_level(p[2], p[3], v)
-        z[0] = g * s + (z[0] - g * s) * math.exp(-r / g)
+        g = stribeck_level(p[k, 2], p[k, 3], v)
+        z[k, 0] = g * s + (z[k, 0] - g * s) * math.exp(-r / g)
     elif code == codes.BOUC_WEN:
-        w = z[0] * s
-        a = 1.0 if w > 0.0 else 2.0 * p[2] - 1.0
+        w = z[k, 0] * s
+        a = 1.0 if w > 0.0 else 2.0 * p[k, 2] - 1.0
         w = w + r if abs(a) < 1e-9 else 1.0 / a + (w - 1.0 / a) * math.exp(-a * r)
-        z[0] = s * w
+        z[k, 0] = s * w
     else:
-        n = int(p[2])
-        g = stribeck_level(p[3], p[4], v)
+        n = int(p[k, 2])
+        g = stribeck_level(p[k, 3], p[k, 4], v)
         for i in range(n):
-            z[i] = min(g, max(-g, z[i] + s * r * (n + 1.0) / (2.0 * (i + 1.0))))
+            z[k, i] = min(g, max(-g, z[k, i] + s * r * (n + 1.0) / (2.0 * (i + 1.0))))
 
 
 @njit(cache=True)
-def hysteresis_torque(code, p, z, v):
-    """z, with LuGre's damping of the asperities, and its derivative by velocity."""
+def hysteresis_torque(code, p, z, k, v):
+    """z[k], with LuGre's damping of the asperities, and its derivative by velocity."""
     if code == codes.MAXWELL_SLIP:
-        n = int(p[2])
+        n = int(p[k, 2])
         total = 0.0
         for i in range(n):
-            total += z[i]
+            total += z[k, i]
         return total / n, 0.0
-    if code == codes.LUGRE and p[4] > 0.0:
-        g = stribeck_level(p[2], p[3], v)
-        slope = p[4] / p[1] * (1.0 - (z[0] if v > 0.0 else -z[0]) / g)
-        return z[0] + slope * v, slope
-    return z[0], 0.0
+    if code == codes.LUGRE and p[k, 4] > 0.0:
+        g = stribeck_level(p[k, 2], p[k, 3], v)
+        slope = p[k, 4] / p[k, 1] * (1.0 - (z[k, 0] if v > 0.0 else -z[k, 0]) / g)
+        return z[k, 0] + slope * v, slope
+    return z[k, 0], 0.0
 
 
 @njit(cache=True)
 def hysteresis_values(code, p, position, velocity):
     """The effect at size one along a record."""
     out = np.empty(position.size)
-    z = np.zeros(N_STATES)
+    z = np.zeros((1, N_STATES))
     for i in range(position.size):
         if i > 0:
-            advance_hysteresis(code, p, z, position[i] - position[i - 1], velocity[i])
-        out[i] = hysteresis_torque(code, p, z, velocity[i])[0]
+            advance_hysteresis(code, p, z, 0, position[i] - position[i - 1], velocity[i])
+        out[i] = hysteresis_torque(code, p, z, 0, velocity[i])[0]
     return out
 
 
@@ -107,7 +107,7 @@ class PreslidingHysteresis(Effect):
     def columns(self, signals: Any) -> NDArray[np.float64]:
         """z along the record, from rest at its start."""
         path, velocity = (np.ascontiguousarray(s, dtype=float) for s in (signals.position, signals.velocity))
-        return hysteresis_values(self.code, np.array(self.numbers), path, velocity).reshape(-1, 1)
+        return hysteresis_values(self.code, np.array([self.numbers]), path, velocity).reshape(-1, 1)
 
 
 @dataclass(frozen=True)

@@ -49,7 +49,7 @@ def pack(axis: ServoAxis) -> Packed:
         elif e.code < 0:
             rows, code = (sensors, codes.USER_OUTPUT) if e.port == "output" else (mechanical, codes.USER_TORQUE)
             rows.append((code, _user_row(e, len(functions))))
-            functions.append(_compiled(type(e)))
+            functions.append(_compiled(type(e)))  # type: ignore[arg-type]
     return Packed(
         _axis_numbers(axis, present),
         _drive_numbers(axis, present),

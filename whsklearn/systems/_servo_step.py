@@ -24,7 +24,7 @@ def advance_memories(effects, p, z, dx, v):
     """Move every hysteresis along a path."""
     for i in range(effects.size):
         if codes.DAHL <= effects[i] <= codes.BOUC_WEN:
-            advance_hysteresis(effects[i], p[i], z[i], dx, v)
+            advance_hysteresis(effects[i], p, z, i, dx, v)
 
 
 @njit(cache=True)

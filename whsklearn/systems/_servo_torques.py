@@ -28,42 +28,42 @@ def no_user_effect(index, p, time, position, velocity, drive):
 
 
 @njit(cache=True)
-def static_torque(code, p, x, v):
+def static_torque(code, p, i, x, v):
     """A static term's share of: smooth torque, its slope, dry level, its slope, asymmetric level."""
-    w = p[0]
+    w = p[i, 0]
     if code == terms.COULOMB:
         return 0.0, 0.0, w, 0.0, 0.0
     if code == terms.ASYMMETRIC_COULOMB:
         return 0.0, 0.0, 0.0, 0.0, w
     if code == terms.STRIBECK_EXP or code == terms.POSITION_FRICTION:
-        f, _, slope = term(code, p[1], p[2], p[3], x, abs(v) + BARELY, math.inf)
+        f, _, slope = term(code, p[i, 1], p[i, 2], p[i, 3], x, abs(v) + BARELY, math.inf)
         return 0.0, 0.0, w * f, w * slope, 0.0
-    f, _, slope = term(code, p[1], p[2], p[3], x, v, math.inf)
+    f, _, slope = term(code, p[i, 1], p[i, 2], p[i, 3], x, v, math.inf)
     return w * f, w * slope, 0.0, 0.0, 0.0
 
 
 @njit(cache=True)
-def motor_torque(code, p, z, x, v, u, t, user):
+def motor_torque(code, p, z, i, x, v, u, t, user):
     """The same five shares of an effect on the motor's side that is no static term."""
-    w = p[0]
+    w = p[i, 0]
     if code == codes.COGGING:
-        return w * math.cos(p[1] * x + p[2]), 0.0, 0.0, 0.0, 0.0
+        return w * math.cos(p[i, 1] * x + p[i, 2]), 0.0, 0.0, 0.0, 0.0
     if code == codes.INPUT_OFFSET:
         return w, 0.0, 0.0, 0.0, 0.0
     if code == codes.TORQUE_RIPPLE:
-        return u * w * math.cos(p[1] * x + p[2]), 0.0, 0.0, 0.0, 0.0
+        return u * w * math.cos(p[i, 1] * x + p[i, 2]), 0.0, 0.0, 0.0, 0.0
     if code == codes.LOAD_FRICTION:
         return 0.0, 0.0, w * abs(u), 0.0, 0.0
     if code == codes.FRICTION_DRIFT:
-        return 0.0, 0.0, w * (1.0 - math.exp(-t / p[1])), 0.0, 0.0
+        return 0.0, 0.0, w * (1.0 - math.exp(-t / p[i, 1])), 0.0, 0.0
     if codes.DAHL <= code <= codes.BOUC_WEN:
-        f, slope = hysteresis_torque(code, p, z, v)
+        f, slope = hysteresis_torque(code, p, z, i, v)
         return w * f, w * slope, 0.0, 0.0, 0.0
     if code == codes.USER_TORQUE:
-        f = user(int(p[7]), p, t, x, v, u)
+        f = user(int(p[i, 7]), p[i], t, x, v, u)
         step = 1e-6 * (1.0 + abs(v))
-        return f, (user(int(p[7]), p, t, x, v + step, u) - f) / step, 0.0, 0.0, 0.0
-    if codes.CHANGE_VISCOUS <= code <= codes.CHANGE_GAIN and t > p[1]:
+        return f, (user(int(p[i, 7]), p[i], t, x, v + step, u) - f) / step, 0.0, 0.0, 0.0
+    if codes.CHANGE_VISCOUS <= code <= codes.CHANGE_GAIN and t > p[i, 1]:
         if code == codes.CHANGE_VISCOUS:
             return w * v, w, 0.0, 0.0, 0.0
         if code == codes.CHANGE_COULOMB:
@@ -73,21 +73,21 @@ def motor_torque(code, p, z, x, v, u, t, user):
 
 
 @njit(cache=True)
-def load_torque(code, p, q, t):
+def load_torque(code, p, i, q, t):
     """An effect on the load's side: a function of the load's position and of time."""
-    w = p[0]
+    w = p[i, 0]
     if code == codes.GRAVITY_IMBALANCE:
-        return w * math.cos(q + p[1])
+        return w * math.cos(q + p[i, 1])
     if code == codes.CABLE_SPRING:
-        return w * (q - p[1])
+        return w * (q - p[i, 1])
     if code == codes.HARDENING_SPRING:
-        return w * (q - p[1]) ** 3
+        return w * (q - p[i, 1]) ** 3
     if code == codes.END_STOP:
-        if q > p[1]:
-            return w * (q - p[1])
-        return w * (q + p[1]) if q < -p[1] else 0.0
+        if q > p[i, 1]:
+            return w * (q - p[i, 1])
+        return w * (q + p[i, 1]) if q < -p[i, 1] else 0.0
     if code == codes.DISTURBANCE_TONE:
-        return w * math.cos(2.0 * math.pi * p[1] * t + p[2])
+        return w * math.cos(2.0 * math.pi * p[i, 1] * t + p[i, 2])
     return 0.0
 
 
@@ -100,12 +100,12 @@ def all_torques(effects, p, z, x, q, v, u, t, user):
         if code == codes.CHANGE_INERTIA:
             inertia += p[i, 0] if t > p[i, 1] else 0.0
         elif codes.GRAVITY_IMBALANCE <= code <= codes.END_STOP or code == codes.DISTURBANCE_TONE:
-            load += load_torque(code, p[i], q, t)
+            load += load_torque(code, p, i, q, t)
         else:
             if code < 100:
-                a, b, c, d, e = static_torque(code, p[i], x, v)
+                a, b, c, d, e = static_torque(code, p, i, x, v)
             else:
-                a, b, c, d, e = motor_torque(code, p[i], z[i], x, v, u, t, user)
+                a, b, c, d, e = motor_torque(code, p, z, i, x, v, u, t, user)
             smooth += a
             slope += b
             dry += c

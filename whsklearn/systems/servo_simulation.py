@@ -142,7 +142,7 @@ def _experiment(
         raise ValueError("Give either a reference (closed loop) or a drive (open loop), not both and not neither.")
     if hold not in ("zero", "linear"):
         raise ValueError(f"hold is {hold!r}, expected 'zero' or 'linear'.")
-    main = _signal(reference, "reference") if drive is None else _signal(drive, "drive")
+    main = _signal(drive, "drive") if reference is None else _signal(reference, "reference")  # type: ignore[arg-type]
     n = main.size
     if drive is None:
         path = _path(axis, main, reference_velocity, reference_acceleration)
