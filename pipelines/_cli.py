@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import textwrap
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -45,6 +46,11 @@ def say_where(tracker: Tracker) -> None:
     """Tell where the runs can be seen."""
     if tracker.client is not None:
         click.echo("\nRecorded in MLflow; `make ui` shows the runs.")
+
+
+def wrapped(text: str) -> str:
+    """The text in lines of 100 columns."""
+    return textwrap.fill(text, WIDTH)
 
 
 def table(header: Sequence[str], rows: Iterable[Sequence[Any]], *, title: str = "") -> str:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from pipelines._cli import table
+from pipelines._cli import table, wrapped
 from whsklearn.metrics import mu_e, nmse, parameter_error, rmse
 from whsklearn.plot import flat_parameters, parameter_paths
 from whsklearn.tracking import Run, estimator_params
@@ -141,3 +141,20 @@ def by_name(outcomes: Sequence[Outcome], **wanted: str) -> Mapping[str, Outcome]
     for key, value in wanted.items():
         chosen = [o for o in chosen if getattr(o.candidate, key) == value]
     return {f"{o.candidate.name}, {o.candidate.reading}": o for o in chosen}
+
+
+def verdict(outcomes: Sequence[Outcome]) -> str:
+    """Whether the nonlinear model earns its keep on this record."""
+    linear = next((o for o in outcomes if o.candidate.reading == "linear" and not o.failure), None)
+    others = [o for o in outcomes if o.candidate.reading != "linear" and not o.failure]
+    if linear is None or not others:
+        return "Too little could be fitted to compare with a linear model."
+    best = min(others, key=lambda o: o.indices["nmse"])
+    ratio = best.indices["nmse"] / linear.indices["nmse"]
+    name = f"{best.candidate.name} ({best.candidate.reading})"
+    if ratio < 1:
+        return f"{name} leaves {ratio:.2g} of the best linear model's mean squared error in free run."
+    return wrapped(
+        f"Warning: in free run {name} has {ratio:.2g} times the mean squared error of the best linear model. This "
+        "record does not behave as a Wiener-Hammerstein system of these orders and this law: try others, or an axis model."
+    )

@@ -13,7 +13,7 @@ import click
 
 from pipelines._candidates import candidates
 from pipelines._cli import job, say_where, tracker_for
-from pipelines._compare import Candidate, Outcome, Record, by_name, compare, results_table
+from pipelines._compare import Candidate, Outcome, Record, by_name, compare, results_table, verdict
 from pipelines._linear import BestLinear
 from pipelines._logs import log_options, orders_of, record_of
 from whsklearn import WienerHammersteinLags
@@ -71,7 +71,7 @@ def main(**options: Any) -> None:
         parent.log_text(text, "table.txt")
         draw(outcomes, train, test, truth, parent, options["figures"])
     if options["log_file"]:
-        click.echo(verdict(outcomes))
+        click.echo(f"\n{verdict(outcomes)}")
     say_where(tracker)
 
 
@@ -123,23 +123,6 @@ def draw(
             Path(folder).mkdir(parents=True, exist_ok=True)
             display.figure_.savefig(Path(folder) / f"{name}.png", dpi=120)
         plt.close(display.figure_)
-
-
-def verdict(outcomes: list[Outcome]) -> str:
-    """Whether the nonlinear model earns its keep on this log."""
-    linear = next((o for o in outcomes if o.candidate.reading == "linear" and not o.failure), None)
-    others = [o for o in outcomes if o.candidate.reading != "linear" and not o.failure]
-    if linear is None or not others:
-        return "\nNo linear model could be fitted, so there is nothing to compare with."
-    best = min(others, key=lambda o: o.indices["nmse"])
-    ratio = best.indices["nmse"] / linear.indices["nmse"]
-    name = f"{best.candidate.name} ({best.candidate.reading})"
-    if ratio < 1:
-        return f"\n{name} leaves {ratio:.2g} of the best linear model's mean squared error in free run."
-    return (
-        f"\nWarning: the best linear model is better in free run than {name} by a factor of {ratio:.2g}: this log does "
-        "not behave as a Wiener-Hammerstein system of these orders and this law; try others, or an axis model."
-    )
 
 
 if __name__ == "__main__":
