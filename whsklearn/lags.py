@@ -10,10 +10,10 @@ from numba import njit
 from sklearn.base import BaseEstimator, TransformerMixin, clone
 from sklearn.utils.validation import check_array, check_is_fitted, column_or_1d
 
+from whsklearn._delay_line import push
 from whsklearn._records import check_lengths, in_one_sentence, starts, writeable
+from whsklearn.auxiliary_model import auxiliary_size, rebuild, row
 from whsklearn.effects import FrictionLaw, StaticEffect, as_law
-from whsklearn.recursion.predictor import push
-from whsklearn.recursion.pseudolinear import auxiliary_size, rebuild, row
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray

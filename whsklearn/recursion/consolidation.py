@@ -12,7 +12,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from whsklearn.recursion.predictor import advance, predict, push
+from whsklearn._delay_line import push
+from whsklearn.recursion.predictor import advance, predict
 from whsklearn.systems.stability import is_stable
 
 HUGE = 1e290

@@ -25,6 +25,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from whsklearn._delay_line import push
 from whsklearn.effects.terms import term
 
 
@@ -40,16 +41,6 @@ def state_size(dims):
     n1 = dims[0] - 1 + dims[1]
     nx = max(dims[1], 1)
     return nx * (1 + n1) + dims[2] * (1 + n1 + dims[4])
-
-
-@njit(cache=True, error_model="numpy")
-def push(past, newest):
-    """Put the newest sample, one number an input, before the older ones."""
-    m = newest.size
-    for i in range(past.size - 1, m - 1, -1):
-        past[i] = past[i - m]
-    for i in range(m):
-        past[i] = newest[i]
 
 
 @njit(cache=True, error_model="numpy")

@@ -12,8 +12,9 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from whsklearn._delay_line import push
 from whsklearn.recursion.covariance import inflate, measurement_update
-from whsklearn.recursion.predictor import advance, predict, push
+from whsklearn.recursion.predictor import advance, predict
 from whsklearn.systems.stability import is_stable
 
 STABLE_RADIUS = 0.999
