@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numba import njit
 
+from whsklearn._delay_line import push
 from whsklearn.effects import FrictionLaw
 from whsklearn.effects.terms import VISCOUS, term
-from whsklearn.recursion.predictor import push
 from whsklearn.systems.stability import is_stable
 
 if TYPE_CHECKING:
