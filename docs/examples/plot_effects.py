@@ -1,0 +1,247 @@
+"""
+The effects of a servo axis
+===========================
+
+Everything the library can put into a simulated axis, and can name in a log, is one of
+thirty effects. Each has a place in the chain from drive to sensor, an equation and a
+signature. This page draws them all, place by place.
+
+On the left of each row is the effect itself: what it asks of the drive (or adds to the
+measured position) along a simulated run, against the quantity that it depends on. On the
+right is what an engineer sees: three seconds of the drive of the same controlled axis
+without the effect (grey) and with it (colour). Each effect is as large as 15 % of the
+rms of the drive.
+"""
+
+import matplotlib.pyplot as plt
+import numpy as np
+from sklearn.utils import Bunch
+
+from whsklearn.datasets import draw_effect, reference_signal
+from whsklearn.datasets.servo import default_axis
+from whsklearn.effects import effect_names, get_effect
+from whsklearn.systems import simulate_many
+
+axis = default_axis()
+reference = reference_signal("rich", 20.0, axis.sample_rate)
+
+# What an effect is drawn against, where that is not the usual one of its place.
+USUAL = {"friction": "velocity", "drive": "drive", "position": "position", "sensor": "position", "time": "time"}
+AGAINST = {
+    "position_friction": "position",
+    "presliding_hysteresis": "position",
+    "friction_drift": "time",
+    "input_offset": "time",
+    "torque_ripple": "position",
+    "output_drift": "time",
+}
+UNIT = {"velocity": "velocity, rad/s", "drive": "drive, Nm", "position": "position, rad", "time": "time, s"}
+
+
+def signals_of(record):
+    """True signals of a simulated run."""
+    return Bunch(
+        time=record.time,
+        position=record.true_position,
+        velocity=record.velocity,
+        acceleration=np.gradient(record.velocity, record.time),
+        drive=record.drive,
+    )
+
+
+def draw_itself(ax, effect, record):
+    """The effect against what it depends on; a transmission by its twist, a late drive by its torque."""
+    signals = signals_of(record)
+    if effect.place == "transmission":
+        part = slice(4500, 6000)
+        ax.plot(record.time[part], 1e3 * (record.true_position - record.load_position)[part], lw=1)
+        ax.set(xlabel="time, s", ylabel="twist, mrad")
+        return
+    if effect.name in ("input_delay", "actuator_lag"):
+        part = slice(4980, 5040)
+        ax.step(record.time[part], record.drive[part], where="post", color="0.6", lw=1)
+        ax.plot(record.time[part], record.torque[part], lw=1.2)
+        ax.set(xlabel="time, s", ylabel="torque, Nm")
+        return
+    if effect.name == "quantization":
+        part = slice(4980, 5040)
+        ax.step(record.time[part], record.position[part], where="post", lw=1.2)
+        ax.plot(record.time[part], record.true_position[part], color="0.6", lw=1)
+        ax.set(xlabel="time, s", ylabel="position, rad")
+        return
+    against = AGAINST.get(effect.name, USUAL[effect.place])
+    window = slice(4600, 6400) if effect.name == "presliding_hysteresis" else slice(None, None, 5)
+    ax.plot(signals[against][window], effect.contribution(signals)[window], ".", ms=1.5)
+    ax.set(xlabel=UNIT[against], ylabel="position, rad" if effect.port == "output" else "torque, Nm")
+
+
+def draw_place(place):
+    """A picture of all effects of a place, and their description in words."""
+    names = effect_names(place)
+    effects = [draw_effect(name, axis, reference, 0.15, random_state=3) for name in names]
+    records = simulate_many([axis, *(axis.with_effect(e) for e in effects)], reference=reference, noise=False)
+    _figure, panels = plt.subplots(len(names), 2, figsize=(9, 2.1 * len(names)), squeeze=False, layout="constrained")
+    window = slice(9000, 12000)
+    for (left, right), effect, record in zip(panels, effects, records[1:], strict=True):
+        draw_itself(left, effect, record)
+        left.set_title(effect.name, loc="left", fontweight="bold", fontsize=10)
+        right.plot(records[0].time[window], records[0].drive[window], color="0.7", lw=1.5)
+        right.plot(record.time[window], record.drive[window], lw=0.8)
+        right.set(xlabel="time, s", ylabel="drive, Nm")
+        right.set_title(effect.equation, loc="left", fontsize=8)
+    plt.show()
+    for effect in effects:
+        describe(effect)
+
+
+def describe(effect):
+    """The entry of the catalogue in words."""
+    cls = get_effect(effect.name)
+    print(f"{cls.name}: {' '.join(cls.__doc__.split())}")
+    print(f"    equation   {cls.equation}")
+    for field, q in cls.quantities.items():
+        size = " (size)" if field == cls.size else ""
+        print(f"    {field:10s} {q.low:g} to {q.high:g} {q.unit if q.unit != '1' else ''}{size}")
+    print(f"    signature  {cls.signature}")
+    print(f"    needs      {cls.needs}")
+    if cls.aliases:
+        print(f"    alias      {', '.join(cls.aliases)}: drive and position alone cannot tell them apart")
+    print(f"    reference  {cls.reference}\n")
+
+
+# %%
+# Friction
+# --------
+# What resists motion. Positive sizes brake. ``presliding_hysteresis`` is drawn in its
+# simplest shape, Dahl's; ``LuGre``, ``GeneralizedMaxwellSlip`` and ``BoucWen`` are its
+# others, compared further down.
+
+draw_place("friction")
+
+# %%
+# Drive
+# -----
+# What happens between the command that is logged and the torque at the shaft.
+
+draw_place("drive")
+
+# %%
+# Transmission
+# ------------
+# What splits the one inertia in two: the load no longer is where the motor is.
+
+draw_place("transmission")
+
+# %%
+# Position
+# --------
+# Torques that belong to a place.
+
+draw_place("position")
+
+# %%
+# Sensor
+# ------
+# What stands between the axis and its log. These add to the measured position; the drive
+# answers because the controller believes the sensor.
+
+draw_place("sensor")
+
+# %%
+# Time
+# ----
+# What belongs to neither speed nor place.
+
+draw_place("time")
+
+# %%
+# The shapes of presliding hysteresis
+# -----------------------------------
+# Friction against position along nested reversals. Dahl forgets its inner loops, Maxwell
+# elements close them; LuGre falls to the level of sliding (here with a Stribeck ratio of
+# 1.6); Bouc-Wen with beta below one has slimmer loops.
+
+from itertools import pairwise
+
+from whsklearn.effects import BoucWen, GeneralizedMaxwellSlip, LuGre, PreslidingHysteresis
+
+corners = np.array([0.0, 5.0, -3.0, 3.0, -1.0, 3.0, -3.0, 5.0]) * 1e-3
+path = np.concatenate([np.linspace(a, b, 800, endpoint=False) for a, b in pairwise(corners)])
+time = np.arange(path.size) / 1000.0
+still = Bunch(
+    time=time,
+    position=path,
+    velocity=np.gradient(path, time),
+    acceleration=np.zeros_like(path),
+    drive=np.zeros_like(path),
+)
+shapes = [
+    PreslidingHysteresis(1.0, 1e-3),
+    LuGre(1.0, 1e-3, ratio=1.6, velocity=0.01, damping=0.0),
+    GeneralizedMaxwellSlip(1.0, 1e-3, elements=8.0),
+    BoucWen(1.0, 1e-3, beta=0.6),
+]
+figure, panels = plt.subplots(1, 4, figsize=(10, 2.8), sharey=True, layout="constrained")
+for ax, shape in zip(panels, shapes, strict=True):
+    ax.plot(1e3 * path, shape.contribution(still), lw=0.9)
+    ax.set(xlabel="position, mrad")
+    ax.set_title(type(shape).__name__, fontsize=10)
+panels[0].set_ylabel("friction / torque")
+plt.show()
+
+# %%
+# Standstill
+# ----------
+# Dry friction is no function at rest: it takes whatever value keeps the axis where it is.
+# The simulator resolves that (``friction="stick"``); the smooth sign of (3),
+# ``friction="tanh"``, creeps instead.
+
+from whsklearn.effects import Coulomb, Viscous
+from whsklearn.systems import ServoAxis
+
+drive = 0.45 * np.sin(2 * np.pi * 0.5 * np.arange(4000) / 1000)
+figure, (top, bottom) = plt.subplots(2, 1, figsize=(8, 4), sharex=True, layout="constrained")
+for friction, style in (("stick", "-"), ("tanh", "--")):
+    run = ServoAxis(0.05, [Viscous(0.12), Coulomb(0.3)], friction=friction, smoothing=0.05).simulate_drive(drive)
+    top.plot(run.time, run.velocity, style, label=friction)
+    bottom.plot(run.time, run.true_position, style)
+top.set(ylabel="velocity, rad/s")
+top.legend()
+bottom.set(xlabel="time, s", ylabel="position, rad")
+plt.show()
+
+# %%
+# An effect of your own
+# ---------------------
+# One class: fields with the size first, what they mean, and one method in plain ``math``.
+# It then has columns, is compiled into the simulator, and can be held against the contract.
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+from whsklearn.effects import Effect, Quantity, check_effect
+
+
+@dataclass(frozen=True)
+class Magnet(Effect):
+    """A torque in one place."""
+
+    torque: float = 0.1
+    width: float = 0.2
+
+    name: ClassVar[str] = "magnet"
+    place: ClassVar[str] = "position"
+    equation: ClassVar[str] = "c exp(-(q/w)^2)"
+    size: ClassVar[str] = "torque"
+    quantities: ClassVar[dict[str, Quantity]] = {
+        "torque": Quantity("Nm", -1.0, 1.0),
+        "width": Quantity("rad", 0.01, 1.0, log=True),
+    }
+
+    @staticmethod
+    def evaluate(p, time, position, velocity, drive):
+        return p[0] * math.exp(-((position / p[1]) ** 2))
+
+
+print("passed:", ", ".join(check_effect(Magnet)))
