@@ -222,7 +222,7 @@ class Stream:
         values, errors = estimates(self.model)
         self.emit(
             self._record("estimate", c.rows)
-            | {"innovation_rmse": (c.squares / c.counted) ** 0.5, "bad_rows": c.bad}
+            | {"innovation_rmse": (c.squares / c.counted) ** 0.5 if c.counted else None, "bad_rows": c.bad}
             | {"parameters": values, "standard_errors": errors}
         )
         c.squares, c.counted = 0.0, 0

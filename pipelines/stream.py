@@ -241,7 +241,8 @@ def _to(writer: Out, run: Run) -> Callable[[Record], None]:
         metrics = {}
         if record["kind"] == "estimate":
             metrics = {f"path/{k}": v for k, v in record["parameters"].items()}
-            metrics["innovation_rmse"] = record["innovation_rmse"]
+            if record["innovation_rmse"] is not None:
+                metrics["innovation_rmse"] = record["innovation_rmse"]
         elif record["kind"] == "alarm":
             metrics = {"alarm": 1.0}
         try:

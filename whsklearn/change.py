@@ -17,6 +17,7 @@ import numpy as np
 from sklearn.base import BaseEstimator
 
 from whsklearn._alarm_kernel import watch
+from whsklearn._real import real_array
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -99,7 +100,7 @@ class ChangeAlarm(BaseEstimator):
         ValueError
             If a parameter is out of range or an innovation is no finite number; nothing is changed then.
         """
-        e = np.atleast_1d(np.asarray(innovations, dtype=np.float64))
+        e = np.atleast_1d(real_array(innovations, "ChangeAlarm: innovations"))
         if e.ndim != 1 or not np.isfinite(e).all():
             raise ValueError(f"ChangeAlarm: got innovations of shape {e.shape}, expected finite numbers of shape (n,).")
         self._check_params()
@@ -263,8 +264,11 @@ def compare_parameters(
     """
     from scipy.special import ndtri
 
-    old, new = np.asarray(before, dtype=np.float64), np.asarray(after, dtype=np.float64)
-    variances = [np.diag(v) if v.ndim == 2 else v for v in map(np.asarray, (before_covariance, after_covariance))]
+    old, new = real_array(before, "before"), real_array(after, "after")
+    variances = [
+        np.diag(v) if v.ndim == 2 else v
+        for v in map(real_array, (before_covariance, after_covariance), ("before_covariance", "after_covariance"))
+    ]
     if not (old.shape == new.shape == variances[0].shape == variances[1].shape == (len(names),)):
         raise ValueError(
             f"compare_parameters: {len(names)} names, estimates of shapes {old.shape} and {new.shape}, variances of "

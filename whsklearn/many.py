@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numba import njit
 
+from whsklearn._real import real_array
 from whsklearn.recursion.covariance import WIND_UP, covariance, inflate, measurement_update
 
 if TYPE_CHECKING:
@@ -56,7 +57,7 @@ def least_squares_of_many(
     >>> theta.round(3)[0], P.shape
     (array([ 1., -2.]), (5, 2, 2))
     """
-    X, y = np.ascontiguousarray(X, dtype=np.float64), np.ascontiguousarray(y, dtype=np.float64)
+    X, y = np.ascontiguousarray(real_array(X, "X")), np.ascontiguousarray(real_array(y, "y"))
     if X.ndim != 3 or y.shape != X.shape[:2] or 0 in X.shape:
         raise ValueError(f"X has shape {X.shape} and y {y.shape}; expected (n_axes, n, n_params) and (n_axes, n).")
     if not (np.isfinite(X).all() and np.isfinite(y).all()):

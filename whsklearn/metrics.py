@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from sklearn.metrics import make_scorer
 
+from whsklearn._real import real_array
 from whsklearn._scorer_names import register_scorers
 
 if TYPE_CHECKING:
@@ -158,10 +159,7 @@ register_scorers({name: free_run_scorer(metric) for name, metric in SCORER_NAMES
 
 def _vector(values: ArrayLike, name: str) -> NDArray[np.float64]:
     """A finite float vector, from shape (n,) or (n, 1)."""
-    try:
-        array = np.asarray(values, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise ValueError(f"{name} holds values that are no numbers; expected floats of shape (n,).") from None
+    array = real_array(values, name)
     if array.ndim == 2 and array.shape[1] == 1:
         array = array[:, 0]
     if array.ndim != 1 or array.size == 0:

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from whsklearn._real import real_array
+
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
@@ -70,7 +72,7 @@ def convergence_bound(
     >>> bound.round(5)
     array([3.68e-03, 5.00e-05])
     """
-    t = np.asarray(t, dtype=np.float64)
+    t = real_array(t, "convergence_bound: t")
     constants = {"alpha": alpha, "beta": beta, "n_params": n_params, "P0": P0, "p": p}
     for name, value in constants.items():
         if not np.isfinite(value) or value <= 0:

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from whsklearn._real import real_array
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -148,10 +150,7 @@ def check_excitation(
 
 def _matrix(phi: ArrayLike) -> NDArray[np.float64]:
     """A finite float matrix with at least one row and one column."""
-    try:
-        array = np.asarray(phi, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise ValueError("excitation: phi holds values that are no numbers; expected floats (n, n_params).") from None
+    array = real_array(phi, "excitation: phi")
     if array.ndim != 2 or 0 in array.shape:
         raise ValueError(f"excitation: phi has shape {array.shape}, expected (n, n_params), one row a sample.")
     if not np.isfinite(array).all():

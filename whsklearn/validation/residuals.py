@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from whsklearn._real import real_array
+
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
@@ -190,10 +192,7 @@ def residual_tests(e: ArrayLike, u: ArrayLike, max_lag: int = 25) -> dict[str, C
 
 def _centred(signal: ArrayLike, name: str, more_than: int) -> NDArray[np.float64]:
     """A finite signal without its mean that is longer than ``more_than`` and not constant."""
-    try:
-        array = np.asarray(signal, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise ValueError(f"{name} holds values that are no numbers; expected floats of shape (n,).") from None
+    array = real_array(signal, name)
     if array.ndim != 1 or array.size <= more_than or more_than < 0:
         raise ValueError(f"{name} has shape {array.shape}, expected (n,) with n > {more_than}; give a longer record.")
     if not np.isfinite(array).all():
