@@ -38,11 +38,11 @@ def test_messages_become_one_sentence_and_others_stay():
     X = np.ones((5, 1))
     X[3] = np.nan
     with pytest.raises(
-        ValueError, match="^X contains NaN, first in row 3, expected finite numbers; cut such samples out.$"
+        ValueError, match=r"^X contains NaN, first in row 3, expected finite numbers; cut such samples out\.$"
     ):
         with in_one_sentence(X):
             raise ValueError("Input X contains NaN.\nDo this and that.")
-    with pytest.raises(ValueError, match="^something else$"), in_one_sentence(X):
+    with pytest.raises(ValueError, match=r"^something else$"), in_one_sentence(X):
         raise ValueError("something else")
     with pytest.raises(TypeError), in_one_sentence(X):
         raise TypeError("not mine")

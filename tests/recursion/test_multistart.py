@@ -134,11 +134,11 @@ def test_p0_is_a_prior_in_the_units_of_the_log():
 
 
 @pytest.mark.parametrize("memory", [0, 100])
-@pytest.mark.parametrize("forgetting", [0.95, 1.0])
+@pytest.mark.parametrize("forgetting", [0.9, 1.0])
 def test_an_idle_axis_does_no_harm(memory, forgetting):
     """Zeros for a long time: P neither overflows nor dies, and the axis is found again."""
     X, y = make_wiener_hammerstein(600, snr_db=30, random_state=5, system=LINEAR)
-    idle = np.zeros((40_000, 1))
+    idle = np.zeros((8_000, 1))  # 0.9 ** -8000 is beyond the floats
     r = reading(LINEAR, memory=memory, forgetting=forgetting, n_starts=2)
     state = streamed(r, np.vstack([X, idle, X]), np.concatenate([y, idle[:, 0], y]))
     assert all(np.isfinite(v).all() for v in state.values() if isinstance(v, np.ndarray))

@@ -1,0 +1,197 @@
+"""What all identified models share."""
+
+from __future__ import annotations
+
+import pickle
+
+import numpy as np
+import pandas as pd
+import pytest
+from sklearn.base import clone
+from sklearn.exceptions import NotFittedError
+from sklearn.metrics import r2_score
+from sklearn.model_selection import GridSearchCV, TimeSeriesSplit
+from sklearn.pipeline import Pipeline
+from sklearn.preprocessing import StandardScaler
+
+import whsklearn.metrics  # noqa: F401  enters the scorers' names
+from whsklearn import (
+    InverseDynamicsLags,
+    MultiInnovationGradientRegressor,
+    PEMRegressor,
+    RLSRegressor,
+    RMILSRegressor,
+    SwarmRegressor,
+    WienerHammersteinLags,
+)
+from whsklearn.checks import state_difference
+from whsklearn.datasets import make_wiener_hammerstein
+from whsklearn.effects.law import polynomial_law
+
+FAST = {"n_starts": 2, "memory": 64, "random_state": 0}
+MODELS = {
+    "RMILS": RMILSRegressor(WienerHammersteinLags(), **FAST),
+    "published": RMILSRegressor(WienerHammersteinLags(), gradient="pseudolinear"),
+    "gradient": MultiInnovationGradientRegressor(WienerHammersteinLags()),
+    "PEM": PEMRegressor(n_starts=1, random_state=0),
+    "swarm": SwarmRegressor(n_generations=2, random_state=0),
+    "polynomial": RMILSRegressor(WienerHammersteinLags(1, 0, 2, 1, law=polynomial_law([0.0, 1.0, 0.3])), **FAST),
+}
+
+
+@pytest.fixture(scope="module")
+def record():
+    return make_wiener_hammerstein(160, random_state=0)
+
+
+@pytest.fixture(scope="module")
+def fitted(record):
+    return {name: clone(model).fit(*record) for name, model in MODELS.items()}
+
+
+@pytest.mark.parametrize("name", list(MODELS))
+def test_score_is_the_r2_of_the_free_run(fitted, record, name):
+    X, y = record
+    assert fitted[name].score(X, y) == pytest.approx(r2_score(y, fitted[name].predict(X)))
+
+
+@pytest.mark.parametrize("name", list(MODELS))
+def test_predicting_changes_nothing_and_knows_no_output(fitted, record, name):
+    X, y = record
+    model = fitted[name]
+    before = model.get_state()
+    first = model.predict(X)
+    model.predict_ahead(X, y, horizon=3)
+    model.predict(X[:20])
+    model.score(X, -y)
+    assert state_difference(before, model.get_state()) == 0.0
+    np.testing.assert_array_equal(model.predict(X), first)
+    np.testing.assert_array_equal(model.predict(X[:50]), first[:50])  # causal
+
+
+@pytest.mark.parametrize("name", list(MODELS))
+def test_a_horizon_beyond_the_record_is_the_free_run(fitted, record, name):
+    X, y = record
+    model = fitted[name]
+    np.testing.assert_allclose(model.predict_ahead(X, y, horizon=len(y)), model.predict(X), atol=1e-9)
+    one = model.predict_ahead(X, y)
+    changed = y.copy()
+    changed[100] += 1.0
+    moved = np.flatnonzero(model.predict_ahead(X, changed) != one)
+    assert moved.min() == 101
+    assert moved.max() <= 100 + model._lags.n_d
+    far = np.flatnonzero(model.predict_ahead(X, changed, horizon=5) != model.predict_ahead(X, y, horizon=5))
+    assert far.size == 0 or far.min() >= 105
+
+
+@pytest.mark.parametrize("name", list(MODELS))
+def test_experiments_are_predicted_from_rest(fitted, record, name):
+    X, y = record
+    groups = np.repeat([1, 2], 80)
+    apart = np.concatenate([fitted[name].predict(X[:80]), fitted[name].predict(X[80:])])
+    np.testing.assert_array_equal(fitted[name].predict(X, groups=groups), apart)
+    ahead = [fitted[name].predict_ahead(X[s], y[s]) for s in (slice(80), slice(80, None))]
+    np.testing.assert_array_equal(fitted[name].predict_ahead(X, y, groups=groups), np.concatenate(ahead))
+
+
+@pytest.mark.parametrize("name", list(MODELS))
+def test_saved_and_loaded_it_is_the_same_model(fitted, record, name, tmp_path):
+    model = fitted[name]
+    model.save(tmp_path / "model.whs")
+    loaded = type(model).load(tmp_path / "model.whs")
+    assert state_difference(model.get_state(), loaded.get_state()) == 0.0
+    np.testing.assert_array_equal(loaded.predict(record[0]), model.predict(record[0]))
+    np.testing.assert_array_equal(loaded.theta_, model.theta_)
+    again = pickle.loads(pickle.dumps(model))
+    np.testing.assert_array_equal(again.predict(record[0]), model.predict(record[0]))
+
+
+def test_a_file_of_another_estimator_is_refused(fitted, tmp_path):
+    fitted["PEM"].save(tmp_path / "model.whs")
+    with pytest.raises(ValueError, match="state of a PEMRegressor"):
+        RMILSRegressor.load(tmp_path / "model.whs")
+
+
+@pytest.mark.parametrize("name", list(MODELS))
+def test_parameters_and_theta_are_one_model(fitted, name):
+    """The paper's products undone are the named parameters."""
+    model = fitted[name]
+    named, theta = model.parameters_, model.theta_
+    law = [k for k in named if k not in "abcd"]
+    g = named[law[0]] if name != "polynomial" else named["power1"]
+    np.testing.assert_allclose(theta[: len(named["a"])], g * named["a"], rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(theta[len(theta) - len(named["d"]) :], named["d"])
+    assert named["a"][0] == named["c"][0] == 1.0
+    assert {k: np.shape(v) for k, v in model.parameter_standard_errors_.items()} == {
+        k: np.shape(v) for k, v in named.items()
+    }
+    assert model.covariance_.shape == (theta.size, theta.size)
+
+
+def test_names_of_given_rows():
+    frame = pd.DataFrame(np.random.default_rng(0).standard_normal((30, 2)), columns=["mass", "drag"])
+    model = RLSRegressor().fit(frame, frame @ [1.0, 2.0])
+    assert model.parameters_ == pytest.approx({"mass": 1.0, "drag": 2.0}, rel=1e-4)
+    assert list(model.parameter_standard_errors_) == ["mass", "drag"]
+    assert list(RLSRegressor().fit(frame.to_numpy(), np.ones(30)).parameters_) == ["x0", "x1"]
+
+
+@pytest.mark.parametrize("attribute", ["theta_", "covariance_", "standard_errors_", "parameters_"])
+def test_nothing_before_fit(attribute, record):
+    model = clone(MODELS["RMILS"])
+    with pytest.raises(NotFittedError):
+        getattr(model, attribute)
+    for call in (model.predict, model.get_state, lambda X: model.predict_ahead(X, record[1])):
+        with pytest.raises(NotFittedError):
+            call(record[0]) if call != model.get_state else call()
+
+
+def test_grid_search_over_window_prior_and_orders_by_the_library_s_scorers(record):
+    X, y = record
+    search = GridSearchCV(
+        clone(MODELS["RMILS"]), {"p": [1, 4], "P0": [1.0, 100.0], "lags__n_a": [1, 2]}, scoring="neg_nmse",
+        cv=TimeSeriesSplit(2, gap=6),
+    ).fit(X, y)  # fmt: skip
+    assert np.isfinite(search.cv_results_["mean_test_score"]).all()
+    assert search.best_estimator_.lags_.n_a == search.best_params_["lags__n_a"]
+    assert search.best_estimator_.score(X, y) <= 1.0
+    several = GridSearchCV(
+        clone(MODELS["published"]), {"p": [1, 2]}, scoring=["neg_nmse", "neg_rmse", "neg_abs_mu_e"], refit="neg_rmse",
+        cv=TimeSeriesSplit(2, gap=6),
+    ).fit(X, y)  # fmt: skip
+    assert {"mean_test_neg_nmse", "mean_test_neg_abs_mu_e"} <= set(several.cv_results_)
+
+
+def test_the_last_step_of_a_pipeline_after_a_scaler(record):
+    X, y = record
+    pipe = Pipeline([("scale", StandardScaler()), ("rmils", clone(MODELS["published"]))])
+    search = GridSearchCV(pipe, {"rmils__p": [1, 2], "rmils__P0": [1e2, 1e6]}, cv=TimeSeriesSplit(2, gap=6))
+    search.fit(7.0 + 3.0 * X, y)
+    assert search.best_params_["rmils__p"] in (1, 2)
+    alone = clone(MODELS["published"]).set_params(**{k[7:]: v for k, v in search.best_params_.items()})
+    scaled = StandardScaler().fit_transform(X)
+    np.testing.assert_allclose(search.predict(7.0 + 3.0 * X), alone.fit(scaled, y).predict(scaled), atol=1e-6)
+
+
+def test_frames_and_lists_are_input_too(record):
+    X, y = record
+    array = clone(MODELS["published"]).fit(X, y)
+    frame = clone(MODELS["published"]).fit(pd.DataFrame(X, columns=["u"]), pd.Series(y))
+    listed = clone(MODELS["published"]).fit(X.tolist(), y.tolist())
+    for other in (frame, listed):
+        np.testing.assert_array_equal(array.theta_, other.theta_)
+    assert list(frame.feature_names_in_) == ["u"]
+    assert "feature_names_in" in frame.get_state()
+
+
+def test_rows_of_a_lag_transformer_are_predicted_group_by_group():
+    rate, t = 200.0, np.arange(800) / 200.0
+    q = 0.4 * np.sin(2 * t) + 0.1 * np.sin(7 * t)
+    v = 0.8 * np.cos(2 * t) + 0.7 * np.cos(7 * t)
+    torque = 0.6 * v + 0.3 * np.sign(v)
+    groups = np.repeat(["a", "b"], 400)
+    model = RLSRegressor(InverseDynamicsLags(sample_rate=rate)).fit(q[:, None], torque, groups=groups)
+    together = model.predict(q[:, None], groups=groups)
+    apart = np.concatenate([model.predict(q[:400, None]), model.predict(q[400:, None])])
+    np.testing.assert_allclose(together, apart, atol=1e-9)
+    assert set(model.parameters_) == {"inertia", "viscous", "coulomb", "input_offset"}

@@ -1,0 +1,83 @@
+"""The batch prediction-error fit."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from whsklearn import PEMRegressor, WienerHammersteinLags, WienerHammersteinSystem
+from whsklearn.datasets import make_wiener_hammerstein
+from whsklearn.effects import Coulomb
+from whsklearn.effects.law import piecewise_linear_law, polynomial_law, smooth_law
+from whsklearn.metrics import nmse
+
+SMOOTH = {
+    "hammerstein": (WienerHammersteinSystem([1.0], [], [1.0, 0.4], [-0.5], polynomial_law([0.0, 1.0, 0.5]))),
+    "wiener": (WienerHammersteinSystem([1.0, 0.4], [-0.5], [1.0], [], polynomial_law([0.0, 1.0, 0.5]))),
+    "law (3)": WienerHammersteinSystem([1.0, 0.4], [-0.5], [1.0], [0.3], smooth_law([0.8, 2.0, 0.5, 0.7, 1.0, 0.3])),
+    "piecewise linear": WienerHammersteinSystem(
+        [1.0], [-0.5], [1.0], [0.3], piecewise_linear_law([-0.5, 0.5], [1.0, 0.2, 1.0])
+    ),
+}
+
+
+def lags_of(system):
+    return WienerHammersteinLags(system.a.size, system.b.size, system.c.size, system.d.size, law=system.law)
+
+
+@pytest.mark.parametrize("name", list(SMOOTH))
+def test_without_noise_it_is_the_system(name):
+    system = SMOOTH[name]
+    X, y = make_wiener_hammerstein(300, snr_db=None, random_state=0, system=system)
+    model = PEMRegressor(lags_of(system), n_starts=6, random_state=0).fit(X, y)
+    X2, y2 = make_wiener_hammerstein(300, snr_db=None, random_state=1, system=system)
+    assert nmse(y2, model.predict(X2)) < 1e-6
+    np.testing.assert_allclose(model.theta_, system.theta, atol=0.01)
+
+
+def test_costs_tell_which_starts_met():
+    X, y = make_wiener_hammerstein(300, random_state=0)
+    model = PEMRegressor(n_starts=4, random_state=0).fit(X, y)
+    assert model.costs_.shape == (4,)
+    assert model.cost_ == model.costs_.min()
+    assert model.cost_ == pytest.approx(np.sum((y - model.predict_ahead(X, y)) ** 2))
+
+
+def test_standard_errors_cover_where_the_likelihood_is_smooth():
+    """95 % intervals of a system without sign(), 60 seeds and 5 parameters; PEM from the true minimum."""
+    system = SMOOTH["hammerstein"]
+    hits = []
+    for seed in range(60):
+        X, y = make_wiener_hammerstein(300, snr_db=20, random_state=seed, system=system)
+        model = PEMRegressor(lags_of(system), n_starts=3, random_state=0).fit(X, y)
+        hits.append(np.abs(model.theta_ - system.theta) < 1.96 * model.standard_errors_)
+    assert 0.9 <= np.mean(hits) <= 0.99
+
+
+def test_parameter_errors_follow_by_the_delta_method():
+    X, y = make_wiener_hammerstein(300, random_state=2)
+    model = PEMRegressor(n_starts=2, random_state=0).fit(X, y)
+    # viscous is theta's first entry, c[1:] and d stand in both
+    errors, named = model.standard_errors_, model.parameter_standard_errors_
+    assert errors[0] == pytest.approx(named["viscous"])
+    np.testing.assert_allclose(errors[-2:], named["d"])
+    assert named["a"][0] == 0.0
+
+
+def test_a_law_without_linear_term_is_estimated_too():
+    system = WienerHammersteinSystem([1.0, 0.5], [-0.4], [1.0], [0.3], [Coulomb(0.8)])
+    X, y = make_wiener_hammerstein(400, snr_db=20, random_state=3, system=system)
+    model = PEMRegressor(WienerHammersteinLags(2, 1, 1, 1, law="coulomb"), n_starts=6, random_state=0).fit(X, y)
+    assert model.parameters_["coulomb"] == pytest.approx(0.8, abs=0.05)
+    assert model.theta_.size == 4
+
+
+def test_its_default_is_example_5_1():
+    X, y = make_wiener_hammerstein(60, random_state=4)
+    assert PEMRegressor(n_starts=1, random_state=0).fit(X, y).theta_.size == 9
+
+
+@pytest.mark.parametrize("n_starts", [0, -1, 2.5, True, "some"])
+def test_the_number_of_starts_is_a_whole_one(n_starts):
+    with pytest.raises(ValueError, match="n_starts is"):
+        PEMRegressor(n_starts=n_starts).fit(np.ones((20, 1)), np.ones(20))

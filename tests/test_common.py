@@ -1,0 +1,78 @@
+"""scikit-learn's own checks: all of them, but for what a dynamic model cannot pass.
+
+An expected failure that passes is a failure too (``xfail_strict`` in pyproject.toml).
+"""
+
+from __future__ import annotations
+
+import pytest
+from sklearn.base import BaseEstimator
+from sklearn.utils.estimator_checks import parametrize_with_checks
+
+import whsklearn
+from whsklearn import (
+    MILSRegressor,
+    MultiInnovationGradientRegressor,
+    PEMRegressor,
+    RLSRegressor,
+    RMILSRegressor,
+    SwarmRegressor,
+    WienerHammersteinLags,
+)
+
+ORDER = {
+    "check_methods_sample_order_invariance": "samples of a dynamic system have an order",
+    "check_methods_subset_invariance": "a sample's output depends on the ones before it",
+}
+PAST = dict.fromkeys(
+    (
+        "check_dict_unchanged", "check_dtype_object", "check_estimators_dtypes", "check_estimators_pickle",
+        "check_f_contiguous_array_estimator", "check_fit_idempotent", "check_methods_sample_order_invariance",
+        "check_methods_subset_invariance", "check_transformer_data_not_an_array", "check_transformer_general",
+        "check_transformer_preserve_dtypes",
+    ),
+    "transform(X) alone cannot be: the regressors hold past outputs",
+)  # fmt: skip
+
+LAGS = WienerHammersteinLags(1, 1, 1, 1)
+ON_ROWS = [
+    RLSRegressor(),
+    MILSRegressor(),
+    RMILSRegressor(),
+    RMILSRegressor(gradient="pseudolinear"),
+    RLSRegressor(forgetting=0.98),
+    MultiInnovationGradientRegressor(),
+]
+DYNAMIC = [
+    RLSRegressor(LAGS, n_starts=2),
+    MILSRegressor(LAGS, n_starts=2),
+    RMILSRegressor(LAGS, n_starts=2),
+    RMILSRegressor(LAGS, n_starts=2, memory=0),
+    RMILSRegressor(LAGS, gradient="pseudolinear"),
+    MultiInnovationGradientRegressor(LAGS),
+    PEMRegressor(LAGS, n_starts=1),
+    SwarmRegressor(LAGS, n_generations=2),
+]
+
+
+def expected(estimator):
+    """Checks that this estimator must fail, with the reason."""
+    if isinstance(estimator, WienerHammersteinLags):
+        return PAST
+    return {} if getattr(estimator, "lags", None) is None else ORDER
+
+
+@parametrize_with_checks(ON_ROWS + DYNAMIC + [WienerHammersteinLags()], expected_failed_checks=expected)
+def test_scikit_learn(estimator, check):
+    check(estimator)
+
+
+def test_no_estimator_is_left_out():
+    public = {v for v in vars(whsklearn).values() if isinstance(v, type) and issubclass(v, BaseEstimator)}
+    checked = {type(e) for e in ON_ROWS + DYNAMIC} | {WienerHammersteinLags, whsklearn.InverseDynamicsLags}
+    assert public == checked, "test it here; InverseDynamicsLags is in test_inverse_dynamics.py"
+
+
+def test_an_expected_failure_that_passes_fails(request: pytest.FixtureRequest):
+    assert request.config.getini("xfail_strict")
+    assert len(ORDER) == 2
