@@ -298,4 +298,5 @@ def _plain(X: Any, y: Any, n_features: int) -> bool:
 
 def _usable(X: Array, y: Array) -> bool:
     """Finite and of sane size; the sum of squares is not finite if any number is not."""
-    return bool(np.dot(y, y) < 1e60) and bool(np.vdot(X, X) < 1e60)
+    with np.errstate(over="ignore"):
+        return bool(np.dot(y, y) < 1e60) and bool(np.vdot(X, X) < 1e60)

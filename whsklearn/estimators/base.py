@@ -252,9 +252,11 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
         self.__dict__.pop("lags_", None)
         if lags is None:
             return
-        if isinstance(lags, type) or not (self._is_wiener_hammerstein or hasattr(lags, "partial_rows")):
+        makes_rows = hasattr(lags, "partial_rows") and not self._is_wiener_hammerstein
+        if isinstance(lags, type) or not (hasattr(lags, "key_term") or makes_rows):
             raise ValueError(
-                f"lags is {lags!r}, expected None, WienerHammersteinLags() or InverseDynamicsLags(); give one of them."
+                f"lags is {lags!r}, expected None, WienerHammersteinLags() or, for recursive least squares, "
+                "InverseDynamicsLags(); give one of them."
             )
         self.lags_ = clone(lags)
 
