@@ -30,6 +30,8 @@ ALIASES = (
 )
 NUMBER = {name: i for i, name in enumerate((*EFFECTS, *FOREIGN, *INVISIBLE))}
 INPUTS = ("white", "multisine", "coloured")
+NOISES = (15.0, 25.0, 35.0)  # dB
+COLUMNS = {"input": "u", "output": "y"}
 
 
 @dataclass
@@ -38,7 +40,7 @@ class Case:
 
     frame: pd.DataFrame
     truth: tuple[str, ...]
-    kind: str  # named, nothing, coloured, foreign, pair
+    kind: str  # named, none, coloured, foreign, pair
     seed: int
     size: float
     snr_db: float
@@ -309,18 +311,22 @@ def _sized(name: str, target: float, s: dict[str, np.ndarray], row: np.ndarray, 
 
 
 def make_case(
-    seed: int, kind: str = "named", name: str | None = None, *, n: int = 3000, size: float | None = None,
-    snr_db: float | None = None, excitation: str | None = None,
+    kind: str = "named", seed: int = 0, *, effects: tuple[str, ...] | None = None, size: float | None = None,
+    noise: float | None = None, n: int = 3000, excitation: str | None = None,
 ) -> Case:  # fmt: skip
     """Draw a record.
 
     Parameters
     ----------
-    seed : int
     kind : str
-        ``named``, ``nothing``, ``coloured`` (noise only), ``foreign`` or ``pair``.
-    name : str, optional
-        The effect, drawn where left out.
+        ``named``, ``none`` (nothing missing), ``coloured`` (noise only), ``foreign`` or ``pair``.
+    seed : int
+    effects : tuple of str, optional
+        Names to hide, drawn where left out.
+    size : float, optional
+        rms of the effect over the rms at its port; drawn from 2, 5 and 15 %.
+    noise : float, optional
+        Signal over equation noise in dB; drawn from 15 to 40.
     """
     rng = np.random.default_rng([seed, 77])
     s = draw_system(rng)
@@ -328,16 +334,15 @@ def make_case(
     u = draw_input(excitation, n, rng)
     dt = float(rng.choice([1.0, 0.01, 0.001]))
     x = _states(s, u)
-    snr = float(rng.uniform(15, 40)) if snr_db is None else snr_db
+    snr = float(rng.uniform(15, 40)) if noise is None else noise
     size = float(rng.choice([0.02, 0.05, 0.15])) if size is None else size
     blocks = (s["a"], s["b"], s["c"], s["d"], s["law"])
     y0 = run(*blocks, np.zeros(0, np.int64), np.zeros((0, 4)), u, np.zeros(n), dt, np.zeros(1))
-    names: list[str] = []
-    if kind in ("named", "foreign"):
-        names = [name or str(rng.choice(EFFECTS if kind == "named" else FOREIGN))]
-    elif kind == "pair":
-        first, second = rng.choice(len(EFFECTS), 2, replace=False)
-        names = [EFFECTS[first], EFFECTS[second]] if name is None else name.split("+")
+    names = list(effects or ())
+    if not names and kind in ("named", "foreign"):
+        names = [str(rng.choice(EFFECTS if kind == "named" else FOREIGN))]
+    elif not names and kind == "pair":
+        names = [EFFECTS[i] for i in rng.choice(len(EFFECTS), 2, replace=False)]
     rows = np.zeros((len(names), 4))
     for row, effect in zip(rows, names, strict=True):
         shape = _shape(effect, rng, x, y0, n * dt, dt)
@@ -345,8 +350,8 @@ def make_case(
         _sized(effect, size, s, row, u, dt)
     numbers = np.array([NUMBER[e] for e in names], dtype=np.int64)
     e = _colour(rng, n) if kind == "coloured" else rng.standard_normal(n)
-    noise = e * np.std(y0) * 10 ** (-snr / 20)
-    y = run(*blocks, numbers, rows, u, noise, dt, np.zeros(1))
+    d = e * np.std(y0) * 10 ** (-snr / 20)
+    y = run(*blocks, numbers, rows, u, d, dt, np.zeros(1))
     frame = pd.DataFrame({"time_s": np.arange(n) * dt, "u": u, "y": y})
     parameters = [dict(zip(("size", "shape", "phase"), map(float, r), strict=False)) for r in rows]
     system = {key: value.tolist() for key, value in s.items()}

@@ -20,6 +20,7 @@ from numba import njit
 
 from whsklearn.effects import codes as k
 from whsklearn.effects.base import Effect
+from whsklearn.effects.law import FrictionLaw
 from whsklearn.effects.terms import POSITION_FRICTION, smooth_sign, term
 
 if TYPE_CHECKING:
@@ -266,6 +267,18 @@ def run_chain(theta, dims, codes, shapes, kappa, ecodes, eq, u, y, noise, dt, fr
         s = min(max(s, -1e30), 1e30)
         y_hat[t] = sensed(ecodes, eq, s, t, dt)
         q[t] = s if free else unsensed(ecodes, eq, y[t], s, t, dt)
+
+
+def run_effects(
+    a: Array, b: Array, c: Array, d: Array, law: FrictionLaw, effects: Sequence[Effect], u: Array, noise: Array, dt: float
+) -> tuple[Array, Array, Array]:
+    """x, v and y of a system with effects, at rest before the first sample."""
+    dims = np.array([a.size, b.size, c.size, d.size, len(law)], dtype=np.int64)
+    theta = np.concatenate([a[1:], b, law.weights, c[1:], d])
+    x, v, y = np.empty(u.size), np.empty(u.size), np.empty(u.size)
+    ecodes, eq = packed(effects)
+    run_chain(theta, dims, law.codes, law.shapes, math.inf, ecodes, eq, u, u, noise, dt, True, x, v, y)
+    return x, v, y
 
 
 def packed(effects: Sequence[Effect]) -> tuple[NDArray[np.int64], Array]:

@@ -9,8 +9,9 @@ import numpy as np
 from numba import njit
 from sklearn.utils import Bunch
 
-from whsklearn.effects import FrictionLaw, StaticEffect, Viscous, as_law
+from whsklearn.effects import Effect, FrictionLaw, StaticEffect, Viscous, as_law
 from whsklearn.effects.terms import term
+from whsklearn.systems.block_effects import packed, run_effects
 from whsklearn.systems.stability import is_stable
 
 if TYPE_CHECKING:
@@ -35,11 +36,15 @@ class WienerHammersteinSystem:
     law : FrictionLaw, str or sequence of effects, optional
         The static block; None is Example 5.1's law (4).  A Hammerstein system has
         ``a=[1], b=[]``, a Wiener system ``c=[1], d=[]``.
+    effects : sequence of Effect
+        Further effects, each in its place: see `whsklearn.systems.block_effects`.
+    dt : float, default=1.0
+        Sampling time, which effects with seconds or Hz in their numbers need.
 
     Raises
     ------
     ValueError
-        If a or c does not begin with 1, or a block is unstable.
+        If a or c does not begin with 1, a block is unstable, or an effect has no place in the chain.
 
     Examples
     --------
@@ -56,9 +61,14 @@ class WienerHammersteinSystem:
         c: Sequence[float],
         d: Sequence[float],
         law: FrictionLaw | str | Iterable[StaticEffect] | None = None,
+        *,
+        effects: Sequence[Effect] = (),
+        dt: float = 1.0,
     ):
         self.a, self.b, self.c, self.d = (np.array(v, dtype=float).reshape(-1) for v in (a, b, c, d))
         self.law = as_law(law)
+        self.effects, self.dt = tuple(effects), float(dt)
+        packed(self.effects)
         for name, numerator in (("a", self.a), ("c", self.c)):
             if numerator.size == 0 or numerator[0] != 1.0:
                 raise ValueError(
@@ -99,7 +109,8 @@ class WienerHammersteinSystem:
 
     def __repr__(self) -> str:
         blocks = ", ".join(f"{n}={getattr(self, n).tolist()}" for n in "abcd")
-        return f"WienerHammersteinSystem({blocks}, law={self.law!r})"
+        added = f", effects={list(self.effects)!r}, dt={self.dt}" if self.effects else ""
+        return f"WienerHammersteinSystem({blocks}, law={self.law!r}{added})"
 
     def signals(self, u: ArrayLike, d: ArrayLike | None = None) -> Bunch:
         """Simulate every signal of the chain.
@@ -120,6 +131,9 @@ class WienerHammersteinSystem:
         noise = np.zeros_like(u) if d is None else np.ascontiguousarray(d, dtype=float).reshape(-1)
         if noise.size != u.size:
             raise ValueError(f"d has {noise.size} samples and u has {u.size}; expected equal lengths.")
+        if self.effects:
+            x, v, y = run_effects(self.a, self.b, self.c, self.d, self.law, self.effects, u, noise, self.dt)
+            return Bunch(x=x, v=v, y=y)
         x, v, y = _simulate(self.a, self.b, self.c, self.d, self.law.codes, self.law.shapes, self.law.weights, u, noise)
         return Bunch(x=x, v=v, y=y)
 
