@@ -189,9 +189,10 @@ def make_line(model: Any, log: Any, y: Any, *, law: str | None, tolerance: float
         _known_terms(names)
         return ServoLine(record, names, model if isinstance(model, ServoAxis) else None, tolerance)
     if isinstance(model, WienerHammersteinSystem) or model == "wiener-hammerstein":
-        from whsklearn.gap.blocks.line import BlockLine
+        from whsklearn.gap.blocks.line import BlockLine, sampling_time
 
-        return BlockLine(model, *_input_output(log, y, columns), law=law, tolerance=tolerance)
+        dt = sampling_time(log, columns.get("time"))
+        return BlockLine(model, *_input_output(log, y, columns), law=law, tolerance=tolerance, dt=dt)
     if all(hasattr(model, name) for name in ("simulate", "refit", "with_effect")):
         from whsklearn.gap.simulator_line import SimulatorLine
 
