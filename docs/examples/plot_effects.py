@@ -10,7 +10,7 @@ On the left of each row is the effect itself: what it asks of the drive (or adds
 measured position) along a simulated run, against the quantity that it depends on. On the
 right is what an engineer sees: three seconds of the drive of the same controlled axis
 without the effect (grey) and with it (colour). Each effect is as large as 15 % of the
-rms of the drive.
+rms of the drive; offset and drift of the sensor, which no drive answers, of the position.
 """
 
 import matplotlib.pyplot as plt
@@ -70,7 +70,8 @@ def draw_itself(ax, effect, record):
         ax.set(xlabel="time, s", ylabel="position, rad")
         return
     against = AGAINST.get(effect.name, USUAL[effect.place])
-    window = slice(4600, 6400) if effect.name == "presliding_hysteresis" else slice(None, None, 5)
+    windows = {"presliding_hysteresis": slice(4600, 6400), "disturbance_tone": slice(0, 1000)}
+    window = windows.get(effect.name, slice(None, None, 5))
     ax.plot(signals[against][window], effect.contribution(signals)[window], ".", ms=1.5)
     ax.set(xlabel=UNIT[against], ylabel="position, rad" if effect.port == "output" else "torque, Nm")
 
@@ -81,14 +82,14 @@ def draw_place(place):
     effects = [draw_effect(name, axis, reference, 0.15, random_state=3) for name in names]
     records = simulate_many([axis, *(axis.with_effect(e) for e in effects)], reference=reference, noise=False)
     _figure, panels = plt.subplots(len(names), 2, figsize=(9, 2.1 * len(names)), squeeze=False, layout="constrained")
-    window = slice(9000, 12000)
+    window = slice(4000, 7000)
     for (left, right), effect, record in zip(panels, effects, records[1:], strict=True):
         draw_itself(left, effect, record)
         left.set_title(effect.name, loc="left", fontweight="bold", fontsize=10)
         right.plot(records[0].time[window], records[0].drive[window], color="0.7", lw=1.5)
         right.plot(record.time[window], record.drive[window], lw=0.8)
         right.set(xlabel="time, s", ylabel="drive, Nm")
-        right.set_title(effect.equation, loc="left", fontsize=8)
+        right.set_title(effect.equation.split(", d")[0].split(", c =")[0], loc="left", fontsize=8)
     plt.show()
     for effect in effects:
         describe(effect)
