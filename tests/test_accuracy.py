@@ -27,15 +27,17 @@ def random_system(seed):
     return WienerHammersteinSystem(a, random_stable(n_b, rng), c, random_stable(n_d, rng), law)
 
 
-def test_one_pass_of_the_default_is_as_good_as_the_batch_fit_on_the_paper_s_example():
+@pytest.mark.parametrize("seeds", [range(4), range(4, 8)], ids=["0-3", "4-7"])
+def test_one_pass_of_the_default_is_as_good_as_the_batch_fit_on_the_paper_s_example(seeds):
+    """Seed by seed, as four of them scatter by more than the two estimators differ."""
     system = WienerHammersteinSystem.example()
     errors = []
-    for seed in range(8):
+    for seed in seeds:
         X, y = make_wiener_hammerstein(1000, random_state=seed)
-        models = RMILSRegressor(WienerHammersteinLags(), random_state=seed), PEMRegressor(random_state=seed)
+        models = RMILSRegressor(WienerHammersteinLags(), random_state=seed), PEMRegressor(n_starts=8, random_state=seed)
         errors.append([free_run_nmse(model.fit(X, y), system, seed) for model in models])
     rmils, pem = np.array(errors).T
-    assert np.median(rmils) <= 1.5 * np.median(pem)
+    assert np.median(rmils / pem) <= 1.5
     assert rmils.max() <= 0.1
     assert pem.max() <= 0.05
 
@@ -46,5 +48,5 @@ def test_on_other_systems_too(seed):
     lags = WienerHammersteinLags(system.a.size, system.b.size, system.c.size, system.d.size, law=system.law)
     X, y = make_wiener_hammerstein(1000, snr_db=20.0, random_state=[seed, 6], system=system)
     rmils = free_run_nmse(RMILSRegressor(lags, random_state=seed).fit(X, y), system, seed)
-    pem = free_run_nmse(PEMRegressor(lags, n_starts=16, random_state=seed).fit(X, y), system, seed)
+    pem = free_run_nmse(PEMRegressor(lags, n_starts=8, random_state=seed).fit(X, y), system, seed)
     assert rmils <= 2.0 * pem

@@ -97,7 +97,7 @@ def test_a_refused_fit_after_a_good_one_keeps_the_good_one(name):
     model = copy.deepcopy(MODELS[name]).fit(pd.DataFrame(X, columns=["drive"]), Y)
     before, prediction = attributes(model), model.predict(pd.DataFrame(X, columns=["drive"]))
     for bad, (bad_X, bad_y, _) in BAD.items():
-        with pytest.raises(ValueError, match="."):
+        with pytest.raises(ValueError, match=r"."):
             model.fit(bad_X, bad_y, **groups_of(bad))
         assert_untouched(model, before)
     wide = pd.DataFrame(np.full((90, 3), np.nan), columns=["p", "q", "r"])  # other names, other width, and NaN
@@ -135,7 +135,7 @@ def test_one_bad_row_in_a_stream(name):
     model = copy.deepcopy(MODELS[name]).partial_fit(X[:80], Y[:80])
     before = attributes(model)
     for row, value in [([[np.nan]], [0.0]), ([[0.0]], [np.inf]), ([[0.0, 1.0]], [0.0]), ([[1e40]], [0.0])]:
-        with pytest.raises(ValueError, match="X|y"):
+        with pytest.raises(ValueError, match=r"X|y"):
             model.partial_fit(np.array(row), np.array(value))
         assert_untouched(model, before)
 
@@ -150,7 +150,7 @@ def test_another_width_is_refused(name):
         calls.append(lambda: model.partial_fit(wide, Y))
     for call in calls:
         with pytest.raises(
-            ValueError, match="X has 2 features, but .* is expecting 1 features as input; give"
+            ValueError, match=r"X has 2 features, but .* is expecting 1 features as input; give"
         ) as error:
             call()
         assert_one_sentence(error)
@@ -170,7 +170,7 @@ def test_a_refused_prediction(name, bad):
 @pytest.mark.parametrize("horizon", [0, -1, 1.5, True, "far"])
 def test_a_horizon_is_a_whole_number_of_samples(horizon):
     model = RLSRegressor().fit(X, Y)
-    with pytest.raises(ValueError, match="horizon is .* expected a whole number"):
+    with pytest.raises(ValueError, match=r"horizon is .* expected a whole number"):
         model.predict_ahead(X, Y, horizon=horizon)
 
 
@@ -253,7 +253,7 @@ def test_a_stream_cannot_change_its_sizes_midway(settings):
     model = RMILSRegressor(WienerHammersteinLags(), n_starts=2, memory=64, random_state=0).partial_fit(X, Y)
     state, prediction = model.get_state(), model.predict(X)
     model.set_params(**settings)
-    with pytest.raises(ValueError, match="state of this RMILSRegressor has .* use the parameters it was begun with"):
+    with pytest.raises(ValueError, match=r"state of this RMILSRegressor has .* use the parameters it was begun with"):
         model.partial_fit(X, Y)
     assert state_difference(state, model.get_state()) == 0.0
     if "lags__n_a" in settings:
@@ -317,7 +317,7 @@ def test_lags_refuse_clearly_and_keep_their_state(bad):
     lags.fit_transform(X[:80], Y[:80])
     twin, before = copy.deepcopy(lags), attributes(lags)
     for method in ("fit_transform", "partial_fit_transform", "transform"):
-        with pytest.raises(ValueError, match="."):
+        with pytest.raises(ValueError, match=r"."):
             getattr(lags, method)(bad_X, bad_y, **groups_of(bad))
         assert_untouched(lags, before)
     np.testing.assert_array_equal(lags.partial_fit_transform(*GOOD), twin.partial_fit_transform(*GOOD))
@@ -327,7 +327,7 @@ def test_lags_need_the_output_and_the_same_inputs():
     lags = WienerHammersteinLags().fit(X, Y)
     with pytest.raises(ValueError, match=r"y is missing.*call with \(X, y\)"):
         lags.transform(X)
-    with pytest.raises(ValueError, match="X has 2 features, but WienerHammersteinLags is expecting 1"):
+    with pytest.raises(ValueError, match=r"X has 2 features, but WienerHammersteinLags is expecting 1"):
         lags.transform(np.c_[X, X], Y)
 
 

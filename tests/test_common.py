@@ -39,15 +39,12 @@ ON_ROWS = [
     RLSRegressor(),
     MILSRegressor(),
     RMILSRegressor(),
-    RMILSRegressor(gradient="pseudolinear"),
-    RLSRegressor(forgetting=0.98),
     MultiInnovationGradientRegressor(),
 ]
 DYNAMIC = [
     RLSRegressor(LAGS, n_starts=2),
     MILSRegressor(LAGS, n_starts=2),
     RMILSRegressor(LAGS, n_starts=2),
-    RMILSRegressor(LAGS, n_starts=2, memory=0),
     RMILSRegressor(LAGS, gradient="pseudolinear"),
     MultiInnovationGradientRegressor(LAGS),
     PEMRegressor(LAGS, n_starts=1),

@@ -118,7 +118,7 @@ def test_parameters_and_theta_are_one_model(fitted, name):
     model = fitted[name]
     named, theta = model.parameters_, model.theta_
     law = [k for k in named if k not in "abcd"]
-    g = named[law[0]] if name != "polynomial" else named["power1"]
+    g = named[law[0]] if name != "polynomial" else named["x1"]
     np.testing.assert_allclose(theta[: len(named["a"])], g * named["a"], rtol=1e-6, atol=1e-9)
     np.testing.assert_allclose(theta[len(theta) - len(named["d"]) :], named["d"])
     assert named["a"][0] == named["c"][0] == 1.0

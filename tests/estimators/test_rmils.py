@@ -74,8 +74,8 @@ def test_standard_errors_are_calibrated_where_the_model_is_linear():
         X, y = make_wiener_hammerstein(200, snr_db=10, random_state=seed, system=system)
         model = RMILSRegressor(lags_of(system), n_starts=1, random_state=0).fit(X, y)
         named, errors = model.parameters_, model.parameter_standard_errors_
-        estimate = np.r_[named["power1"], named["power2"], named["d"]]
-        error = np.r_[errors["power1"], errors["power2"], errors["d"]]
+        estimate = np.r_[named["x1"], named["x2"], named["d"]]
+        error = np.r_[errors["x1"], errors["x2"], errors["d"]]
         hits.append(np.abs(estimate - truth) < 1.96 * error)
     assert 0.91 <= np.mean(hits) <= 0.98  # 480 draws scatter by 1 %
 
@@ -106,7 +106,7 @@ def test_forgetting_tracks_an_axis_that_changes():
                 lags_of(before), forgetting=forgetting, memory=memory, n_starts=2, random_state=0
             ).partial_fit(X, y)
             model.partial_fit(X2, y2)
-            errors[forgetting, memory] = abs(model.parameters_["power1"] - 2.0)
+            errors[forgetting, memory] = abs(model.parameters_["x1"] - 2.0)
     assert max(errors[0.98, 0], errors[0.98, 256]) < 0.1
     assert errors[1.0, 256] > 0.3
 

@@ -117,7 +117,7 @@ def test_an_unknown_law_and_noise_of_another_length_are_refused():
 
 
 def test_its_repr_makes_it_again():
-    from whsklearn import effects  # noqa: F401
+    from whsklearn import effects
 
     system = WienerHammersteinSystem.example()
     names = {"WienerHammersteinSystem": WienerHammersteinSystem} | vars(effects)
