@@ -50,7 +50,7 @@ def diagnose(kind: str, effects: tuple[str, ...] | None, seed: int) -> dict[str,
         "seconds": round(time.perf_counter() - began, 1),
     }  # fmt: skip
     if kind == "named" and d.effects and d.effects[0].name == case.truth[0]:
-        first = abs(next(v for v in d.effects[0].labelled().values() if isinstance(v, float)))
+        first = abs(next(v for v in d.effects[0].effect.labelled().values() if isinstance(v, float)))
         row["error_of_size"] = round(abs(first / case.parameters[0]["size"] - 1), 4)
     return row
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from whsklearn.gap.blocks.candidates import Candidate, Scales
-from whsklearn.gap.blocks.fit import rms_dx, weights_of
+from whsklearn.gap.blocks.fit import climb, rms_dx, weights_of
 from whsklearn.gap.blocks.model import BlockModel, Setting, Term, chain, coloured, jacobian, raw_errors
 from whsklearn.systems import block_effects as be
 
@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-SHARPNESS = 30.0  # of the sign while signatures are taken, times rms dx
+SHARPNESS = 100.0
+SOFT = 10.0  # of the sign while signatures are taken, times rms dx
 ABSORBED = 0.02  # least part of a signature that the model's own parameters must leave over
 
 
@@ -68,17 +69,39 @@ class Stand:
         return columns - self.basis @ (self.basis.T @ columns)
 
 
-def take_stand(s: Setting, m: BlockModel, z: Scales) -> Stand:
-    """Errors under the model's own sharpness, sensitivities under a softer sign."""
-    soft = m.at(min(m.kappa, SHARPNESS / rms_dx(s, m)))
+def take_stand(s: Setting, m: BlockModel, z: Scales, sharpness: float = SHARPNESS) -> Stand:
+    """Errors and sensitivities under a sign that is soft enough to have a slope.
+
+    Under a much softer one a sample on the wrong side of a reversal tells by how far; what the softness itself
+    does, the sensitivity to kappa, then counts as the model's own.
+    """
+    soft = m.at(min(m.kappa, sharpness / rms_dx(s, m)))
+    much = sharpness < SHARPNESS
+    if much:
+        soft, _ = climb(s, soft, z, steps=4)
+    base = raw_errors(s, soft)
+    errors = coloured(base, soft.ar)[s.fit]
+    root = np.sqrt(weights_of(errors)[0])
+    rows = jacobian(s, soft, z, base)[s.fit]
+    if much:
+        moved = [coloured(raw_errors(s, soft.at(f * soft.kappa)) - base, soft.ar)[s.fit] for f in (0.6, 0.8, 1.3, 2.0)]
+        rows = np.column_stack([rows, *moved])
+    rows = rows * root[:, None]
+    rows = rows / np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
+    left, values, _ = np.linalg.svd(rows, full_matrices=False)
+    return Stand(soft, root * errors, left[:, values > 1e-9 * values[0]], base, root)
+
+
+def sharp_stand(s: Setting, m: BlockModel, z: Scales) -> Stand:
+    """The model's own errors beside sensitivities of a softer sign: for tests of what is left."""
+    soft = m.at(min(m.kappa, 30.0 / rms_dx(s, m)))
     base = raw_errors(s, soft)
     errors = coloured(raw_errors(s, m), m.ar)[s.fit]
     root = np.sqrt(weights_of(errors)[0])
     rows = jacobian(s, soft, z, base)[s.fit] * root[:, None]
     rows = rows / np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
     left, values, _ = np.linalg.svd(rows, full_matrices=False)
-    basis = left[:, values > 1e-9 * values[0]]
-    return Stand(soft, root * errors, basis, base, root)
+    return Stand(soft, root * errors, left[:, values > 1e-9 * values[0]], base, root)
 
 
 def change(s: Setting, stand: Stand, kind: Candidate, numbers: tuple[float, ...]) -> Array:
@@ -91,7 +114,7 @@ def signature(s: Setting, stand: Stand, kind: Candidate, shape: tuple[float, ...
     """Columns of the effect at one shape, per unit of its linear numbers (or at its size); shape (n_fit, 1 or 2)."""
     if kind.linear == 0:
         return change(s, stand, kind, shape)[:, None]
-    unit = kind.unit(z)
+    unit = kind.unit(z)  # small, so that no sign turns
     columns = []
     for i in range(kind.linear):
         numbers = [0.0] * kind.linear
@@ -227,7 +250,7 @@ def remainder(s: Setting, m: BlockModel, z: Scales) -> Remainder:
     """The test of what is left, with generic functions at every port."""
     from scipy.stats import f as fisher
 
-    stand = take_stand(s, m, z)
+    stand = sharp_stand(s, m, z)
     columns = stand.leftover(probe_columns(s, stand, z))
     columns = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
     left, values, _ = np.linalg.svd(columns, full_matrices=False)

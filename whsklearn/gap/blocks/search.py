@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from whsklearn.gap.blocks.candidates import Candidate, Scales, catalogue_for
-from whsklearn.gap.blocks.fit import cost, fit_base, refit
+from whsklearn.gap.blocks.fit import climb, cost, fit_base, refit, rms_dx
 from whsklearn.gap.blocks.model import BlockModel, Setting, Term, coloured, free_run, raw_errors, signal_scales
 from whsklearn.gap.blocks.score import (
     ABSORBED,
+    SOFT,
     Remainder,
     Screened,
     Stand,
@@ -20,6 +21,7 @@ from whsklearn.gap.blocks.score import (
     refine_scan,
     remainder,
     screen,
+    signature,
     take_stand,
 )
 
@@ -137,13 +139,24 @@ def try_all(
     stand = take_stand(s, m, z)
     screened = screen(s, stand, kinds, z)
     n = int(s.fit.sum())
-    worth = sorted(screened, key=lambda c: -_promise(c, value, n))
-    trials = []
-    for c in worth[:MAX_REFITS]:
-        if c.left < ABSORBED or c.gain <= 0.0 or _promise(c, value, n) < -5.0:
+    worth = [(_promise(c, stand, n), refine_scan(s, stand, c, z)) for c in _best(screened, stand, n)]
+    soft = take_stand(s, m, z, SOFT)
+    more = screen(s, soft, [k for k in kinds if k.linear and k.name not in _SOFT_ITSELF], z)
+    worth += [(_promise(c, soft, n), refine_scan(s, soft, c, z)) for c in _best(more, soft, n)]
+    worth += _from_sizes(s, m, value, [k for k in kinds if k.linear == 0], z)
+    worth.sort(key=lambda w: -w[0])
+    tried: dict[str, Trial] = {}
+    visible = {c.term.kind.label: c.left for c in screened}
+    for promise, c in worth:
+        label = c.term.kind.label
+        if promise < -5.0 or visible.get(label, 1.0) < ABSORBED:
             continue
-        trials.append(_refit_trial(s, m, value, refine_scan(s, stand, c, z), z))
-    trials.sort(key=lambda t: -t.delta_bic)
+        if label not in tried and len(tried) >= MAX_REFITS:
+            continue
+        one = _refit_trial(s, m, value, c, z)
+        if label not in tried or one.cost < tried[label].cost:
+            tried[label] = one
+    trials = sorted(tried.values(), key=lambda t: -t.delta_bic)
     for i, t in enumerate(trials[:3]):
         for other in others or []:
             again = _from_elsewhere(s, other, t, value, z)
@@ -155,8 +168,38 @@ def try_all(
     return Round(m, value, screened, trials)
 
 
-def _promise(c: Screened, value: float, n: int) -> float:
+_SOFT_ITSELF = ("stribeck", "presliding_hysteresis")  # what a soft sign looks like
+
+
+def _best(screened: list[Screened], stand: Stand, n: int) -> list[Screened]:
+    """Those worth a refit."""
+    ranked = sorted(screened, key=lambda c: -_promise(c, stand, n))
+    return [c for c in ranked[:MAX_REFITS] if c.left >= ABSORBED and c.gain > 0.0 and _promise(c, stand, n) > -5.0]
+
+
+def _from_sizes(
+    s: Setting, m: BlockModel, value: float, kinds: list[Candidate], z: Scales
+) -> list[tuple[float, Screened]]:
+    """Candidates whose size is a shape, from every size of the grid by a few steps: most of what they do is to turn
+    single signs, which no slope shows."""
+    n = int(s.fit.sum())
+    out = []
+    for kind in kinds:
+        found = []
+        for shape in kind.shapes(z):
+            start = m.plus(Term(kind, shape))
+            start = start.at(min(m.kappa, 60.0 / rms_dx(s, start)))
+            fitted, _ = climb(s, start, z, steps=4)
+            found.append((cost(s, fitted.at(m.kappa)), fitted.terms[-1]))
+        found.sort(key=lambda f: f[0])
+        now, term = found[0]
+        out.append((delta_bic(n, value, now, kind.n_numbers, 1), Screened(term, max(value - now, 0.0), 1.0, np.empty(0))))
+    return out
+
+
+def _promise(c: Screened, stand: Stand, n: int) -> float:
     kind = c.term.kind
+    value = float(stand.errors @ stand.errors)
     return delta_bic(n, value, max(value - c.gain, 1e-3 * value), kind.n_numbers, kind.scanned)
 
 
@@ -274,12 +317,19 @@ def prune(s: Setting, found: Found, need: float) -> None:
 
 def aliases_of(s: Setting, one: Round, taken: Trial, z: Scales) -> tuple[list[str], list[str]]:
     """(names that no such record tells from the one taken, names that this record leaves open)."""
-    stand: Stand = take_stand(s, taken.model, z)
+    i = len(taken.model.terms) - 1
+    stand = take_stand(s, taken.model.without(i), z)
+    mine = signature_of(s, stand, taken.model.terms[i], z)
     alike, close = [], []
     for t in one.trials:
         if t.name == taken.name or taken.delta_bic - t.delta_bic >= MARGIN:
             continue
-        c = coherence(taken.screened.signature, t.screened.signature)
+        c = coherence(mine, signature_of(s, stand, t.model.terms[-1], z))
         (alike if c >= SIMILAR else close).append(t.name)
-    del stand
     return list(dict.fromkeys(alike)), [n for n in dict.fromkeys(close) if n not in alike]
+
+
+def signature_of(s: Setting, stand: Stand, term: Term, z: Scales) -> Array:
+    """What an effect does beyond the model's own parameters, at its fitted shape."""
+    columns = stand.leftover(signature(s, stand, term.kind, term.q[term.kind.linear :], z))
+    return columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
