@@ -156,5 +156,6 @@ def verdict(outcomes: Sequence[Outcome]) -> str:
         return f"{name} leaves {ratio:.2g} of the best linear model's mean squared error in free run."
     return wrapped(
         f"Warning: in free run {name} has {ratio:.2g} times the mean squared error of the best linear model. This "
-        "record does not behave as a Wiener-Hammerstein system of these orders and this law: try others, or an axis model."
+        "record does not behave as a Wiener-Hammerstein system of these orders and this law: try others, or an "
+        "axis model."
     )

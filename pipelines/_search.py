@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copyreg
+from collections.abc import Callable
 from typing import Any
 
 from joblib import effective_n_jobs
@@ -15,10 +17,10 @@ def recorded(search_class: type) -> type:
     """
 
     class Recorded(search_class):  # type: ignore[misc, valid-type]
-        on_results: Any = None
+        on_results: Callable[[dict[str, Any]], None] | None = None
 
-        def _run_search(self, evaluate_candidates: Any) -> None:
-            def in_chunks(candidates: Any, cv: Any = None, more_results: Any = None) -> Any:
+        def _run_search(self, evaluate_candidates: Any, callback_ctx: Any = None) -> None:
+            def in_chunks(candidates: Any, cv: Any = None, more_results: Any = None, callback_ctx: Any = None) -> Any:
                 candidates = list(candidates)
                 # Halving asks with its own columns, a rung at a time; those stay whole.
                 size = len(candidates) if more_results else max(1, 2 * effective_n_jobs(self.n_jobs))
@@ -29,7 +31,13 @@ def recorded(search_class: type) -> type:
                         self.on_results(results)
                 return results
 
-            super()._run_search(in_chunks)
+            # Since 1.9 scikit-learn hands a context for its own progress callbacks to whoever asks for one.
+            super()._run_search(in_chunks, **({} if callback_ctx is None else {"callback_ctx": callback_ctx}))
+
+        def __reduce__(self) -> Any:
+            # scikit-learn sends the search along to its workers; there it is a plain one, and records nothing.
+            state = {k: v for k, v in self.__dict__.items() if k != "on_results"}
+            return copyreg.__newobj__, (search_class,), state  # type: ignore[attr-defined]
 
     Recorded.__name__ = Recorded.__qualname__ = search_class.__name__
     return Recorded
