@@ -26,15 +26,11 @@ for effects in (late, dry, path):
 """
 
 
-def numbers(**environment):
-    """What the script prints under an environment."""
-    run = subprocess.run(
-        [sys.executable, "-c", SCRIPT], env=os.environ | environment, capture_output=True, text=True, check=True
-    )
-    return np.array([float(x) for x in run.stdout.split()])
-
-
-def test_uncompiled_is_the_same():
-    compiled, plain = numbers(), numbers(NUMBA_DISABLE_JIT="1")
+def test_uncompiled_is_the_same(capsys):
+    exec(SCRIPT, {})
+    compiled = np.array([float(x) for x in capsys.readouterr().out.split()])
+    environment = os.environ | {"NUMBA_DISABLE_JIT": "1"}
+    run = subprocess.run([sys.executable, "-c", SCRIPT], env=environment, capture_output=True, text=True, check=True)
+    plain = np.array([float(x) for x in run.stdout.split()])
     assert compiled.size == 18
     np.testing.assert_allclose(compiled, plain, rtol=1e-9, atol=1e-12)

@@ -8,14 +8,21 @@ than a loop, and it lets go of the interpreter, so threads help.
 from __future__ import annotations
 
 import math
+import sys
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numba import njit, types
 from numba.core.types import FunctionType
 
+from whsklearn.effects import codes, hysteresis, terms
 from whsklearn.effects.hysteresis import N_STATES
+from whsklearn.systems import _servo_step, _servo_torques
 from whsklearn.systems._servo_step import fine_step
 from whsklearn.systems._servo_torques import USER_SIGNATURE, measured_position
+
+_BELOW = (hysteresis, terms, codes)
 
 # columns of the output
 DRIVE, MEASURED, POSITION, VELOCITY, TORQUE, LOAD, LOAD_VELOCITY = range(7)
@@ -41,7 +48,7 @@ _SIGNATURE = types.void(
 )
 
 
-@njit(cache=True)
+@njit
 def held_drive(u, start, width, before, linear):
     """The drive's mean over a fine step that starts at ``start`` (in samples): held or interpolated."""
     last = u.shape[0] - 1
@@ -60,7 +67,7 @@ def held_drive(u, start, width, before, linear):
     return share * first + (1.0 - share) * (before if j < 0 else u[min(j, last), 0])
 
 
-@njit(cache=True)
+@njit
 def lagged(u, state, constant, h):
     """Mean output and new state of a first-order lag under a constant input; exact."""
     if constant <= 0.0:
@@ -69,7 +76,7 @@ def lagged(u, state, constant, h):
     return u + (state - u) * (1.0 - decay) * constant / h, u + (state - u) * decay
 
 
-@njit(cache=True)
+@njit
 def control(c, memory, reference, k, y, sample_time):
     """PID with feed-forward, saturation and conditional integration; memory = [integral, derivative, last input]."""
     kp, ki, kd, kv, ka, limit, on_measurement, filter_time = c
@@ -87,7 +94,7 @@ def control(c, memory, reference, k, y, sample_time):
     return min(limit, max(-limit, rest + memory[0]))
 
 
-@njit(cache=True)
+@njit
 def return_to(state, position, velocity):
     """Set motor position and velocity, and carry the load along."""
     state[2] += position - state[0]
@@ -96,7 +103,24 @@ def return_to(state, position, velocity):
     state[1] = velocity
 
 
-@njit(_SIGNATURE, cache=True, nogil=True)
+def _compiled(function: Any) -> Any:
+    """Compile for the one signature, and cache under the age of all files that are compiled in, not of this one only.
+
+    Numba looks at the caller's own file; an edit below it would leave yesterday's physics in the cache.
+    """
+    dispatcher = njit(cache=True, nogil=True)(function)
+    if not hasattr(dispatcher, "compile"):  # uncompiled on request
+        return dispatcher
+    index = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
+    if hasattr(index, "_source_stamp"):
+        stats = [Path(str(m.__file__)).stat() for m in (sys.modules[__name__], _servo_step, _servo_torques, *_BELOW)]
+        index._source_stamp = (max(s.st_mtime for s in stats), sum(s.st_size for s in stats))
+    dispatcher.compile(_SIGNATURE)
+    dispatcher.disable_compile()
+    return dispatcher
+
+
+@_compiled
 def run(
     out, reference, noise, disturbance, axis, drive, controller, effects, p, sensors, sp, measured, how, sample_time,
     initial, user,

@@ -19,7 +19,7 @@ from whsklearn.effects.hysteresis import advance_hysteresis
 from whsklearn.systems._servo_torques import all_torques
 
 
-@njit(cache=True)
+@njit
 def advance_memories(effects, p, z, dx, v):
     """Move every hysteresis along a path."""
     for i in range(effects.size):
@@ -27,7 +27,7 @@ def advance_memories(effects, p, z, dx, v):
             advance_hysteresis(effects[i], p, z, i, dx, v)
 
 
-@njit(cache=True)
+@njit
 def implicit_gain(slope, inertia, h):
     """Divisor of the linearly implicit step: midpoint where it resolves the slope, Euler where it does not."""
     stiffness = h * slope / inertia
@@ -36,7 +36,7 @@ def implicit_gain(slope, inertia, h):
     return 1.0 + stiffness
 
 
-@njit(cache=True)
+@njit
 def from_rest(pull, dry, asymmetric, slope, inertia, h):
     """Velocity and path after h from rest: zero while friction can hold the pull."""
     low = min(asymmetric - dry, asymmetric)
@@ -48,7 +48,7 @@ def from_rest(pull, dry, asymmetric, slope, inertia, h):
     return v, 0.5 * h * v
 
 
-@njit(cache=True)
+@njit
 def kick_smooth(v, pull, inertia, h, kappa, parts):
     """Velocity and path with sign(v) = tanh(kappa v)."""
     smooth, slope, dry, dry_slope, asymmetric = parts
@@ -60,7 +60,7 @@ def kick_smooth(v, pull, inertia, h, kappa, parts):
     return v_new, 0.5 * h * (v + v_new)
 
 
-@njit(cache=True)
+@njit
 def kick_dry(effects, p, z, x, q, v, u, t, pull, inertia, h, parts, one_mass, user):
     """Velocity and path with set-valued dry friction."""
     smooth, slope, dry, dry_slope, asymmetric = parts
@@ -78,7 +78,7 @@ def kick_dry(effects, p, z, x, q, v, u, t, pull, inertia, h, parts, one_mass, us
     return from_rest(pull - smooth, dry, asymmetric, slope, inertia, h)
 
 
-@njit(cache=True)
+@njit
 def coupling_torque(twist, rate, motor, load, stiffness, damping, gap, give, h):
     """Mean torque of the coupling over a step: implicit midpoint, pushing only where there is play.
 
@@ -97,7 +97,7 @@ def coupling_torque(twist, rate, motor, load, stiffness, damping, gap, give, h):
     return 0.0 if side * torque < 0.0 else torque
 
 
-@njit(cache=True)
+@njit
 def fine_step(effects, p, z, state, axis, u, t, h, user):
     """Advance ``state`` = [q_motor, v_motor, q_load, v_load] by h under the torque u."""
     inertia, share, stiffness, damping, gap, kappa = axis

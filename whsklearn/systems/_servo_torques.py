@@ -27,7 +27,7 @@ def no_user_effect(index, p, time, position, velocity, drive):
     return 0.0
 
 
-@njit(cache=True)
+@njit
 def static_torque(code, p, i, x, v):
     """A static term's share of: smooth torque, its slope, dry level, its slope, asymmetric level."""
     w = p[i, 0]
@@ -42,7 +42,7 @@ def static_torque(code, p, i, x, v):
     return w * f, w * slope, 0.0, 0.0, 0.0
 
 
-@njit(cache=True)
+@njit
 def motor_torque(code, p, z, i, x, v, u, t, user):
     """The same five shares of an effect on the motor's side that is no static term."""
     w = p[i, 0]
@@ -72,7 +72,7 @@ def motor_torque(code, p, z, i, x, v, u, t, user):
     return 0.0, 0.0, 0.0, 0.0, 0.0
 
 
-@njit(cache=True)
+@njit
 def load_torque(code, p, i, q, t):
     """An effect on the load's side: a function of the load's position and of time."""
     w = p[i, 0]
@@ -91,7 +91,7 @@ def load_torque(code, p, i, q, t):
     return 0.0
 
 
-@njit(cache=True)
+@njit
 def all_torques(effects, p, z, x, q, v, u, t, user):
     """Sums over all effects: smooth, slope, dry, dry slope, asymmetric, load, added inertia."""
     smooth = slope = dry = dry_slope = asymmetric = load = inertia = 0.0
@@ -114,7 +114,7 @@ def all_torques(effects, p, z, x, q, v, u, t, user):
     return smooth, slope, dry, dry_slope, asymmetric, load, inertia
 
 
-@njit(cache=True)
+@njit
 def measured_position(effects, p, x, t, user):
     """The sensor's reading before noise and lattice, and the coarsest lattice step."""
     y = x
