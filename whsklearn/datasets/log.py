@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal, overload
 
 import numpy as np
 from sklearn.utils import Bunch
@@ -30,6 +30,34 @@ _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 _LONG_GAP = 5.0  # periods; a longer gap is not bridged, it starts a new group
 
 
+@overload
+def load_log(
+    path: str | os.PathLike[str],
+    *,
+    time: str,
+    input: str | None = ...,
+    output: str | None = ...,
+    reference: str | None = ...,
+    drive: str | None = ...,
+    position: str | None = ...,
+    units: dict[str, str] | None = ...,
+    resample: bool = ...,
+    return_X_y: Literal[False] = ...,
+) -> Bunch: ...
+@overload
+def load_log(
+    path: str | os.PathLike[str],
+    *,
+    time: str,
+    input: str | None = ...,
+    output: str | None = ...,
+    reference: str | None = ...,
+    drive: str | None = ...,
+    position: str | None = ...,
+    units: dict[str, str] | None = ...,
+    resample: bool = ...,
+    return_X_y: Literal[True],
+) -> tuple[Array, Array]: ...
 def load_log(
     path: str | os.PathLike[str],
     *,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal, overload
 
 import numpy as np
 from sklearn.utils import Bunch
@@ -12,7 +12,27 @@ from whsklearn.systems.wiener_hammerstein import WienerHammersteinSystem
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    Array = NDArray[np.float64]
 
+
+@overload
+def make_wiener_hammerstein(
+    n_samples: int = ...,
+    snr_db: float | None = ...,
+    random_state: Any = ...,
+    *,
+    system: WienerHammersteinSystem | None = ...,
+    return_truth: Literal[False] = ...,
+) -> tuple[Array, Array]: ...
+@overload
+def make_wiener_hammerstein(
+    n_samples: int = ...,
+    snr_db: float | None = ...,
+    random_state: Any = ...,
+    *,
+    system: WienerHammersteinSystem | None = ...,
+    return_truth: Literal[True],
+) -> tuple[Array, Array, Bunch]: ...
 def make_wiener_hammerstein(
     n_samples: int = 1000,
     snr_db: float | None = 7.462,
@@ -20,7 +40,7 @@ def make_wiener_hammerstein(
     *,
     system: WienerHammersteinSystem | None = None,
     return_truth: bool = False,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]] | tuple[NDArray[np.float64], NDArray[np.float64], Bunch]:
+) -> tuple[Array, Array] | tuple[Array, Array, Bunch]:
     """A record of Example 5.1, or of another system under the same experiment.
 
     Parameters
@@ -72,4 +92,15 @@ def make_wiener_hammerstein(
     y = system.simulate(u, d)
     if not return_truth:
         return u[:, None], y
-    return u[:, None], y, Bunch(system=system, u=u, d=d, theta=None if system.law.key is None else system.theta, parameters=system.parameters, **clean)
+    return (
+        u[:, None],
+        y,
+        Bunch(
+            system=system,
+            u=u,
+            d=d,
+            theta=None if system.law.key is None else system.theta,
+            parameters=system.parameters,
+            **clean,
+        ),
+    )

@@ -258,8 +258,8 @@ def consolidate(state: State, r: Reading) -> None:
         if first_block and fill <= r.memory // 2:
             scales = term_scales(r.law, *record, rng)
             tasks += [(0, theta, climb) for theta in _fresh(r, r.n_starts // 8, scales, record, rng)]
-    found = [_rerun(state, r, *task, record[0], record[2]) for task in tasks]
-    found = sorted((c for c in found if c is not None), key=lambda c: c.cost)
+    reruns = [_rerun(state, r, *task, record[0], record[2]) for task in tasks]
+    found = sorted((c for c in reruns if c is not None), key=lambda c: c.cost)
     if found:
         keep = max(1, r.n_starts * r.first_rerun // (2 * fill)) if first_block else len(found)
         _adopt(state, r, _distinct(found)[:keep])

@@ -56,10 +56,10 @@ class WienerHammersteinSystem:
 
     def __init__(
         self,
-        a: Sequence[float],
-        b: Sequence[float],
-        c: Sequence[float],
-        d: Sequence[float],
+        a: ArrayLike,
+        b: ArrayLike,
+        c: ArrayLike,
+        d: ArrayLike,
         law: FrictionLaw | str | Iterable[StaticEffect] | None = None,
         *,
         effects: Sequence[Effect] = (),
