@@ -111,7 +111,7 @@ def _compiled(function: Any) -> Any:
     dispatcher = njit(cache=True, nogil=True)(function)
     if not hasattr(dispatcher, "compile"):  # uncompiled on request
         return dispatcher
-    index = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
+    index: Any = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
     if hasattr(index, "_source_stamp"):
         stats = [Path(str(m.__file__)).stat() for m in (sys.modules[__name__], _servo_step, _servo_torques, *_BELOW)]
         index._source_stamp = (max(s.st_mtime for s in stats), sum(s.st_size for s in stats))
