@@ -258,14 +258,17 @@ def labelled_errors(model: Any, index: int, x: Array, r: Array, jac: Array) -> t
     centre = effect.labelled()
     rng = np.random.default_rng(0)
     draws: dict[str, list[float]] = {k: [] for k, v in centre.items() if not isinstance(v, str)}
-    for z in rng.multivariate_normal(x, covariance, 64, method="eigh"):
+    values, vectors = np.linalg.eigh(0.5 * (covariance + covariance.T))
+    spread = vectors * np.sqrt(np.maximum(values, 0.0))
+    low, high = model.bounds()
+    for z in np.clip(x + rng.standard_normal((64, x.size)) @ spread.T, low, high):
         other = model.with_vector(z).terms[index]
         try:
             labels = term.kind.effect(np.array(other.q)).labelled()
         except ValueError:
             continue
-        for k, values in draws.items():
+        for k, seen in draws.items():
             gap = labels[k] - centre[k]
-            values.append((gap + np.pi) % (2 * np.pi) - np.pi if k.startswith("phase") else gap)
+            seen.append((gap + np.pi) % (2 * np.pi) - np.pi if k.startswith("phase") else gap)
     held = {term.kind.fields[term.kind.linear + i] for i in term.kind.held}
     return effect, {k: float(np.std(v)) for k, v in draws.items() if v and not any(k.startswith(h) for h in held)}

@@ -168,7 +168,7 @@ class GapFinder(BaseEstimator):
         special = line.special(bench, found)
         verdict = verdict_of(found.taken, total, rivals, bool(quiet), follows)
         diagnosis = Diagnosis(verdict, "")
-        if special is not None and verdict in ("no_gap", "unknown", "coloured_noise"):
+        if special is not None and verdict == "no_gap":
             diagnosis.verdict, diagnosis.effects = special
         elif verdict in ("named", "ambiguous", "partial"):
             diagnosis.effects = [
@@ -248,7 +248,7 @@ class GapFinder(BaseEstimator):
                 diagnosis.before, diagnosis.after = before.as_dict(), after.as_dict()
                 diagnosis.floor = floor
         best = max(diagnosis.horizons, key=lambda h: h["before"] / max(h["floor"], 1e-300))
-        diagnosis.closure = best["closure"] if found.taken else 0.0
+        diagnosis.closure = best["closure"] if diagnosis.effects else 0.0
 
 
 def _data_problem(problems: list[Any]) -> Diagnosis:

@@ -16,10 +16,13 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 EVIDENCE_PER_SAMPLE = 200.0 / 2450.0  # of delta BIC, calibrated on records with nothing missing
-LEAST_EVIDENCE = 40.0
+LEAST_EVIDENCE, MOST_EVIDENCE = 40.0, 200.0
 LEAST_MARGIN = 10.0
 NAMED, PARTIAL = 0.8, 0.3  # closure
 BLOCKS_BETTER = 0.8
+STEEPEST_ERROR = 0.3  # rad a rad
+SIMPLEST_FIRST = 0.7  # share of the best one's explained power that an elementary effect must reach
+ELEMENTARY = ("viscous", "coulomb", "input_offset", "asymmetric_coulomb")
 
 
 @dataclass
@@ -32,6 +35,7 @@ class Evidence:
     better: float  # share of held-out blocks improved
     held_gain: float  # drop of held-out whitened sum of squares, share
     closure: float  # of missing torque, held-out
+    null_weight: float = 1.0  # the twins' null is one of the floor; it fades where more than the floor is left
     reason: str = ""
 
     @property
@@ -54,7 +58,7 @@ def delta_bic(before: Array, after: Array, n_parameters: int, looks: int) -> flo
 
 def threshold(n: int, null: float) -> float:
     """Least delta BIC for a name, given the samples and the best score on twins."""
-    return max(LEAST_EVIDENCE, EVIDENCE_PER_SAMPLE * n, 4.0 * null)
+    return max(LEAST_EVIDENCE, min(MOST_EVIDENCE, EVIDENCE_PER_SAMPLE * n), 4.0 * null)
 
 
 def weigh_evidence(bench: Any, current: Any, trials: list[Any], floor: float) -> list[Evidence]:
@@ -82,6 +86,7 @@ def weigh_evidence(bench: Any, current: Any, trials: list[Any], floor: float) ->
                 float(np.mean(per_block)),
                 1.0 - float(h @ h) / float(h0 @ h0),
                 1.0 - (after - floor) / max(before - floor, 1e-12),
+                min(1.0, (floor / max(after, 1e-300)) ** 2),
             )
         )
     return sorted(out, key=lambda e: -e.delta_bic)
@@ -89,7 +94,7 @@ def weigh_evidence(bench: Any, current: Any, trials: list[Any], floor: float) ->
 
 def objections(bench: Any, evidence: Evidence, null: float, n: int, *, judge_sign: bool = True) -> str:
     """Why the candidate earns no name; empty if it does."""
-    need = threshold(n, null)
+    need = threshold(n, null * evidence.null_weight)
     if evidence.delta_bic < need:
         return f"evidence {evidence.delta_bic:.0f} is below the {need:.0f} that chance and noise may reach"
     share = evidence.explained / bench.scene.torque
@@ -103,6 +108,8 @@ def objections(bench: Any, evidence: Evidence, null: float, n: int, *, judge_sig
 def unphysical(trial: Any) -> str:
     """What is wrong with the sign or the range of the numbers; empty if nothing."""
     q = trial.model.terms[-1].q
+    if trial.kind.name == "encoder_eccentricity" and float(np.hypot(q[0], q[1])) * q[2] > STEEPEST_ERROR:
+        return "an encoder error so steep would let the reading stand still while the axis turns"
     if trial.kind.positive and q[0] <= 0:
         return f"its size would be {q[0]:.3g}, and a physical one is positive"
     low, high = trial.model.bounds()

@@ -6,6 +6,7 @@ model back as the library's own.  ``SimulatorLine`` asks a user's simulator thre
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any
 
 import numpy as np
@@ -47,15 +48,35 @@ class ServoLine:
 
     def open(self, rng: np.random.Generator) -> tuple[Bench, Any]:
         """The bench and the base model's first guess."""
+        from whsklearn.gap.search import fit_base
+        from whsklearn.gap.sensors import unfold
+
         bench, model = make_bench(self.record, self.law, tolerance=self.tolerance)
         self._twin: tuple[Bench, Any] | None = None
         self._rng = rng
+        self._folded: tuple[Bench, Any] | None = None
+        straight = unfold(self.record.position, self.record.dt)
+        if straight is not None:
+            record = dataclasses.replace(self.record, position=straight)
+            other, other_model = make_bench(record, self.law, tolerance=self.tolerance)
+            folded_base, _ = fit_base(bench, model)
+            unfolded_base, _ = fit_base(other, other_model)
+            raw = bench.rms(bench.missing(folded_base), "all")
+            if other.rms(other.missing(unfolded_base), "all") < 0.3 * raw:
+                self._folded = (bench, folded_base)
+                self.record = record
+                return other, unfolded_base
         return bench, model
 
     def special(self, bench: Bench, found: Found) -> tuple[str, list] | None:
         """Verdicts that no missing torque shows: a coarse encoder, a folded sensor."""
+        from whsklearn.effects import get_effect
+        from whsklearn.gap.diagnosis import NamedEffect
         from whsklearn.gap.sensors import coarse_encoder
 
+        if self._folded is not None:
+            effect = get_effect("sensor_rectification")(1.0)
+            return "named", [NamedEffect(effect, {}, float(len(self.record)), 0.99, 1.0)]
         return coarse_encoder(bench, found)
 
     def blind_share(self, trials: list[Any]) -> float:
@@ -67,8 +88,8 @@ class ServoLine:
 
     def proof(self, bench: Bench, found: Found, horizon: float) -> tuple[Simulation, Simulation, float]:
         """Simulation errors on held-out samples before and after, and the floor from a twin."""
-        before = simulation_error(bench, found.base, horizon)
-        after = simulation_error(bench, found.model, horizon) if found.taken else before
+        before = simulation_error(*(self._folded or (bench, found.base)), horizon)
+        after = simulation_error(bench, found.model, horizon) if found.taken or self._folded else before
         if self._twin is None:
             self._twin = (bench.twin(found.base, self._rng), found.base)
         floor = simulation_error(*self._twin, horizon).rmse

@@ -1,2 +1,49 @@
+"""``gap.html``: one page without outside files, the sentence first, then pictures, then tables."""
+
 from __future__ import annotations
-def render(d): return f"<html><body>{d.sentence}</body></html>"
+
+from pathlib import Path
+from typing import Any
+
+from whsklearn.gap.diagnosis import Diagnosis
+
+COLOURS = {"named": "#1b7f4d", "no_gap": "#2b6cb0", "partial": "#b7791f", "ambiguous": "#b7791f", "data_problem": "#b83232"}
+SILENCE = {
+    "no_gap": "The base model, with its numbers refitted, explains the log down to the noise of its own encoder. That is "
+    "said of this record only: effects marked not testable would not have shown.",
+    "unknown": "More is left than noise, and it can be predicted from the motion on samples that were not fitted, but no "
+    "effect of the catalogue explains it. No name is given rather than that of the nearest neighbour.",
+    "coloured_noise": "More is left than encoder noise, but nothing of it can be predicted from motion, drive or time: "
+    "disturbances, or noise with a colour of its own. No name is given.",
+    "not_testable": "Nothing is seen, but most effects of the catalogue could not have been seen either: the record moves "
+    "too little or too uniformly.",
+    "ambiguous": "Two or more effects explain this record about as well. The next experiment would part them.",
+    "partial": "What was added explains a part of the gap in simulation, less than four fifths. Something else is missing.",
+}
+
+
+def significant(value: Any) -> str:
+    """Four significant digits; text as it is."""
+    if isinstance(value, str) or value is None:
+        return str(value)
+    return f"{value:.4g}"
+
+
+def render(diagnosis: Diagnosis) -> str:
+    """The page as text."""
+    from jinja2 import Environment
+
+    environment = Environment(autoescape=True)
+    environment.filters["sig"] = significant
+    source = Path(__file__).with_name("page.html.j2").read_text(encoding="utf-8")
+    pictures: list[tuple[str, str, str]] = []
+    if diagnosis.pictures:
+        from whsklearn.gap.pictures import draw
+
+        pictures = draw(diagnosis)
+    return environment.from_string(source).render(
+        d=diagnosis,
+        pictures=pictures,
+        colour=COLOURS.get(diagnosis.verdict, "#5a6773"),
+        silence=SILENCE.get(diagnosis.verdict, ""),
+    )

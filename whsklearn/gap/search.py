@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from whsklearn.gap import judge
 from whsklearn.gap.judge import Evidence, objections, weigh_evidence
 
 MAX_REFITS = 8
@@ -73,6 +74,12 @@ def try_all(bench: Any, model: Any, *, kinds: Any = None) -> tuple[Any, list[Any
     worth = [t for i, t in enumerate(trials) if t.screened > 0.3 * top or (i < 5 and t.screened > 0.03 * top)]
     refined = [bench.refine(model, t) for t in worth[:MAX_REFITS]]
     evidence = weigh_evidence(bench, model, refined, bench.floor())
+    if not evidence or evidence[0].closure < judge.NAMED:  # what changes the path itself shows little in a linear look
+        more = [t for t in trials if t.model is None and t.kind.substeps > 1 and t.start]
+        if more:
+            bench.weigh(bench.rms(bench.missing(model), "all"))
+            refined += [bench.refine(model, t) for t in more]
+            evidence = weigh_evidence(bench, model, refined, bench.floor())
     return model, trials, evidence
 
 
@@ -82,9 +89,14 @@ def first_sound(bench: Any, evidence: list[Evidence], null: float) -> Evidence |
     for e in evidence:
         e.reason = objections(bench, e, null, n)
     sound = [e for e in evidence if e.passes]
-    if not sound or sound[0].delta_bic < 0.6 * evidence[0].delta_bic:
+    if not sound:
         return None
-    return sound[0]
+    best = sound[0]
+    if best.closure < judge.NAMED:  # no name reaches the floor: the model is short of more, take the elementary first
+        for e in sound:
+            if e.name in judge.ELEMENTARY and e.explained**2 >= judge.SIMPLEST_FIRST * best.explained**2:
+                return e
+    return best if best.delta_bic >= 0.6 * evidence[0].delta_bic else None
 
 
 def search(

@@ -1,12 +1,15 @@
-"""Effects of the encoder that leave no missing torque behind: a coarse grid."""
+"""Effects of the sensor that are read off the record itself: a coarse grid, a folded sign."""
 
 from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from whsklearn.gap.bench import Bench
 
-COARSE = 6e-4  # step of the grid as a share of half the travel, finer ones are any encoder's
+COARSE = 2.5e-4  # step of the grid as a share of half the travel; finer ones are any encoder's
 
 
 def coarse_encoder(bench: Bench, found: Any) -> tuple[str, list] | None:
@@ -15,10 +18,36 @@ def coarse_encoder(bench: Bench, found: Any) -> tuple[str, list] | None:
     from whsklearn.gap.diagnosis import NamedEffect
 
     step = bench.quantum
-    if step < COARSE * bench.scene.reach / 2 or step / 12**0.5 < 0.7 * bench.noise:
+    if step < COARSE * bench.scene.reach or step / 12**0.5 < 0.7 * bench.noise:
         return None
     effect = get_effect("quantization")(step)
     gap = bench.rms(found.base_missing, "all")
     if gap > 1.3 * bench.floor():
         return None
     return "named", [NamedEffect(effect, {}, 0.0, 0.95, 1.0)]
+
+
+def unfold(position: NDArray[np.float64], dt: float) -> NDArray[np.float64] | None:
+    """The position whose absolute value was logged, or None if nothing looks folded.
+
+    A folded reading stays on one side and turns back at zero at speed: the slopes before and after are
+    opposite and equal, where a real turn would have come to rest.
+    """
+    span = float(np.ptp(position))
+    if position.min() < -0.002 * span or position.min() > 0.01 * span:
+        return None
+    w = max(2, round(0.006 / dt))
+    typical = float(np.sqrt(np.mean(np.diff(position) ** 2))) / dt
+    out, sign, k, flips = position.copy(), 1.0, w, 0
+    last = -10 * w
+    while k < position.size - w:
+        near = position[k] < 0.02 * span and position[k] == position[k - w : k + w + 1].min()
+        if near and k - last > 2 * w:
+            before = (position[k] - position[k - w]) / (w * dt)
+            after = (position[k + w] - position[k]) / (w * dt)
+            if before < -0.1 * typical and after > 0.1 * typical and 0.4 < -before / after < 2.5:
+                out[last if last > 0 else 0 : k] *= sign
+                sign, flips, last = -sign, flips + 1, k
+        k += 1
+    out[max(last, 0) :] *= sign
+    return out if flips else None

@@ -23,6 +23,22 @@ Array = NDArray[np.float64]
 SMALL = 0.01  # share of the rms drive at which signatures are taken
 
 
+TWO_MASS = {k.BACKLASH, k.BACKLASH_LOAD, k.FLEXIBLE, k.FLEXIBLE_LOAD}
+
+# Heredity: what modifies dry or viscous friction is asked for only once that friction is there.
+PARENTS = {
+    k.STRIBECK: "coulomb",
+    k.PRESLIDING: "coulomb",
+    k.POSITION_FRICTION: "coulomb",
+    k.LOAD_FRICTION: "coulomb",
+    k.FRICTION_DRIFT: "coulomb",
+    k.CHANGE_COULOMB: "coulomb",
+    k.CHANGE_VISCOUS: "viscous",
+    k.ASYMMETRIC_VISCOUS: "viscous",
+    k.QUADRATIC_DRAG: "viscous",
+}
+
+
 @dataclass
 class Trial:
     """One candidate, tried on top of a model.
@@ -98,7 +114,7 @@ def screen(bench: Bench, model: AxisModel, fit: Fit, kinds: tuple[Candidate, ...
             drop, c = gain_of(r, base, columns)
             if kind.linear == 0 and c[0] < 0:
                 drop = 0.0
-            if drop > best.screened:
+            if drop > best.screened or not best.start:
                 best = Trial(
                     kind, drop, visible, start=shape, sizes=tuple(map(float, c)) if kind.linear else (), scanned=scanned
                 )
@@ -111,10 +127,46 @@ def screen(bench: Bench, model: AxisModel, fit: Fit, kinds: tuple[Candidate, ...
 
 def refine(bench: Bench, model: AxisModel, trial: Trial, *, max_iterations: int = 12) -> Trial:
     """Fit the candidate jointly with the model from its best start."""
-    term = Term(trial.kind, (*trial.sizes, *trial.start))
-    trial.model, trial.fit = bench.fit(model.with_term(term), max_iterations=max_iterations)
+    starts = [(*trial.sizes, *trial.start)]
+    if trial.kind.code in TWO_MASS:
+        starts = _two_mass_variants(bench, trial)
+        best = min(
+            (bench.fit(model.with_term(Term(trial.kind, q)), max_iterations=3) for q in starts), key=lambda f: f[1].cost
+        )
+        trial.model, trial.fit = bench.fit(best[0], max_iterations=2 * max_iterations, tolerance=2e-3)
+    else:
+        trial.model, trial.fit = bench.fit(model.with_term(Term(trial.kind, starts[0])), max_iterations=max_iterations)
+    if trial.kind.scanned == "time":
+        trial.model, trial.fit = bench.fit(_locate_change(bench, trial.model), max_iterations=max_iterations)
     trial.cost = trial.fit.cost
     return trial
+
+
+def _two_mass_variants(bench: Bench, trial: Trial) -> list[tuple[float, ...]]:
+    """Starts of other load shares (and contact frequencies), since the two trade against each other."""
+    q = trial.start
+    if trial.kind.n_slots == 3:  # compliance, share, damping
+        return [(q[0], share, q[2]) for share in (0.25, 0.45, 0.7)]
+    top = bench.scene.resonance
+    return [(q[0] * g, share, hz, q[3]) for g in (1.0, 2.0) for share, hz in ((0.3, 0.7 * top), (0.5, 0.9 * top))]
+
+
+def _locate_change(bench: Bench, model: AxisModel) -> AxisModel:
+    """The time of a change, looked for on the whole record, since one stretch alone holds it."""
+    index = len(model.terms) - 1
+    term = model.terms[index]
+    span, best = 0.12 * bench.scene.seconds, term.q[1]
+    low, high = 0.02 * bench.scene.seconds, 0.98 * bench.scene.seconds
+
+    def cost(t: float) -> float:
+        w = bench.whitened(bench.missing(model.with_terms((*model.terms[:index], term.with_slot(1, t)))), on="all")
+        return float(w @ w)
+
+    for _ in range(4):
+        grid = np.clip(best + span * np.linspace(-1, 1, 13), low, high)
+        best = float(grid[int(np.argmin([cost(float(t)) for t in grid]))])
+        span /= 5.0
+    return model.with_terms((*model.terms[:index], term.with_slot(1, best)))
 
 
 def usable_kinds(model: AxisModel, catalogue: tuple[Candidate, ...] = CATALOGUE) -> tuple[Candidate, ...]:
@@ -123,15 +175,15 @@ def usable_kinds(model: AxisModel, catalogue: tuple[Candidate, ...] = CATALOGUE)
     Effects that come in several copies (cogging of two orders, two tones) may come again.
     """
     present = [t.kind for t in model.terms]
-    two_mass = {k.BACKLASH, k.BACKLASH_LOAD, k.FLEXIBLE, k.FLEXIBLE_LOAD}
+    names = {p.name for p in present}
     several = {"cogging", "disturbance_tone", "torque_ripple", "position_friction"}
     out = []
     for kind in catalogue:
         if any(p.name == kind.name for p in present) and kind.name not in several:
             continue
-        if kind.code in two_mass and any(p.code in two_mass for p in present):
+        if kind.code in TWO_MASS and any(p.code in TWO_MASS for p in present):
             continue
-        if kind.name == "sensor_rectification":
+        if kind.name == "sensor_rectification" or PARENTS.get(kind.code, kind.name) not in names | {kind.name}:
             continue
         out.append(kind)
     return tuple(out)

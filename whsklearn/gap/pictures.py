@@ -1,0 +1,150 @@
+"""The pictures of the page: overlay, gap over its axes with the fitted effect, spectra, candidates."""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from whsklearn.gap.diagnosis import Diagnosis
+
+BEFORE, AFTER, MEASURED, FLOOR = "#c2552d", "#1b7f4d", "#1c2530", "#8a97a5"
+WINDOW = 2.0  # s shown of the overlay
+
+
+def draw(d: Diagnosis) -> list[tuple[str, str, str]]:
+    """(title, caption, PNG in base 64) of every picture that the diagnosis has data for."""
+    out = []
+    for title, caption, painter in (
+        ("Simulation and measurement", "The worst two held-out seconds, restarted every 0.5 s.", _overlay),
+        ("The gap over time", "What the model lacks, before and after.", _over_time),
+        ("The gap where it is densest", "Mean of the gap by bin with its standard error; the line is what is left after.", _where),
+        ("Candidates", "Evidence of each against what chance and noise may reach (dashed).", _candidates),
+        ("Frequency", "Amplitude spectrum of the gap.", _spectrum),
+        ("Order", "Amplitude by periods a turn: a line here is tied to the angle.", _orders),
+    ):
+        image = _paint(painter, d)
+        if image:
+            out.append((title, caption, image))
+    return out
+
+
+def _paint(painter: Callable[[Any, Diagnosis], bool], d: Diagnosis) -> str:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(6.2, 3.3), dpi=110, layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots()
+    axes.spines[["top", "right"]].set_visible(False)
+    try:
+        drawn = painter(axes, d)
+    except KeyError:  # a line without these series
+        return ""
+    if not drawn:
+        return ""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png")
+    return base64.b64encode(buffer.getvalue()).decode("ascii")
+
+
+def _overlay(axes: Any, d: Diagnosis) -> bool:
+    p = d.pictures
+    t, y, held = p["time"], p["measured"], p["held"]
+    error = np.where(held, np.abs(y - p["runs"]["before"]), 0.0)
+    width = max(2, int(WINDOW / (t[1] - t[0])))
+    power = np.convolve(error**2, np.ones(width), mode="valid")
+    first = int(np.argmax(power)) if power.size else 0
+    part = slice(first, first + width)
+    axes.plot(t[part], y[part], color=MEASURED, lw=1.6, label="measured")
+    axes.plot(t[part], p["runs"]["before"][part], color=BEFORE, lw=1.2, label="model before")
+    if d.effects:
+        axes.plot(t[part], p["runs"]["after"][part], color=AFTER, lw=1.2, ls="--", label="model after")
+    axes.fill_between(t[part], y[part], p["runs"]["before"][part], color=BEFORE, alpha=0.2, lw=0)
+    axes.set(xlabel="time (s)", ylabel=f"position ({p['units'][1]})")
+    axes.legend(frameon=False, fontsize=8)
+    return True
+
+
+def _over_time(axes: Any, d: Diagnosis) -> bool:
+    p = d.pictures
+    keep = p["usable"]
+    axes.plot(p["gap_time"][keep], p["gap_before"][keep], color=BEFORE, lw=0.6, label="before")
+    if d.effects:
+        axes.plot(p["gap_time"][keep], p["gap_after"][keep], color=AFTER, lw=0.6, label="after")
+    axes.axhspan(-2 * p["floor"], 2 * p["floor"], color=FLOOR, alpha=0.3, lw=0, label="twice the noise floor")
+    axes.set(xlabel="time (s)", ylabel=f"{p['what']} ({p['units'][0]})")
+    axes.legend(frameon=False, fontsize=8)
+    return True
+
+
+def _where(axes: Any, d: Diagnosis) -> bool:
+    if not d.where:
+        return False
+    p, best = d.pictures, _shown_axis(d)
+    axes.errorbar(best.centres, best.means, best.errors, color=BEFORE, fmt="o", ms=3.5, lw=1, label="before")
+    x = p["axes"][best.signal][0][p["usable"]]
+    edges = np.unique(np.quantile(x, np.linspace(0, 1, 61)))
+    bins = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, edges.size - 2)
+    count = np.maximum(np.bincount(bins, minlength=edges.size - 1), 1)
+    centres = 0.5 * (edges[1:] + edges[:-1])
+    before, after = p["gap_before"][p["usable"]], p["gap_after"][p["usable"]]
+    if d.effects:
+        fitted = np.bincount(bins, before - after, edges.size - 1) / count
+        axes.plot(centres, fitted, color=AFTER, lw=1.3, label="the fitted effect")
+        axes.plot(centres, np.bincount(bins, after, edges.size - 1) / count, color=FLOOR, lw=1, label="left after")
+    axes.axhline(0, color=FLOOR, lw=0.6)
+    axes.set(xlabel=f"{best.signal} ({best.unit})", ylabel=f"{p['what']} ({p['units'][0]})")
+    axes.legend(frameon=False, fontsize=8)
+    return True
+
+
+def _shown_axis(d: Diagnosis) -> Any:
+    """The axis of the named effect's place, else the most telling one."""
+    wanted = {
+        "position": ("angle in the turn", "position"), "friction": ("velocity",), "drive": ("drive",),
+        "transmission": ("reversal",), "time": ("time",), "sensor": ("angle in the turn", "position"),
+    }.get(d.effects[0].effect.place if d.effects else "", ())  # fmt: skip
+    by_name = {p.signal: p for p in d.where}
+    for name in wanted:
+        if name in by_name:
+            return by_name[name]
+    return d.where[0]
+
+
+def _candidates(axes: Any, d: Diagnosis) -> bool:
+    shown = [c for c in d.candidates if c.delta_bic > 0][:10][::-1]
+    if not shown:
+        return False
+    colours = [AFTER if c.status == "named" else (BEFORE if c.status == "alias" else FLOOR) for c in shown]
+    axes.barh([c.name.replace("_", " ") for c in shown], [c.delta_bic for c in shown], color=colours)
+    axes.axvline(d.need, color=MEASURED, ls="--", lw=1)
+    axes.set_xscale("symlog", linthresh=100)
+    axes.set(xlabel="evidence, delta BIC")
+    axes.tick_params(axis="y", labelsize=8)
+    return True
+
+
+def _spectrum(axes: Any, d: Diagnosis) -> bool:
+    p = d.pictures
+    axes.semilogy(p["frequency"], p["spectrum"][0], color=BEFORE, lw=0.9, label="before")
+    if d.effects:
+        axes.semilogy(p["frequency"], p["spectrum"][1], color=AFTER, lw=0.9, label="after")
+    axes.set(xlabel="frequency (Hz)", ylabel=f"amplitude ({p['units'][0]})")
+    axes.legend(frameon=False, fontsize=8)
+    return True
+
+
+def _orders(axes: Any, d: Diagnosis) -> bool:
+    p = d.pictures
+    if p["orders"].size < 5:
+        return False
+    axes.plot(p["orders"], p["order_spectrum"][0], color=BEFORE, lw=0.9, label="before")
+    if d.effects:
+        axes.plot(p["orders"], p["order_spectrum"][1], color=AFTER, lw=0.9, label="after")
+    axes.set(xlabel="order (periods a turn)", ylabel=f"amplitude ({p['units'][0]})")
+    axes.legend(frameon=False, fontsize=8)
+    return True
