@@ -6,6 +6,7 @@ import copyreg
 from collections.abc import Callable
 from typing import Any
 
+import sklearn
 from joblib import effective_n_jobs
 
 
@@ -37,7 +38,8 @@ def recorded(search_class: type) -> type:
         def __reduce__(self) -> Any:
             # scikit-learn sends the search along to its workers; there it is a plain one, and records nothing.
             state = {k: v for k, v in self.__dict__.items() if k != "on_results"}
-            return copyreg.__newobj__, (search_class,), state  # type: ignore[attr-defined]
+            state["_sklearn_version"] = sklearn.__version__  # what an estimator's own pickle carries
+            return copyreg._reconstructor, (search_class, object, None), state  # type: ignore[attr-defined]
 
     Recorded.__name__ = Recorded.__qualname__ = search_class.__name__
     return Recorded
