@@ -61,8 +61,8 @@ class ServoLine:
             other, other_model = make_bench(record, self.law, tolerance=self.tolerance)
             folded_base, _ = fit_base(bench, model)
             unfolded_base, _ = fit_base(other, other_model)
-            raw = bench.rms(bench.missing(folded_base), "all")
-            if other.rms(other.missing(unfolded_base), "all") < 0.3 * raw:
+            raw = np.mean((bench.record.position - bench.follow(folded_base)[0]) ** 2)
+            if np.mean((record.position - other.follow(unfolded_base)[0]) ** 2) < 0.1 * raw:
                 self._folded = (bench, folded_base)
                 self.record = record
                 return other, unfolded_base

@@ -1,0 +1,133 @@
+"""The line end to end on logs that the library's simulator did not make."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from tests.blind.servo import COLUMNS, make_case
+from whsklearn.gap import VERDICTS, GapFinder
+
+SHORT = {"seconds": 14.0, "rate": 500.0, "noise": 1e-4}
+
+
+@pytest.fixture(scope="module")
+def cogging():
+    case = make_case("named", 21, effects=("cogging",), size=0.06, **SHORT)
+    return case, GapFinder("servo", n_twins=1).fit(case.frame, **COLUMNS)
+
+
+@pytest.mark.parametrize(
+    "name", ["stribeck", "cable_spring", "torque_ripple", "saturation", "disturbance_tone", "dead_zone"]
+)
+def test_hidden_effect_gets_its_name(name):
+    case = make_case("named", 33, effects=(name,), size=0.06, **SHORT)
+    finder = GapFinder("servo", n_twins=0).fit(case.frame, **COLUMNS)
+    assert (finder.verdict_, [e.name for e in finder.effects_]) == ("named", [name])
+    assert finder.diagnosis_.after["rmse"] < finder.diagnosis_.before["rmse"]
+
+
+@pytest.mark.parametrize("seed", [3, 4, 5])
+def test_nothing_is_named_where_nothing_is_missing(seed):
+    case = make_case("none", seed, **SHORT)
+    finder = GapFinder("servo", n_twins=0).fit(case.frame, **COLUMNS)
+    assert finder.effects_ == []
+    assert finder.verdict_ in ("no_gap", "not_testable")
+
+
+def test_coloured_noise_gets_no_name():
+    case = make_case("coloured", 8, size=0.05, **SHORT)
+    assert GapFinder("servo", n_twins=0).fit(case.frame, **COLUMNS).effects_ == []
+
+
+def test_numbers_of_the_effect_are_near_the_truth(cogging):
+    case, finder = cogging
+    found = finder.effects_[0]
+    labels = found.effect.labelled()
+    assert labels["amplitude_nm"] == pytest.approx(case.parameters["cogging"], rel=0.05)
+    assert labels["order"] == pytest.approx(case.parameters["cogging_k"], abs=0.05)
+    assert found.standard_errors["amplitude_nm"] < 0.05 * labels["amplitude_nm"]
+
+
+def test_file_keeps_the_contract(cogging, tmp_path):
+    _, finder = cogging
+    page = finder.report(tmp_path)
+    data = json.loads((tmp_path / "gap.json").read_text(encoding="utf-8"))
+    assert list(data) == [
+        "verdict", "effects", "candidates", "where", "before", "after", "noise_floor_rmse", "closure",
+        "next_experiment", "seconds",
+    ]  # fmt: skip
+    assert data["verdict"] in VERDICTS
+    assert set(data["effects"][0]) == {
+        "name", "place", "equation", "parameters", "standard_errors", "delta_bic", "confidence", "aliases"
+    }  # fmt: skip
+    assert {c["status"] for c in data["candidates"]} <= {"named", "ruled_out", "alias", "not_testable"}
+    assert set(data["before"]) == {"nmse", "mu_e", "rmse"}
+    assert 0.8 < data["closure"] <= 1.0
+    text = page.read_text(encoding="utf-8")
+    assert "cogging" in text
+    assert "http" not in text.replace("http-equiv", "")
+
+
+def test_repaired_model_holds_the_effect(cogging):
+    _, finder = cogging
+    assert [e.name for e in finder.model_.effects] == ["cogging"]
+    assert finder.model_.inertia > 0
+
+
+def test_same_seed_same_answer(cogging):
+    case, finder = cogging
+    again = GapFinder("servo", n_twins=1).fit(case.frame, **COLUMNS).diagnosis_.as_dict()
+    first = finder.diagnosis_.as_dict()
+    again.pop("seconds"), first.pop("seconds")
+    assert again == first
+
+
+def test_an_interruption_keeps_what_is_finished():
+    case = make_case("named", 21, effects=("cogging",), size=0.06, **SHORT)
+
+    def stop(_):
+        raise KeyboardInterrupt
+
+    finder = GapFinder("servo", n_twins=0, on_round=stop).fit(case.frame, **COLUMNS)
+    assert finder.diagnosis_.interrupted
+    assert [e.name for e in finder.effects_] == ["cogging"]
+
+
+def test_reference_may_be_left_out(cogging):
+    case, finder = cogging
+    columns = {**COLUMNS, "reference": None}
+    assert GapFinder("servo", n_twins=0).fit(case.frame, **columns).verdict_ == finder.verdict_
+
+
+@pytest.mark.parametrize(
+    ("spoil", "code"),
+    [
+        (lambda f: f.iloc[:300], "data-too-short"),
+        (lambda f: f.assign(position_rad=0.3), "data-not-moving"),
+        (lambda f: f.assign(torque_nm=1.0), "data-no-drive"),
+        (lambda f: f.assign(position_rad=f.position_rad.clip(-1, 1)), "data-clipped-position"),
+        (lambda f: f.assign(time_s=f.time_s * 1000), "data-time-unit"),
+        (lambda f: f.assign(time_s=f.time_s[::-1].to_numpy()), "data-time-order"),
+        (lambda f: f.assign(torque_nm=f.torque_nm.where(f.index != 500, np.nan)), "data-not-finite"),
+    ],
+)
+def test_bad_data_end_in_a_problem_and_never_in_a_name(spoil, code):
+    case = make_case("none", 3, **SHORT)
+    finder = GapFinder("servo").fit(spoil(case.frame), **COLUMNS)
+    assert finder.verdict_ == "data_problem"
+    assert finder.effects_ == []
+    assert code in [p.code for p in finder.diagnosis_.problems]
+
+
+def test_missing_column_is_told():
+    case = make_case("none", 3, **SHORT)
+    with pytest.raises(ValueError, match="has no column 'torque'"):
+        GapFinder("servo").fit(case.frame, **{**COLUMNS, "drive": "torque"})
+
+
+def test_unknown_model_is_told():
+    with pytest.raises(ValueError, match="expected 'servo'"):
+        GapFinder("axis").fit(make_case("none", 3, **SHORT).frame, **COLUMNS)
