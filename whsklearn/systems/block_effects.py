@@ -239,6 +239,7 @@ def run_chain(theta, dims, codes, shapes, kappa, ecodes, eq, u, y, noise, dt, fr
     lag = np.zeros(ecodes.size)
     memory = np.zeros((ecodes.size, 4))
     dx_old = 0.0
+    some = ecodes.size > 0
     for t in range(n):
         s = ue[t - 1] if t > 0 else 0.0
         for i in range(1, min(na, t)):
@@ -247,13 +248,13 @@ def run_chain(theta, dims, codes, shapes, kappa, ecodes, eq, u, y, noise, dt, fr
             s -= theta[b0 + j] * raw[t - 1 - j]
         s = min(max(s, -1e30), 1e30)
         raw[t] = s
-        x[t] = transmitted(ecodes, eq, memory, s, dt)
+        x[t] = transmitted(ecodes, eq, memory, s, dt) if some else s
         dx = x[t] - (x[t - 1] if t > 0 else 0.0)
-        ue[t] = driven(ecodes, eq, lag, u, ue, t, x[t], dt)
+        ue[t] = driven(ecodes, eq, lag, u, ue, t, x[t], dt) if some else u[t]
         f = 0.0
         for i in range(nw):
             f += theta[w0 + i] * term(codes[i], shapes[i, 0], shapes[i, 1], shapes[i, 2], x[t], dx, kappa)[0]
-        if ecodes.size > 0:
+        if some:
             f += added(ecodes, eq, memory, u[t], x[t], dx, dx_old, t, dt, kappa, v)
         v[t] = min(max(f, -1e30), 1e30)
         dx_old = dx
@@ -265,8 +266,8 @@ def run_chain(theta, dims, codes, shapes, kappa, ecodes, eq, u, y, noise, dt, fr
         for i in range(min(nd, t)):
             s -= theta[d0 + i] * q[t - 1 - i]
         s = min(max(s, -1e30), 1e30)
-        y_hat[t] = sensed(ecodes, eq, s, t, dt)
-        q[t] = s if free else unsensed(ecodes, eq, y[t], s, t, dt)
+        y_hat[t] = sensed(ecodes, eq, s, t, dt) if some else s
+        q[t] = s if free else (unsensed(ecodes, eq, y[t], s, t, dt) if some else y[t])
 
 
 def run_effects(

@@ -111,7 +111,7 @@ def _ratios(low: float, high: float, n: int) -> list[float]:
 
 
 def _orders(z: Scales) -> list[Numbers]:
-    return _grid(np.arange(0.4, 14.0, 0.35) / max(z.x, 1e-300))
+    return _grid(np.arange(0.4, 12.0, 0.45) / max(z.x, 1e-300))
 
 
 def _order_range(z: Scales) -> list[Range]:
@@ -128,7 +128,7 @@ def _tones(z: Scales) -> list[Numbers]:
 
 
 def _lags(z: Scales) -> list[Numbers]:
-    return _grid(z.dt * np.array([0.15, 0.3, 0.5, 0.8, 1.2, 2.0, 3.5, 7.0]))
+    return _grid(z.dt * np.array([0.2, 0.45, 1.0, 3.0]))
 
 
 CATALOGUE: tuple[Candidate, ...] = (
@@ -170,12 +170,12 @@ CATALOGUE: tuple[Candidate, ...] = (
     ),
     Candidate(
         "saturation", k.SATURATION, ("limit",), linear=0, positive=True,
-        shapes=lambda z: _grid(z.u_peak * np.array([0.97, 0.93, 0.87, 0.8, 0.7, 0.6, 0.45, 0.3])),
+        shapes=lambda z: _grid(z.u_peak * np.array([0.95, 0.87, 0.78, 0.66, 0.52, 0.35])),
         ranges=lambda z: [(0.1 * z.u_peak, 0.999 * z.u_peak)],
     ),
     Candidate(
         "input_delay", k.INPUT_DELAY, ("delay",), linear=0, positive=True,
-        shapes=lambda z: _grid(z.dt * np.array([0.1, 0.3, 0.6, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0])),
+        shapes=lambda z: _grid(z.dt * np.array([0.1, 0.4, 1.0, 2.0, 4.0])),
         ranges=lambda z: [(1e-3 * z.dt, 50.0 * z.dt)],
     ),
     Candidate(
@@ -193,7 +193,7 @@ CATALOGUE: tuple[Candidate, ...] = (
     ),
     Candidate(
         "flexible_coupling", k.FLEXIBLE_COUPLING, ("frequency", "damping_ratio"), linear=0, positive=True,
-        shapes=lambda z: _grid(np.array([0.03, 0.06, 0.1, 0.16, 0.23, 0.32, 0.42]) / z.dt, [0.05, 0.3]),
+        shapes=lambda z: _grid(np.array([0.04, 0.09, 0.16, 0.25, 0.38]) / z.dt, [0.1]),
         ranges=lambda z: [(0.005 / z.dt, 0.49 / z.dt), (0.002, 0.95)],
     ),
     Candidate(
@@ -217,11 +217,11 @@ CATALOGUE: tuple[Candidate, ...] = (
     Candidate("output_drift", k.OUTPUT_DRIFT, ("rate",), unit=lambda z: 1e-3 * z.y / z.seconds),
     Candidate(
         "sensor_rectification", k.SENSOR_RECTIFICATION, ("fraction",), linear=0, positive=True,
-        shapes=lambda _: _grid([0.02, 0.06, 0.15, 0.3, 0.7, 1.0]), ranges=lambda _: [(1e-3, 1.0)],
+        shapes=lambda _: _grid([0.03, 0.15, 0.35, 0.8]), ranges=lambda _: [(1e-3, 1.0)],
     ),
     Candidate(
         "encoder_eccentricity", k.ENCODER_ECCENTRICITY, ("cosine", "sine", "order"), linear=2,
-        shapes=lambda z: _grid(np.arange(0.4, 10.0, 0.35) / z.y), ranges=lambda z: [(0.25 / z.y, 15.0 / z.y)],
+        shapes=lambda z: _grid(np.arange(0.4, 8.0, 0.45) / z.y), ranges=lambda z: [(0.25 / z.y, 15.0 / z.y)],
         unit=lambda z: 1e-4 * z.y, scanned=20,
     ),
     Candidate(

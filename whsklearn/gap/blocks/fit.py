@@ -172,9 +172,11 @@ def separate(found: list[tuple[float, BlockModel]], share: float) -> list[tuple[
     return out
 
 
-def refit(s: Setting, m: BlockModel, z: Scales, *, thorough: bool = False) -> tuple[BlockModel, float]:
+def refit(s: Setting, m: BlockModel, z: Scales, *, thorough: bool = False, quick: bool = False) -> tuple[BlockModel, float]:
     """The joint refit of a model that stands near its minimum."""
     here = climb(s, m, z, steps=10) if np.isfinite(m.kappa) else None
+    if quick and here is not None:
+        return here
     rungs = (3.0, 10.0, 30.0, 100.0, 300.0, 1000.0) if thorough else (30.0, 150.0, 1000.0)
     best = sharpen(s, m, z, rungs, steps=10 if thorough else 6)
     return best if here is None or best[1] <= here[1] else here

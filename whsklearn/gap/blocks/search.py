@@ -24,6 +24,7 @@ from whsklearn.gap.blocks.score import (
     signature,
     take_stand,
 )
+from whsklearn.gap.blocks.twin import twin
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -35,6 +36,7 @@ MARGIN = 10.0  # delta BIC over the next name
 SIMILAR = 0.97  # coherence of two signatures that no record like this one tells apart
 QUIET = 1e-4  # p-value below which something is left
 MAX_REFITS = 7
+N_TWINS = 2
 
 
 @dataclass
@@ -149,15 +151,17 @@ def try_all(
     visible = {c.term.kind.label: c.left for c in screened}
     for promise, c in worth:
         label = c.term.kind.label
-        if promise < -5.0 or visible.get(label, 1.0) < ABSORBED:
+        if promise < 0.0 or visible.get(label, 1.0) < ABSORBED:
             continue
         if label not in tried and len(tried) >= MAX_REFITS:
             continue
-        one = _refit_trial(s, m, value, c, z)
+        one = _refit_trial(s, m, value, c, z, quick=promise < 15.0)
         if label not in tried or one.cost < tried[label].cost:
             tried[label] = one
     trials = sorted(tried.values(), key=lambda t: -t.delta_bic)
-    for i, t in enumerate(trials[:3]):
+    for i, t in enumerate(trials[:2]):
+        if t.delta_bic < 0.5 * NEED:
+            break
         for other in others or []:
             again = _from_elsewhere(s, other, t, value, z)
             if again is not None and again.cost < trials[i].cost:
@@ -203,9 +207,9 @@ def _promise(c: Screened, stand: Stand, n: int) -> float:
     return delta_bic(n, value, max(value - c.gain, 1e-3 * value), kind.n_numbers, kind.scanned)
 
 
-def _refit_trial(s: Setting, m: BlockModel, value: float, c: Screened, z: Scales) -> Trial:
+def _refit_trial(s: Setting, m: BlockModel, value: float, c: Screened, z: Scales, *, quick: bool = False) -> Trial:
     kind = c.term.kind
-    fitted, now = refit(s, m.plus(c.term), z)
+    fitted, now = refit(s, m.plus(c.term), z, quick=quick)
     if kind.is_free(kind.linear) is False and kind.name == "parameter_change":
         fitted, now = _walk_time(s, fitted, now, z)
     n = int(s.fit.sum())
@@ -268,6 +272,8 @@ def search(
             sound = [t for t in one.trials if not t.reason]
             if not sound or sound[0].delta_bic < 0.6 * one.trials[0].delta_bic:
                 break
+            if not confirmed(s, found, one, sound[0], need, rng):
+                break
             one.taken = sound[0]
             found.taken.append(sound[0])
             found.model, found.cost = sound[0].model, sound[0].cost
@@ -281,6 +287,40 @@ def search(
     except KeyboardInterrupt:
         found.interrupted = True
     return found
+
+
+def confirmed(s: Setting, found: Found, one: Round, best: Trial, need: float, rng: np.random.Generator) -> bool:
+    """Whether the name stands after the model without it has had the same chances, and against its twins."""
+    bare, value = refit(s, best.model.without(len(best.model.terms) - 1), found.scales, thorough=True)
+    n = int(s.fit.sum())
+    if value < found.cost:
+        for t in one.trials:
+            t.delta_bic -= float(n * np.log(found.cost / value))
+        found.cost, found.model = value, bare
+        one.cost, one.before = value, bare
+        if not found.taken:
+            found.base, found.base_cost = bare, value
+            found.base_left = found.left = remainder(s, bare, found.scales)
+    if best.delta_bic > 10.0 * need:
+        return True
+    null = max(_twin_score(s, found.model, best.kind, found.scales, rng) for _ in range(N_TWINS))
+    limit = max(need, 3.0 * null)
+    if best.delta_bic < limit:
+        best.reason = f"evidence {best.delta_bic:.0f} is below the {limit:.0f} that chance may reach"
+        return False
+    return True
+
+
+def _twin_score(s: Setting, m: BlockModel, kind: Candidate, z: Scales, rng: np.random.Generator) -> float:
+    """Evidence for the effect on a record in which it is not there."""
+    other = twin(s, m, rng)
+    fitted, value = refit(other, m, z)
+    if kind.linear == 0:
+        found = [c for _, c in _from_sizes(other, fitted, value, [kind], z)]
+    else:
+        stand = take_stand(other, fitted, z)
+        found = [refine_scan(other, stand, c, z) for c in screen(other, stand, [kind], z)]
+    return max((_refit_trial(other, fitted, value, c, z).delta_bic for c in found), default=0.0)
 
 
 def exchange(s: Setting, found: Found, kinds: list[Candidate], need: float, tolerance: float) -> None:
