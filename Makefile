@@ -33,8 +33,10 @@ $(PY):
 	@test -n "$(PYTHON)" || { echo "No python 3.11 or newer on the PATH; install one and run make again."; exit 1; }
 	@$(PYTHON) -m venv --without-pip $(VENV)
 
-demo: setup  ## identify the paper's simulated example, compare estimators, record all in MLflow
+demo: setup  ## identify the simulated example with every estimator, then find a hidden effect; all in MLflow
 	$(PY) -m pipelines.simulated_example
+	$(PY) -m pipelines.hidden_effect --out reports/hidden.csv
+	$(PY) -m pipelines.close_gap reports/hidden.csv --report reports/gap
 
 test: setup  ## the tests, on two cores
 	$(PY) -m pytest
