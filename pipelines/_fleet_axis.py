@@ -71,8 +71,8 @@ def read_axis(
 
 def identify_axis(model: Any, X: NDArray[np.float64], y: NDArray[np.float64], test_share: float) -> Row:
     """Fit a clone on the first part of the record, judge its free run on the rest."""
-    from whsklearn.plot import flat_parameters
     from whsklearn.metrics import mu_e, nmse, rmse
+    from whsklearn.plot import flat_parameters
 
     stop = len(y) - int(len(y) * test_share)
     fitted = clone(model).fit(X[:stop], y[:stop])
