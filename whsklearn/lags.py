@@ -171,8 +171,8 @@ class WienerHammersteinLags(TransformerMixin, BaseEstimator):
     ) -> NDArray[np.float64]:
         """Rows of X and y after ``carried``, which is updated; an empty one is the state at rest."""
         with in_one_sentence(X, y):
-            X = check_array(X, dtype=np.float64, input_name="X")
-        m = X.shape[1]
+            u: NDArray[np.float64] = check_array(X, dtype=np.float64, input_name="X")
+        m = u.shape[1]
         if m != self.n_features_in_:
             raise ValueError(
                 f"X has {m} features, but WienerHammersteinLags is expecting {self.n_features_in_} features as input; "
@@ -182,8 +182,8 @@ class WienerHammersteinLags(TransformerMixin, BaseEstimator):
             raise ValueError("y is missing, and the regressors of (6) hold past outputs; call with (X, y).")
         with in_one_sentence(X, y):
             y_ = column_or_1d(check_array(y, ensure_2d=False, dtype=np.float64, input_name="y"))
-        check_lengths(X, y_)
-        restart = starts(groups, len(X), first=not carried)
+        check_lengths(u, y_)
+        restart = starts(groups, len(u), first=not carried)
         dims, law, key = self.dims(), as_law(self.law), self.key_term()
         dims[0] *= m
         n = self.n_parameters + (m - 1) * self.n_a
@@ -193,8 +193,8 @@ class WienerHammersteinLags(TransformerMixin, BaseEstimator):
         state = carried.get("state", np.zeros(auxiliary_size(dims))).copy()
         past_u = carried.get("u", np.zeros((self.n_a + 1) * m)).copy()
         past_y = carried.get("y", np.zeros(max(self.n_d, 1))).copy()
-        X, y_ = writeable(X), writeable(y_)
-        out = _fill(theta, dims, law.codes, law.shapes, key, state, past_u, past_y, X, y_, restart)
+        u, y_ = writeable(u), writeable(y_)
+        out = _fill(theta, dims, law.codes, law.shapes, key, state, past_u, past_y, u, y_, restart)
         carried.update(state=state, u=past_u, y=past_y)
         return out
 

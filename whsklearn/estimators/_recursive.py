@@ -100,8 +100,8 @@ class RecursiveRegressor(AxisRegressor):
             return self
         if stream is None or groups is not None or not _plain(X, y, self.n_features_in_):
             return self._partial_fit_checked(X, y, groups)
-        restart = _NO_RESTART if len(y) == 1 else np.zeros(len(y), dtype=np.bool_)
-        stream.run(self.state_, X, y, restart)
+        n = len(y)  # type: ignore[arg-type]  # an array, as _plain has seen
+        stream.run(self.state_, X, y, _NO_RESTART if n == 1 else np.zeros(n, dtype=np.bool_))  # type: ignore[arg-type]
         return self
 
     def _partial_fit_checked(self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None) -> Self:
@@ -200,9 +200,9 @@ class RecursiveRegressor(AxisRegressor):
         structure = self._structure()
         n = int(structure.dims[:4].sum() - 2 + structure.dims[4])
         if self.gradient == "pseudolinear":
-            theta0 = self._theta0(n, 0.01)  # the paper's theta(0)
             p0 = float(p0 or DEFAULT_P0["pseudolinear"])
-            return PublishedStream(structure, p, p0, forgetting, theta0, self._published_mode)
+            initial = self._theta0(n, 0.01)  # the paper's theta(0)
+            return PublishedStream(structure, p, p0, forgetting, initial, self._published_mode)
         theta0 = None
         if getattr(self, "theta0", None) is not None:
             theta0 = wh.natural_vector(self._theta0(n, 0.0), structure)
@@ -262,8 +262,9 @@ class RecursiveRegressor(AxisRegressor):
             if name in PER_MODEL and len(np.shape(fresh["theta"])) == 2:
                 expected = (*shape[:1], *expected[1:])
             if name not in state or np.shape(state[name]) != expected:
+                got = np.shape(state.get(name, 0))
                 raise ValueError(
-                    f"The state of this {type(self).__name__} has {name} of shape {np.shape(state.get(name))}, and its "
+                    f"The state of this {type(self).__name__} has {name} of shape {got}, and its "
                     f"parameters ask for {expected}; use the parameters it was begun with, or call fit."
                 )
 

@@ -140,12 +140,12 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
         """
         check_is_fitted(self, "state_")
         with in_one_sentence(X):
-            X = validate_data(self, X, dtype=np.float64, reset=False)
+            u: Array = validate_data(self, X, dtype=np.float64, reset=False)
         if not self._is_wiener_hammerstein:
-            rows = X if self.lags is None else self.lags_.transform(X, groups=groups)
+            rows: Array = u if self.lags is None else self.lags_.transform(u, groups=groups)
             return rows @ self._theta()
-        restart = starts(groups, len(X), first=True)
-        return _finite(wh.free_run(self._natural(), self._structure(), writeable(X), restart))
+        restart = starts(groups, len(u), first=True)
+        return _finite(wh.free_run(self._natural(), self._structure(), writeable(u), restart))
 
     def predict_ahead(self, X: ArrayLike, y: ArrayLike, horizon: int = 1, groups: ArrayLike | None = None) -> Array:
         """Prediction ``horizon`` samples ahead: y is known up to t - horizon, u up to t - 1.
@@ -170,13 +170,13 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
         if isinstance(horizon, bool) or not isinstance(horizon, (int, np.integer)) or horizon < 1:
             raise ValueError(f"horizon is {horizon!r}, expected a whole number of samples, 1 or more.")
         with in_one_sentence(X, y):
-            X, y = validate_data(self, X, y, dtype=np.float64, reset=False, y_numeric=True)
+            u, known = validate_data(self, X, y, dtype=np.float64, reset=False, y_numeric=True)
         if not self._is_wiener_hammerstein:
             return self.predict(X, groups)
-        restart = starts(groups, len(X), first=True)
+        restart = starts(groups, len(u), first=True)
         natural, structure = self._natural(), self._structure()
-        y = writeable(np.asarray(y, dtype=np.float64))
-        return _finite(wh.predictions(natural, structure, writeable(X), y, restart, int(horizon)))
+        known = writeable(np.asarray(known, dtype=np.float64))
+        return _finite(wh.predictions(natural, structure, writeable(u), known, restart, int(horizon)))
 
     # -- state ---------------------------------------------------------------------------
 
@@ -263,12 +263,12 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
     def _validate(self, X: ArrayLike, y: ArrayLike, reset: bool) -> tuple[Array, Array]:
         """X and y as contiguous float64, checked."""
         with in_one_sentence(X, y):
-            X, y = validate_data(
+            u, target = validate_data(
                 self, X, y, reset=reset, dtype=np.float64, order="C", y_numeric=True, multi_output=False
             )
-        y = np.asarray(y, dtype=np.float64)
-        check_lengths(X, y)
-        return writeable(X), writeable(y)
+        target = np.asarray(target, dtype=np.float64)
+        check_lengths(u, target)
+        return writeable(u), writeable(target)
 
     def _checked_record(
         self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None

@@ -85,7 +85,7 @@ class SwarmRegressor(PEMRegressor):
             return out
 
         def cost(genes: Any) -> float:
-            e = y - wh.free_run(natural(genes), structure, u, restart)
+            e: Any = y - wh.free_run(natural(genes), structure, u, restart)
             return float(min(e @ e, 1e300))
 
         found = differential_evolution(
