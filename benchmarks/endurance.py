@@ -160,7 +160,7 @@ def axis_at_rest(n: int) -> Row:
             rows = part[at : at + BLOCK]
             model.partial_fit(rows, y[: len(rows)] if part is X else np.zeros(len(rows)))
         sound &= bool(np.isfinite(model.theta_).all() and np.isfinite(model.covariance_).all())
-        sound &= bool(np.linalg.eigvalsh(model.covariance_).min() > -1e-9 * np.abs(model.covariance_).max())
+        sound &= bool(np.linalg.eigvalsh(model.covariance_).min() >= -1e-9 * np.abs(model.covariance_).max())
     off = parameter_error(model.theta_, truth.theta)
     largest = float(np.diag(model.covariance_).max())
     seconds = time.perf_counter() - began
