@@ -46,7 +46,7 @@ def main(
     """Identify every axis of FOLDER, a Parquet folder partitioned by axis, and write one table of all."""
     names = axes_of(folder, axis)
     model = build_model(estimator, orders, law, p, forgetting, seed)
-    source = {"folder": str(folder.resolve()), "axis": axis, "inputs": list(inputs), "output": output}
+    source: dict[str, Any] = {"folder": str(folder.resolve()), "axis": axis, "inputs": list(inputs), "output": output}
     source["time_column"] = time_column
     batches = [names[i : i + batch] for i in range(0, len(names), batch)]
     began = time.perf_counter()
