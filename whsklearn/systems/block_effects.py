@@ -290,12 +290,11 @@ def packed(effects: Sequence[Effect]) -> tuple[NDArray[np.int64], Array]:
     ValueError
         If an effect has no place in a Wiener-Hammerstein chain.
     """
-    ecodes = np.array([e.code for e in effects], dtype=np.int64)
     eq = np.zeros((len(effects), N_NUMBERS))
     for row, effect in zip(eq, effects, strict=True):
         numbers = numbers_of(effect)
         row[: len(numbers)] = numbers
-    return ecodes, eq
+    return np.array([e.code for e in effects], dtype=np.int64), eq
 
 
 def numbers_of(effect: Effect) -> tuple[float, ...]:

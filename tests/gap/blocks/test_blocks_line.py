@@ -1,0 +1,68 @@
+"""The whole line on hidden effects, on records in which nothing is missing, and on bad input."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from tests.blind import wiener_hammerstein as blind
+from whsklearn.gap import GapFinder
+
+
+def diagnose(case, **options):
+    return GapFinder("wiener-hammerstein", **options).fit(case.frame, **blind.COLUMNS)
+
+
+@pytest.fixture(scope="module")
+def drag():
+    return diagnose(blind.make_case("named", 11, effects=("quadratic_drag",), size=0.15, noise=30.0, n=1500))
+
+
+def test_a_hidden_drag_is_named_with_its_size(drag):
+    assert drag.verdict_ == "named"
+    assert [e.name for e in drag.effects_] == ["quadratic_drag"]
+    case = blind.make_case("named", 11, effects=("quadratic_drag",), size=0.15, noise=30.0, n=1500)
+    found = drag.effects_[0]
+    assert found.effect.labelled()["coefficient"] == pytest.approx(case.parameters[0]["size"], rel=0.15)
+    assert found.standard_errors["coefficient"] > 0.0
+
+
+def test_the_repaired_model_simulates_better(drag):
+    case = blind.make_case("named", 11, effects=("quadratic_drag",), size=0.15, noise=30.0, n=1500)
+    d = drag.diagnosis_
+    assert d.after["rmse"] < d.before["rmse"]
+    assert d.closure > 0.8
+    y_hat = drag.model_.simulate(case.frame["u"])
+    assert np.std(case.frame["y"] - y_hat) < 1.2 * d.after["rmse"]
+
+
+def test_the_file_holds_what_other_programs_read(drag):
+    out = json.loads(json.dumps(drag.diagnosis_.as_dict(), allow_nan=False))
+    assert set(out) == {"verdict", "effects", "candidates", "where", "before", "after", "noise_floor_rmse", "closure",
+                        "next_experiment", "seconds"}  # fmt: skip
+    assert {c["status"] for c in out["candidates"]} <= {"named", "ruled_out", "alias", "not_testable"}
+    assert {c["name"] for c in out["candidates"]} >= {"dead_zone", "cogging", "backlash", "output_offset"}
+
+
+@pytest.mark.parametrize("kind", ["none", "coloured"])
+def test_silence_where_nothing_is_missing(kind):
+    finder = diagnose(blind.make_case(kind, 4, noise=25.0, n=1500))
+    assert finder.verdict_ in ("no_gap", "coloured_noise")
+    assert finder.effects_ == []
+
+
+@pytest.mark.parametrize(
+    "u, y, code",
+    [
+        (np.ones(1000), np.random.default_rng(0).normal(size=1000), "data-no-drive"),
+        (np.random.default_rng(0).normal(size=1000), np.zeros(1000), "data-not-moving"),
+        (np.random.default_rng(0).normal(size=100), np.random.default_rng(1).normal(size=100), "data-too-short"),
+        (np.r_[np.nan, np.random.default_rng(0).normal(size=999)], np.arange(1000.0), "data-not-finite"),
+    ],
+)
+def test_bad_records_end_in_a_data_problem(u, y, code):
+    finder = GapFinder("wiener-hammerstein").fit(u, y)
+    assert finder.verdict_ == "data_problem"
+    assert code in [p.code for p in finder.diagnosis_.problems]
