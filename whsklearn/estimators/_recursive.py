@@ -10,8 +10,8 @@ from whsklearn._records import starts
 from whsklearn.estimators import _model as wh
 from whsklearn.estimators._streams import FullStream, PublishedStream, RowsStream, Stream
 from whsklearn.estimators.base import AxisRegressor
-from whsklearn.recursion.multistart import Reading
 from whsklearn.recursion.pseudolinear import BLOCK
+from whsklearn.recursion.reading import Reading
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray

@@ -1,0 +1,78 @@
+"""What does not change along a stream of the default reading."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from whsklearn.recursion.predictor import parameter_count
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+State = dict[str, Any]
+
+FIRST_RERUN = 64
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What does not change along a stream.
+
+    Parameters
+    ----------
+    dims : ndarray of shape (5,)
+        n_a, n_b, n_c, n_d and the number of weights of the law.
+    codes, shapes : ndarrays
+        The law's terms.
+    p : int
+        Innovation length.
+    p0 : float
+        Initial variance of the parameters, relative to the noise variance.
+    forgetting : float
+        Final forgetting factor.
+    n_starts, memory : int
+        Starts side by side; samples kept.
+    frozen : bool
+        True for the block update of (7)-(9), False for sub-innovations.
+    seed : int
+        Seed of all random starts.
+    n_inputs : int
+        Columns of u.
+    theta0 : ndarray of shape (n,), optional
+        One start that is not random.
+    """
+
+    dims: NDArray[np.int64]
+    codes: NDArray[np.int64]
+    shapes: NDArray[np.float64]
+    p: int
+    p0: float
+    forgetting: float
+    n_starts: int
+    memory: int
+    frozen: bool
+    seed: int
+    n_inputs: int = 1
+    theta0: NDArray[np.float64] | None = None
+
+    @property
+    def size(self) -> int:
+        """Number of parameters."""
+        return int(parameter_count(self.dims))
+
+    @property
+    def history(self) -> int:
+        """Samples that must be known before a window."""
+        return int(max(self.dims[0] // self.n_inputs, self.dims[3], 1))
+
+    @property
+    def first_rerun(self) -> int:
+        """Samples before the first re-run of the memory."""
+        return min(max(FIRST_RERUN, 4 * self.size), self.memory)
+
+    @property
+    def law(self) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
+        """Dims, codes and shapes, as the kernels take them."""
+        return self.dims, self.codes, self.shapes
