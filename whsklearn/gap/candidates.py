@@ -296,7 +296,7 @@ CATALOGUE: tuple[Candidate, ...] = (
         k.TONE,
         ("cos", "sin", "frequency"),
         linear=2,
-        ranged=lambda s: [(0.02, 200.0)],
+        ranged=lambda s: [(max(0.02, 3.0 / s.seconds), 200.0)],
         scanned="frequency",
     ),
     *(

@@ -55,14 +55,14 @@ def _shape_problems(r: ServoRecord) -> list[Problem]:
     if bad:
         text = f"Column for {', '.join(bad)} holds values that are missing or not finite; repair or cut them."
         return [Problem("data-not-finite", "Missing values", text)]
+    if n > 1 and np.any(np.diff(r.time) <= 0):
+        text = "Time does not increase; sort the log, or pass one experiment at a time."
+        return [Problem("data-time-order", "Time runs backwards", text)]
     if n < FEWEST or r.time[-1] - r.time[0] < SHORTEST:
         span = r.time[-1] - r.time[0] if n else 0.0
         text = f"{n} samples over {span:.1f} s; at least {FEWEST} samples and {SHORTEST:.0f} s are needed. Log longer."
         return [Problem("data-too-short", "Record too short", text)]
     steps = np.diff(r.time)
-    if np.any(steps <= 0):
-        text = "Time does not increase; sort the log, or pass one experiment at a time."
-        return [Problem("data-time-order", "Time runs backwards", text)]
     typical = float(np.median(steps))
     if np.mean(np.abs(steps - typical) > 0.5 * typical) > 0.01:
         text = f"More than 1 % of the steps differ by half from the typical {1e3 * typical:.3g} ms; resample evenly."

@@ -118,7 +118,12 @@ def _plain(value: Any) -> Any:
 
 
 def verdict_of(
-    taken: list[Evidence], total_closure: float, rivals: list[list[str]], gap_is_quiet: bool, follows: float
+    taken: list[Evidence],
+    total_closure: float,
+    rivals: list[list[str]],
+    gap_is_quiet: bool,
+    follows: float,
+    left: float = 0.0,
 ) -> str:
     """The verdict, from what was taken and what is left.
 
@@ -133,6 +138,9 @@ def verdict_of(
         Whether the base model is at the floor already.
     follows : float
         Cross-validated share of the gap that follows the motion.
+    left : float
+        What is left, in units of the floor (of noise or tolerance): several effects together can imitate
+        one that has no name, so they must leave next to nothing.
     """
     if not taken:
         if gap_is_quiet:
@@ -140,6 +148,8 @@ def verdict_of(
         return "unknown" if follows > 0.04 else "coloured_noise"
     if total_closure < judge.PARTIAL:
         return "unknown"
-    if any(rivals):
-        return "ambiguous"
-    return "named" if total_closure >= judge.NAMED else "partial"
+    need = 1.0 - (1.0 - judge.NAMED) / len(taken)
+    repeated = len({e.name for e in taken}) < len(taken)
+    if total_closure < need or (len(taken) > 1 and (left > judge.LEFT_BY_SEVERAL or repeated)):
+        return "partial"
+    return "ambiguous" if any(rivals) else "named"

@@ -166,7 +166,8 @@ class GapFinder(BaseEstimator):
             follows = explainable(bench, found.base_missing, found.base)
         rivals, shares = self._rivals(bench, found, rng)
         special = line.special(bench, found)
-        verdict = verdict_of(found.taken, total, rivals, bool(quiet), follows)
+        left = after / max(floor, bench.tolerance * bench.scene.torque)
+        verdict = verdict_of(found.taken, total, rivals, bool(quiet), follows, left)
         diagnosis = Diagnosis(verdict, "")
         if special is not None and verdict == "no_gap":
             diagnosis.verdict, diagnosis.effects = special
@@ -211,6 +212,8 @@ class GapFinder(BaseEstimator):
                 if other.name == taken.name or other.name in bench.aliases(taken.name):
                     continue
                 if judge.unphysical(other.trial):
+                    continue
+                if other.delta_bic > taken.delta_bic + judge.LEAST_MARGIN:  # the elementary one was taken on purpose
                     continue
                 s = judge.bootstrap_share(w, bench.whitened(bench.missing(other.trial.model), on="all"), rng)
                 share = min(share, s)

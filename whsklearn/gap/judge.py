@@ -19,6 +19,7 @@ EVIDENCE_PER_SAMPLE = 200.0 / 2450.0  # of delta BIC, calibrated on records with
 LEAST_EVIDENCE, MOST_EVIDENCE = 40.0, 200.0
 LEAST_MARGIN = 10.0
 NAMED, PARTIAL = 0.88, 0.3  # closure
+LEFT_BY_SEVERAL = 2.5  # floors
 BLOCKS_BETTER = 0.8
 STEEPEST_ERROR = 0.3  # rad a rad
 SIMPLEST_FIRST = 0.7  # share of the best one's explained power that an elementary effect must reach
@@ -68,13 +69,16 @@ def weigh_evidence(bench: Any, current: Any, trials: list[Any], floor: float) ->
     if not trials:
         return []
     best = min(range(len(trials)), key=lambda i: trials[i].cost)
+    bench.weigh(bench.rms(lacking[best], "all"))  # held-out samples are compared without the colour of what is left
+    held = [bench.whitened(d, on="held") for d in lacking]
+    h0 = bench.whitened(d0, on="held")
     bench.tune_whitening(lacking[best])
-    w0, h0 = bench.whitened(d0), bench.whitened(d0, on="held")
+    w0 = bench.whitened(d0)
     number = bench.held[(bench.held >= 0) & bench.usable]
     before = bench.rms(d0)
     out = []
-    for trial, d in zip(trials, lacking, strict=True):
-        w, h = bench.whitened(d), bench.whitened(d, on="held")
+    for trial, d, h in zip(trials, lacking, held, strict=True):
+        w = bench.whitened(d)
         looks = trial.scanned[0].size if trial.scanned is not None else len(trial.kind.starts(bench.scene))
         per_block = [np.sum(h[number == i] ** 2) < np.sum(h0[number == i] ** 2) for i in np.unique(number)]
         after = bench.rms(d)

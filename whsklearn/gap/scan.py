@@ -24,7 +24,7 @@ def scan_values(kind: Candidate, bench: Bench) -> Array:
         return np.linspace(0.05, 0.95, 181) * s.seconds
     fastest = 2.0 * bench.lens.cutoff
     if kind.scanned == "frequency":
-        return np.arange(1.0 / s.seconds, fastest, 0.3 / s.seconds)
+        return np.arange(kind.ranged(s)[0][0], fastest, 0.3 / s.seconds)
     low = kind.ranged(s)[0][0]
     highest = float(np.clip(2 * np.pi * fastest / max(s.speed, 1e-9), 3.0 * max(low, 1.0), 400.0 * max(low, 1.0)))
     step = max(0.2 * np.pi / s.reach, highest / 900)

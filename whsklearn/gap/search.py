@@ -15,7 +15,7 @@ import numpy as np
 from whsklearn.gap import judge
 from whsklearn.gap.judge import Evidence, objections, weigh_evidence
 
-MAX_REFITS = 8
+MAX_REFITS = 7
 
 
 @dataclass
@@ -76,7 +76,7 @@ def try_all(bench: Any, model: Any, *, kinds: Any = None) -> tuple[Any, list[Any
     evidence = weigh_evidence(bench, model, refined, bench.floor())
     if not evidence or evidence[0].closure < judge.NAMED:  # what changes the path itself shows little in a linear look
         more = [t for t in trials if t.model is None and t.kind.substeps > 1 and t.start]
-        if more:
+        if more and len(model.terms) == model.n_base:
             bench.weigh(bench.rms(bench.missing(model), "all"))
             refined += [bench.refine(model, t) for t in more]
             evidence = weigh_evidence(bench, model, refined, bench.floor())
@@ -92,9 +92,11 @@ def first_sound(bench: Any, evidence: list[Evidence], null: float) -> Evidence |
     if not sound:
         return None
     best = sound[0]
+    if best.name == "asymmetric_coulomb":  # a tie with its alias goes to the offset, the commoner of the two
+        best = next((e for e in sound if e.name == "input_offset" and e.delta_bic > best.delta_bic - 10), best)
     if best.closure < judge.NAMED:  # no name reaches the floor: the model is short of more, take the elementary first
         for e in sound:
-            if e.name in judge.ELEMENTARY and e.explained**2 >= judge.SIMPLEST_FIRST * best.explained**2:
+            if e.name in judge.ELEMENTARY and e.name != "asymmetric_coulomb" and e.explained**2 >= judge.SIMPLEST_FIRST * best.explained**2:
                 return e
     return best if best.delta_bic >= 0.6 * evidence[0].delta_bic else None
 

@@ -133,7 +133,7 @@ def refine(bench: Bench, model: AxisModel, trial: Trial, *, max_iterations: int 
         best = min(
             (bench.fit(model.with_term(Term(trial.kind, q)), max_iterations=3) for q in starts), key=lambda f: f[1].cost
         )
-        trial.model, trial.fit = bench.fit(best[0], max_iterations=2 * max_iterations, tolerance=2e-3)
+        trial.model, trial.fit = bench.fit(best[0], max_iterations=14, tolerance=2e-3)
     else:
         trial.model, trial.fit = bench.fit(model.with_term(Term(trial.kind, starts[0])), max_iterations=max_iterations)
     if trial.kind.scanned == "time":
