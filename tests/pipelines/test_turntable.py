@@ -1,0 +1,157 @@
+"""The turntable from log to served model, and the page that shows its runs."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+import urllib.error
+import urllib.request
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from pipelines.turntable import main
+from pipelines.ui import free_port
+from whsklearn.datasets import load_turntable
+
+COLUMNS = ["--time", "time_s", "--reference", "reference_rad", "--drive", "torque_nm", "--position", "position_rad"]
+ROOT = Path(__file__).resolve().parents[2]
+PATIENCE = 180  # seconds for a server to start on a busy machine
+
+
+@pytest.fixture(scope="module")
+def recorded(migrated_database, tmp_path_factory):
+    """A log identified with tracking on: the printed text and the address of the store."""
+    folder = tmp_path_factory.mktemp("turntable")
+    (folder / "mlruns").mkdir()
+    store = f"sqlite:///{shutil.copy(migrated_database, folder / 'mlruns' / 'mlflow.db')}"
+    load_turntable("multisine").iloc[:800].to_csv(folder / "log.csv", index=False)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("MLFLOW_TRACKING_URI", store)
+        done = CliRunner().invoke(main, ["--log", str(folder / "log.csv"), *COLUMNS])
+    assert done.exit_code == 0, done.output
+    return done.stdout, store
+
+
+def started(command, environment, address):
+    """A server in a process group of its own, once it answers at `address`."""
+    server = subprocess.Popen(
+        command, cwd=ROOT, env={**os.environ, **environment}, start_new_session=True, stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )  # fmt: skip
+    deadline = time.monotonic() + PATIENCE
+    while time.monotonic() < deadline and server.poll() is None:
+        try:
+            urllib.request.urlopen(address, timeout=2).close()
+            return server
+        except (urllib.error.URLError, TimeoutError, ConnectionError):
+            time.sleep(0.5)
+    stopped(server)
+    pytest.fail(f"{command[2]} did not answer at {address} within {PATIENCE} s")
+
+
+def stopped(server):
+    os.killpg(server.pid, signal.SIGTERM)
+    server.wait(timeout=60)
+
+
+def test_both_pairs_are_compared_within_100_columns(recorded):
+    text, _ = recorded
+    assert "reference to position, free run" in text
+    assert "drive to velocity, free run" in text
+    assert text.count("Excitation:") == 2
+    assert max(map(len, text.splitlines())) <= 100
+
+
+def test_one_sine_cannot_show_the_parameters(tmp_path):
+    load_turntable("sine").iloc[:800].to_csv(tmp_path / "log.csv", index=False)
+    done = CliRunner().invoke(main, ["--no-track", "--log", str(tmp_path / "log.csv"), *COLUMNS])
+    assert "show only combinations of" in done.stdout.split("drive to velocity")[0]
+
+
+def test_champion_is_loaded_and_goes_on_learning(recorded, monkeypatch):
+    import mlflow
+
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", recorded[1])
+    model = mlflow.sklearn.load_model("models:/turntable@champion")
+    X, y = load_turntable("multisine", return_X_y=True)
+    before = model.theta_
+    model.partial_fit(X[800:900], y[800:900])
+    assert np.isfinite(model.predict(X[:100])).all()
+    assert not np.array_equal(model.theta_, before)
+
+
+def test_served_champion_answers(recorded):
+    port = free_port(0)
+    # mlflow asks for its own name on the PATH; the virtual environment need not be activated
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    command = [sys.executable, "-m", "mlflow", "models", "serve", "-m", "models:/turntable@champion"]
+    command += ["--env-manager", "local", "--host", "127.0.0.1", "--port", str(port), "--workers", "1"]
+    environment = {"MLFLOW_TRACKING_URI": recorded[1], "PATH": path}
+    server = started(command, environment, f"http://127.0.0.1:{port}/ping")
+    try:
+        body = json.dumps({"inputs": [[0.1], [0.2], [0.3]]}).encode()
+        question = urllib.request.Request(
+            f"http://127.0.0.1:{port}/invocations", body, {"Content-Type": "application/json"}
+        )
+        with urllib.request.urlopen(question, timeout=60) as answer:
+            assert len(json.load(answer)["predictions"]) == 3
+    finally:
+        stopped(server)
+
+
+def test_page_shows_runs_and_metrics_in_a_browser(recorded):
+    playwright = pytest.importorskip("playwright.sync_api", reason="needs the extra dev")
+    browser = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+    if browser is None:
+        pytest.skip("no Chromium is installed here; `apt-get install chromium` brings one")
+    environment = {**os.environ, "MLFLOW_TRACKING_URI": recorded[1]}
+    command = [sys.executable, "-m", "pipelines.ui", "--no-browser", "--port", "0"]
+    page = subprocess.Popen(
+        command, cwd=ROOT, env=environment, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+    )
+    try:
+        address = re.search(r"http\S+", page.stdout.readline())[0]
+        with playwright.sync_playwright() as p:
+            chromium = p.chromium.launch(
+                executable_path=browser, args=["--no-sandbox", "--disable-background-networking"]
+            )
+            tab = chromium.new_page(viewport={"width": 1600, "height": 900})
+            tab.goto(address, timeout=PATIENCE * 1000)
+            tab.get_by_text("RMILS (full)").first.wait_for(timeout=PATIENCE * 1000)
+            shown = tab.inner_text("body")
+            chromium.close()
+        assert "MILS (pseudolinear)" in shown
+        assert "nmse" in shown
+    finally:
+        page.terminate()
+        page.wait(timeout=60)
+        page.stdout.close()
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [(["--position", "position_rad"], "--log needs --time and --position"), (["--time", "time_s"], "--log needs")],
+)
+def test_columns_that_are_missing_are_told(tmp_path, options, told):
+    load_turntable().iloc[:100].to_csv(tmp_path / "log.csv", index=False)
+    done = CliRunner().invoke(main, ["--no-track", "--log", str(tmp_path / "log.csv"), *options])
+    assert done.exit_code == 1
+    assert told in done.output
+
+
+def test_irregular_log_is_refused_with_its_row(tmp_path):
+    frame = load_turntable().iloc[:200].copy()
+    frame.loc[120:, "time_s"] += 0.3
+    frame.to_csv(tmp_path / "log.csv", index=False)
+    done = CliRunner().invoke(main, ["--no-track", "--log", str(tmp_path / "log.csv"), *COLUMNS])
+    assert done.exit_code == 1
+    assert "12" in done.output
