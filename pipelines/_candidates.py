@@ -15,7 +15,11 @@ from whsklearn import (
     WienerHammersteinLags,
 )
 
-PUBLISHED = {"gradient": "pseudolinear", "theta0": 0.01, "P0": 1e6}  # the article's start, theta(0) = 1/100
+PUBLISHED: dict[str, Any] = {
+    "gradient": "pseudolinear",
+    "theta0": 0.01,
+    "P0": 1e6,
+}  # the article's start, theta(0) = 1/100
 
 
 def candidates(
@@ -27,8 +31,8 @@ def candidates(
     published: dict[str, Any] | None = None,
 ) -> list[Candidate]:
     """Both readings of RLS, MILS and RMILS, the gradient scheme, and the batch fit as the yardstick."""
-    old = {**PUBLISHED, **(published or {})}
-    common = {"lags": lags, "random_state": seed}
+    old: dict[str, Any] = {**PUBLISHED, **(published or {})}
+    common: dict[str, Any] = {"lags": lags, "random_state": seed}
     found = [
         Candidate("RLS", RLSRegressor(**common, **old), "pseudolinear"),
         Candidate("MILS", MILSRegressor(**common, p=p, **old), "pseudolinear"),

@@ -116,7 +116,7 @@ def least_squares_on_the_truth(seed: int, runs: int) -> Claim:
     for i in range(runs):
         _, y, truth = make_wiener_hammerstein(1000, SNR_DB, seed + i, return_truth=True)
         phi = _true_rows(truth, y)
-        theta = np.linalg.lstsq(phi, y, rcond=None)[0]
+        theta: NDArray[np.float64] = np.linalg.lstsq(phi, y, rcond=None)[0]
         found.append(_free_run_nmse(theta, seed + 50_000 + i))
     return Claim(
         "Free-run NMSE of least squares given the true x and v",
@@ -187,7 +187,7 @@ def random_systems(seed: int, count: int) -> Claim:
         system = random_system(rng)
         X, y = make_wiener_hammerstein(1000, 20.0, seed + i, system=system)
         U, clean = make_wiener_hammerstein(1000, None, seed + 50_000 + i, system=system)
-        old = {"theta0": 0.01, "P0": 1e6, "gradient": "pseudolinear"}
+        old: dict[str, Any] = {"theta0": 0.01, "P0": 1e6, "gradient": "pseudolinear"}
         for name, model in (
             ("published", RMILSRegressor(WienerHammersteinLags(), p=4, **old)),
             ("default", RMILSRegressor(WienerHammersteinLags(), random_state=seed)),

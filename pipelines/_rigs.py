@@ -49,7 +49,7 @@ def tasks_of(options: dict[str, Any]) -> list[Task]:
     if options["rig"] == "emps":
         emps = fetch_emps(folder, download=False)
         parts = {k: _slower(emps[k], emps.sample_rate) for k in ("train", "test")}
-        columns = "reference_m", "position_m", "drive_V", None
+        columns: tuple[str, str, str, str | None] = ("reference_m", "position_m", "drive_V", None)
     else:
         robot = fetch_kr300(folder)
         parts = {k: _slower(robot[k], robot.sample_rate) for k in ("A", "B", "C")}

@@ -45,7 +45,8 @@ def main(seed: int, track: bool, runs: int, systems: int, report: str | None) ->
 def table_1(seed: int, runs: int, parent: Run) -> Rows:
     """Table 1: the article's rows and the medians of ours over `runs` seeds."""
     rows: Rows = [[f"{k}, article", v[2], v[0], v[1], None] for k, v in claims.TABLE_1.items()]
-    lags, old = WienerHammersteinLags(), {"gradient": "pseudolinear", "theta0": 0.01, "P0": 1e6}
+    lags = WienerHammersteinLags()
+    old: dict[str, Any] = {"gradient": "pseudolinear", "theta0": 0.01, "P0": 1e6}
     models = {
         "MILS, published reading": MILSRegressor(lags, p=4, **old),
         "RMILS, published reading": RMILSRegressor(lags, p=4, **old),

@@ -1,5 +1,6 @@
 """Identify servo axes as Wiener-Hammerstein systems with friction, and find what the model misses."""
 
+import whsklearn.metrics  # noqa: F401 - makes neg_nmse, neg_rmse and neg_abs_mu_e known to scikit-learn by name
 from whsklearn.estimators import (
     MILSRegressor,
     MultiInnovationGradientRegressor,

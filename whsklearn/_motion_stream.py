@@ -18,10 +18,20 @@ if TYPE_CHECKING:
 
 
 class MotionStream:
-    """Methods of a causal `InverseDynamicsLags`."""
+    """Methods of a causal `InverseDynamicsLags`, which has what is declared here."""
 
     _stream: Stream
     _kernels: Array
+    _drive: Any
+    _settle: Any
+    fit: Any
+    causal: bool
+    effects: Any
+    law: Any
+    sample_rate: float
+    standstill: float | None
+    terms_: tuple[Any, ...]
+    warmup_: int
 
     def partial_fit_transform(self, X: ArrayLike, y: ArrayLike | None = None, groups: ArrayLike | None = None) -> Array:
         """Columns of the next piece of a stream, going on where the last piece ended; shape (n, n_terms).

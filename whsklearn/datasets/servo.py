@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal, overload
 
 import numpy as np
 
@@ -21,6 +21,40 @@ if TYPE_CHECKING:
     from sklearn.utils import Bunch
 
 
+@overload
+def make_servo_log(
+    effects: Effect | str | Iterable[Effect | str] = ...,
+    *,
+    sizes: float | Sequence[float] = ...,
+    axis: ServoAxis | None = ...,
+    reference: str | ArrayLike = ...,
+    amplitude: float | None = ...,
+    duration: float = ...,
+    sample_rate: float | None = ...,
+    noise: float | None = ...,
+    resolution: float | None = ...,
+    snr_db: float | None = ...,
+    disturbance: ArrayLike | None = ...,
+    random_state: Any = ...,
+    return_truth: Literal[False] = ...,
+) -> pd.DataFrame: ...
+@overload
+def make_servo_log(
+    effects: Effect | str | Iterable[Effect | str] = ...,
+    *,
+    sizes: float | Sequence[float] = ...,
+    axis: ServoAxis | None = ...,
+    reference: str | ArrayLike = ...,
+    amplitude: float | None = ...,
+    duration: float = ...,
+    sample_rate: float | None = ...,
+    noise: float | None = ...,
+    resolution: float | None = ...,
+    snr_db: float | None = ...,
+    disturbance: ArrayLike | None = ...,
+    random_state: Any = ...,
+    return_truth: Literal[True],
+) -> tuple[pd.DataFrame, Bunch]: ...
 def make_servo_log(
     effects: Effect | str | Iterable[Effect | str] = (),
     *,
