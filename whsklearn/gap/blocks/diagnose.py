@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from whsklearn.gap import judge, locate
-from whsklearn.gap.blocks.effects import found_effect, standard_errors
+from whsklearn.gap.blocks.effects import FoundEffect, found_effect, standard_errors
 from whsklearn.gap.blocks.fit import refit
 from whsklearn.gap.blocks.model import BlockModel, Setting, chain, coloured, free_run, raw_errors
 from whsklearn.gap.blocks.score import ABSORBED, whiteness
@@ -16,6 +16,7 @@ from whsklearn.gap.blocks.search import NEED, QUIET, Found, aliases_of, search
 from whsklearn.gap.blocks.words import next_step, sentence
 from whsklearn.gap.close import closure
 from whsklearn.gap.diagnosis import CandidateLine, Diagnosis, NamedEffect
+from whsklearn.gap.record import lattice
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
 HORIZONS = (1, 10)  # samples, beside the free run
 GOOD_FIT = 0.03  # share of what is explained that generic functions may still find after a confident name
+FITS = 2e-3  # p-value below which an effect that was taken leaves something over
 
 
 def diagnose(
@@ -34,11 +36,16 @@ def diagnose(
     found = search(s, rng, max_effects=max_effects, tolerance=tolerance, progress=lambda _: None)
     progress("search")
     alike = [aliases_of(s, r, t, found.scales) for t, r in _rounds_of(found)]
-    d = Diagnosis(verdict_of(s, found, [close for _, close in alike]), "")
+    d = Diagnosis(verdict_of(s, found, [close for _, close in alike], tolerance), "")
+    step = coarse_grid(s, found)
+    if step and d.verdict in ("no_gap", "coloured_noise", "unknown"):
+        d.verdict = "named"
+        grid = FoundEffect("quantization", "sensor", "y = s round(q / s)", {"step": step})
+        d.effects.append(NamedEffect(grid, {}, 0.0, 0.95, 0.0))
     d.need = NEED
     d.interrupted = found.interrupted
     final = found.model
-    if d.verdict in ("named", "ambiguous", "partial"):
+    if found.taken and d.verdict in ("named", "ambiguous", "partial"):
         whole = s.on_all(int(np.argmax(s.fit)))
         final, _ = refit(whole, found.model, found.scales)
         errors = standard_errors(whole, final, found.scales)
@@ -61,7 +68,7 @@ def diagnose(
     d.notes = _notes(s, found)
     d.pictures = _pictures(s, found, d)
     d.sentence = sentence(d)
-    return d, line.export(final if d.effects else found.base)
+    return d, line.export(final if found.taken and d.effects else found.base)
 
 
 def _rounds_of(found: Found) -> list[tuple[Any, Any]]:
@@ -69,11 +76,25 @@ def _rounds_of(found: Found) -> list[tuple[Any, Any]]:
     return [(t, next((r for r in found.rounds if t in r.trials), found.rounds[0])) for t in found.taken]
 
 
-def verdict_of(s: Setting, found: Found, close: list[list[str]]) -> str:
-    """The verdict; see DESIGN of the report for the words."""
+def verdict_of(s: Setting, found: Found, close: list[list[str]], tolerance: float) -> str:
+    """The verdict, from what was taken and what is left.
+
+    Parameters
+    ----------
+    close : list of list of str
+        For each effect, the names that could stand in its place, aliases left out.
+    tolerance : float
+        Error of the free run, as a share of the output's rms, below which nothing is worth a word.
+    """
     left = found.left
     assert left is not None
     if not found.taken:
+        lost = found.rounds[0].screened if found.rounds else []
+        if lost and np.mean([c.left < ABSORBED for c in lost]) > 0.5:
+            return "not_testable"
+        held = s.held >= 0
+        if _rmse(s.y - free_run(s, found.base), held) < tolerance * float(np.sqrt(np.mean(s.y[held] ** 2))):
+            return "no_gap"
         if left.p_value < QUIET and left.share > 0.02:
             return "unknown"
         if whiteness(_uncoloured(s, found.base)) < 1e-4:
@@ -82,9 +103,19 @@ def verdict_of(s: Setting, found: Found, close: list[list[str]]) -> str:
     explained = found.base_cost - found.cost
     remains = left.share * found.cost
     closed = explained / max(explained + remains, 1e-300)
-    if left.p_value < QUIET and remains > GOOD_FIT * explained:
+    if left.p_value < FITS and remains > GOOD_FIT * explained:
         return "partial" if closed >= 0.5 else "unknown"
     return "ambiguous" if any(close) else "named"
+
+
+def coarse_grid(s: Setting, found: Found) -> float:
+    """Step of the grid on which the readings lie, if rounding is a good part of what is left; 0 otherwise."""
+    step = lattice(s.y)
+    if not step or step / math.sqrt(12.0) < 0.003 * float(np.sqrt(np.mean(s.y**2))):
+        return 0.0
+    nd = int(s.dims[3])
+    gain = 1.0 + float(np.sum(found.base.theta[found.base.theta.size - nd :] ** 2))
+    return step if gain * step**2 / 12.0 > 0.15 * float(np.mean(_uncoloured(s, found.base) ** 2)) else 0.0
 
 
 def _uncoloured(s: Setting, m: BlockModel) -> Array:

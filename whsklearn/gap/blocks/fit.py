@@ -157,9 +157,11 @@ def fit_base(s: Setting, rng: np.random.Generator, *, n_starts: int = 24, keep: 
         second.append((value, m))
     second.sort(key=lambda f: f[0])
     out = []
-    for _, m in separate(second, 1e-3)[:keep]:
+    long = s.u.size > 3 * MULTISTART_SAMPLES
+    rungs = (30.0, 300.0, 1000.0) if long else LADDER[2:]
+    for _, m in separate(second, 1e-3)[: 2 if long else keep]:
         full = dataclasses.replace(m, ar=BlockModel(m.theta).ar)
-        out.append(sharpen(s, full, signal_scales(s, full), LADDER[2:], steps=10))
+        out.append(sharpen(s, full, signal_scales(s, full), rungs, steps=6 if long else 10))
     return sorted(out, key=lambda f: f[1])
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from whsklearn.gap.blocks.candidates import Candidate, Scales, catalogue_for
-from whsklearn.gap.blocks.fit import climb, cost, fit_base, refit, rms_dx
+from whsklearn.gap.blocks.fit import climb, cost, fit_base, refit, rms_dx, shortened
 from whsklearn.gap.blocks.model import BlockModel, Setting, Term, coloured, free_run, raw_errors, signal_scales
 from whsklearn.gap.blocks.score import (
     ABSORBED,
@@ -37,6 +37,7 @@ SIMILAR = 0.97  # coherence of two signatures that no record like this one tells
 QUIET = 1e-4  # p-value below which something is left
 MAX_REFITS = 7
 N_TWINS = 2
+SCREEN_SAMPLES = 6000  # of a longer record, to try sizes on
 
 
 @dataclass
@@ -186,18 +187,23 @@ def _from_sizes(
 ) -> list[tuple[float, Screened]]:
     """Candidates whose size is a shape, from every size of the grid by a few steps: most of what they do is to turn
     single signs, which no slope shows."""
-    n = int(s.fit.sum())
+    short = shortened(s, SCREEN_SAMPLES)
+    if short is not s:
+        value = cost(short, m)
+    n = int(short.fit.sum())
+    longer = s.fit.sum() / n
     out = []
     for kind in kinds:
         found = []
         for shape in kind.shapes(z):
             start = m.plus(Term(kind, shape))
-            start = start.at(min(m.kappa, 60.0 / rms_dx(s, start)))
-            fitted, _ = climb(s, start, z, steps=4)
-            found.append((cost(s, fitted.at(m.kappa)), fitted.terms[-1]))
+            start = start.at(min(m.kappa, 60.0 / rms_dx(short, start)))
+            fitted, _ = climb(short, start, z, steps=4)
+            found.append((cost(short, fitted.at(m.kappa)), fitted.terms[-1]))
         found.sort(key=lambda f: f[0])
         now, term = found[0]
-        out.append((delta_bic(n, value, now, kind.n_numbers, 1), Screened(term, max(value - now, 0.0), 1.0, np.empty(0))))
+        promise = longer * delta_bic(n, value, now, kind.n_numbers, 1)
+        out.append((promise, Screened(term, max(value - now, 0.0), 1.0, np.empty(0))))
     return out
 
 
@@ -279,9 +285,6 @@ def search(
             found.model, found.cost = sound[0].model, sound[0].cost
             if number > 0:
                 exchange(s, found, kinds, need, tolerance)
-            found.left = remainder(s, found.model, z)
-            if found.left.p_value > 0.01:
-                break
         prune(s, found, need)
         found.left = remainder(s, found.model, z)
     except KeyboardInterrupt:
