@@ -1,0 +1,61 @@
+"""A user's simulator of three methods goes through the same door."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from whsklearn.effects import AsymmetricViscous, CableSpring, InputOffset
+from whsklearn.gap import GapFinder, ServoRecord
+
+TIME = np.arange(8000) * 2e-3
+DRIVE = np.sin(3 * TIME) + 0.5 * np.sin(11 * TIME + 1) + 0.3 * np.sin(0.7 * TIME)
+
+
+class Damper:
+    """x' = (u - effects) / b, stepped by Euler: as small as a simulator can be."""
+
+    effects_to_try = (CableSpring(1.0, 0.0), InputOffset(1.0), AsymmetricViscous(1.0))
+
+    def __init__(self, damping=1.0, effects=()):
+        self.damping, self.effects = damping, tuple(effects)
+
+    def simulate(self, record):
+        x, v, out = 0.0, 0.0, np.empty(len(record))
+        for i, u in enumerate(record.drive):
+            out[i] = x
+            force = 0.0
+            for e in self.effects:
+                force += {"cable_spring": x, "input_offset": 1.0, "asymmetric_viscous": abs(v)}[e.name] * e.magnitude
+            v = (u - force) / self.damping
+            x += 2e-3 * v
+        return out
+
+    def refit(self, record, keep):
+        def error(damping):
+            return np.sum((record.position - Damper(damping, self.effects).simulate(record))[keep] ** 2)
+
+        grid = self.damping * np.linspace(0.9, 1.1, 9)
+        return Damper(float(grid[np.argmin([error(d) for d in grid])]), self.effects)
+
+    def with_effect(self, effect):
+        return Damper(self.damping, (*self.effects, effect))
+
+
+@pytest.fixture(scope="module")
+def record():
+    truth = Damper(1.0, (CableSpring(0.3, 0.0),))
+    record = ServoRecord(TIME, DRIVE, np.zeros_like(TIME))
+    noise = 1e-3 * np.random.default_rng(0).standard_normal(TIME.size)
+    return ServoRecord(TIME, DRIVE, truth.simulate(record) + noise)
+
+
+def test_names_what_the_simulator_lacks(record):
+    finder = GapFinder(Damper(), max_effects=1).fit(record)
+    assert [c.name for c in finder.diagnosis_.candidates if c.status == "named"] == ["cable_spring"]
+    assert finder.diagnosis_.after["rmse"] < 0.5 * finder.diagnosis_.before["rmse"]
+
+
+def test_complete_simulator_lacks_nothing(record):
+    finder = GapFinder(Damper(1.0, (CableSpring(0.3, 0.0),))).fit(record)
+    assert (finder.verdict_, finder.effects_) == ("no_gap", [])
