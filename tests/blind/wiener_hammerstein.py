@@ -75,7 +75,6 @@ def run(a, b, c, d, law, kinds, p, u, noise, dt, port):
     z = np.zeros(2)
     lagged = np.zeros(2)
     x_old = 0.0
-    dx_old = 0.0
     power = np.zeros((4, 2))
     for t in range(n):
         for i in range(a.size):
@@ -166,7 +165,6 @@ def run(a, b, c, d, law, kinds, p, u, noise, dt, port):
         power[2, 0] += (v[t] - plain) ** 2
         power[2, 1] += plain**2
         x_old = x
-        dx_old = dx
         q[t] = noise[t]
         for i in range(c.size):
             if t - 1 - i >= 0:
@@ -212,7 +210,7 @@ def _block(rng: np.random.Generator) -> np.ndarray:
 def draw_system(rng: np.random.Generator) -> dict[str, np.ndarray]:
     """Example 5.1 in one of three cases, a random stable system in the others."""
     if rng.uniform() < 1 / 3:
-        parts = dict(a=[1.0, 2.2], b=[1.0, 0.5], c=[1.0, 0.2], d=[0.15, 0.4], law=[0.05, 0.7, 0.2])
+        parts = {"a": [1.0, 2.2], "b": [1.0, 0.5], "c": [1.0, 0.2], "d": [0.15, 0.4], "law": [0.05, 0.7, 0.2]}
         return {key: np.array(value) for key, value in parts.items()}
     return {
         "a": np.array([1.0, rng.uniform(-1.5, 1.5)]),

@@ -2,7 +2,7 @@
 
 .. code-block:: text
 
-    u -> [drive effects] -> L1 -> x -> [transmission] -> x_l -> law + friction, position, time -> v -> L2 -> q -> [sensor] -> y
+    u -> [drive] -> L1 -> x -> [transmission] -> x_l -> law + friction, position, time -> v -> L2 -> q -> [sensor] -> y
 
 Drive effects change u as on an axis: u_eff = u - what the effect asks for.  Friction, position and time
 effects add to v as functions of x_l and dx = x_l(t) - x_l(t-1); sensor effects act on q.  An effect is a
@@ -47,7 +47,7 @@ def driven(ecodes, eq, lag, u, ue, t, x, dt):
     for j in range(ecodes.size):
         if ecodes[j] == k.INPUT_DELAY:
             shift = max(eq[j, 0] / dt, 0.0)
-            whole = int(math.floor(shift))
+            whole = math.floor(shift)
             part = shift - whole
             newer = u[t - whole] if t >= whole else 0.0
             older = u[t - whole - 1] if t > whole else 0.0
@@ -135,8 +135,12 @@ def added(ecodes, eq, memory, drive, x, dx, dx_old, t, dt, kappa, v):
             total += p * math.cos(phase) + eq[j, 1] * math.sin(phase)
         elif c == k.CHANGE_VISCOUS or c == k.CHANGE_COULOMB or c == k.CHANGE_INERTIA:
             if t * dt > eq[j, 1]:
-                f = dx if c == k.CHANGE_VISCOUS else (smooth_sign(dx, kappa)[0] if c == k.CHANGE_COULOMB else dx - dx_old)
-                total += p * f
+                if c == k.CHANGE_VISCOUS:
+                    total += p * dx
+                elif c == k.CHANGE_COULOMB:
+                    total += p * smooth_sign(dx, kappa)[0]
+                else:
+                    total += p * (dx - dx_old)
         elif c >= HAT_X:
             total += p * _probe(c, eq[j, 1], eq[j, 2], x, dx, drive, t, v, kappa)
     return total
@@ -271,7 +275,15 @@ def run_chain(theta, dims, codes, shapes, kappa, ecodes, eq, u, y, noise, dt, fr
 
 
 def run_effects(
-    a: Array, b: Array, c: Array, d: Array, law: FrictionLaw, effects: Sequence[Effect], u: Array, noise: Array, dt: float
+    a: Array,
+    b: Array,
+    c: Array,
+    d: Array,
+    law: FrictionLaw,
+    effects: Sequence[Effect],
+    u: Array,
+    noise: Array,
+    dt: float,
 ) -> tuple[Array, Array, Array]:
     """x, v and y of a system with effects, at rest before the first sample."""
     dims = np.array([a.size, b.size, c.size, d.size, len(law)], dtype=np.int64)

@@ -54,7 +54,7 @@ def test_silence_where_nothing_is_missing(kind):
 
 
 @pytest.mark.parametrize(
-    "u, y, code",
+    ("u", "y", "code"),
     [
         (np.ones(1000), np.random.default_rng(0).normal(size=1000), "data-no-drive"),
         (np.random.default_rng(0).normal(size=1000), np.zeros(1000), "data-not-moving"),

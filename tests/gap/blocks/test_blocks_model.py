@@ -28,7 +28,8 @@ def kind(name):
     return next(k for k in CATALOGUE if k.name == name)
 
 
-@pytest.mark.parametrize("name, q", [("cogging", (0.1, -0.2, 0.6)), ("dead_zone", (0.2,)), ("output_offset", (0.3,)),
+@pytest.mark.parametrize(("name", "q"), [
+    ("cogging", (0.1, -0.2, 0.6)), ("dead_zone", (0.2,)), ("output_offset", (0.3,)),
                                      ("stribeck", (0.2, 1.0, 2.0)), ("sensor_rectification", (0.3,))])  # fmt: skip
 def test_vector_and_model_are_inverses(setting, name, q):
     m = bm.BlockModel(THETA, (bm.Term(kind(name), q),), kappa=5.0)
@@ -38,7 +39,8 @@ def test_vector_and_model_are_inverses(setting, name, q):
     np.testing.assert_allclose(again.terms[0].q, q)
 
 
-@pytest.mark.parametrize("name, q", [("cogging", (0.1, -0.2, 0.6)), ("actuator_lag", (0.8,)), ("output_offset", (0.3,)),
+@pytest.mark.parametrize(("name", "q"), [
+    ("cogging", (0.1, -0.2, 0.6)), ("actuator_lag", (0.8,)), ("output_offset", (0.3,)),
                                      ("load_friction", (0.2,)), ("hardening_spring", (0.01, 0.0))])  # fmt: skip
 def test_sensitivities_are_central_differences(setting, name, q):
     m = bm.BlockModel(THETA, (bm.Term(kind(name), q),), ar=np.array([0.3, -0.1, 0.0, 0.0, 0.0, 0.05]), kappa=0.5)
@@ -50,7 +52,9 @@ def test_sensitivities_are_central_differences(setting, name, q):
         up, down = x.copy(), x.copy()
         up[i] += h
         down[i] -= h
-        e = [bm.coloured(bm.raw_errors(setting, n), n.ar) for n in (bm.from_vector(m, up, z), bm.from_vector(m, down, z))]
+        e = [
+            bm.coloured(bm.raw_errors(setting, n), n.ar) for n in (bm.from_vector(m, up, z), bm.from_vector(m, down, z))
+        ]
         slope = (e[0] - e[1]) / (2 * h)
         assert np.linalg.norm(rows[:, i] - slope) <= 5e-3 * np.linalg.norm(slope) + 1e-6
 

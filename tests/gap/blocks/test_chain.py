@@ -8,7 +8,7 @@ import pytest
 from whsklearn import WienerHammersteinSystem
 from whsklearn import effects as fx
 
-BLOCKS = dict(a=[1.0, 2.2], b=[1.0, 0.5], c=[1.0, 0.2], d=[0.15, 0.4])
+BLOCKS = {"a": [1.0, 2.2], "b": [1.0, 0.5], "c": [1.0, 0.2], "d": [0.15, 0.4]}
 
 
 @pytest.fixture(scope="module")
@@ -25,8 +25,8 @@ def system(*effects, law=None, dt=1.0):
     [
         fx.InputOffset(0.0), fx.DeadZone(0.0), fx.Saturation(float("inf")), fx.InputDelay(0.0), fx.ActuatorLag(0.0),
         fx.TorqueRipple(0.0), fx.Backlash(0.0), fx.Cogging(0.0), fx.GravityImbalance(0.0), fx.CableSpring(0.0),
-        fx.HardeningSpring(0.0), fx.EndStop(0.0), fx.OutputOffset(0.0), fx.OutputDrift(0.0), fx.SensorRectification(0.0),
-        fx.EncoderEccentricity(0.0), fx.Quantization(0.0), fx.DisturbanceTone(0.0), fx.ParameterChange(0.0, 3.0),
+        fx.HardeningSpring(0.0), fx.EndStop(0.0), fx.OutputOffset(0.0), fx.OutputDrift(0.0),
+        fx.SensorRectification(0.0), fx.EncoderEccentricity(0.0), fx.Quantization(0.0), fx.DisturbanceTone(0.0), fx.ParameterChange(0.0, 3.0),
         fx.AsymmetricCoulomb(0.0), fx.QuadraticDrag(0.0), fx.Stribeck(0.0), fx.LoadFriction(0.0), fx.FrictionDrift(0.0),
         fx.PositionFriction(0.0), fx.PreslidingHysteresis(0.0),
     ],

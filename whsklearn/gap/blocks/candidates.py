@@ -249,7 +249,7 @@ CATALOGUE: tuple[Candidate, ...] = (
 
 def catalogue_for(law_codes: Iterable[int]) -> list[Candidate]:
     """All candidates but those that the law already holds."""
-    held = set(int(c) for c in law_codes)
+    held = {int(c) for c in law_codes}
     return [c for c in CATALOGUE if not (c.code in (s.VISCOUS, s.COULOMB, s.QUADRATIC_DRAG) and c.code in held)]
 
 

@@ -197,7 +197,9 @@ def table(found: Found, d: Diagnosis) -> list[CandidateLine]:
             share = float(np.clip((r.cost - t.cost) / full, -1, 1)) if found.taken else 0.0
             better = found.rounds[0] is r and t.name not in lines
             if better:
-                lines[t.name] = CandidateLine(t.name, t.delta_bic, share, "ruled_out", t.reason or "another explains more")
+                lines[t.name] = CandidateLine(
+                    t.name, t.delta_bic, share, "ruled_out", t.reason or "another explains more"
+                )
         for c in r.screened:
             if c.name in lines:
                 continue
@@ -236,8 +238,8 @@ def _tests(s: Setting, found: Found) -> list[dict[str, Any]]:
         e = coloured(raw_errors(s, m), m.ar)[s.fit]
         e = e - e.mean()
         r = np.array([e[k:] @ e[:-k] for k in range(1, 21)]) / max(float(e @ e), 1e-300)
-        out.append({"test": f"Ljung-Box, 20 lags, {word}", "statistic": float(n * np.sum(r**2)), "p_value": whiteness(e),
-                    "largest": float(np.abs(r).max()), "band": 1.96 / math.sqrt(n)})  # fmt: skip
+        out.append({"test": f"Ljung-Box, 20 lags, {word}", "statistic": float(n * np.sum(r**2)),
+                    "p_value": whiteness(e), "largest": float(np.abs(r).max()), "band": 1.96 / math.sqrt(n)})  # fmt: skip
         if left is not None:
             out.append({"test": f"generic functions at every port, {word}", "statistic": left.share,
                         "p_value": left.p_value, "largest": left.share, "band": 0.0})  # fmt: skip

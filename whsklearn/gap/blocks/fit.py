@@ -140,7 +140,9 @@ def start_thetas(s: Setting, rng: np.random.Generator, n_starts: int) -> list[Ar
     return [t for t in out if np.isfinite(t).all() and stable_blocks(s, t)]
 
 
-def fit_base(s: Setting, rng: np.random.Generator, *, n_starts: int = 24, keep: int = 4) -> list[tuple[BlockModel, float]]:
+def fit_base(
+    s: Setting, rng: np.random.Generator, *, n_starts: int = 24, keep: int = 4
+) -> list[tuple[BlockModel, float]]:
     """Separate minima of the base model on the whole fit, the least first."""
     short = shortened(s, MULTISTART_SAMPLES)
     first: list[tuple[float, BlockModel]] = []
@@ -174,7 +176,9 @@ def separate(found: list[tuple[float, BlockModel]], share: float) -> list[tuple[
     return out
 
 
-def refit(s: Setting, m: BlockModel, z: Scales, *, thorough: bool = False, quick: bool = False) -> tuple[BlockModel, float]:
+def refit(
+    s: Setting, m: BlockModel, z: Scales, *, thorough: bool = False, quick: bool = False
+) -> tuple[BlockModel, float]:
     """The joint refit of a model that stands near its minimum."""
     here = climb(s, m, z, steps=10) if np.isfinite(m.kappa) else None
     if quick and here is not None:

@@ -52,7 +52,9 @@ class BlockLine:
         self.given_model = system
         self.u, self.y = (np.ascontiguousarray(v, dtype=float) for v in (u, y))
         self.law = as_law(law) if law is not None else (system.law if system is not None else as_law(None))
-        self.orders = (2, 2, 2, 2) if system is None else tuple(v.size for v in (system.a, system.b, system.c, system.d))
+        self.orders = (
+            (2, 2, 2, 2) if system is None else tuple(v.size for v in (system.a, system.b, system.c, system.d))
+        )
         self.tolerance, self.dt = tolerance, dt
 
     def check(self) -> list[Problem]:

@@ -187,7 +187,9 @@ def from_vector(m: BlockModel, x: Array, z: Scales) -> BlockModel:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _sensitivities(theta, steps, dims, codes, shapes, kappa, ecodes, eq, slots, slot_steps, u, y, dt, base, sensor, out):
+def _sensitivities(
+    theta, steps, dims, codes, shapes, kappa, ecodes, eq, slots, slot_steps, u, y, dt, base, sensor, out
+):
     """Derivatives of y - y_hat by theta and by the chosen numbers of the effects.
 
     Forward differences for L1 and the effects; where no sensor stands behind L2, the law's weights, c and d are

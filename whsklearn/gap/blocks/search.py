@@ -51,6 +51,7 @@ class Trial:
     moved: float = 0.0  # rms change of the simulated output, share of rms y
     better: float = 0.0  # share of held-out blocks improved
     held_gain: float = 0.0
+    worse: float = 1.0  # held-out mean square of the free run, over that without the effect
     reason: str = ""
 
     @property
@@ -112,8 +113,12 @@ def weigh(s: Setting, before: BlockModel, trial: Trial) -> None:
     wins = [np.sum(e1[block == i] ** 2) < np.sum(e0[block == i] ** 2) for i in np.unique(block)]
     trial.better = float(np.mean(wins))
     trial.held_gain = 1.0 - float(e1 @ e1) / max(float(e0 @ e0), 1e-300)
-    apart = free_run(s, trial.model) - free_run(s, trial.model.without(len(trial.model.terms) - 1))
+    run, held = free_run(s, trial.model), s.held >= 0
+    apart = run - free_run(s, trial.model.without(len(trial.model.terms) - 1))
     trial.moved = float(np.sqrt(np.mean(apart**2) / np.mean(s.y**2)))
+    miss0, miss1 = ((s.y - r)[held] for r in (free_run(s, before), run))
+    limit = 6.0 * 1.4826 * np.median(np.abs(miss0)) + 1e-300
+    trial.worse = float(np.mean(np.clip(miss1, -limit, limit) ** 2) / np.mean(np.clip(miss0, -limit, limit) ** 2))
 
 
 def objection(s: Setting, trial: Trial, z: Scales, need: float, tolerance: float) -> str:
@@ -124,6 +129,8 @@ def objection(s: Setting, trial: Trial, z: Scales, need: float, tolerance: float
         return f"it moves the output by {100 * trial.moved:.2f} % of its rms, below the tolerance"
     if trial.held_gain <= 0 or trial.better < 0.6:
         return f"it improves only {100 * trial.better:.0f} % of the held-out blocks"
+    if trial.worse > 1.01:
+        return "the free run over held-out samples is worse with it"
     kind, q = trial.kind, trial.model.terms[-1].q
     if kind.positive and q[0] <= 0:
         return f"its size would be {q[0]:.3g}, and a physical one is positive"
@@ -136,7 +143,13 @@ def objection(s: Setting, trial: Trial, z: Scales, need: float, tolerance: float
 
 
 def try_all(
-    s: Setting, m: BlockModel, value: float, kinds: list[Candidate], z: Scales, *, others: list[BlockModel] | None = None
+    s: Setting,
+    m: BlockModel,
+    value: float,
+    kinds: list[Candidate],
+    z: Scales,
+    *,
+    others: list[BlockModel] | None = None,
 ) -> Round:
     """Screen all candidates on a model, refit the best."""
     stand = take_stand(s, m, z)
@@ -186,7 +199,8 @@ def _from_sizes(
     s: Setting, m: BlockModel, value: float, kinds: list[Candidate], z: Scales
 ) -> list[tuple[float, Screened]]:
     """Candidates whose size is a shape, from every size of the grid by a few steps: most of what they do is to turn
-    single signs, which no slope shows."""
+    single signs, which no slope shows.
+    """
     short = shortened(s, SCREEN_SAMPLES)
     if short is not s:
         value = cost(short, m)

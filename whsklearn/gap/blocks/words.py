@@ -9,8 +9,12 @@ from whsklearn.gap.words import article_list, numbers
 
 def sentence(d: Any) -> str:
     """One paragraph, the answer first."""
-    rms = f"The free run misses the held-out output by {d.before['rmse']:.4g} rms ({100 * d.before['nmse']:.3g} % of its variance)"
-    left = f"{rms}; repaired, by {d.after['rmse']:.4g}, with a noise floor of {d.floor:.4g}: {100 * max(d.closure, 0):.0f} % of the gap is closed."
+    share = 100 * d.before["nmse"]
+    rms = f"The free run misses the held-out output by {d.before['rmse']:.4g} rms ({share:.3g} % of its variance)"
+    left = (
+        f"{rms}; repaired, by {d.after['rmse']:.4g}, with a noise floor of {d.floor:.4g}: "
+        f"{100 * max(d.closure, 0):.0f} % of the gap is closed."
+    )
     if d.verdict == "named":
         parts = [f"{e.name.replace('_', ' ')} ({numbers(e.effect)})" for e in d.effects]
         alias = sorted({a for e in d.effects for a in e.aliases})
