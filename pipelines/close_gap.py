@@ -21,7 +21,11 @@ from whsklearn.gap.finder import STEPS
 @job
 @click.argument("log_file", metavar="LOG.csv", type=click.Path(exists=True, dir_okay=False))
 @click.option(
-    "--model", "kind", type=click.Choice(["servo", "wiener-hammerstein"]), default="servo", help="Kind of the base model."
+    "--model",
+    "kind",
+    type=click.Choice(["servo", "wiener-hammerstein"]),
+    default="servo",
+    help="Kind of the base model.",
 )
 @click.option("--time", "time_column", default="time_s", help="Column of the time in s (servo).")
 @click.option("--reference", default=None, help="Column of the reference (servo); may be left out.")
@@ -29,7 +33,9 @@ from whsklearn.gap.finder import STEPS
 @click.option("--position", default="position_rad", help="Column of the measured position (servo).")
 @click.option("--input", "input_column", default="u", help="Column of the input (Wiener-Hammerstein).")
 @click.option("--output", "output_column", default="y", help="Column of the output (Wiener-Hammerstein).")
-@click.option("--law", default=None, help="Friction terms of the base model, joined by commas, such as viscous,coulomb.")
+@click.option(
+    "--law", default=None, help="Friction terms of the base model, joined by commas, such as viscous,coulomb."
+)
 @click.option("--tolerance", type=float, default=0.002, help="Smallest effect worth a name, share of the rms drive.")
 @click.option("--max-effects", type=click.IntRange(min=1, max=5), default=3, help="Effects added at the most.")
 @click.option("--report", "report", type=click.Path(file_okay=False), default="gap", help="Folder for the report.")

@@ -54,7 +54,9 @@ def naive(frame: pd.DataFrame) -> str:
     target, base, pool = _library(frame)
     drops, total = _drops(target, base, pool)
     n = target.size
-    score = {k: n * np.log(total / max(total - d, 1e-12 * total)) - pool[k].shape[1] * np.log(n) for k, d in drops.items()}
+    score = {
+        k: n * np.log(total / max(total - d, 1e-12 * total)) - pool[k].shape[1] * np.log(n) for k, d in drops.items()
+    }
     best = max(score, key=score.__getitem__)
     return best.split()[0] if score[best] > 10 else ""
 

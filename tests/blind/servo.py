@@ -91,7 +91,7 @@ def _bisect(f, low: float, high: float, goal: float) -> float:
     return float(np.sqrt(low * high))
 
 
-def _draw(name: str, size: float, rig: _Rig, rng: np.random.Generator) -> dict[str, float]:  # noqa: C901, PLR0911
+def _draw(name: str, size: float, rig: _Rig, rng: np.random.Generator) -> dict[str, float]:
     """Slots of one effect whose torque is ``size`` times the rms torque of the plain axis."""
     u, y = rig.run(rig.p, quiet=True)
     dt = 1.0 / rig.rate

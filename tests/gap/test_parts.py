@@ -63,7 +63,10 @@ def test_lattice_is_found_and_not_invented():
 def test_bounds_hold_and_the_minimum_is_found():
     target = np.array([1.0, 5.0])
     fit = least_squares(
-        lambda x: np.concatenate([x - target, 0.1 * x]), np.zeros(2), np.full(2, 1e-4), (np.full(2, -3.0), np.full(2, 3.0))
+        lambda x: np.concatenate([x - target, 0.1 * x]),
+        np.zeros(2),
+        np.full(2, 1e-4),
+        (np.full(2, -3.0), np.full(2, 3.0)),
     )
     assert fit.x == pytest.approx([1 / 1.01, 3.0], abs=1e-3)
 
@@ -77,7 +80,9 @@ def test_whitening_whitens():
     assert abs(e[1:] @ e[:-1] / (e @ e)) < 0.03
 
 
-@pytest.mark.parametrize(("before", "after", "floor", "share"), [(2, 1, 1, 1.0), (2, 2, 1, 0.0), (2, 3, 1, -1.0), (1, 1, 1, 0.0)])
+@pytest.mark.parametrize(
+    ("before", "after", "floor", "share"), [(2, 1, 1, 1.0), (2, 2, 1, 0.0), (2, 3, 1, -1.0), (1, 1, 1, 0.0)]
+)
 def test_closure(before, after, floor, share):
     assert closure(before, after, floor) == pytest.approx(share)
 

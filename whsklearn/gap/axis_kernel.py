@@ -169,7 +169,7 @@ def follow(inertia, timing, codes, q, u, y, given, dt, substeps, gain_1, gain_2,
     vl = v
     z = 0.0
     lagged = u[0]
-    whole = int(math.floor(delay))
+    whole = math.floor(delay)
     part = delay - whole
     fade = math.exp(-h / lag) if lag > 0.0 else 0.0
     for k in range(n):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 from whsklearn.gap import axis_kernel
 from whsklearn.gap.candidates import Candidate, Scene
 
-Array = NDArray[np.float64]
+Array = NDArray[Any]
 TIMING_LIMIT = 1.0  # samples; less than one is bookkeeping, not physics
 
 

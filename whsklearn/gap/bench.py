@@ -19,7 +19,7 @@ from whsklearn.gap.inverse import column, motion
 from whsklearn.gap.lens import Lens, autoregression, make_lens, solve_whitening, whiten
 from whsklearn.gap.record import ServoRecord, blocks, lattice, noise_level
 
-Array = NDArray[np.float64]
+Array = NDArray[Any]
 AR_ORDER = 12
 
 
@@ -55,7 +55,11 @@ class Bench:
     def follow(self, model: AxisModel, **changes: object) -> tuple[Array, Array, Array]:
         """Prediction, angle and velocity of the model held near the record."""
         return model.follow(
-            self.record.drive, self.record.position, self.lens.gains, start=self.start, **changes  # type: ignore[arg-type]
+            self.record.drive,
+            self.record.position,
+            self.lens.gains,
+            start=self.start,
+            **changes,  # type: ignore[arg-type]
         )
 
     def missing(self, model: AxisModel) -> Array:

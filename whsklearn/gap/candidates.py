@@ -104,7 +104,7 @@ def _geometric(low: float, high: float, n: int) -> list[tuple[float, ...]]:
 
 def _two_mass_starts(s: Scene) -> list[tuple[float, ...]]:
     """Compliance, load share, damping ratio for resonances of 8 to 60 Hz."""
-    out = []
+    out: list[tuple[float, ...]] = []
     for hz in (7.0, 12.0, 20.0, 35.0, 60.0):
         if hz < s.resonance:
             share = 0.45

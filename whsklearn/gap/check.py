@@ -101,7 +101,9 @@ def _value_problems(r: ServoRecord) -> list[Problem]:
     scale = np.quantile(jumps, 0.999) + 1e-300
     spikes = int(np.sum(jumps > 60 * scale))
     if spikes > 2:
-        text = f"{spikes} samples of the position jump far beyond the rest: outliers or a wrapped angle. Unwrap or repair."
+        text = (
+            f"{spikes} samples of the position jump far beyond the rest: outliers or a wrapped angle. Unwrap or repair."
+        )
         out.append(Problem("data-spikes", "Jumps in the position", text))
     return out
 

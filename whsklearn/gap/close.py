@@ -7,6 +7,7 @@ what differs between before and after is the model alone.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,7 @@ from whsklearn.gap.axis_model import AxisModel
 from whsklearn.gap.bench import Bench
 from whsklearn.gap.record import blocks
 
-Array = NDArray[np.float64]
+Array = NDArray[Any]
 HORIZONS = (0.1, 0.5, 2.0)  # s
 
 

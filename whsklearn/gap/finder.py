@@ -172,9 +172,7 @@ class GapFinder(BaseEstimator):
         if special is not None and verdict == "no_gap":
             diagnosis.verdict, diagnosis.effects = special
         elif verdict in ("named", "ambiguous", "partial"):
-            diagnosis.effects = [
-                self._named(bench, found, i, rivals[i], shares[i]) for i in range(len(found.taken))
-            ]
+            diagnosis.effects = [self._named(bench, found, i, rivals[i], shares[i]) for i in range(len(found.taken))]
         elif verdict == "no_gap" and line.blind_share(found.trials) > 0.5:
             diagnosis.verdict = "not_testable"
         n = int((bench.train & bench.usable).sum())
@@ -198,7 +196,8 @@ class GapFinder(BaseEstimator):
 
     def _rivals(self, bench: Any, found: Found, rng: np.random.Generator) -> tuple[list[list[str]], list[float]]:
         """For each effect, who else could stand there, and how surely it beats the next one."""
-        names, shares = [], []
+        names: list[list[str]] = []
+        shares: list[float] = []
         for taken, others in zip(found.taken, found.rivals, strict=True):
             if not others:
                 names.append([])
@@ -281,7 +280,9 @@ def candidate_table(found: Found, diagnosis: Diagnosis) -> list[CandidateLine]:
     for r in found.rounds[:1]:
         for e in r.evidence:
             if e.name not in lines:
-                lines[e.name] = CandidateLine(e.name, e.delta_bic, float(np.clip(e.closure, -1, 1)), "ruled_out", e.reason)
+                lines[e.name] = CandidateLine(
+                    e.name, e.delta_bic, float(np.clip(e.closure, -1, 1)), "ruled_out", e.reason
+                )
         for t in r.trials:
             name = t.kind.name
             if name in lines:
@@ -302,7 +303,8 @@ def candidate_table(found: Found, diagnosis: Diagnosis) -> list[CandidateLine]:
         elif not line.reason:
             behind = winner.delta_bic - line.delta_bic if winner else 0.0
             line.reason = f"explains less than {winner.name} by {behind:.0f} of delta BIC" if winner else "not taken"
-    for name, e in named.items():
+    for name, late in named.items():
         if name not in lines:
-            lines[name] = CandidateLine(name, e.delta_bic, float(np.clip(e.closure, -1, 1)), "named", "accepted later")
+            share = float(np.clip(late.closure, -1, 1))
+            lines[name] = CandidateLine(name, late.delta_bic, share, "named", "accepted later")
     return sorted(lines.values(), key=lambda c: -c.delta_bic)

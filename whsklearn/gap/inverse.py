@@ -6,13 +6,15 @@ motion features is the estimator; what noise in the features does to it, the sea
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn.gap import axis_kernel as k
 from whsklearn.gap.candidates import Candidate
 
-Array = NDArray[np.float64]
+Array = NDArray[Any]
 
 
 def motion(position: Array, drive: Array, dt: float, cutoff: float) -> tuple[Array, Array, Array, Array]:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+Array = NDArray[Any]
 
 EVIDENCE_PER_SAMPLE = 200.0 / 2450.0  # of delta BIC, calibrated on records with nothing missing
 LEAST_EVIDENCE, MOST_EVIDENCE = 40.0, 200.0

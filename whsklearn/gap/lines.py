@@ -20,7 +20,7 @@ from whsklearn.gap.locate import order_spectrum, since_reversal, spectrum
 from whsklearn.gap.record import ServoRecord
 from whsklearn.gap.search import Found
 
-Array = NDArray[np.float64]
+Array = NDArray[Any]
 
 
 class ServoLine:
@@ -75,7 +75,7 @@ class ServoLine:
         from whsklearn.gap.sensors import coarse_encoder
 
         if self._folded is not None:
-            effect = get_effect("sensor_rectification")(1.0)
+            effect = get_effect("sensor_rectification")(fraction=1.0)  # type: ignore[call-arg]
             return "named", [NamedEffect(effect, {}, float(len(self.record)), 0.99, 1.0)]
         return coarse_encoder(bench, found)
 
@@ -139,7 +139,7 @@ class ServoLine:
     def notes(self, bench: Bench, found: Found) -> list[str]:
         """Remarks on how the record was used."""
         return [
-            f"Position noise {bench.noise:.3g} {self.units[1]} (from sixth differences); missing torque is looked at "
+            f"Position noise {bench.noise:.3g} {self.units[1]} (from sixth differences); the gap is seen "
             f"up to {bench.lens.cutoff:.1f} Hz, where that noise makes {100 * bench.floor() / bench.scene.torque:.2f} % "
             "of the rms drive.",
             "The drive is replayed and the model held near the measurement by an observer, so no controller is needed.",
@@ -163,7 +163,7 @@ class ServoLine:
             "time": np.arange(y.size) * dt, "measured": y, "runs": runs, "held": held_out(bench),
             "gap_time": np.arange(d0.size) * dt * bench.lens.every, "gap_before": d0, "gap_after": d1,
             "usable": bench.usable, "floor": bench.floor(), "frequency": f, "spectrum": (a0, a1), "orders": orders,
-            "order_spectrum": (order_spectrum(d0[bench.usable], q, orders), order_spectrum(d1[bench.usable], q, orders)),
+            "order_spectrum": tuple(order_spectrum(d[bench.usable], q, orders) for d in (d0, d1)),
             "axes": self.axes(bench, found.base), "units": self.units, "what": "missing torque",
         }  # fmt: skip
 
@@ -176,7 +176,7 @@ class ServoLine:
         effects = [t.kind.effect(np.array(t.q)) for t in model.added]
         return ServoAxis(
             inertia=model.inertia,
-            law=law,
+            law=law,  # type: ignore[arg-type]
             effects=tuple(effects),
             drive=Drive(delay=max(0.0, model.timing) * model.scene.dt),
             sample_rate=1.0 / model.scene.dt,

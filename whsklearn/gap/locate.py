@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+Array = NDArray[Any]
 N_BINS = 20
 N_SHIFTS = 199
 
@@ -165,7 +165,9 @@ def sentence(places: list[Place]) -> str:
     p = max(telling, key=lambda p: p.share - p.width)
     share, width = 100 * p.share, 100 * p.width
     if p.signal == "reversal":
-        return f"{share:.0f} % of the gap lives between {p.low:.2g} and {p.high:.2g} s after a reversal ({width:.0f} % of the time)."
+        when = f"between {p.low:.2g} and {p.high:.2g} s after a reversal"
+        return f"{share:.0f} % of the gap lives {when} ({width:.0f} % of the time)."
     if p.share - p.width < 0.08:
         return f"The gap follows {p.signal}, and is spread over its whole range."
-    return f"{share:.0f} % of the gap lives where {p.signal} is between {p.low:.3g} and {p.high:.3g} {p.unit} ({width:.0f} % of the time)."
+    stretch = f"{p.signal} is between {p.low:.3g} and {p.high:.3g} {p.unit}"
+    return f"{share:.0f} % of the gap lives where {stretch} ({width:.0f} % of the time)."

@@ -45,4 +45,3 @@ def explainable(bench: Any, missing: Any, model: Any) -> float:
         left = d[held] - d[train].mean() - x[held] @ weights
         shares.append(1.0 - float(left @ left) / float(d[held] @ d[held]))
     return max(shares)
-

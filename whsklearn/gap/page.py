@@ -7,18 +7,24 @@ from typing import Any
 
 from whsklearn.gap.diagnosis import Diagnosis
 
-COLOURS = {"named": "#1b7f4d", "no_gap": "#2b6cb0", "partial": "#b7791f", "ambiguous": "#b7791f", "data_problem": "#b83232"}
+COLOURS = {
+    "named": "#1b7f4d",
+    "no_gap": "#2b6cb0",
+    "partial": "#b7791f",
+    "ambiguous": "#b7791f",
+    "data_problem": "#b83232",
+}
 SILENCE = {
-    "no_gap": "The base model, with its numbers refitted, explains the log down to the noise of its own encoder. That is "
+    "no_gap": "The base model, with its numbers refitted, explains the log to the noise of its encoder. That is "
     "said of this record only: effects marked not testable would not have shown.",
-    "unknown": "More is left than noise, and it can be predicted from the motion on samples that were not fitted, but no "
+    "unknown": "More is left than noise, and it can be predicted from the motion on samples not fitted, and no "
     "effect of the catalogue explains it. No name is given rather than that of the nearest neighbour.",
     "coloured_noise": "More is left than encoder noise, but nothing of it can be predicted from motion, drive or time: "
     "disturbances, or noise with a colour of its own. No name is given.",
-    "not_testable": "Nothing is seen, but most effects of the catalogue could not have been seen either: the record moves "
+    "not_testable": "Nothing is seen, but most effects of the catalogue could not have been seen either: the axis moves "
     "too little or too uniformly.",
     "ambiguous": "Two or more effects explain this record about as well. The next experiment would part them.",
-    "partial": "What was added explains a part of the gap in simulation, less than four fifths. Something else is missing.",
+    "partial": "What was added explains a part of the gap only. Something else is missing too.",
 }
 
 

@@ -21,7 +21,11 @@ def draw(d: Diagnosis) -> list[tuple[str, str, str]]:
     for title, caption, painter in (
         ("Simulation and measurement", "The worst two held-out seconds, restarted every 0.5 s.", _overlay),
         ("The gap over time", "What the model lacks, before and after.", _over_time),
-        ("The gap where it is densest", "Mean of the gap by bin with its standard error; the line is what is left after.", _where),
+        (
+            "The gap where it is densest",
+            "Mean of the gap by bin with its standard error; the line is what is left after.",
+            _where,
+        ),
         ("Candidates", "Evidence of each against what chance and noise may reach (dashed).", _candidates),
         ("Frequency", "Amplitude spectrum of the gap.", _spectrum),
         ("Order", "Amplitude by periods a turn: a line here is tied to the angle.", _orders),

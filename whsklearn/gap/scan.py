@@ -6,6 +6,8 @@ thousands of orders are tried on the decimated motion alone, all in one matrix p
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,7 +16,7 @@ from whsklearn.gap.bench import Bench
 from whsklearn.gap.candidates import Candidate
 from whsklearn.gap.lens import whiten
 
-Array = NDArray[np.float64]
+Array = NDArray[Any]
 
 
 def scan_values(kind: Candidate, bench: Bench) -> Array:
@@ -82,7 +84,9 @@ def _signals(kind: Candidate, bench: Bench, angle: Array, speed: Array) -> tuple
     return pick(angle), pick(speed), blurred, pick(time)
 
 
-def _columns(kind: Candidate, bench: Bench, values: Array, angle: Array, speed: Array, factor: Array, time: Array) -> Array:
+def _columns(
+    kind: Candidate, bench: Bench, values: Array, angle: Array, speed: Array, factor: Array, time: Array
+) -> Array:
     if kind.scanned == "time":
         return factor[:, None] * (time[:, None] >= values[None, :])
     sigma = 0.833 / (2 * np.pi * bench.lens.cutoff)
@@ -108,7 +112,13 @@ def peaks(values: Array, gains: Array, n: int = 3) -> list[float]:
 
 
 def zoom(
-    kind: Candidate, bench: Bench, residual: Array, base: Array, motion: tuple[Array, Array], values: Array, gains: Array
+    kind: Candidate,
+    bench: Bench,
+    residual: Array,
+    base: Array,
+    motion: tuple[Array, Array],
+    values: Array,
+    gains: Array,
 ) -> list[tuple[float, ...]]:
     """The best maxima of a scan, each looked at again ten times finer."""
     step = float(np.median(np.diff(values)))

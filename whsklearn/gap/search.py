@@ -96,7 +96,11 @@ def first_sound(bench: Any, evidence: list[Evidence], null: float) -> Evidence |
         best = next((e for e in sound if e.name == "input_offset" and e.delta_bic > best.delta_bic - 10), best)
     if best.closure < judge.NAMED:  # no name reaches the floor: the model is short of more, take the elementary first
         for e in sound:
-            if e.name in judge.ELEMENTARY and e.name != "asymmetric_coulomb" and e.explained**2 >= judge.SIMPLEST_FIRST * best.explained**2:
+            if (
+                e.name in judge.ELEMENTARY
+                and e.name != "asymmetric_coulomb"
+                and e.explained**2 >= judge.SIMPLEST_FIRST * best.explained**2
+            ):
                 return e
     return best if best.delta_bic >= 0.6 * evidence[0].delta_bic else None
 

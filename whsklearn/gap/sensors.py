@@ -20,7 +20,7 @@ def coarse_encoder(bench: Bench, found: Any) -> tuple[str, list] | None:
     step = bench.quantum
     if step < COARSE * bench.scene.reach or step / 12**0.5 < 0.7 * bench.noise:
         return None
-    effect = get_effect("quantization")(step)
+    effect = get_effect("quantization")(step=step)  # type: ignore[call-arg]
     gap = bench.rms(found.base_missing, "all")
     if gap > 1.3 * bench.floor():
         return None

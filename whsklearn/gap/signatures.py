@@ -8,6 +8,7 @@ is fitted jointly with everything else by simulation, so large effects are judge
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,7 @@ from whsklearn.gap.candidates import CATALOGUE, Candidate
 from whsklearn.gap.fit import Fit, gain_of
 from whsklearn.gap.scan import scan, zoom
 
-Array = NDArray[np.float64]
+Array = NDArray[Any]
 SMALL = 0.01  # share of the rms drive at which signatures are taken
 
 

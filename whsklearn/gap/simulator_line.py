@@ -28,7 +28,7 @@ from whsklearn.gap.diagnosis import CandidateLine, Diagnosis, NamedEffect
 from whsklearn.gap.lens import autoregression, whiten
 from whsklearn.gap.record import ServoRecord, blocks, noise_level
 
-Array = NDArray[np.float64]
+Array = NDArray[Any]
 
 
 @dataclass
@@ -65,12 +65,15 @@ class SimulatorLine:
         finder._say("search")
         while len(taken) < finder.max_effects and _rms(error, ~train) > 1.2 * floor:
             trials = sorted(
-                (t for e in self._effects(model) if (t := self._try(model, error, e, train))), key=lambda t: -t.delta_bic
+                (t for e in self._effects(model) if (t := self._try(model, error, e, train))),
+                key=lambda t: -t.delta_bic,
             )
             for t in trials:
                 before, after = _rms(error, ~train), _rms(t.error, ~train)
                 share = closure(before, after, floor)
-                lines.setdefault(t.effect.name, CandidateLine(t.effect.name, t.delta_bic, share, "ruled_out", "explains less"))
+                lines.setdefault(
+                    t.effect.name, CandidateLine(t.effect.name, t.delta_bic, share, "ruled_out", "explains less")
+                )
             if not trials or trials[0].delta_bic < judge.MOST_EVIDENCE or not _better(error, trials[0].error, held):
                 break
             taken.append(trials[0])
@@ -80,7 +83,9 @@ class SimulatorLine:
     def _error(self, model: Any) -> Array:
         y = np.asarray(model.simulate(self.record), dtype=float)
         if y.shape != self.record.position.shape:
-            raise ValueError(f"simulate gave shape {y.shape}, expected {self.record.position.shape}: one value a sample.")
+            raise ValueError(
+                f"simulate gave shape {y.shape}, expected {self.record.position.shape}: one value a sample."
+            )
         return self.record.position - y
 
     def _effects(self, model: Any) -> list[Any]:
@@ -123,14 +128,18 @@ class SimulatorLine:
         for t in taken:
             lines[t.effect.name].status, lines[t.effect.name].reason = "named", "accepted"
         var = float(np.var(self.record.position[held]))
-        d = Diagnosis(verdict, "", candidates=sorted(lines.values(), key=lambda c: -c.delta_bic), closure=total, floor=floor)
+        d = Diagnosis(
+            verdict, "", candidates=sorted(lines.values(), key=lambda c: -c.delta_bic), closure=total, floor=floor
+        )
         if verdict in ("named", "partial"):
             d.effects = [NamedEffect(t.effect, {}, t.delta_bic, 0.9, total, list(t.effect.aliases)) for t in taken]
         for target, e in (("before", first), ("after", last)):
             rms = _rms(e, held)
             setattr(d, target, {"nmse": rms**2 / var, "mu_e": float(np.mean(e[held])), "rmse": rms})
         names = ", ".join(t.effect.name for t in taken) or "nothing"
-        d.sentence = f"The simulated position is off by {before:.3g} rms; with {names} added by {after:.3g} (noise {floor:.3g})."
+        d.sentence = (
+            f"The simulated position is off by {before:.3g} rms; with {names} added by {after:.3g} (noise {floor:.3g})."
+        )
         d.next_experiment = "Validate the repaired simulator on a second record."
         return d
 

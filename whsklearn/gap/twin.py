@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -18,7 +19,7 @@ from whsklearn.gap.axis_kernel import dry, push, sensor
 from whsklearn.gap.axis_model import AxisModel
 from whsklearn.gap.bench import Bench
 
-Array = NDArray[np.float64]
+Array = NDArray[Any]
 
 
 @njit(cache=True, nogil=True)
@@ -35,7 +36,7 @@ def _closed_loop(inertia, timing, codes, q, drive, path, speed, noise, quantum, 
         if quantum > 0.0:
             y[k] = quantum * math.floor(y[k] / quantum + 0.5)
         u[k] = drive[k] + kp * (path[k] - y[k]) + kd * (speed[k] - v)
-        whole = int(math.floor(timing))
+        whole = math.floor(timing)
         part = timing - whole
         held = u[k] if whole < 0 else (1.0 - part) * u[k] + part * u[max(k - 1, 0)]
         for _ in range(substeps):

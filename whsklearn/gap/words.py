@@ -6,17 +6,25 @@ from typing import Any
 
 MENU: dict[frozenset[str], str] = {
     frozenset({"input_offset", "asymmetric_coulomb"}): (
-        "Let the axis rest and ramp the drive slowly up and down until it breaks away in both directions, 30 s: at rest "
+        "Let the axis rest and ramp the drive slowly up and down until it breaks away in both directions, 30 s: at "
+        "rest "
         "only an offset of the drive remains."
     ),
-    frozenset({"input_delay", "actuator_lag"}): "Add a fast multisine (to a third of the sampling rate) at small amplitude, 20 s.",
+    frozenset(
+        {"input_delay", "actuator_lag"}
+    ): "Add a fast multisine (to a third of the sampling rate) at small amplitude, 20 s.",
     frozenset({"quadratic_drag", "stribeck"}): "Run constant speeds from very slow to top speed, both ways, 60 s.",
-    frozenset({"backlash", "presliding_hysteresis"}): "Run one sine at three amplitudes, the smallest below 1 degree, 30 s.",
-    frozenset({"cogging", "disturbance_tone"}): "Cross the full turn at two constant speeds, 30 s: orders stay, hertz move.",
+    frozenset(
+        {"backlash", "presliding_hysteresis"}
+    ): "Run one sine at three amplitudes, the smallest below 1 degree, 30 s.",
+    frozenset(
+        {"cogging", "disturbance_tone"}
+    ): "Cross the full turn at two constant speeds, 30 s: orders stay, hertz move.",
     frozenset({"cable_spring", "gravity_imbalance"}): "Travel at least half a turn at slow speed, 30 s.",
 }
 RICH = (
-    "Repeat with a rich reference: eight tones of 0.1 to 2.9 Hz on a slow triangle over the whole travel, 40 s; it shows "
+    "Repeat with a rich reference: eight tones of 0.1 to 2.9 Hz on a slow triangle over the whole travel, 40 s; it "
+    "shows "
     "all effects of the catalogue at two percent of the rms drive."
 )
 
@@ -46,12 +54,16 @@ def numbers(effect: Any) -> str:
 
 def summary(d: Any, before: float, after: float, floor: float, drive: float, line: Any) -> str:
     """The verdict in one paragraph."""
+
     def percent(x: float) -> str:
         return f"{100 * x / drive:.2f} %"
 
     what = line.gap_word if hasattr(line, "gap_word") else "missing torque"
-    opening = f"Of the rms {'drive' if line.kind == 'servo' else 'output'}, the {what} is {percent(before)}; noise alone gives {percent(floor)}. "
-    left = f"The {what} falls to {percent(after)}, and {100 * max(d.closure, 0):.0f} % of the gap in simulation is closed."
+    whole = "drive" if line.kind == "servo" else "output"
+    opening = f"Of the rms {whole}, the {what} is {percent(before)}; noise alone gives {percent(floor)}. "
+    left = (
+        f"The {what} falls to {percent(after)}, and {100 * max(d.closure, 0):.0f} % of the gap in simulation is closed."
+    )
     if d.verdict == "named":
         parts = [f"{e.name.replace('_', ' ')} ({numbers(e.effect)})" for e in d.effects]
         alias = sorted({a for e in d.effects for a in e.aliases})
@@ -62,12 +74,20 @@ def summary(d: Any, before: float, after: float, floor: float, drive: float, lin
         return opening + "Something is missing, and this record cannot tell which: " + "; ".join(groups) + ". " + left
     if d.verdict == "partial":
         return (
-            opening + f"The gap resembles {article_list([e.name for e in d.effects])}, which explains a part only. " + left
+            opening
+            + f"The gap resembles {article_list([e.name for e in d.effects])}, which explains a part only. "
+            + left
         )
     if d.verdict == "unknown":
-        return opening + "Something follows the motion, and it is none of the effects in the catalogue. " + d.where_sentence
+        return (
+            opening
+            + "Something follows the motion, and it is none of the effects in the catalogue. "
+            + d.where_sentence
+        )
     if d.verdict == "coloured_noise":
-        return opening + "What is left is coloured noise: it follows neither the motion nor the drive. No effect is named."
+        return (
+            opening + "What is left is coloured noise: it follows neither the motion nor the drive. No effect is named."
+        )
     if d.verdict == "not_testable":
         return opening + "No gap is seen, but this record could not have shown most effects."
     return opening + "The model explains the log to the noise floor: nothing is missing that this record could show."
