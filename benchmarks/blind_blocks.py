@@ -92,7 +92,7 @@ def summary(rows: list[dict[str, Any]]) -> str:
         rate("right name first, named, visible", [r["verdict"] == "named" and right(r) for r in seen], ">= 90"),
         rate("  with alias groups", [r["verdict"] == "named" and right(r, groups=True) for r in seen], ">= 95"),
         rate("right name first, named, all", [r["verdict"] == "named" and right(r) for r in of["named"]]),
-        rate("  among those in which anything is named", [not wrong(r) for r in of["named"] if r["verdict"] == "named"]),
+        rate("  where anything is named", [not wrong(r) for r in of["named"] if r["verdict"] == "named"]),
         rate("confident wrong name, all cases", [wrong(r) for r in rows], "<= 2"),
         rate("  leaving out foreign effects", [wrong(r) for r in rows if r["kind"] != "foreign"]),
         rate("nothing named, nothing missing", [r["verdict"] not in spoken for r in of["none"]], ">= 99"),

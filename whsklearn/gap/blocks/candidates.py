@@ -139,12 +139,12 @@ CATALOGUE: tuple[Candidate, ...] = (
     Candidate(
         "stribeck", s.STRIBECK_EXP, ("torque", "velocity", "exponent"),
         shapes=lambda z: _grid(z.dx * np.array([0.05, 0.1, 0.2, 0.4, 0.8, 1.5]), [2.0]),
-        ranges=lambda z: [(0.01 * z.dx, 5.0 * z.dx), (0.5, 2.5)], free=(True, False),
+        ranges=lambda z: [(0.01 * z.dx, 2.0 * z.dx), (0.5, 2.5)], free=(True, False),
     ),
     Candidate(
         "stribeck", s.STRIBECK_EXP, ("torque", "velocity", "exponent"), variant="exponent 1",
         shapes=lambda z: _grid(z.dx * np.array([0.05, 0.1, 0.2, 0.4, 0.8, 1.5]), [1.0]),
-        ranges=lambda z: [(0.01 * z.dx, 5.0 * z.dx), (0.5, 2.5)], free=(True, False),
+        ranges=lambda z: [(0.01 * z.dx, 2.0 * z.dx), (0.5, 2.5)], free=(True, False),
     ),
     Candidate("quadratic_drag", s.QUADRATIC_DRAG, ("coefficient",), unit=lambda z: 1e-3 * z.v / z.dx**2),
     Candidate("load_friction", k.LOAD_FRICTION, ("coefficient",), unit=lambda z: 1e-3 * z.v / z.u),

@@ -239,7 +239,8 @@ def _tests(s: Setting, found: Found) -> list[dict[str, Any]]:
         e = e - e.mean()
         r = np.array([e[k:] @ e[:-k] for k in range(1, 21)]) / max(float(e @ e), 1e-300)
         out.append({"test": f"Ljung-Box, 20 lags, {word}", "statistic": float(n * np.sum(r**2)),
-                    "p_value": whiteness(e), "largest": float(np.abs(r).max()), "band": 1.96 / math.sqrt(n)})  # fmt: skip
+                    "p_value": whiteness(e),
+                    "largest": float(np.abs(r).max()), "band": 1.96 / math.sqrt(n)})  # fmt: skip
         if left is not None:
             out.append({"test": f"generic functions at every port, {word}", "statistic": left.share,
                         "p_value": left.p_value, "largest": left.share, "band": 0.0})  # fmt: skip
@@ -266,7 +267,7 @@ def _notes(s: Setting, found: Found) -> list[str]:
 
 
 # --- where and pictures ---------------------------------------------------------------------------
-def axes(s: Setting, m: BlockModel) -> dict[str, tuple[Array, str]]:
+def axes(s: Setting, m: BlockModel) -> dict[str, Any]:
     """The signals that the gap may follow, one sample late as L2 is."""
     x, _, y_hat = chain(s, m, free=True)
     dx = np.diff(x, prepend=x[:1])

@@ -84,8 +84,8 @@ def standard_errors(s: Setting, m: BlockModel, z: Scales) -> list[dict[str, floa
             errors.pop("cosine"), errors.pop("sine")
             amplitude = "torque" if term.kind.name == "position_friction" else "amplitude"
             errors = {
-                amplitude: float(np.sqrt(max(along @ block @ along, 0.0))),
-                "phase": float(np.sqrt(max(across @ block @ across, 0.0))),
+                amplitude: float(np.sqrt(max(float(along @ block @ along), 0.0))),
+                "phase": float(np.sqrt(max(float(across @ block @ across), 0.0))),
                 **errors,
             }
         out.append(errors)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from whsklearn.effects.terms import COULOMB
 from whsklearn.gap.blocks.candidates import Candidate, Scales, catalogue_for
 from whsklearn.gap.blocks.fit import climb, cost, fit_base, refit, rms_dx, shortened
 from whsklearn.gap.blocks.model import BlockModel, Setting, Term, coloured, free_run, raw_errors, signal_scales
@@ -151,7 +152,13 @@ def try_all(
     *,
     others: list[BlockModel] | None = None,
 ) -> Round:
-    """Screen all candidates on a model, refit the best."""
+    """Screen all candidates on a model, refit the best.
+
+    Stribeck's excess stands on dry friction, so without that it is no candidate: a wide one would pass for it.
+    """
+    dry = {int(c) for c in s.law.codes} | {t.kind.code for t in m.terms}
+    if COULOMB not in dry:
+        kinds = [k for k in kinds if k.name != "stribeck"]
     stand = take_stand(s, m, z)
     screened = screen(s, stand, kinds, z)
     n = int(s.fit.sum())
@@ -377,7 +384,8 @@ def aliases_of(s: Setting, one: Round, taken: Trial, z: Scales) -> tuple[list[st
     i = len(taken.model.terms) - 1
     stand = take_stand(s, taken.model.without(i), z)
     mine = signature_of(s, stand, taken.model.terms[i], z)
-    alike, close = [], []
+    alike: list[str] = []
+    close: list[str] = []
     for t in one.trials:
         if t.name == taken.name or taken.delta_bic - t.delta_bic >= MARGIN:
             continue
