@@ -196,7 +196,7 @@ def main(section: str, runs: int | None, jobs: int, out: pathlib.Path | None) ->
 def innovation_lengths(runs: int, jobs: int, record: dict[str, Any]) -> list[str]:
     """What p does, with and without the memory."""
     lines = []
-    for memory in (1024, 0):
+    for memory in (4096, 0):
         what = "with the default memory" if memory else "pure recursion, memory=0"
         lines += [f"\n### Innovation length p, {what}: median NMSE and 95 % interval, {runs} seeds\n"]
         lines += ["| p | " + " | ".join(f"N = {n}" for n in LENGTHS) + " |", "|---|" + "---|" * len(LENGTHS)]

@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 
 GRADIENTS = ("full", "pseudolinear")
 PER_MODEL = ("theta", "ud", "before", "loss", "motion", "sharpness", "origin", "prior_theta", "prior_information")
-DEFAULT_P0 = {"rows": 1e6, "pseudolinear": 1e6, "full": 100.0}
+DEFAULT_P0 = 1e6
+PURE_P0 = 1.0  # the pure recursion steps from the first sample on, from starts that are no estimate
 
 
 class RecursiveRegressor(AxisRegressor):
@@ -194,13 +195,13 @@ class RecursiveRegressor(AxisRegressor):
         p = int(self.p)
         if not self._is_wiener_hammerstein:
             return RowsStream(
-                n_columns, p, float(p0 or DEFAULT_P0["rows"]), forgetting, self._theta0(n_columns, 0.0),
+                n_columns, p, float(p0 or DEFAULT_P0), forgetting, self._theta0(n_columns, 0.0),
                 self.gradient == "full", self._stochastic_gradient,
             )  # fmt: skip
         structure = self._structure()
         n = int(structure.dims[:4].sum() - 2 + structure.dims[4])
         if self.gradient == "pseudolinear":
-            p0 = float(p0 or DEFAULT_P0["pseudolinear"])
+            p0 = float(p0 or DEFAULT_P0)
             initial = self._theta0(n, 0.01)  # the paper's theta(0)
             return PublishedStream(structure, p, p0, forgetting, initial, self._published_mode)
         theta0 = None
@@ -209,8 +210,9 @@ class RecursiveRegressor(AxisRegressor):
             theta0[structure.slices()[1]] = wh.inside(theta0[structure.slices()[1]])
         reading = Reading(
             dims=structure.dims, codes=structure.law.codes, shapes=structure.law.shapes, p=p,
-            p0=float(p0 or DEFAULT_P0["full"]), forgetting=forgetting, n_starts=int(self.n_starts),
-            memory=int(self.memory), frozen=self._frozen, seed=seed, n_inputs=self.n_features_in_, theta0=theta0,
+            p0=float(p0 or (DEFAULT_P0 if self.memory else PURE_P0)), forgetting=forgetting,
+            n_starts=int(self.n_starts), memory=int(self.memory), frozen=self._frozen, seed=seed,
+            n_inputs=self.n_features_in_, theta0=theta0,
         )  # fmt: skip
         return FullStream(structure, reading)
 

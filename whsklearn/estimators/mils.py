@@ -59,7 +59,7 @@ class MILSRegressor(RecursiveRegressor):
         theta0: ArrayLike | None = None,
         gradient: str = "full",
         n_starts: int = 32,
-        memory: int = 1024,
+        memory: int = 4096,
         random_state: Any = None,
     ):
         self.lags = lags

@@ -19,7 +19,7 @@ class RLSRegressor(RecursiveRegressor):
     lags : WienerHammersteinLags or InverseDynamicsLags, optional
         How rows are made of X and y; None takes the columns of X as they are.
     P0 : float, optional
-        P(0) = P0 I; 1e6 by default, 100 for the exact gradient.
+        P(0) = P0 I; 1e6 by default, 1 for the exact gradient without memory.
     forgetting : float, default=1.0
         Forgetting factor, in (0, 1].
     theta0 : float or array-like of shape (n_parameters,), optional
@@ -29,7 +29,7 @@ class RLSRegressor(RecursiveRegressor):
         consequence on given rows.
     n_starts : int, default=32
         Starts side by side (exact gradient only).
-    memory : int, default=1024
+    memory : int, default=4096
         Samples kept and re-run with the newest parameters; 0 for the pure recursion (exact
         gradient only).
     random_state : int, RandomState or None
@@ -69,7 +69,7 @@ class RLSRegressor(RecursiveRegressor):
         theta0: ArrayLike | None = None,
         gradient: str = "full",
         n_starts: int = 32,
-        memory: int = 1024,
+        memory: int = 4096,
         random_state: Any = None,
     ):
         self.lags = lags

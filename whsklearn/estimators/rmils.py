@@ -19,8 +19,8 @@ class RMILSRegressor(MILSRegressor):
     p : int, default=4
         Innovation length: the last p samples are re-run at each new one.
     P0 : float, optional
-        P(0) = P0 I, in units of the noise variance; 1e6 by default on rows and in the
-        published reading, 100 (in units of the output's variance) with the exact gradient.
+        P(0) = P0 I, 1e6 by default: in units of the noise variance, or of the output's power
+        with the exact gradient; 1 by default without memory.
     forgetting : float, default=1.0
         Forgetting factor, in (0, 1].
     theta0 : float or array-like of shape (n_parameters,), optional
@@ -33,7 +33,7 @@ class RMILSRegressor(MILSRegressor):
         same predictor, the recursive prediction error method.
     n_starts : int, default=32
         Starts side by side; the prediction error has wrong minima.
-    memory : int, default=1024
+    memory : int, default=4096
         Samples kept and re-run with the newest parameters, at instants that grow
         geometrically; 0 for the pure recursion, which loses about half of the accuracy.
     random_state : int, RandomState or None
