@@ -46,9 +46,7 @@ def _reworded(message: str, X: Any, y: Any) -> str:
             what = "NaN" if "NaN" in first else "inf or a value too large"
             return f"{name} contains {what}{_first_bad_row(values)}, expected finite numbers; cut such samples out."
     if "Expected 2D array" in first or "dim 3" in first or "dim 4" in first:
-        return (
-            f"X has shape {np.shape(X)}, expected (n, columns), a row a sample: Reshape your data, X.reshape(-1, 1)."
-        )
+        return f"X has shape {np.shape(X)}, expected (n, columns), a row a sample: Reshape your data, X.reshape(-1, 1)."
     if "inconsistent numbers of samples" in first:
         return f"X has {len(X)} rows and y has {len(y)}; expected one output a row: cut the log to match."
     if "could not convert string" in first:
