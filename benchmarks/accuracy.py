@@ -143,7 +143,8 @@ def run_all(function: Any, tasks: list[tuple[Any, ...]], label: str, n_jobs: int
 
 def spread(rows: list[dict[str, Any]], title: str) -> list[str]:
     """A table of NMSE by estimator."""
-    lines = [f"\n### {title}\n", "| estimator | median | 95 % interval | 95th percentile | worst |", "|---|---|---|---|---|"]
+    head = "| estimator | median | 95 % interval | 95th percentile | worst |"
+    lines = [f"\n### {title}\n", head, "|---|---|---|---|---|"]
     for name in rows[0]:
         if name == "orders":
             continue

@@ -116,7 +116,7 @@ def least_squares_on_the_truth(seed: int, runs: int) -> Claim:
     for i in range(runs):
         _, y, truth = make_wiener_hammerstein(1000, SNR_DB, seed + i, return_truth=True)
         phi = _true_rows(truth, y)
-        theta: NDArray[np.float64] = np.linalg.lstsq(phi, y, rcond=None)[0]
+        theta = np.linalg.lstsq(phi, y, rcond=None)[0].astype(np.float64)
         found.append(_free_run_nmse(theta, seed + 50_000 + i))
     return Claim(
         "Free-run NMSE of least squares given the true x and v",

@@ -168,7 +168,7 @@ def _tone_shapes(s: Setting, stand: Stand, kind: Candidate, z: Scales) -> list[t
     spectrum = np.abs(np.fft.rfft(e, 4 * e.size))
     hertz = np.fft.rfftfreq(4 * e.size, s.dt)
     spectrum[hertz < 0.7 / z.seconds] = 0.0
-    out = []
+    out: list[tuple[float, ...]] = []
     for _ in range(4):
         i = int(np.argmax(spectrum))
         out.append((float(hertz[i]),))
