@@ -33,7 +33,8 @@ def writeable(values: NDArray[np.float64]) -> NDArray[np.float64]:
 def in_one_sentence(X: Any, y: Any = None) -> Iterator[None]:
     """Reword what scikit-learn's validation refuses: what was got, what was expected, what to do."""
     try:
-        yield
+        with np.errstate(invalid="ignore", over="ignore"):  # the sum of inf and -inf is how it is looked for
+            yield
     except ValueError as error:
         raise ValueError(_reworded(str(error), X, y)) from None
 

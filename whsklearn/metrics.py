@@ -123,10 +123,11 @@ def parameter_error(theta_hat: ArrayLike, theta: ArrayLike) -> float:
         raise ValueError(
             f"parameter_error: theta_hat has {estimate.size} values and theta {truth.size}; give both in one order."
         )
-    scale = float(np.linalg.norm(truth))
+    scale = float(np.abs(truth).max(initial=0.0))
     if scale == 0.0:
         raise ValueError("parameter_error: theta is zero, so an error relative to it is undefined; compare theta_hat.")
-    return float(np.linalg.norm(estimate - truth)) / scale
+    # in units of the largest entry, so that no square overflows where the ratio does not
+    return float(np.linalg.norm(estimate / scale - truth / scale) / np.linalg.norm(truth / scale))
 
 
 def free_run_scorer(metric: Callable[..., float], skip: int = 0, **kwargs: Any) -> Any:

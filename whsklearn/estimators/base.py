@@ -142,7 +142,7 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
         with in_one_sentence(X):
             u: Array = validate_data(self, X, dtype=np.float64, reset=False)
         if not self._is_wiener_hammerstein:
-            rows: Array = u if self.lags is None else self.lags_.transform(u, groups=groups)
+            rows: Array = u if self.lags is None else np.asarray(self.lags_.transform(u, groups=groups))
             return rows @ self._theta()
         restart = starts(groups, len(u), first=True)
         return _finite(wh.free_run(self._natural(), self._structure(), writeable(u), restart))

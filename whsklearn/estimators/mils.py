@@ -45,8 +45,8 @@ class MILSRegressor(RecursiveRegressor):
     >>> from whsklearn.datasets import make_wiener_hammerstein
     >>> X, y = make_wiener_hammerstein(n_samples=400, snr_db=40, random_state=0)
     >>> model = MILSRegressor(WienerHammersteinLags(), p=2, random_state=0).fit(X, y)
-    >>> model.parameters_["d"].round(1)
-    array([0.2, 0.4])
+    >>> model.parameters_["b"].round(1)
+    array([1. , 0.5])
     """
 
     def __init__(

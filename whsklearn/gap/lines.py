@@ -140,7 +140,8 @@ class ServoLine:
         """Remarks on how the record was used."""
         return [
             f"Position noise {bench.noise:.3g} {self.units[1]} (from sixth differences); the gap is seen "
-            f"up to {bench.lens.cutoff:.1f} Hz, where that noise makes {100 * bench.floor() / bench.scene.torque:.2f} % "
+            f"up to {bench.lens.cutoff:.1f} Hz, where that noise makes "
+            f"{100 * bench.floor() / bench.scene.torque:.2f} % "
             "of the rms drive.",
             "The drive is replayed and the model held near the measurement by an observer, so no controller is needed.",
             "60 % of the record in five stretches is used for fitting, the 40 % between them for judging.",
