@@ -221,7 +221,7 @@ def _clock(values: pd.Series) -> pd.Series | None:
         return None
     if not pd.api.types.is_datetime64_any_dtype(values):
         try:
-            values = pd.to_datetime(values, format="ISO8601")
+            values = pd.to_datetime(values.astype("string"), format="ISO8601")
         except (ValueError, TypeError):
             return None
     return (values - values.dropna().iloc[0]).dt.total_seconds() if values.notna().any() else None
