@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 
 import numpy as np
 import pytest
@@ -82,6 +83,12 @@ def test_every_effect_says_what_it_is(name):
     assert all((cls.signature, cls.needs, cls.reference, cls.equation, cls.__doc__))
     assert all(alias in NAMES for alias in cls.aliases)
     assert all(name in get_effect(alias).aliases for alias in cls.aliases), "an alias works both ways"
+
+
+@pytest.mark.parametrize("cls", [*map(get_effect, NAMES), LuGre, GeneralizedMaxwellSlip, BoucWen])
+def test_every_effect_has_a_reference_of_its_own_that_can_be_found(cls):
+    assert "reference" in vars(cls), "not inherited"
+    assert re.search(r"\b(19|20)\d\d, \S|doi 10\.\d+/|makers' notes: \S", cls.reference), "author, year and place"
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -1,6 +1,6 @@
 """The effects of a servo axis: one catalogue for laws, simulators and the gap workflow."""
 
-from whsklearn.effects.base import PLACES, Effect, Quantity, effect_names, get_effect
+from whsklearn.effects.base import PLACES, Effect, effect_names, get_effect
 from whsklearn.effects.check import EffectContractError, check_effect
 from whsklearn.effects.drive import ActuatorLag, DeadZone, InputDelay, InputOffset, Saturation, TorqueRipple
 from whsklearn.effects.friction import (
@@ -26,6 +26,7 @@ from whsklearn.effects.law import (
     smooth_law,
 )
 from whsklearn.effects.position import CableSpring, Cogging, EndStop, GravityImbalance, HardeningSpring
+from whsklearn.effects.quantity import Quantity
 from whsklearn.effects.sensor import (
     EncoderEccentricity,
     OutputDrift,

@@ -38,12 +38,13 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
+
+from whsklearn.effects.quantity import Quantity
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -51,38 +52,6 @@ if TYPE_CHECKING:
 PLACES = ("friction", "drive", "transmission", "position", "sensor", "time")
 
 _REGISTRY: dict[str, type[Effect]] = {}
-
-
-@dataclass(frozen=True)
-class Quantity:
-    """A parameter of an effect: its unit on a rotary axis and its plausible range.
-
-    Parameters
-    ----------
-    unit : str
-        Unit on a rotary axis (``"Nm"``, ``"rad/s"``, ``"1"``).  A linear axis reads
-        N for Nm and m for rad; a Wiener-Hammerstein system, the units of its log.
-    low, high : float
-        Plausible range on real axes, inclusive; used to reject a fit, to draw tests.
-    log : bool
-        Whether the range is spanned in ratios rather than in differences.
-    """
-
-    unit: str
-    low: float
-    high: float
-    log: bool = False
-
-    def labelled(self, name: str) -> str:
-        """The name with the unit appended, in the letters of a column: ``torque_nm``.
-
-        Examples
-        --------
-        >>> Quantity("rad/s", 0, 1).labelled("velocity")
-        'velocity_rad_per_s'
-        """
-        unit = re.sub(r"[^a-z0-9]+", "_", self.unit.lower().replace("/", " per ")).strip("_")
-        return name if self.unit == "1" else f"{name}_{unit}"
 
 
 @dataclass(frozen=True)

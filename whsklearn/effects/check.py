@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from whsklearn.effects.base import PLACES, Effect, Quantity
+from whsklearn.effects.base import PLACES, Effect
+from whsklearn.effects.quantity import Quantity
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

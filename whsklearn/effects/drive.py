@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from whsklearn.effects import codes
-from whsklearn.effects.base import Effect, Quantity
+from whsklearn.effects.base import Effect
+from whsklearn.effects.quantity import Quantity
 from whsklearn.effects.waves import as_column, rate, waves
 
 if TYPE_CHECKING:
@@ -30,7 +31,9 @@ class InputOffset(Effect):
     signature: ClassVar[str] = "a constant, at rest and in motion"
     needs: ClassVar[str] = "both directions; rest tells it from asymmetric_coulomb"
     aliases: ClassVar[tuple[str, ...]] = ("asymmetric_coulomb",)
-    reference: ClassVar[str] = "Janot, Gautier, Brunot 2019 (EMPS)"
+    reference: ClassVar[str] = (
+        "Janot, Gautier, Brunot 2019, Data Set and Reference Models of EMPS, Nonlinear System Identification Benchmarks"
+    )
     port: ClassVar[str] = "input"
     code: ClassVar[int] = codes.INPUT_OFFSET
 
@@ -53,7 +56,7 @@ class DeadZone(Effect):
     signature: ClassVar[str] = "a step in the sign of the drive, not of velocity"
     needs: ClassVar[str] = "a small drive during motion"
     reference: ClassVar[str] = (
-        "Tao, Kokotovic 1996, Adaptive Control of Systems with Actuator and Sensor Nonlinearities"
+        "Tao, Kokotovic 1996, Adaptive Control of Systems with Actuator and Sensor Nonlinearities, Wiley"
     )
     port: ClassVar[str] = "input"
     column_kind: ClassVar[str] = "at_size"
@@ -79,9 +82,7 @@ class Saturation(Effect):
     quantities: ClassVar[dict[str, Quantity]] = {"limit": Quantity("Nm", 1e-3, 1e4, log=True)}
     signature: ClassVar[str] = "a gap at high drive only, with wind-up after it"
     needs: ClassVar[str] = "drive above the limit"
-    reference: ClassVar[str] = (
-        "Tao, Kokotovic 1996, Adaptive Control of Systems with Actuator and Sensor Nonlinearities"
-    )
+    reference: ClassVar[str] = "Astrom, Hagglund 2006, Advanced PID Control, ISA, on integrator windup"
     port: ClassVar[str] = "input"
     column_kind: ClassVar[str] = "at_size"
     neutral: ClassVar[float] = math.inf
@@ -117,7 +118,7 @@ class InputDelay(Effect):
     signature: ClassVar[str] = "a gap that follows du/dt, with linear phase"
     needs: ClassVar[str] = "frequencies of 0.2 / (2 pi tau) and above"
     aliases: ClassVar[tuple[str, ...]] = ("actuator_lag",)
-    reference: ClassVar[str] = "Ljung 1999, System Identification, 2nd ed."
+    reference: ClassVar[str] = "Astrom, Hagglund 2006, Advanced PID Control, ISA, first-order lag with dead time"
     port: ClassVar[str] = "input"
     column_kind: ClassVar[str] = "first_order"
     code: ClassVar[int] = codes.INPUT_DELAY
@@ -141,7 +142,7 @@ class ActuatorLag(Effect):
     signature: ClassVar[str] = "a gap that follows du/dt and rolls off"
     needs: ClassVar[str] = "frequencies of 0.5 / (2 pi T) and above"
     aliases: ClassVar[tuple[str, ...]] = ("input_delay",)
-    reference: ClassVar[str] = "Ljung 1999, System Identification, 2nd ed."
+    reference: ClassVar[str] = "Astrom, Hagglund 2006, Advanced PID Control, ISA, first-order lag with dead time"
     port: ClassVar[str] = "input"
     column_kind: ClassVar[str] = "first_order"
     code: ClassVar[int] = codes.ACTUATOR_LAG
@@ -170,7 +171,7 @@ class TorqueRipple(Effect):
     }
     signature: ClassVar[str] = "a wave over position in proportion to the drive"
     needs: ClassVar[str] = "both signs of torque over a period of travel"
-    reference: ClassVar[str] = "Jahns, Soong 1996, IEEE Trans. Ind. Electron. 43(2)"
+    reference: ClassVar[str] = "Jahns, Soong 1996, IEEE Trans. Ind. Electron. 43(2), 321-330"
     port: ClassVar[str] = "input"
     phased: ClassVar[bool] = True
     code: ClassVar[int] = codes.TORQUE_RIPPLE

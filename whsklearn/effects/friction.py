@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from whsklearn.effects import codes, terms
-from whsklearn.effects.base import Effect, Quantity
+from whsklearn.effects.base import Effect
+from whsklearn.effects.quantity import Quantity
 from whsklearn.effects.waves import as_column, direction, waves
 
 if TYPE_CHECKING:
@@ -58,7 +59,7 @@ class Viscous(StaticEffect):
     quantities: ClassVar[dict[str, Quantity]] = {"coefficient": Quantity("Nm s/rad", 1e-4, 1e3, log=True)}
     signature: ClassVar[str] = "a straight line against velocity"
     needs: ClassVar[str] = "at least two speeds"
-    reference: ClassVar[str] = "Armstrong-Helouvry, Dupont, Canudas de Wit 1994, Automatica 30(7)"
+    reference: ClassVar[str] = "Armstrong-Helouvry, Dupont, Canudas de Wit 1994, Automatica 30(7), 1083-1138"
     code: ClassVar[int] = terms.VISCOUS
 
 
@@ -75,7 +76,7 @@ class Coulomb(StaticEffect):
     quantities: ClassVar[dict[str, Quantity]] = {"torque": Quantity("Nm", 1e-4, 1e3, log=True)}
     signature: ClassVar[str] = "a step at zero velocity"
     needs: ClassVar[str] = "reversals"
-    reference: ClassVar[str] = "Armstrong-Helouvry, Dupont, Canudas de Wit 1994, Automatica 30(7)"
+    reference: ClassVar[str] = "Armstrong-Helouvry, Dupont, Canudas de Wit 1994, Automatica 30(7), 1083-1138"
     code: ClassVar[int] = terms.COULOMB
 
 
@@ -93,7 +94,7 @@ class AsymmetricCoulomb(StaticEffect):
     signature: ClassVar[str] = "a constant while the axis moves, nothing while it rests"
     needs: ClassVar[str] = "rest and both directions"
     aliases: ClassVar[tuple[str, ...]] = ("input_offset",)
-    reference: ClassVar[str] = "Armstrong-Helouvry, Dupont, Canudas de Wit 1994, Automatica 30(7)"
+    reference: ClassVar[str] = "Armstrong-Helouvry, Dupont, Canudas de Wit 1994, Automatica 30(7), 1083-1138"
     code: ClassVar[int] = terms.ASYMMETRIC_COULOMB
 
 
@@ -110,7 +111,7 @@ class AsymmetricViscous(StaticEffect):
     quantities: ClassVar[dict[str, Quantity]] = {"coefficient": Quantity("Nm s/rad", -1e3, 1e3)}
     signature: ClassVar[str] = "a V against velocity"
     needs: ClassVar[str] = "both directions at several speeds"
-    reference: ClassVar[str] = "Armstrong-Helouvry, Dupont, Canudas de Wit 1994, Automatica 30(7)"
+    reference: ClassVar[str] = "Armstrong-Helouvry, Dupont, Canudas de Wit 1994, Automatica 30(7), 1083-1138"
     code: ClassVar[int] = terms.ASYMMETRIC_VISCOUS
 
 
@@ -133,7 +134,9 @@ class Stribeck(StaticEffect):
     }
     signature: ClassVar[str] = "an odd bump below twice the Stribeck velocity"
     needs: ClassVar[str] = "time spent below the Stribeck velocity"
-    reference: ClassVar[str] = "Canudas de Wit, Olsson, Astrom, Lischinsky 1995, IEEE TAC 40(3)"
+    reference: ClassVar[str] = (
+        "Canudas de Wit, Olsson, Astrom, Lischinsky 1995, IEEE Trans. Autom. Control 40(3), 419-425"
+    )
     code: ClassVar[int] = terms.STRIBECK_EXP
 
 
@@ -173,7 +176,7 @@ class QuadraticDrag(StaticEffect):
     quantities: ClassVar[dict[str, Quantity]] = {"coefficient": Quantity("Nm s2/rad2", 1e-6, 1e3, log=True)}
     signature: ClassVar[str] = "an odd parabola against velocity"
     needs: ClassVar[str] = "top speed"
-    reference: ClassVar[str] = "Armstrong-Helouvry, Dupont, Canudas de Wit 1994, Automatica 30(7)"
+    reference: ClassVar[str] = "Batchelor 1967, An Introduction to Fluid Dynamics, Cambridge University Press"
     code: ClassVar[int] = terms.QUADRATIC_DRAG
 
 
@@ -190,7 +193,7 @@ class LoadFriction(Effect):
     quantities: ClassVar[dict[str, Quantity]] = {"coefficient": Quantity("1", 1e-3, 0.5, log=True)}
     signature: ClassVar[str] = "a step at zero velocity whose height follows the drive"
     needs: ClassVar[str] = "several loads or accelerations at equal speed"
-    reference: ClassVar[str] = "Bittencourt, Gunnarsson 2012, ASME J. Dyn. Syst. Meas. Control 134(5)"
+    reference: ClassVar[str] = "Bittencourt, Gunnarsson 2012, ASME J. Dyn. Syst. Meas. Control 134(5), 051013"
     code: ClassVar[int] = codes.LOAD_FRICTION
 
     def columns(self, signals: Any) -> NDArray[np.float64]:
@@ -243,7 +246,7 @@ class FrictionDrift(Effect):
     }
     signature: ClassVar[str] = "the step at zero velocity has another height early than late"
     needs: ClassVar[str] = "a long run with all speeds throughout"
-    reference: ClassVar[str] = "Simoni, Beschi, Legnani, Visioli 2015, IEEE/RSJ IROS"
+    reference: ClassVar[str] = "Simoni, Beschi, Legnani, Visioli, Robotica, doi 10.1017/S0263574717000509"
     code: ClassVar[int] = codes.FRICTION_DRIFT
 
     def columns(self, signals: Any) -> NDArray[np.float64]:

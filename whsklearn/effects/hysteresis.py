@@ -15,7 +15,8 @@ import numpy as np
 from numba import njit
 
 from whsklearn.effects import codes
-from whsklearn.effects.base import Effect, Quantity
+from whsklearn.effects.base import Effect
+from whsklearn.effects.quantity import Quantity
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -128,7 +129,9 @@ class LuGre(PreslidingHysteresis):
         "velocity": _VELOCITY,
         "damping": Quantity("s", 0.0, 0.1),
     }
-    reference: ClassVar[str] = "Canudas de Wit, Olsson, Astrom, Lischinsky 1995, IEEE TAC 40(3)"
+    reference: ClassVar[str] = (
+        "Canudas de Wit, Olsson, Astrom, Lischinsky 1995, IEEE Trans. Autom. Control 40(3), 419-425"
+    )
     code: ClassVar[int] = codes.LUGRE
 
 
@@ -154,7 +157,7 @@ class GeneralizedMaxwellSlip(PreslidingHysteresis):
         "ratio": _RATIO,
         "velocity": _VELOCITY,
     }
-    reference: ClassVar[str] = "Al-Bender, Lampaert, Swevers 2005, IEEE TAC 50(11)"
+    reference: ClassVar[str] = "Al-Bender, Lampaert, Swevers 2005, IEEE Trans. Autom. Control 50(11), 1883-1887"
     code: ClassVar[int] = codes.MAXWELL_SLIP
 
     def __post_init__(self) -> None:
@@ -177,5 +180,5 @@ class BoucWen(PreslidingHysteresis):
         "distance": _DISTANCE,
         "beta": Quantity("1", 0.3, 1.0),
     }
-    reference: ClassVar[str] = "Wen 1976, ASCE J. Eng. Mech. Div. 102(2)"
+    reference: ClassVar[str] = "Wen 1976, ASCE J. Eng. Mech. Div. 102(2), 249-263"
     code: ClassVar[int] = codes.BOUC_WEN

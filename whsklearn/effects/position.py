@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from whsklearn.effects import codes
-from whsklearn.effects.base import Effect, Quantity
+from whsklearn.effects.base import Effect
+from whsklearn.effects.quantity import Quantity
 from whsklearn.effects.waves import as_column, waves
 
 if TYPE_CHECKING:
@@ -38,7 +39,7 @@ class Cogging(Effect):
     }
     signature: ClassVar[str] = "a wave over position, whatever the speed, the direction and the drive"
     needs: ClassVar[str] = "a period of travel at two speeds"
-    reference: ClassVar[str] = "Jahns, Soong 1996, IEEE Trans. Ind. Electron. 43(2)"
+    reference: ClassVar[str] = "Jahns, Soong 1996, IEEE Trans. Ind. Electron. 43(2), 321-330"
     phased: ClassVar[bool] = True
     code: ClassVar[int] = codes.COGGING
 
@@ -61,7 +62,7 @@ class GravityImbalance(Effect):
     quantities: ClassVar[dict[str, Quantity]] = {"amplitude": Quantity("Nm", 1e-4, 1e4, log=True), "phase": _PHASE}
     signature: ClassVar[str] = "one wave a turn, whatever the speed"
     needs: ClassVar[str] = "half a turn of travel"
-    reference: ClassVar[str] = "Swevers, Verdonck, De Schutter 2007, IEEE Control Systems Magazine 27(5)"
+    reference: ClassVar[str] = "Swevers, Verdonck, De Schutter 2007, IEEE Control Systems Magazine 27(5), 58-71"
     phased: ClassVar[bool] = True
     code: ClassVar[int] = codes.GRAVITY_IMBALANCE
 
@@ -87,7 +88,9 @@ class CableSpring(Effect):
     }
     signature: ClassVar[str] = "a straight line against position"
     needs: ClassVar[str] = "travel, at more than one frequency (one sine hides it in the inertia)"
-    reference: ClassVar[str] = "Swevers, Verdonck, De Schutter 2007, IEEE Control Systems Magazine 27(5)"
+    reference: ClassVar[str] = (
+        "Hilkert 2008, Inertially Stabilized Platform Technology, IEEE Control Systems Magazine 28(1), 26-46"
+    )
     code: ClassVar[int] = codes.CABLE_SPRING
 
     def columns(self, signals: Any) -> NDArray[np.float64]:
@@ -112,7 +115,9 @@ class HardeningSpring(Effect):
     }
     signature: ClassVar[str] = "a cubic against position"
     needs: ClassVar[str] = "large travel"
-    reference: ClassVar[str] = "Kerschen, Worden, Vakakis, Golinval 2006, Mech. Syst. Signal Process. 20(3)"
+    reference: ClassVar[str] = (
+        "Kovacic, Brennan 2011, The Duffing Equation: Nonlinear Oscillators and their Behaviour, Wiley"
+    )
     code: ClassVar[int] = codes.HARDENING_SPRING
 
     def columns(self, signals: Any) -> NDArray[np.float64]:
@@ -137,7 +142,7 @@ class EndStop(Effect):
     }
     signature: ClassVar[str] = "a gap in one range of position only"
     needs: ClassVar[str] = "travel into the stop"
-    reference: ClassVar[str] = "Brogliato 1999, Nonsmooth Mechanics, 2nd ed."
+    reference: ClassVar[str] = "Brogliato 1999, Nonsmooth Mechanics, 2nd ed., Springer"
     code: ClassVar[int] = codes.END_STOP
 
     def columns(self, signals: Any) -> NDArray[np.float64]:

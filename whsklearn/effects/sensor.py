@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from whsklearn.effects import codes
-from whsklearn.effects.base import Effect, Quantity
+from whsklearn.effects.base import Effect
+from whsklearn.effects.quantity import Quantity
 from whsklearn.effects.waves import as_column, waves
 
 if TYPE_CHECKING:
@@ -73,7 +74,9 @@ class SensorRectification(Effect):
     quantities: ClassVar[dict[str, Quantity]] = {"fraction": Quantity("1", 0.0, 1.0)}
     signature: ClassVar[str] = "a gap where the position should be negative, and nowhere else"
     needs: ClassVar[str] = "both signs of position"
-    reference: ClassVar[str] = "Wigren, Schoukens 2017, Coupled electric drives, Uppsala University 2017-024"
+    reference: ClassVar[str] = (
+        "Wigren, Schoukens 2017, Coupled Electric Drives Data Set and Reference Models, Uppsala University 2017-024"
+    )
     port: ClassVar[str] = "output"
     code: ClassVar[int] = codes.SENSOR_RECTIFICATION
 
@@ -102,7 +105,9 @@ class EncoderEccentricity(Effect):
     }
     signature: ClassVar[str] = "a wave over position whose torque grows with the square of speed"
     needs: ClassVar[str] = "a turn at two speeds"
-    reference: ClassVar[str] = "plane geometry of a disc that turns off its centre"
+    reference: ClassVar[str] = (
+        "makers' notes: Celera Motion, scale eccentricity (order 1, e/R); Synapticon Circulo, ovality (order 2)"
+    )
     port: ClassVar[str] = "output"
     phased: ClassVar[bool] = True
     code: ClassVar[int] = codes.ENCODER_ECCENTRICITY
@@ -125,7 +130,7 @@ class Quantization(Effect):
     quantities: ClassVar[dict[str, Quantity]] = {"step": Quantity("rad", 1e-8, 0.1, log=True)}
     signature: ClassVar[str] = "positions on a lattice"
     needs: ClassVar[str] = "slow motion and less noise than a step"
-    reference: ClassVar[str] = "Widrow, Kollar, Liu 1996, IEEE Trans. Instrum. Meas. 45(2)"
+    reference: ClassVar[str] = "Widrow, Kollar, Liu 1996, IEEE Trans. Instrum. Meas. 45(2), 353-361"
     port: ClassVar[str] = "output"
     column_kind: ClassVar[str] = "none"
     code: ClassVar[int] = codes.QUANTIZATION

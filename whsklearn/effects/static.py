@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from whsklearn.effects import terms
-from whsklearn.effects.base import Quantity
 from whsklearn.effects.friction import StaticEffect
+from whsklearn.effects.quantity import Quantity
 
 _WEIGHT = Quantity("y per x", -1e6, 1e6)
 

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from whsklearn.effects import codes
-from whsklearn.effects.base import Effect, Quantity
+from whsklearn.effects.base import Effect
+from whsklearn.effects.quantity import Quantity
 from whsklearn.effects.waves import as_column, direction, waves
 
 if TYPE_CHECKING:
@@ -35,7 +36,7 @@ class DisturbanceTone(Effect):
     }
     signature: ClassVar[str] = "a line at a fixed frequency, with no relation to the reference"
     needs: ClassVar[str] = "two speeds (at one speed cogging looks the same)"
-    reference: ClassVar[str] = "Ljung 1999, System Identification, 2nd ed."
+    reference: ClassVar[str] = "Bodson, Douglas 1997, Automatica 33(12), 2213-2221"
     phased: ClassVar[bool] = True
     code: ClassVar[int] = codes.DISTURBANCE_TONE
 
@@ -70,7 +71,9 @@ class ParameterChange(Effect):
     }
     signature: ClassVar[str] = "a constant that is not the same before and after"
     needs: ClassVar[str] = "the same motion before and after the change"
-    reference: ClassVar[str] = "Basseville, Nikiforov 1993, Detection of Abrupt Changes"
+    reference: ClassVar[str] = (
+        "Basseville, Nikiforov 1993, Detection of Abrupt Changes: Theory and Application, Prentice Hall"
+    )
     choices: ClassVar[dict[str, tuple[str, ...]]] = {"parameter": tuple(_CHANGES)}
 
     @property

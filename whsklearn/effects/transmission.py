@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from whsklearn.effects import codes
-from whsklearn.effects.base import Effect, Quantity
+from whsklearn.effects.base import Effect
+from whsklearn.effects.quantity import Quantity
 
 _SHARE = Quantity("1", 0.05, 0.95)
 
@@ -47,7 +48,7 @@ class Backlash(TransmissionEffect):
     }
     signature: ClassVar[str] = "after a reversal the load lets go: the drive moves the motor alone, then an impact"
     needs: ClassVar[str] = "reversals under load"
-    reference: ClassVar[str] = "Nordin, Gutman 2002, Automatica 38(10)"
+    reference: ClassVar[str] = "Nordin, Gutman 2002, Automatica 38(10), 1633-1649"
     code: ClassVar[int] = codes.BACKLASH
 
 
@@ -69,5 +70,5 @@ class FlexibleCoupling(TransmissionEffect):
     }
     signature: ClassVar[str] = "a resonance at a fixed frequency that the drive excites"
     needs: ClassVar[str] = "energy near the resonance"
-    reference: ClassVar[str] = "Spong 1987, ASME J. Dyn. Syst. Meas. Control 109(4)"
+    reference: ClassVar[str] = "Spong 1987, ASME J. Dyn. Syst. Meas. Control 109(4), 310-319"
     code: ClassVar[int] = codes.FLEXIBLE_COUPLING
