@@ -51,9 +51,11 @@ def replay(
             u_past[:] = 0.0
             y_past[:] = 0.0
         age = fill - 1 - t
-        if t == 0 or restarts[t] or age >= tail - 1:
+        if t == 0 or restarts[t]:
             state[:] = now
-        weight = min((age + 1.0) / tail, 1.0) * forgetting**age
+        weight = 1.0 if age >= tail - 1 else (age + 1.0) / tail
+        if forgetting != 1.0:
+            weight *= forgetting**age
         e = memory_y[history + t] - predict(theta, dims, now, y_past, 0, psi)
         total += weight * e * e
         if not total < HUGE:
@@ -64,7 +66,7 @@ def replay(
             for j in range(i + 1):
                 information[i, j] += g * psi[j]
         advance(theta, dims, codes, shapes, kappa, now, u_past, 0)
-        if age >= tail - 1:
+        if age == tail - 1:  # the later ones belong to the next window
             state[:] = now
         push(u_past, memory_u[history + t])
         for i in range(nd - 1, 0, -1):
