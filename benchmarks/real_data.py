@@ -130,7 +130,7 @@ def main(data, json_file, skip_forward):
     folder = data or os.environ.get("WHSKLEARN_DATA") or ROOT.parent / "shared" / "data"
     began = time.perf_counter()
     try:
-        emps, kr300 = fetch_emps(folder, download=False), fetch_kr300(folder)
+        emps, kr300 = fetch_emps(folder, download=False), fetch_kr300(folder, download=False)
     except FileNotFoundError as error:
         click.echo(f"Skipped. {error}")
         return

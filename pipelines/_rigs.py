@@ -51,7 +51,7 @@ def tasks_of(options: dict[str, Any]) -> list[Task]:
         parts = {k: _slower(emps[k], emps.sample_rate) for k in ("train", "test")}
         columns: tuple[str, str, str, str | None] = ("reference_m", "position_m", "drive_V", None)
     else:
-        robot = fetch_kr300(folder)
+        robot = fetch_kr300(folder, download=False)
         parts = {k: _slower(robot[k], robot.sample_rate) for k in ("A", "B", "C")}
         columns = "reference_deg", "load_position_deg", "motor_torque_Nm", "load_velocity_deg_s"
     return _of_parts(options["rig"], parts, columns)

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import re
 import sys
 import types
 from pathlib import Path
@@ -7,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from scipy.io import savemat
+from scipy.io import loadmat, savemat
 
 from whsklearn.datasets import fetch_emps, fetch_kr300, real
 
@@ -31,8 +32,12 @@ def test_records_that_are_nowhere_are_told_with_their_address(tmp_path, monkeypa
         fetch_emps()
     with pytest.raises(FileNotFoundError, match=r"does not hold emps/emps_train\.csv"):
         fetch_emps(tmp_path, download=False)
-    with pytest.raises(FileNotFoundError, match="Weigand"):
+    with pytest.raises(
+        FileNotFoundError, match=r"KR300 records are not here.*github.com/JonasWeigand.*name their folder"
+    ):
         fetch_kr300(tmp_path)
+    with pytest.raises(FileNotFoundError, match=r"does not hold kr300/kr300_axis1_A\.csv"):
+        fetch_kr300(tmp_path, download=False)
 
 
 def test_the_publishers_files_are_read_under_our_names(mat_folder):
@@ -45,6 +50,44 @@ def test_the_publishers_files_are_read_under_our_names(mat_folder):
 def test_other_numbers_are_refused(mat_folder):
     with pytest.raises(ValueError, match=r"DATA_EMPS.mat are not those of the published record"):
         fetch_emps(mat_folder)
+
+
+@pytest.fixture
+def robot_folder(tmp_path):
+    """Folders as the publishers lay them out: all six axes in ``rec`` of a data.mat."""
+    rng = np.random.default_rng(1)
+    fields = [*real._KR300_FIELDS, "ref_vel_deg_per_s"]
+    for name in "ABC":
+        folder = tmp_path / f"2020-10-21 10s FF {name} 08ms"
+        folder.mkdir()
+        savemat(folder / "data.mat", {"rec": {k: rng.normal(size=(6, 30)) for k in fields}, "para": {"u": 1.0}})
+    return tmp_path
+
+
+def test_the_publishers_robot_files_are_read_under_our_names(robot_folder):
+    robot = fetch_kr300(robot_folder, verify=False)
+    rec = loadmat(robot_folder / "2020-10-21 10s FF B 08ms" / "data.mat", simplify_cells=True)["rec"]
+    np.testing.assert_allclose(robot.B["motor_torque_Nm"], rec["act_torque_abs_nm"][0])
+    np.testing.assert_allclose(robot.B["load_position_deg"], rec["act_pos_se_deg"][0])
+    np.testing.assert_allclose(np.diff(robot.B["time_s"]), 1 / robot.sample_rate)
+    with pytest.raises(ValueError, match=r"data\.mat are not those of the published record"):
+        fetch_kr300(robot_folder)
+
+
+def test_a_robot_file_without_its_record_is_told(robot_folder):
+    savemat(robot_folder / "2020-10-21 10s FF A 08ms" / "data.mat", {"para": 1.0})
+    with pytest.raises(ValueError, match=r"has no rec\.act_torque_abs_nm, rec\."):
+        fetch_kr300(robot_folder)
+
+
+def test_pooch_brings_the_three_robot_files_of_one_commit(monkeypatch, robot_folder):
+    asked = []
+    fake = types.SimpleNamespace(retrieve=lambda url, **options: asked.append(url), os_cache=lambda name: robot_folder)
+    monkeypatch.setitem(sys.modules, "pooch", fake)
+    (robot_folder / "kr300").symlink_to(robot_folder)
+    assert len(fetch_kr300(verify=False).A) == 30
+    assert len(set(asked)) == 3
+    assert all(re.fullmatch(r"https://\S+/[0-9a-f]{40}/data/\S+/data\.mat", url) for url in asked)
 
 
 def test_a_checksum_sees_nine_digits():

@@ -32,7 +32,10 @@ _EMPS_CITATION = """\
 A. Janot, M. Gautier, M. Brunot: Data Set and Reference Models of EMPS. Workshop on Nonlinear System Identification
 Benchmarks, Eindhoven, 2019."""
 
-_KR300_PAGE = "https://github.com/JonasWeigand/Robot_Identification (Weigand, Ulmen, Janot, Ruskowski 2021)"
+_KR300_PAGE = "https://github.com/JonasWeigand/Robot_Identification"
+_KR300_COMMIT = "454c8e6d4f6f9a9ec0b2fcb10b4cb958ac702e55"
+_KR300_ADDRESS = "https://raw.githubusercontent.com/JonasWeigand/Robot_Identification"
+_KR300_FOLDER = "data/recorded_trajectories/2020-10-21 10s FF {} 08ms"
 _KR300_COLUMNS = [
     "time_s",
     "motor_torque_Nm",
@@ -47,7 +50,18 @@ _KR300_TEXT = """\
 Axis 1 of a KUKA KR300, a turntable: vertical axis, gear 256.857:1, encoders on motor and load, 250 Hz, three records
 of 10 s, in which the rest of the arm moves too. Torque is the motor's, positions are in degrees of the load. ``A`` is
 for identification, ``B`` and ``C`` for validation."""
-_KR300_CITATION = "J. Weigand, J. Ulmen, A. Janot, M. Ruskowski, 2021: records of a KUKA KR300. MIT licence."
+_KR300_CITATION = """\
+J. Weigand, J. Ulmen, A. Janot, M. Ruskowski, 2021: Robot Identification, records of a KUKA KR300. MIT licence. Not the
+benchmark that came of it (Weigand, Goetz, Ulmen, Ruskowski 2022, doi 10.26204/DATA/5), whose records are others."""
+# What the publishers' own programs read from ``rec`` of data.mat: a row an axis, 4 ms a column.
+_KR300_FIELDS = (
+    "act_torque_abs_nm",
+    "act_pos_mot_deg",
+    "act_vel_mot_deg_per_s",
+    "act_pos_se_deg",
+    "act_vel_se_deg_per_s",
+    "ref_pos_deg",
+)
 
 # SHA-256 of the numbers, each as nine significant digits, so that CSV and MAT files of one record agree.
 _SUMS = {
@@ -93,7 +107,7 @@ def fetch_emps(folder: str | os.PathLike[str] | None = None, *, download: bool =
     frames = {}
     for name, files in _EMPS_FILES.items():
         path = next(where / f for f in files if (where / f).is_file())
-        frame = _read_mat(path) if path.suffix == ".mat" else _read_csv(path, _EMPS_COLUMNS)
+        frame = _read_emps_mat(path) if path.suffix == ".mat" else _read_csv(path, _EMPS_COLUMNS)
         if verify:
             _verify(f"emps_{name}", frame[["drive_V", "position_m", "reference_m"]], path)
         frames[name] = frame
@@ -107,14 +121,17 @@ def fetch_emps(folder: str | os.PathLike[str] | None = None, *, download: bool =
     )
 
 
-def fetch_kr300(folder: str | os.PathLike[str] | None = None, *, verify: bool = True) -> Bunch:
+def fetch_kr300(folder: str | os.PathLike[str] | None = None, *, download: bool = True, verify: bool = True) -> Bunch:
     """Axis 1 of an industrial robot, a geared turntable with encoders on motor and load.
 
     Parameters
     ----------
     folder : str or path, optional
-        Holds ``kr300_axis1_A.csv``, ``_B`` and ``_C``, directly or in ``kr300/``; ``WHSKLEARN_DATA``
-        by default. The publishers' files hold all six axes in MATLAB's format, so nothing is downloaded.
+        Holds ``kr300_axis1_A.csv``, ``_B`` and ``_C``, or the publishers' folders
+        ``2020-10-21 10s FF A 08ms`` and so on with a ``data.mat`` in each, directly or in ``kr300/``;
+        ``WHSKLEARN_DATA`` by default.
+    download : bool, default=True
+        Fetch the publishers' three files where no folder has them; needs pooch and the network.
     verify : bool, default=True
         Compare the numbers with the checksum of the published ones.
 
@@ -128,19 +145,29 @@ def fetch_kr300(folder: str | os.PathLike[str] | None = None, *, verify: bool = 
     Raises
     ------
     FileNotFoundError
-        If the records are in no folder; the message says where they are published.
+        If the records are neither in a folder nor can be fetched; the message says where they are.
     ValueError
         If a file lacks a column or its numbers are not the published ones.
+
+    Notes
+    -----
+    The address is that of one commit of the publishers' repository, the layout of ``data.mat`` that which
+    their programs read (``rec``: six rows, one an axis). Both are read off their sources; the download
+    itself could not be tried where this was written, so the checksum of the numbers has the last word.
     """
-    files = {k: f"kr300_axis1_{k}.csv" for k in "ABC"}
-    where = _find(folder, "kr300", [(f,) for f in files.values()])
+    files = {k: (f"kr300_axis1_{k}.csv", f"{Path(_KR300_FOLDER.format(k)).name}/data.mat") for k in "ABC"}
+    where = _find(folder, "kr300", list(files.values()))
+    if where is None and download:
+        where = _download_kr300()
     if where is None:
         raise FileNotFoundError(_missing("KR300", folder, "kr300/kr300_axis1_A.csv, _B and _C", _KR300_PAGE))
     frames = {}
-    for name, file in files.items():
-        frames[name] = _read_csv(where / file, _KR300_COLUMNS)
+    for name, names in files.items():
+        path = next(where / f for f in names if (where / f).is_file())
+        frame = _read_kr300_mat(path) if path.suffix == ".mat" else _read_csv(path, _KR300_COLUMNS)
         if verify:
-            _verify(f"kr300_{name}", frames[name].iloc[:, 1:], where / file)
+            _verify(f"kr300_{name}", frame.iloc[:, 1:], path)
+        frames[name] = frame
     return Bunch(
         **frames,
         sample_rate=250.0,
@@ -180,7 +207,7 @@ def _read_csv(path: Path, columns: list[str]) -> pd.DataFrame:
     return frame[columns].astype(float)
 
 
-def _read_mat(path: Path) -> pd.DataFrame:
+def _read_emps_mat(path: Path) -> pd.DataFrame:
     """The publishers' file of a record, under this library's names."""
     import pandas as pd
     from scipy.io import loadmat
@@ -192,6 +219,22 @@ def _read_mat(path: Path) -> pd.DataFrame:
     drive, position, reference = (np.asarray(raw[k], dtype=float).ravel() for k in ("vir", "qm", "qg"))
     table = [np.arange(len(drive)) / 1000.0, drive, FORCE_PER_VOLT * drive, position, reference]
     return pd.DataFrame(dict(zip(_EMPS_COLUMNS, table, strict=True)))
+
+
+def _read_kr300_mat(path: Path) -> pd.DataFrame:
+    """The publishers' file of a record of all six axes: the first axis, under this library's names."""
+    import pandas as pd
+    from scipy.io import loadmat
+
+    try:
+        rec = loadmat(path, simplify_cells=True).get("rec", {})
+    except NotImplementedError:
+        raise ValueError(f"{path.name} is in MATLAB's format 7.3; save it in format 7 and read it again.") from None
+    absent = [k for k in _KR300_FIELDS if k not in rec]
+    if absent:
+        raise ValueError(f"{path.name} has no rec.{', rec.'.join(absent)}; expected the publishers' file of a record.")
+    axis = [np.atleast_2d(np.asarray(rec[k], dtype=float))[0] for k in _KR300_FIELDS]
+    return pd.DataFrame(dict(zip(_KR300_COLUMNS, [np.arange(axis[0].size) / 250.0, *axis], strict=True)))
 
 
 def checksum(frame: pd.DataFrame) -> str:
@@ -222,3 +265,22 @@ def _download_emps() -> Path | None:
         return None
     found = {Path(f).name: Path(f).parent for f in files}
     return found.get("DATA_EMPS.mat")
+
+
+def _download_kr300() -> Path | None:
+    """The publishers' three files in pooch's cache; None without pooch or the network."""
+    try:
+        import pooch
+    except ImportError:
+        return None
+    from urllib.parse import quote
+
+    cache = Path(pooch.os_cache("whsklearn")) / "kr300"
+    try:
+        for name in "ABC":
+            place = _KR300_FOLDER.format(name)
+            address = f"{_KR300_ADDRESS}/{_KR300_COMMIT}/{quote(place)}/data.mat"
+            pooch.retrieve(address, known_hash=None, fname="data.mat", path=cache / Path(place).name)
+    except Exception:  # whatever the network does wrong, the message of the caller says what to do
+        return None
+    return cache
