@@ -10,6 +10,12 @@ from numba import njit
 def is_stable(b, radius):
     """Whether 1 + b_1 q^-1 + ... has all its roots inside ``radius`` (Schur-Cohn step-down)."""
     n = b.size
+    if n == 0:
+        return True
+    if n <= 2:  # the triangle of Jury, without arrays: this is asked at every update
+        first = b[0] / radius
+        second = b[1] / (radius * radius) if n == 2 else 0.0
+        return abs(second) < 1.0 and abs(first) < 1.0 + second
     k = np.empty(n)
     scale = 1.0
     for i in range(n):
