@@ -76,29 +76,29 @@ def draw_itself(ax, effect, record):
     ax.set(xlabel=UNIT[against], ylabel="position, rad" if effect.port == "output" else "torque, Nm")
 
 
-def draw_place(place):
-    """A picture of all effects of a place, and their description in words."""
-    names = effect_names(place)
+def draw_rows(names):
+    """A picture of these effects, a row each, and their description in words."""
     effects = [draw_effect(name, axis, reference, 0.15, random_state=3) for name in names]
     records = simulate_many([axis, *(axis.with_effect(e) for e in effects)], reference=reference, noise=False)
     _figure, panels = plt.subplots(len(names), 2, figsize=(9, 2.1 * len(names)), squeeze=False, layout="constrained")
     window = slice(4000, 7000)
     for (left, right), effect, record in zip(panels, effects, records[1:], strict=True):
         draw_itself(left, effect, record)
-        left.set_title(effect.name, loc="left", fontweight="bold", fontsize=10)
+        label = effect.name if type(effect) is get_effect(effect.name) else type(effect).__name__
+        left.set_title(label, loc="left", fontweight="bold", fontsize=10)
         right.plot(records[0].time[window], records[0].drive[window], color="0.7", lw=1.5)
         right.plot(record.time[window], record.drive[window], lw=0.8)
         right.set(xlabel="time, s", ylabel="drive, Nm")
         right.set_title(effect.equation.split(", d")[0].split(", c =")[0], loc="left", fontsize=8)
     plt.show()
     for effect in effects:
-        describe(effect)
+        describe(type(effect))
 
 
-def describe(effect):
+def describe(cls):
     """The entry of the catalogue in words."""
-    cls = get_effect(effect.name)
-    print(f"{cls.name}: {' '.join(cls.__doc__.split())}")
+    label = cls.name if cls is get_effect(cls.name) else f"{cls.name}, {cls.__name__}"
+    print(f"{label}: {' '.join(cls.__doc__.split())}")
     print(f"    equation   {cls.equation}")
     for field, q in cls.quantities.items():
         size = " (size)" if field == cls.size else ""
@@ -114,31 +114,31 @@ def describe(effect):
 # Friction
 # --------
 # What resists motion. Positive sizes brake. ``presliding_hysteresis`` is drawn in its
-# simplest shape, Dahl's; ``LuGre``, ``GeneralizedMaxwellSlip`` and ``BoucWen`` are its
-# others, compared further down.
+# simplest shape, Dahl's; ``LuGre``, ``GeneralizedMaxwellSlip`` and ``BoucWen``, its others,
+# have a section of their own further down.
 
-draw_place("friction")
+draw_rows(effect_names("friction"))
 
 # %%
 # Drive
 # -----
 # What happens between the command that is logged and the torque at the shaft.
 
-draw_place("drive")
+draw_rows(effect_names("drive"))
 
 # %%
 # Transmission
 # ------------
 # What splits the one inertia in two: the load no longer is where the motor is.
 
-draw_place("transmission")
+draw_rows(effect_names("transmission"))
 
 # %%
 # Position
 # --------
 # Torques that belong to a place.
 
-draw_place("position")
+draw_rows(effect_names("position"))
 
 # %%
 # Sensor
@@ -146,25 +146,30 @@ draw_place("position")
 # What stands between the axis and its log. These add to the measured position; the drive
 # answers because the controller believes the sensor.
 
-draw_place("sensor")
+draw_rows(effect_names("sensor"))
 
 # %%
 # Time
 # ----
 # What belongs to neither speed nor place.
 
-draw_place("time")
+draw_rows(effect_names("time"))
 
 # %%
 # The shapes of presliding hysteresis
 # -----------------------------------
-# Friction against position along nested reversals. Dahl forgets its inner loops, Maxwell
-# elements close them; LuGre falls to the level of sliding (here with a Stribeck ratio of
-# 1.6); Bouc-Wen with beta below one has slimmer loops.
-
-from itertools import pairwise
+# Four models go by the name of ``presliding_hysteresis``. Dahl's is above; these are the others, in the same axis.
 
 from whsklearn.effects import BoucWen, GeneralizedMaxwellSlip, LuGre, PreslidingHysteresis
+
+draw_rows([LuGre, GeneralizedMaxwellSlip, BoucWen])
+
+# %%
+# What tells them apart is nested reversals, friction against position: Dahl forgets its inner loops, Maxwell elements
+# close them; LuGre falls to the level of sliding (here with a Stribeck ratio of 1.6); Bouc-Wen with beta below one has
+# slimmer loops.
+
+from itertools import pairwise
 
 corners = np.array([0.0, 5.0, -3.0, 3.0, -1.0, 3.0, -3.0, 5.0]) * 1e-3
 path = np.concatenate([np.linspace(a, b, 800, endpoint=False) for a, b in pairwise(corners)])
@@ -246,3 +251,13 @@ class Magnet(Effect):
 
 
 print("passed:", ", ".join(check_effect(Magnet)))
+
+# %%
+# Where the equations come from
+# -----------------------------
+# Authors, title, year and, for articles, volume and pages were held against the bibliographies of others. The
+# equations themselves were held against texts that write them out for LuGre, the Stribeck curve, Bouc-Wen, the
+# eccentric and the oval disc, and the sensor that loses the sign; for the other articles only the abstract or the
+# citation could be read. Not looked up, because every textbook of their field has them: quadratic drag
+# (Batchelor), offset and trend of a record (Ljung). Friction that settles exponentially is the first-order
+# warming of the cited model at a constant load.

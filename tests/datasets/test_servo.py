@@ -8,7 +8,7 @@ import pytest
 from whsklearn.datasets import draw_effect, load_turntable, make_servo_log, reference_signal
 from whsklearn.datasets.servo import default_axis
 from whsklearn.datasets.turntable import make_turntable
-from whsklearn.effects import Cogging, effect_names, get_effect
+from whsklearn.effects import BoucWen, Cogging, GeneralizedMaxwellSlip, LuGre, effect_names, get_effect
 
 KINDS = ("sine", "multisine", "staircase", "sweep", "rich")
 NAMES = [n for n in effect_names() if get_effect(n).__module__.startswith("whsklearn.")]
@@ -80,7 +80,11 @@ def test_noise_is_given_by_size_or_by_ratio():
     np.testing.assert_allclose(truth.record.position * 1000, np.round(truth.record.position * 1000), atol=1e-9)
 
 
-@pytest.mark.parametrize("name", [n for n in NAMES if n not in ("output_offset", "output_drift", "saturation")])
+@pytest.mark.parametrize(
+    "name",
+    [n for n in NAMES if n not in ("output_offset", "output_drift", "saturation")]
+    + [LuGre, GeneralizedMaxwellSlip, BoucWen],
+)
 def test_a_drawn_effect_matters_as_much_as_asked(name):
     axis = default_axis()
     reference = reference_signal("rich", 8.0, 1000.0)

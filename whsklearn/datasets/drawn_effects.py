@@ -33,14 +33,18 @@ _SHAPES: dict[str, dict[str, tuple[Any, ...]]] = {
 
 
 def draw_effect(
-    name: str, axis: ServoAxis, reference: NDArray[np.float64], share: float = 0.05, random_state: Any = 0
+    name: str | type[Effect],
+    axis: ServoAxis,
+    reference: NDArray[np.float64],
+    share: float = 0.05,
+    random_state: Any = 0,
 ) -> Effect:
     """An effect of the catalogue with a random shape and phase, and a size that matters as much as asked.
 
     Parameters
     ----------
-    name : str
-        Canonical name.
+    name : str or Effect class
+        Canonical name, or the class of one of the shapes that share it, such as ``LuGre``.
     axis : ServoAxis
         The axis that it is to be added to.
     reference : ndarray of shape (n,)
@@ -66,19 +70,19 @@ def draw_effect(
     'cogging'
     """
     rng = np.random.default_rng(random_state)
-    cls = get_effect(name)
+    cls = get_effect(name) if isinstance(name, str) else name
     if not 0 < share < math.inf:
         raise ValueError(f"share is {share!r}, expected a finite number above zero, such as 0.05.")
     base = simulate_many([axis], reference=reference, noise=False)[0]
     effect = _shaped(cls, base, rng)
     signals = _signals(base, axis)
     torque = np.std(base.torque)
-    if name == "saturation":
+    if cls.name == "saturation":
         return _limited(effect, signals, share * torque)
     if effect.port in ("torque", "input") and effect.column_kind == "exact":
         unit = effect.columns(signals) @ (effect.coefficients / effect.magnitude)
         return effect.resized(math.copysign(share * torque / _rms(unit), effect.magnitude))
-    if name in ("output_offset", "output_drift"):
+    if cls.name in ("output_offset", "output_drift"):
         return effect.resized(share * np.std(base.true_position) / _rms(effect.columns(signals)))
     return _answered(effect, axis, reference, base, share)
 
