@@ -8,7 +8,17 @@ import pytest
 from whsklearn import WienerHammersteinSystem
 from whsklearn.datasets import make_wiener_hammerstein
 from whsklearn.effects.law import polynomial_law
-from whsklearn.recursion.consolidation import refine, replay, solve_damped
+from whsklearn.recursion.consolidation import (
+    BUDGET,
+    COST,
+    RESTART,
+    STILL,
+    refine,
+    refine_part,
+    replay,
+    solve_damped,
+    work_size,
+)
 from whsklearn.recursion.predictor import record_errors, state_size
 from whsklearn.systems.stability import is_stable
 
@@ -28,8 +38,8 @@ class Memory:
             [system.a.size, system.b.size, system.c.size, system.d.size, len(system.law)], dtype=np.int64
         )
         self.X, self.y = make_wiener_hammerstein(n, snr_db=snr_db, random_state=seed, system=system)
-        self.restart = np.zeros(n, dtype=bool)
-        self.restart[[0, *restart_at]] = True
+        self.restart = np.zeros(n, dtype=np.uint8)
+        self.restart[[0, *restart_at]] = RESTART
         self.history = int(max(self.dims[0], self.dims[3], 1))
         self.n = natural(system).size
 
@@ -60,7 +70,8 @@ class Memory:
 
     def errors(self, theta, kappa=KAPPA):
         e, rows = np.empty(self.y.size), np.empty((self.y.size, self.n))
-        record_errors(theta, self.dims, self.law.codes, self.law.shapes, kappa, self.X, self.y, self.restart, e, rows)
+        law = self.law.codes, self.law.shapes
+        record_errors(theta, self.dims, *law, kappa, self.X, self.y, self.restart & RESTART > 0, e, rows)
         return e, rows
 
     def refine(self, theta, prior_theta, prior_information, iterations=30, **settings):
@@ -106,7 +117,7 @@ def test_the_state_handed_over_is_where_the_next_window_starts(tail):
     information, slope, end = np.zeros((9, 9)), np.zeros(9), np.zeros_like(state)
     cost = replay(
         theta, rest.dims, rest.law.codes, rest.law.shapes, KAPPA, state, whole.X[begin - h :], whole.y[begin - h :],
-        np.zeros(100 - begin, dtype=bool), 100 - begin, h, 1, 1.0, information, slope, end,
+        np.zeros(100 - begin, dtype=np.uint8), 100 - begin, h, 1, 1.0, information, slope, end,
     )  # fmt: skip
     assert cost == pytest.approx(np.sum(e[begin:] ** 2))
 
@@ -167,3 +178,34 @@ def test_the_damped_solve():
     assert solve_damped(a, right, 0.5, solution)
     np.testing.assert_allclose(solution, np.linalg.solve(a + 0.5 * np.diag(np.diag(a)), right), rtol=1e-9)
     assert not solve_damped(-a, right, 0.0, solution)
+
+
+@pytest.mark.parametrize("budget", [1, 37, 1000])
+def test_in_parts_it_is_the_same_to_the_bit(budget):
+    memory = Memory(WienerHammersteinSystem.example(), restart_at=(50,))
+    nothing, theta = np.eye(9), np.full(9, 0.2)
+    whole = theta.copy()
+    cost, information = memory.refine(whole, np.zeros(9), nothing, 3)
+    got, state = np.zeros((9, 9)), np.zeros(state_size(memory.dims))
+    work, parts = np.zeros(work_size(memory.dims, state.size)), 1
+    work[BUDGET] = budget
+    while not refine_part(
+        theta, memory.dims, memory.law.codes, memory.law.shapes, KAPPA, *memory.shared(), np.zeros(9), nothing, 3, got,
+        state, work,
+    ):  # fmt: skip
+        work[BUDGET], parts = budget, parts + 1
+    assert parts >= 120 * 2 / budget
+    assert work[COST] == cost
+    np.testing.assert_array_equal(theta, whole)
+    np.testing.assert_array_equal(got, information)
+
+
+def test_what_stands_still_weighs_nothing():
+    memory = Memory(WienerHammersteinSystem.example())
+    theta = natural(WienerHammersteinSystem.example()) * 0.9
+    e, rows = memory.errors(theta)
+    memory.restart[40:70] |= STILL
+    moving = np.r_[0:40, 70:120]
+    cost, information, _, _ = memory.replay(theta)
+    assert cost == pytest.approx(np.sum(e[moving] ** 2))
+    np.testing.assert_allclose(information, rows[moving].T @ rows[moving], rtol=1e-9, atol=1e-12)

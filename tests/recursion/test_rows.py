@@ -113,3 +113,17 @@ def test_the_gradient_never_diverges(forgetting):
     rows = rng.standard_normal((3000, 3))
     truth = np.array([1.0, -2.0, 0.5])
     np.testing.assert_allclose(gradient(rows, rows @ truth, 16, forgetting), truth, atol=1e-3)
+
+
+@pytest.mark.parametrize("p", [1, 3])
+def test_an_idle_axis_is_neither_learnt_nor_forgotten(regression, p):
+    """Zeros count from where the window holds nothing else until it holds something again."""
+    rows, y = regression
+    idle = np.zeros((p - 1, 4)), np.zeros(p - 1)
+    long = np.zeros((5000, 4)), np.zeros(5000)
+    short_rest, long_rest = (
+        stream(np.vstack([rows, *parts[0], rows]), np.concatenate([y, *parts[1], y]), p, float(p), 0.98)
+        for parts in (([idle[0]], [idle[1]]), ([idle[0], long[0]], [idle[1], long[1]]))
+    )
+    for a, b in zip(short_rest, long_rest, strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-12)

@@ -13,7 +13,7 @@ from whsklearn.effects.static import Power
 from whsklearn.recursion.covariance import covariance
 from whsklearn.recursion.predictor import advance, predict, record_errors, state_size
 from whsklearn.recursion.rows import block_update
-from whsklearn.recursion.subinnovations import relative_sharpness, run_windows
+from whsklearn.recursion.subinnovations import mark_still, relative_sharpness, run_windows
 
 LINEAR = polynomial_law([0.0, 1.0, 0.5])  # with n_a = 1, n_b = 0, n_c = 1 the model is linear in its parameters
 
@@ -31,7 +31,7 @@ def run(dims, law, theta0, X, y, p=4, frozen=False, p0=1.0, kappa=3.0, forgettin
     for part in np.array_split(np.arange(len(y)), chunks):
         since = run_windows(
             *s.values(), since, seen, forgetting, np.inf, np.array([kappa]), 0.0, dims, law.codes, law.shapes, p,
-            frozen, X[part], y[part],
+            frozen, X[part], y[part], np.zeros(len(part), dtype=bool),
         )  # fmt: skip
         seen += len(part)
     return s
@@ -143,3 +143,17 @@ def test_sharpness_rises_from_one_to_its_limit():
     assert rising[0] == 1.0
     assert rising[-1] == 80.0
     assert (np.diff(rising) >= 0).all()
+
+
+@pytest.mark.parametrize("chunks", [1, 4, 40])
+def test_still_is_what_repeats_all_that_the_window_sees(chunks):
+    """Lags of 5 samples: marked from the fifth repetition on, until u or y moves."""
+    u, y = np.zeros((40, 1)), np.arange(40.0)
+    u[10:30], y[10:30] = 1.0, 2.0
+    y[22] = 2.1
+    still, repeats, recent_u, recent_y = np.zeros(40, dtype=bool), 0, np.zeros(5), np.zeros(5)
+    for part in np.array_split(np.arange(40), chunks):
+        repeats = mark_still(repeats, recent_u, recent_y, u[part], y[part], marked := np.zeros(len(part), dtype=bool))
+        still[part] = marked
+        recent_u[0], recent_y[0] = u[part[-1], 0], y[part[-1]]
+    assert np.flatnonzero(still).tolist() == [14, *range(15, 22), *range(27, 30)]

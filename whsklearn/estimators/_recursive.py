@@ -19,7 +19,9 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 GRADIENTS = ("full", "pseudolinear")
-PER_MODEL = ("theta", "ud", "before", "loss", "motion", "sharpness", "origin", "prior_theta", "prior_information")
+PER_MODEL = (
+    "theta", "ud", "before", "loss", "motion", "sharpness", "origin", "page_theta", "prior_theta", "prior_information",
+)  # fmt: skip
 DEFAULT_P0 = 1e6
 PURE_P0 = 1.0  # the pure recursion steps from the first sample on, from starts that are no estimate
 
@@ -137,7 +139,7 @@ class RecursiveRegressor(AxisRegressor):
 
     def consolidate(self) -> Self:
         """Re-run the samples in memory now, as `fit` does at its end; a stream may do so when it has time."""
-        self._make_stream(len(self.theta_), self.state_["seed"]).settle(self.state_)
+        self._make_stream(self.theta_.size, self.state_["seed"]).settle(self.state_)
         return self
 
     @property

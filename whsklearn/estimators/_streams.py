@@ -21,6 +21,8 @@ from whsklearn.recursion.rows import run_gradient, run_one_row, run_rows
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from whsklearn.recursion.page import PageRerun
+
     Array = NDArray[np.float64]
     State = dict[str, Any]
 
@@ -172,6 +174,7 @@ class FullStream:
 
     def __init__(self, structure: Structure, reading: multistart.Reading):
         self.structure, self.reading = structure, reading
+        self._page: PageRerun | None = None  # work under way; it can begin anew at any time, so it is no state
 
     def initial(self) -> State:
         """The state of `multistart`."""
@@ -179,12 +182,13 @@ class FullStream:
 
     def run(self, state: State, u: Array, y: Array, restart: NDArray[np.bool_]) -> None:
         """One window a sample and start, the memory at its instants."""
-        multistart.run(state, self.reading, u, y, restart)
+        self._page = multistart.run(state, self.reading, u, y, restart, self._page)
 
     def settle(self, state: State) -> None:
         """Re-run the memory, so that the whole record speaks at the present parameters."""
         if self.reading.memory and state["fill"]:
-            multistart.consolidate(state, self.reading)
+            multistart.consolidate(state, self.reading, self._page)
+            self._page = None
 
     def natural(self, state: State) -> Array:
         """Parameters of the model that answers."""

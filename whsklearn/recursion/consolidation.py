@@ -5,6 +5,9 @@ then.  Re-running the stored samples with the newest parameters puts it right, a
 window of p samples does for the newest ones.  What lies before the memory enters as a
 Gaussian prior (theta_0, information), as in moving-horizon estimation (Rao, Rawlings,
 Mayne 2003, IEEE TAC 48(2)).
+
+A re-run of thousands of samples takes milliseconds, longer than a control loop can wait, so both
+steps can be done in parts: `work` holds where they stand and how many samples they may still read.
 """
 
 from __future__ import annotations
@@ -13,118 +16,206 @@ import numpy as np
 from numba import njit
 
 from whsklearn._delay_line import push
-from whsklearn.recursion.predictor import advance, predict
+from whsklearn.recursion.predictor import advance, parameter_count, predict
 from whsklearn.systems.stability import is_stable
 
 HUGE = 1e290
+UNBOUNDED = 1e18
+RESTART, STILL = 1, 2  # bits of a sample's mark
+
+# the head of ``work``: sample, sum of squares, budget in samples | phase, iteration, damping, cost
+AT, TOTAL, BUDGET, PHASE, ITERATION, DAMPING, COST, HEAD = range(8)
+FIRST_RUN, PROPOSAL, TRIAL, DONE = range(4)
 
 
 @njit(cache=True, error_model="numpy")
-def replay(
-    theta, dims, codes, shapes, kappa, origin, memory_u, memory_y, restarts, fill, history, tail, forgetting,
-    information, slope, state,
-):  # fmt: skip
-    """Weighted sum of squared innovations of the memory, its Gauss-Newton matrix and slope.
+def work_size(dims, n_state):
+    """Length of ``work``: its head, n + n + n + n n numbers of a trial, two states, past u and y."""
+    n = parameter_count(dims)
+    return HEAD + n * (n + 3) + 2 * n_state + dims[0] + max(dims[3], 1)
 
-    ``memory_u[:history]`` precede the first sample, which is ``memory_u[history]``.  The
-    last ``tail - 1`` samples count as far as the windows of p have used them.  ``state``
-    receives what holds before the first sample of the next window.
+
+@njit(cache=True, error_model="numpy")
+def replay_part(
+    theta, dims, codes, shapes, kappa, origin, memory_u, memory_y, marks, fill, history, tail, forgetting,
+    information, slope, state, work,
+):  # fmt: skip
+    """Go on with a `replay` for as many samples as the budget allows; True at its end.
+
+    It begins where ``work[AT]`` is 0 and leaves the sum in ``work[TOTAL]``.
     """
     n = theta.size
     na, nd = dims[0], dims[3]
+    n_state = origin.size
     psi = np.empty(n)
-    information[:] = 0.0
-    slope[:] = 0.0
-    state[:] = origin
-    now = origin.copy()
-    u_past = np.zeros(na)
-    y_past = np.zeros(max(nd, 1))
+    end = work.size
+    y_past = work[end - max(nd, 1) :]
+    end -= y_past.size
+    u_past = work[end - na : end]
+    end -= na
+    now = work[end - n_state : end]
     m = memory_u.shape[1]
-    for i in range(na):
-        u_past[i] = memory_u[history - 1 - i // m, i % m]
-    for i in range(nd):
-        y_past[i] = memory_y[history - 1 - i]
-    total = 0.0
-    for t in range(fill):
-        if restarts[t]:
+    t = int(work[AT])
+    if t == 0:
+        work[TOTAL] = 0.0
+        information[:] = 0.0
+        slope[:] = 0.0
+        state[:] = origin
+        now[:] = origin
+        y_past[:] = 0.0
+        for i in range(na):
+            u_past[i] = memory_u[history - 1 - i // m, i % m]
+        for i in range(nd):
+            y_past[i] = memory_y[history - 1 - i]
+    total = work[TOTAL]
+    stop = min(fill, t + max(int(work[BUDGET]), 0))
+    work[BUDGET] -= stop - t
+    while t < stop:
+        if marks[t] & RESTART:
             now[:] = 0.0
             u_past[:] = 0.0
             y_past[:] = 0.0
         age = fill - 1 - t
-        if t == 0 or restarts[t]:
+        if t == 0 or marks[t] & RESTART or age >= tail - 1:
             state[:] = now
-        weight = 1.0 if age >= tail - 1 else (age + 1.0) / tail
-        if forgetting != 1.0:
-            weight *= forgetting**age
+        weight = 0.0 if marks[t] & STILL else min((age + 1.0) / tail, 1.0) * forgetting**age
         e = memory_y[history + t] - predict(theta, dims, now, y_past, 0, psi)
         total += weight * e * e
         if not total < HUGE:
-            return np.inf
+            work[TOTAL] = np.inf
+            return True
         for i in range(n):
             g = weight * psi[i]
             slope[i] += g * e
             for j in range(i + 1):
                 information[i, j] += g * psi[j]
         advance(theta, dims, codes, shapes, kappa, now, u_past, 0)
-        if age == tail - 1:  # the later ones belong to the next window
+        if age >= tail - 1:
             state[:] = now
         push(u_past, memory_u[history + t])
         for i in range(nd - 1, 0, -1):
             y_past[i] = y_past[i - 1]
         y_past[0] = memory_y[history + t]
+        t += 1
+    work[AT] = t
+    work[TOTAL] = total
+    if t < fill:
+        return False
     for i in range(n):
         for j in range(i):
             information[j, i] = information[i, j]
-    return total
+    return True
+
+
+@njit(cache=True, error_model="numpy")
+def replay(
+    theta, dims, codes, shapes, kappa, origin, memory_u, memory_y, marks, fill, history, tail, forgetting,
+    information, slope, state,
+):  # fmt: skip
+    """Weighted sum of squared innovations of the memory, its Gauss-Newton matrix and slope.
+
+    ``memory_u[:history]`` precede the first sample, which is ``memory_u[history]``.  ``marks`` tell
+    where an experiment begins and where the record stands still, which weighs nothing.  The
+    last ``tail - 1`` samples count as far as the windows of p have used them.  ``state``
+    receives what holds before the first sample of the next window.
+    """
+    work = np.zeros(work_size(dims, origin.size))
+    work[BUDGET] = UNBOUNDED
+    replay_part(
+        theta, dims, codes, shapes, kappa, origin, memory_u, memory_y, marks, fill, history, tail, forgetting,
+        information, slope, state, work,
+    )  # fmt: skip
+    return work[TOTAL]
+
+
+@njit(cache=True, error_model="numpy")
+def refine_part(
+    theta, dims, codes, shapes, kappa, origin, memory_u, memory_y, marks, fill, history, tail, forgetting,
+    prior_theta, prior_information, iterations, information, state, work,
+):  # fmt: skip
+    """Go on with a `refine` as far as the budget allows; True at its end, with ``work[COST]`` reached.
+
+    It begins where ``work[PHASE]`` and ``work[AT]`` are 0.
+    """
+    n = theta.size
+    na, nb = dims[0], dims[1]
+    slope = work[HEAD : HEAD + n]
+    trial = work[HEAD + n : HEAD + 2 * n]
+    slope_t = work[HEAD + 2 * n : HEAD + 3 * n]
+    information_t = work[HEAD + 3 * n : HEAD + 3 * n + n * n].reshape(n, n)
+    state_t = work[HEAD + 3 * n + n * n : HEAD + 3 * n + n * n + state.size]
+    while work[PHASE] != DONE:
+        if work[PHASE] == FIRST_RUN:
+            if not replay_part(
+                theta, dims, codes, shapes, kappa, origin, memory_u, memory_y, marks, fill, history, tail,
+                forgetting, information, slope, state, work,
+            ):  # fmt: skip
+                return False
+            work[COST] = work[TOTAL] + _add_prior(theta, prior_theta, prior_information, information, slope)
+            work[DAMPING] = 1e-3
+            work[ITERATION] = 0
+            work[PHASE] = PROPOSAL
+            if not work[COST] < HUGE:
+                work[COST] = np.inf
+                work[PHASE] = DONE
+        elif work[PHASE] == PROPOSAL:
+            work[AT] = 0
+            work[TOTAL] = np.inf
+            if work[ITERATION] == iterations:
+                work[PHASE] = DONE
+                break
+            work[ITERATION] += 1
+            solved = solve_damped(information, slope, work[DAMPING], trial)
+            for i in range(n):
+                trial[i] += theta[i]
+            if solved and is_stable(trial[na - 1 : na - 1 + nb], 0.999):
+                work[PHASE] = TRIAL
+            else:
+                _judge(work, np.inf)
+        else:
+            if not replay_part(
+                trial, dims, codes, shapes, kappa, origin, memory_u, memory_y, marks, fill, history, tail,
+                forgetting, information_t, slope_t, state_t, work,
+            ):  # fmt: skip
+                return False
+            cost = work[TOTAL] + _add_prior(trial, prior_theta, prior_information, information_t, slope_t)
+            if _judge(work, cost):
+                theta[:] = trial
+                slope[:] = slope_t
+                information[:] = information_t
+                state[:] = state_t
+    return True
+
+
+@njit(cache=True, error_model="numpy")
+def _judge(work, cost):
+    """Whether a trial is taken; sets damping and phase, which is the end where it gains next to nothing."""
+    work[PHASE] = PROPOSAL
+    if cost < work[COST]:
+        if 1.0 - cost / work[COST] < 1e-6:
+            work[PHASE] = DONE
+        work[COST] = cost
+        work[DAMPING] = max(work[DAMPING] * 0.1, 1e-9)
+        return True
+    work[DAMPING] *= 10.0
+    if work[DAMPING] > 1e6:
+        work[PHASE] = DONE
+    return False
 
 
 @njit(cache=True, error_model="numpy")
 def refine(
-    theta, dims, codes, shapes, kappa, origin, memory_u, memory_y, restarts, fill, history, tail, forgetting,
+    theta, dims, codes, shapes, kappa, origin, memory_u, memory_y, marks, fill, history, tail, forgetting,
     prior_theta, prior_information, iterations, information, state,
 ):  # fmt: skip
     """Levenberg-Marquardt steps (Marquardt 1963) on ``theta`` in place; returns the cost reached."""
-    n = theta.size
-    na, nb = dims[0], dims[1]
-    slope = np.empty(n)
-    trial = np.empty(n)
-    slope_t = np.empty(n)
-    information_t = np.empty((n, n))
-    state_t = np.empty(state.size)
-    damping = 1e-3
-    cost = replay(
-        theta, dims, codes, shapes, kappa, origin, memory_u, memory_y, restarts, fill, history, tail, forgetting,
-        information, slope, state,
+    work = np.zeros(work_size(dims, origin.size))
+    work[BUDGET] = UNBOUNDED
+    refine_part(
+        theta, dims, codes, shapes, kappa, origin, memory_u, memory_y, marks, fill, history, tail, forgetting,
+        prior_theta, prior_information, iterations, information, state, work,
     )  # fmt: skip
-    cost += _add_prior(theta, prior_theta, prior_information, information, slope)
-    if not cost < HUGE:
-        return np.inf
-    for _ in range(iterations):
-        solved = solve_damped(information, slope, damping, trial)
-        for i in range(n):
-            trial[i] += theta[i]
-        cost_t = np.inf
-        if solved and is_stable(trial[na - 1 : na - 1 + nb], 0.999):
-            cost_t = replay(
-                trial, dims, codes, shapes, kappa, origin, memory_u, memory_y, restarts, fill, history, tail,
-                forgetting, information_t, slope_t, state_t,
-            )  # fmt: skip
-            cost_t += _add_prior(trial, prior_theta, prior_information, information_t, slope_t)
-        if cost_t < cost:
-            gain = 1.0 - cost_t / cost
-            theta[:] = trial
-            cost = cost_t
-            slope[:] = slope_t
-            information[:] = information_t
-            state[:] = state_t
-            damping = max(damping * 0.1, 1e-9)
-            if gain < 1e-6:
-                break
-        else:
-            damping *= 10.0
-            if damping > 1e6:
-                break
-    return cost
+    return work[COST]
 
 
 @njit(cache=True, error_model="numpy")

@@ -7,7 +7,8 @@ cut anywhere; everything scheduled is scheduled on samples seen.
 With ``memory = 0`` this is the pure recursion.  With a memory, the samples of the first
 ``memory`` are re-run at instants that grow geometrically: poor starts are dropped there and
 fresh ones drawn, so that by the time it is full one or two models go on.  After that each
-full block is re-run once, with all that came before it as a prior.
+full block is re-run once, with all that came before it as a prior, in parts that no sample
+has to wait for (`page`).
 """
 
 from __future__ import annotations
@@ -16,13 +17,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from whsklearn.recursion.consolidation import replay
+from whsklearn.recursion import rerun
+from whsklearn.recursion.consolidation import RESTART, STILL, replay
 from whsklearn.recursion.covariance import WIND_UP
+from whsklearn.recursion.page import PageRerun
 from whsklearn.recursion.predictor import state_size
 from whsklearn.recursion.reading import Reading, State
-from whsklearn.recursion.rerun import consolidate
 from whsklearn.recursion.starts import random_start
-from whsklearn.recursion.subinnovations import run_windows
+from whsklearn.recursion.subinnovations import mark_still, run_windows
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -46,6 +48,7 @@ def initial_state(r: Reading) -> State:
     return {
         "seen": 0,
         "since": 0,
+        "repeats": 0,
         "theta": theta,
         "ud": np.repeat(np.eye(n)[None] * r.p0, n_models, axis=0),
         "before": np.zeros((n_models, state_size(r.dims))),
@@ -57,19 +60,26 @@ def initial_state(r: Reading) -> State:
         # the pure recursion forgets its beginnings, a re-run mends them instead
         "forgetting": np.array([r.forgetting if m else min(0.95, r.forgetting), r.forgetting, 0.99]),
         "ceiling": WIND_UP * r.p0,
-        "memory_u": np.zeros((h + m, r.n_inputs)),
-        "memory_y": np.zeros(h + m),
-        "memory_restart": np.zeros(m, dtype=bool),
+        "memory_u": np.zeros((h + m + m // 2, r.n_inputs)),
+        "memory_y": np.zeros(h + m + m // 2),
+        "memory_marks": np.zeros(m + m // 2, dtype=np.uint8),
         "fill": 0,
         "blocks": 0,
         "origin": np.zeros((n_models, state_size(r.dims))),
+        "page_theta": theta.copy(),
         "prior_theta": theta.copy(),
         "prior_information": np.zeros((n_models, n, n)),
     }
 
 
-def run(state: State, r: Reading, u: NDArray[np.float64], y: NDArray[np.float64], restart: NDArray[np.bool_]) -> None:
-    """Take the state through samples, in place; ``restart`` marks where an experiment begins."""
+def run(
+    state: State, r: Reading, u: NDArray[np.float64], y: NDArray[np.float64], restart: NDArray[np.bool_],
+    page: PageRerun | None = None,
+) -> PageRerun | None:  # fmt: skip
+    """Take the state through samples, in place; ``restart`` marks where an experiment begins.
+
+    Returns the re-run of a page that goes on; given back with the next samples, it need not begin anew.
+    """
     at = 0
     while at < y.size:
         if restart[at]:
@@ -78,31 +88,68 @@ def run(state: State, r: Reading, u: NDArray[np.float64], y: NDArray[np.float64]
         limit = min(y.size, at + _until_event(state, r))
         while stop < limit and not restart[stop]:
             stop += 1
-        _remember(state, r, u[at:stop], y[at:stop], bool(restart[at]))
+        still = np.empty(stop - at, dtype=np.bool_)
+        state["repeats"] = mark_still(
+            state["repeats"], state["recent_u"], state["recent_y"], u[at:stop], y[at:stop], still
+        )
+        _remember(state, r, u[at:stop], y[at:stop], still, bool(restart[at]))
         state["since"] = run_windows(
             state["theta"], state["ud"], state["before"], state["loss"], state["motion"], state["recent_u"],
             state["recent_y"], state["since"], state["seen"], state["forgetting"], state["ceiling"], state["sharpness"],
             0.0 if r.memory else PURE_SHARPEST, *r.law, r.p, r.frozen, u[at:stop], y[at:stop],
+            still,
         )  # fmt: skip
         state["seen"] += stop - at
-        if r.memory and state["fill"] in _instants(state, r):
-            consolidate(state, r)
-        if r.memory and state["fill"] == r.memory:
-            _turn_page(state, r)
+        if r.memory:
+            page = _tend_memory(state, r, page, stop - at)
         at = stop
+    return page
+
+
+def consolidate(state: State, r: Reading, page: PageRerun | None = None) -> None:
+    """Re-run the memory now, in place; a page whose re-run goes on is turned first."""
+    if state["blocks"] and state["fill"] >= r.memory:
+        _page(state, r, page).take_over()
+    rerun.consolidate(state, r)
+
+
+def _tend_memory(state: State, r: Reading, page: PageRerun | None, n_new: int) -> PageRerun | None:
+    """What the memory asks for after ``n_new`` samples: a re-run, part of one, a new page."""
+    fill, m = state["fill"], r.memory
+    if not state["blocks"]:
+        if fill in _instants(state, r):
+            rerun.consolidate(state, r)
+        if fill == m:
+            _turn_page(state, r)
+        return None
+    if fill == m:
+        state["page_theta"] = state["theta"].copy()
+    if fill < m:
+        return None
+    page = _page(state, r, page)
+    if fill < m + m // 2:
+        page.advance(n_new)
+        return page
+    page.take_over()
+    return None
+
+
+def _page(state: State, r: Reading, page: PageRerun | None) -> PageRerun:
+    """The re-run that goes on, or one that begins anew."""
+    return page if page is not None and page.belongs_to(state) else PageRerun(state, r)
 
 
 def _begin_experiment(state: State) -> None:
     """Nothing is known of the past; parameters and covariance stay."""
-    state["since"] = 0
+    state["since"] = state["repeats"] = 0
     for name in ("before", "recent_u", "recent_y"):
         state[name][:] = 0.0
 
 
 def _instants(state: State, r: Reading) -> list[int]:
-    """Fills of the memory at which it is re-run."""
-    if state["blocks"]:
-        return [r.memory // 2, r.memory]
+    """Fills of the memory at which something is due."""
+    if state["blocks"]:  # a page is full; its re-run takes over
+        return [r.memory, r.memory + r.memory // 2]
     instants, at = [], float(r.first_rerun)
     while at < r.memory:
         instants.append(int(at))
@@ -111,32 +158,35 @@ def _instants(state: State, r: Reading) -> list[int]:
 
 
 def _until_event(state: State, r: Reading) -> int:
-    """Samples to the next re-run."""
+    """Samples to the next of these."""
     if not r.memory:
         return np.iinfo(np.int64).max
     return min(i for i in _instants(state, r) if i > state["fill"]) - state["fill"]
 
 
-def _remember(state: State, r: Reading, u: NDArray[np.float64], y: NDArray[np.float64], restarts: bool) -> None:
+def _remember(
+    state: State, r: Reading, u: NDArray[np.float64], y: NDArray[np.float64], still: NDArray[np.bool_], restarts: bool
+) -> None:
     """Append samples to the memory."""
     if not r.memory:
         return
-    first = r.history + state["fill"]
-    state["memory_u"][first : first + y.size] = u
-    state["memory_y"][first : first + y.size] = y
-    state["memory_restart"][state["fill"]] = restarts
-    state["fill"] += y.size
+    first, h, n = state["fill"], r.history, y.size
+    state["memory_u"][h + first : h + first + n] = u
+    state["memory_y"][h + first : h + first + n] = y
+    state["memory_marks"][first : first + n] = STILL * still
+    state["memory_marks"][first] |= RESTART * restarts
+    state["fill"] += n
 
 
 def _turn_page(state: State, r: Reading) -> None:
-    """Start a new block: what the old one says becomes the prior."""
+    """End the first block: what it says becomes the prior."""
     fill, h = state["fill"], r.history
     for s in range(len(state["theta"])):
         information, slope = np.zeros((r.size, r.size)), np.zeros(r.size)
         end = np.empty_like(state["origin"][s])
         replay(
             state["theta"][s], *r.law, state["sharpness"][s], state["origin"][s], state["memory_u"],
-            state["memory_y"], state["memory_restart"], fill, h, 1, r.forgetting, information, slope, end,
+            state["memory_y"], state["memory_marks"], fill, h, 1, r.forgetting, information, slope, end,
         )  # fmt: skip
         decay = r.forgetting**fill
         state["prior_information"][s] = information + decay * state["prior_information"][s]
@@ -145,7 +195,7 @@ def _turn_page(state: State, r: Reading) -> None:
     for name in ("memory_u", "memory_y"):
         state[name][:h] = state[name][fill : fill + h]
         state[name][h:] = 0.0
-    state["memory_restart"][:] = False
+    state["memory_marks"][:] = 0
     state["fill"] = 0
     state["blocks"] += 1
 

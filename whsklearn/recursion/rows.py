@@ -15,6 +15,18 @@ from whsklearn.recursion.covariance import inflate, measurement_update
 
 
 @njit(cache=True, error_model="numpy")
+def _silent(recent, targets):
+    """Whether all rows and targets of the window are zero."""
+    for i in range(targets.size):
+        if targets[i] != 0.0:
+            return False
+        for k in range(recent.shape[1]):
+            if recent[i, k] != 0.0:
+                return False
+    return True
+
+
+@njit(cache=True, error_model="numpy")
 def run_rows(theta, ud, loss, recent, targets, since, forgetting, ceiling, p, variance, rows, y):
     """Update theta and P by each row and the p - 1 before it; all state arrays change in place.
 
@@ -51,6 +63,8 @@ def run_rows(theta, ud, loss, recent, targets, since, forgetting, ceiling, p, va
             recent[at, k] = rows[t, k]
         targets[at] = y[t]
         since += 1
+        if y[t] == 0.0 and _silent(recent, targets):
+            continue  # an idle axis says nothing: it must not be taken for noise of no variance, nor for oblivion
         if forgetting != 1.0:
             inflate(ud, 1.0 / forgetting, ceiling)
             loss[0] *= forgetting

@@ -30,9 +30,26 @@ def relative_sharpness(seen, sharpest):
 
 
 @njit(cache=True, error_model="numpy")
+def mark_still(repeats, recent_u, recent_y, u, y, still):
+    """Which samples only repeat what fills the whole window; returns how often the last one repeats.
+
+    A record that stands still to the last bit says the same thing again: taken for new
+    samples, it would let the noise variance and P die away, and the past be forgotten.
+    """
+    m = u.shape[1]
+    for t in range(y.size):
+        same = y[t] == (y[t - 1] if t > 0 else recent_y[0])
+        for i in range(m):
+            same = same and u[t, i] == (u[t - 1, i] if t > 0 else recent_u[i])
+        repeats = repeats + 1 if same else 0
+        still[t] = repeats >= recent_y.size - 1
+    return repeats
+
+
+@njit(cache=True, error_model="numpy")
 def run_windows(
     theta, ud, before, loss, motion, recent_u, recent_y, since, seen, forgetting, ceiling, sharpness, sharpest,
-    dims, codes, shapes, p, frozen, u, y,
+    dims, codes, shapes, p, frozen, u, y, still,
 ):  # fmt: skip
     """Take every model through the samples u, y; all state arrays change in place.
 
@@ -58,6 +75,8 @@ def run_windows(
         kappa of each model.
     sharpest : float
         Where positive, kappa rises with the samples seen to this value (relative to dx).
+    still : ndarray of shape (m,)
+        Samples that teach nothing, by `mark_still`; the state goes on and nothing else does.
 
     Returns
     -------
@@ -80,6 +99,11 @@ def run_windows(
         since += 1
         seen += 1
         window = min(p, since)
+        if still[t]:
+            if since >= p:
+                for s in range(n_models):
+                    advance(theta[s], dims, codes, shapes, sharpness[s], before[s], recent_u, p * m)
+            continue
         forgetting[0] += (1.0 - forgetting[2]) * (forgetting[1] - forgetting[0])
         for s in range(n_models):
             th = theta[s]
