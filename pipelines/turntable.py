@@ -116,7 +116,7 @@ def draw(task: Task, outcomes: list[Outcome], run: Run, folder: str | None) -> N
     shown = {k: o.predictions[0] for k, o in chosen.items() if not k.startswith("MILS")}
     window = slice(task.skip, None)
     displays: dict[str, Any] = {
-        "fig6_tracking": TrackingDisplay(record.y, shown, output=task.output, window=window).plot()
+        "fig6_tracking": TrackingDisplay(record.y, shown, output=task.output, window=window, skip=task.skip).plot()
     }
     for reading in ("pseudolinear", "full"):
         paths = {k: o.paths for k, o in by_name(outcomes, reading=reading).items() if o.paths}

@@ -8,6 +8,7 @@ from scipy.signal import lfilter
 from sklearn.base import BaseEstimator, RegressorMixin
 
 from whsklearn.effects import reduced_law
+from whsklearn.metrics import nmse
 from whsklearn.plot import (
     ConvergenceDisplay,
     FrictionDisplay,
@@ -105,6 +106,13 @@ def test_tracking_error_panel_is_the_difference(model, record):
     (line,) = [li for li in shown.axes_[1].lines if len(li.get_xdata()) == 600]
     np.testing.assert_allclose(line.get_ydata(), y - model.predict(X))
     assert shown.axes_[1].get_xlabel() == "time in s"
+
+
+def test_tracking_legend_judges_the_samples_that_the_tables_judge():
+    y = np.r_[np.ones(50) * 9.0, np.sin(np.arange(200))]
+    y_hat = np.r_[np.zeros(50), 0.9 * np.sin(np.arange(200))]
+    label = TrackingDisplay(y, {"m": y_hat}, skip=50).plot().axes_[0].get_legend_handles_labels()[1][1]
+    assert label == f"m, NMSE {nmse(y, y_hat, skip=50):.2g}" == "m, NMSE 0.01"
 
 
 def test_friction_band_covers_as_often_as_it_says():

@@ -28,7 +28,9 @@ class TrackingDisplay(Display):
     output : str
         Name and unit of the output for the axis.
     window : slice, optional
-        The samples to draw; the NMSE in the legend is of all of them.
+        The samples to draw; the NMSE in the legend is of the whole record, drawn or not.
+    skip : int, default=0
+        Samples at the start that the NMSE leaves out, as in `whsklearn.metrics.nmse`.
     """
 
     def __init__(
@@ -39,6 +41,7 @@ class TrackingDisplay(Display):
         time: ArrayLike | None = None,
         output: str = "y",
         window: slice | None = None,
+        skip: int = 0,
     ):
         self.y = np.asarray(y, dtype=float).ravel()
         self.predictions = {k: np.asarray(v, dtype=float).ravel() for k, v in predictions.items()}
@@ -46,6 +49,7 @@ class TrackingDisplay(Display):
         self.time_label = "sample" if time is None else "time in s"
         self.output = output
         self.window = slice(None) if window is None else window
+        self.skip = skip
 
     @classmethod
     def from_estimator(
@@ -61,7 +65,7 @@ class TrackingDisplay(Display):
         top.plot(time, y, color="black", linewidth=1.6, label="measured")
         for i, (name, y_hat) in enumerate(self.predictions.items()):
             colour = COLOURS[i % len(COLOURS)]
-            label = f"{name}, NMSE {nmse(self.y, y_hat):.2g}"
+            label = f"{name}, NMSE {nmse(self.y, y_hat, skip=self.skip):.2g}"
             top.plot(time, y_hat[self.window], color=colour, linewidth=1.2, linestyle=(0, (5, 2)), label=label)
             bottom.plot(time, y - y_hat[self.window], color=colour, linewidth=0.9)
         top.set_ylabel(self.output)
