@@ -11,8 +11,6 @@ from whsklearn.effects.law import polynomial_law
 from whsklearn.recursion.consolidation import (
     BUDGET,
     COST,
-    RESTART,
-    STILL,
     refine,
     refine_part,
     replay,
@@ -38,8 +36,9 @@ class Memory:
             [system.a.size, system.b.size, system.c.size, system.d.size, len(system.law)], dtype=np.int64
         )
         self.X, self.y = make_wiener_hammerstein(n, snr_db=snr_db, random_state=seed, system=system)
-        self.restart = np.zeros(n, dtype=np.uint8)
-        self.restart[[0, *restart_at]] = RESTART
+        self.restart = np.zeros(n, dtype=bool)
+        self.restart[[0, *restart_at]] = True
+        self.still = np.zeros(n, dtype=bool)
         self.history = int(max(self.dims[0], self.dims[3], 1))
         self.n = natural(system).size
 
@@ -49,7 +48,8 @@ class Memory:
     def shared(self, tail=1, forgetting=1.0, origin=None):
         origin = np.zeros(state_size(self.dims)) if origin is None else origin
         return (
-            origin, self.padded(self.X), self.padded(self.y), self.restart, self.y.size, self.history, tail, forgetting,
+            origin, self.padded(self.X), self.padded(self.y), self.restart, self.y.size, self.history, tail,
+            forgetting ** np.arange(self.y.size)[::-1] * ~self.still[: self.y.size],
         )  # fmt: skip
 
     def replay(self, theta, kappa=KAPPA, **settings):
@@ -71,7 +71,7 @@ class Memory:
     def errors(self, theta, kappa=KAPPA):
         e, rows = np.empty(self.y.size), np.empty((self.y.size, self.n))
         law = self.law.codes, self.law.shapes
-        record_errors(theta, self.dims, *law, kappa, self.X, self.y, self.restart & RESTART > 0, e, rows)
+        record_errors(theta, self.dims, *law, kappa, self.X, self.y, self.restart, e, rows)
         return e, rows
 
     def refine(self, theta, prior_theta, prior_information, iterations=30, **settings):
@@ -117,7 +117,7 @@ def test_the_state_handed_over_is_where_the_next_window_starts(tail):
     information, slope, end = np.zeros((9, 9)), np.zeros(9), np.zeros_like(state)
     cost = replay(
         theta, rest.dims, rest.law.codes, rest.law.shapes, KAPPA, state, whole.X[begin - h :], whole.y[begin - h :],
-        np.zeros(100 - begin, dtype=np.uint8), 100 - begin, h, 1, 1.0, information, slope, end,
+        np.zeros(100 - begin, dtype=bool), 100 - begin, h, 1, np.ones(100 - begin), information, slope, end,
     )  # fmt: skip
     assert cost == pytest.approx(np.sum(e[begin:] ** 2))
 
@@ -204,7 +204,7 @@ def test_what_stands_still_weighs_nothing():
     memory = Memory(WienerHammersteinSystem.example())
     theta = natural(WienerHammersteinSystem.example()) * 0.9
     e, rows = memory.errors(theta)
-    memory.restart[40:70] |= STILL
+    memory.still[40:70] = True
     moving = np.r_[0:40, 70:120]
     cost, information, _, _ = memory.replay(theta)
     assert cost == pytest.approx(np.sum(e[moving] ** 2))

@@ -21,7 +21,6 @@ from whsklearn.systems.stability import is_stable
 
 HUGE = 1e290
 UNBOUNDED = 1e18
-RESTART, STILL = 1, 2  # bits of a sample's mark
 
 # the head of ``work``: sample, sum of squares, budget in samples | phase, iteration, damping, cost
 AT, TOTAL, BUDGET, PHASE, ITERATION, DAMPING, COST, HEAD = range(8)
@@ -37,7 +36,7 @@ def work_size(dims, n_state):
 
 @njit(cache=True, error_model="numpy")
 def replay_part(
-    theta, dims, codes, shapes, kappa, origin, memory_u, memory_y, marks, fill, history, tail, forgetting,
+    theta, dims, codes, shapes, kappa, origin, memory_u, memory_y, restarts, fill, history, tail, weights,
     information, slope, state, work,
 ):  # fmt: skip
     """Go on with a `replay` for as many samples as the budget allows; True at its end.
@@ -71,14 +70,14 @@ def replay_part(
     stop = min(fill, t + max(int(work[BUDGET]), 0))
     work[BUDGET] -= stop - t
     while t < stop:
-        if marks[t] & RESTART:
+        if restarts[t]:
             now[:] = 0.0
             u_past[:] = 0.0
             y_past[:] = 0.0
         age = fill - 1 - t
-        if t == 0 or marks[t] & RESTART or age >= tail - 1:
+        if t == 0 or restarts[t] or age >= tail - 1:
             state[:] = now
-        weight = 0.0 if marks[t] & STILL else min((age + 1.0) / tail, 1.0) * forgetting**age
+        weight = min((age + 1.0) / tail, 1.0) * weights[t]
         e = memory_y[history + t] - predict(theta, dims, now, y_past, 0, psi)
         total += weight * e * e
         if not total < HUGE:
@@ -109,20 +108,20 @@ def replay_part(
 
 @njit(cache=True, error_model="numpy")
 def replay(
-    theta, dims, codes, shapes, kappa, origin, memory_u, memory_y, marks, fill, history, tail, forgetting,
+    theta, dims, codes, shapes, kappa, origin, memory_u, memory_y, restarts, fill, history, tail, weights,
     information, slope, state,
 ):  # fmt: skip
     """Weighted sum of squared innovations of the memory, its Gauss-Newton matrix and slope.
 
-    ``memory_u[:history]`` precede the first sample, which is ``memory_u[history]``.  ``marks`` tell
-    where an experiment begins and where the record stands still, which weighs nothing.  The
+    ``memory_u[:history]`` precede the first sample, which is ``memory_u[history]``.  ``restarts`` tell
+    where an experiment begins, ``weights`` what forgetting has left of each sample.  The
     last ``tail - 1`` samples count as far as the windows of p have used them.  ``state``
     receives what holds before the first sample of the next window.
     """
     work = np.zeros(work_size(dims, origin.size))
     work[BUDGET] = UNBOUNDED
     replay_part(
-        theta, dims, codes, shapes, kappa, origin, memory_u, memory_y, marks, fill, history, tail, forgetting,
+        theta, dims, codes, shapes, kappa, origin, memory_u, memory_y, restarts, fill, history, tail, weights,
         information, slope, state, work,
     )  # fmt: skip
     return work[TOTAL]
@@ -130,7 +129,7 @@ def replay(
 
 @njit(cache=True, error_model="numpy")
 def refine_part(
-    theta, dims, codes, shapes, kappa, origin, memory_u, memory_y, marks, fill, history, tail, forgetting,
+    theta, dims, codes, shapes, kappa, origin, memory_u, memory_y, restarts, fill, history, tail, weights,
     prior_theta, prior_information, iterations, information, state, work,
 ):  # fmt: skip
     """Go on with a `refine` as far as the budget allows; True at its end, with ``work[COST]`` reached.
@@ -147,8 +146,8 @@ def refine_part(
     while work[PHASE] != DONE:
         if work[PHASE] == FIRST_RUN:
             if not replay_part(
-                theta, dims, codes, shapes, kappa, origin, memory_u, memory_y, marks, fill, history, tail,
-                forgetting, information, slope, state, work,
+                theta, dims, codes, shapes, kappa, origin, memory_u, memory_y, restarts, fill, history, tail,
+                weights, information, slope, state, work,
             ):  # fmt: skip
                 return False
             work[COST] = work[TOTAL] + _add_prior(theta, prior_theta, prior_information, information, slope)
@@ -174,8 +173,8 @@ def refine_part(
                 _judge(work, np.inf)
         else:
             if not replay_part(
-                trial, dims, codes, shapes, kappa, origin, memory_u, memory_y, marks, fill, history, tail,
-                forgetting, information_t, slope_t, state_t, work,
+                trial, dims, codes, shapes, kappa, origin, memory_u, memory_y, restarts, fill, history, tail,
+                weights, information_t, slope_t, state_t, work,
             ):  # fmt: skip
                 return False
             cost = work[TOTAL] + _add_prior(trial, prior_theta, prior_information, information_t, slope_t)
@@ -205,14 +204,14 @@ def _judge(work, cost):
 
 @njit(cache=True, error_model="numpy")
 def refine(
-    theta, dims, codes, shapes, kappa, origin, memory_u, memory_y, marks, fill, history, tail, forgetting,
+    theta, dims, codes, shapes, kappa, origin, memory_u, memory_y, restarts, fill, history, tail, weights,
     prior_theta, prior_information, iterations, information, state,
 ):  # fmt: skip
     """Levenberg-Marquardt steps (Marquardt 1963) on ``theta`` in place; returns the cost reached."""
     work = np.zeros(work_size(dims, origin.size))
     work[BUDGET] = UNBOUNDED
     refine_part(
-        theta, dims, codes, shapes, kappa, origin, memory_u, memory_y, marks, fill, history, tail, forgetting,
+        theta, dims, codes, shapes, kappa, origin, memory_u, memory_y, restarts, fill, history, tail, weights,
         prior_theta, prior_information, iterations, information, state, work,
     )  # fmt: skip
     return work[COST]

@@ -18,9 +18,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from whsklearn.recursion import rerun
-from whsklearn.recursion.consolidation import RESTART, STILL, replay
+from whsklearn.recursion.consolidation import replay
 from whsklearn.recursion.covariance import WIND_UP
-from whsklearn.recursion.page import PageRerun
+from whsklearn.recursion.page import PageRerun, shift_memory
 from whsklearn.recursion.predictor import state_size
 from whsklearn.recursion.reading import Reading, State
 from whsklearn.recursion.starts import random_start
@@ -62,7 +62,9 @@ def initial_state(r: Reading) -> State:
         "ceiling": WIND_UP * r.p0,
         "memory_u": np.zeros((h + m + m // 2, r.n_inputs)),
         "memory_y": np.zeros(h + m + m // 2),
-        "memory_marks": np.zeros(m + m // 2, dtype=np.uint8),
+        "memory_restart": np.zeros(m + m // 2, dtype=bool),
+        "memory_still": np.zeros(m + m // 2, dtype=bool),
+        "memory_kept": np.ones(m + m // 2),
         "fill": 0,
         "blocks": 0,
         "origin": np.zeros((n_models, state_size(r.dims))),
@@ -173,31 +175,27 @@ def _remember(
     first, h, n = state["fill"], r.history, y.size
     state["memory_u"][h + first : h + first + n] = u
     state["memory_y"][h + first : h + first + n] = y
-    state["memory_marks"][first : first + n] = STILL * still
-    state["memory_marks"][first] |= RESTART * restarts
+    state["memory_restart"][first] = restarts
+    state["memory_still"][first : first + n] = still
+    state["memory_kept"][first : first + n] = np.where(still, 1.0, state["forgetting"][1])
     state["fill"] += n
 
 
 def _turn_page(state: State, r: Reading) -> None:
     """End the first block: what it says becomes the prior."""
     fill, h = state["fill"], r.history
+    weights, left = rerun.weights_of(state, fill), np.prod(state["memory_kept"][:fill])
     for s in range(len(state["theta"])):
         information, slope = np.zeros((r.size, r.size)), np.zeros(r.size)
         end = np.empty_like(state["origin"][s])
         replay(
             state["theta"][s], *r.law, state["sharpness"][s], state["origin"][s], state["memory_u"],
-            state["memory_y"], state["memory_marks"], fill, h, 1, r.forgetting, information, slope, end,
+            state["memory_y"], state["memory_restart"], fill, h, 1, weights, information, slope, end,
         )  # fmt: skip
-        decay = r.forgetting**fill
-        state["prior_information"][s] = information + decay * state["prior_information"][s]
+        state["prior_information"][s] = information + left * state["prior_information"][s]
         state["prior_theta"][s] = state["theta"][s]
         state["origin"][s] = end
-    for name in ("memory_u", "memory_y"):
-        state[name][:h] = state[name][fill : fill + h]
-        state[name][h:] = 0.0
-    state["memory_marks"][:] = 0
-    state["fill"] = 0
-    state["blocks"] += 1
+    shift_memory(state, r, fill)
 
 
 def answer(state: State) -> int:

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from whsklearn.recursion.consolidation import AT, BUDGET, PHASE, RESTART, STILL, UNBOUNDED, refine_part, work_size
-from whsklearn.recursion.rerun import LADDER, adopted, best_first, climb_to, rerun_in_parts, weight_of
+from whsklearn.recursion.consolidation import AT, BUDGET, PHASE, UNBOUNDED, refine_part, work_size
+from whsklearn.recursion.rerun import LADDER, adopted, best_first, climb_to, rerun_in_parts, weights_of
 from whsklearn.recursion.subinnovations import relative_sharpness, run_windows
 
 if TYPE_CHECKING:
@@ -24,6 +24,18 @@ if TYPE_CHECKING:
 
 READ_PER_SAMPLE = 64  # a page takes 22 readings at most: with 64 it is done after seven tenths of the half page
 COST_OF_WINDOW = 8  # readings that one sample of the recursion costs
+
+
+def shift_memory(state: State, r: Reading, n: int) -> None:
+    """Drop the oldest ``n`` samples, but for the history that the next one needs; a new block begins."""
+    h, rest = r.history, state["fill"] - n
+    for name, before in (
+        ("memory_u", h), ("memory_y", h), ("memory_restart", 0), ("memory_still", 0), ("memory_kept", 0),
+    ):  # fmt: skip
+        state[name][: before + rest] = state[name][n : n + before + rest].copy()
+        state[name][before + rest :] = name == "memory_kept"
+    state["fill"] = rest
+    state["blocks"] += 1
 
 
 class PageRerun:
@@ -59,23 +71,19 @@ class PageRerun:
         self._work[BUDGET] = UNBOUNDED
         self._go_on()
         state, r = self.state, self.reading
-        s, h, m = state, r.history, r.memory
+        s, m = state, r.memory
         if self._models:
             s.update(self._models)
             s["theta"], s["ud"], s["before"], s["loss"], s["motion"] = self._running
         for name in ("origin", "prior_theta", "prior_information"):
             s[name] = s[name][self._parents].copy()
+        left = np.prod(s["memory_kept"][:m])
         for i, (information, end) in enumerate(self._ends):
             if information.any():  # a page of rest says nothing, and lets nothing be forgotten
-                s["prior_information"][i] = information + r.forgetting**m * s["prior_information"][i]
+                s["prior_information"][i] = information + left * s["prior_information"][i]
                 s["prior_theta"][i] = self._page_theta[i]
             s["origin"][i] = end
-        rest = s["fill"] - m
-        for name, before in (("memory_u", h), ("memory_y", h), ("memory_marks", 0)):
-            s[name][: before + rest] = s[name][m : m + before + rest].copy()
-            s[name][before + rest :] = 0
-        s["fill"] = rest
-        s["blocks"] += 1
+        shift_memory(state, r, m)
         s["page_theta"] = s["theta"].copy()
 
     def _go_on(self) -> None:
@@ -87,11 +95,8 @@ class PageRerun:
         """Refine each model on the page, then ask each what the page says and where it ends; yields without budget."""
         state, r = self.state, self.reading
         h, m = r.history, r.memory
-        u, y, restart = (
-            state["memory_u"][h : h + m],
-            state["memory_y"][h : h + m],
-            (state["memory_marks"][:m] & RESTART) > 0,
-        )
+        u, y = state["memory_u"][h : h + m], state["memory_y"][h : h + m]
+        restart, weights = state["memory_restart"][:m], weights_of(state, m)
         thetas, parents = state["page_theta"], list(range(len(state["page_theta"])))
         sharpness = state["sharpness"]
         moved = np.ptp(y) > 0.0
@@ -100,10 +105,12 @@ class PageRerun:
             rungs = climb_to(relative_sharpness(seen, LADDER[-1]))[-2:]
             found = []
             for s in parents:
-                found.append((yield from rerun_in_parts(state, r, s, thetas[s], rungs, u, restart, m, self._work)))
+                found.append(
+                    (yield from rerun_in_parts(state, r, s, thetas[s], rungs, u, restart, weights, self._work))
+                )
             chosen = best_first(found)
             if chosen:
-                self._models = adopted(chosen, weight_of(state, r, m))
+                self._models = adopted(chosen, weights.sum())
                 thetas, sharpness = self._models["theta"], self._models["sharpness"]
                 parents = [c.parent for c in chosen]
         ends, nothing = [], np.zeros((r.size, r.size))
@@ -113,7 +120,7 @@ class PageRerun:
             self._work[PHASE] = 0
             while not refine_part(
                 theta, *r.law, kappa, state["origin"][parent], state["memory_u"], state["memory_y"],
-                state["memory_marks"], m, h, 1, r.forgetting, theta, nothing, 0, information, end, self._work,
+                state["memory_restart"], m, h, 1, weights, theta, nothing, 0, information, end, self._work,
             ):  # fmt: skip
                 yield
             ends.append((information * moved, end))
@@ -129,7 +136,7 @@ class PageRerun:
             return
         new = self._models
         self._running = tuple(new[name].copy() for name in ("theta", "ud", "before", "loss", "motion"))
-        begun = np.flatnonzero(state["memory_marks"][:m] & RESTART)
+        begun = np.flatnonzero(state["memory_restart"][:m])
         self._since = m - int(begun[-1]) if begun.size else m + h
         self._recent_u, self._recent_y = np.zeros((k, r.n_inputs)), np.zeros(k)
         known = min(self._since, k, m + h)
@@ -141,8 +148,7 @@ class PageRerun:
         """Take the new models through the samples that came since the page."""
         state, r = self.state, self.reading
         m, h = r.memory, r.history
-        marks = state["memory_marks"][m:]
-        restart, still = marks & RESTART > 0, marks & STILL > 0
+        restart, still, kept = (state[f"memory_{name}"][m:] for name in ("restart", "still", "kept"))
         rest = state["fill"] - m
         while self._caught_up < rest and self._work[BUDGET] > 0:
             at = self._caught_up
@@ -152,13 +158,13 @@ class PageRerun:
                     past[:] = 0.0
             stop = at + 1 + int(min(self._work[BUDGET] / (COST_OF_WINDOW * len(self._running[0])), rest))
             stop = min(stop, rest)
-            begun = np.flatnonzero(restart[at + 1 : stop])
+            begun = np.flatnonzero(restart[at + 1 : stop] | (kept[at + 1 : stop] != kept[at : stop - 1]))
             stop = at + 1 + int(begun[0]) if begun.size else stop
             piece = slice(h + m + at, h + m + stop)
             theta, ud, before, loss, motion = self._running
             self._since = run_windows(
                 theta, ud, before, loss, motion, self._recent_u, self._recent_y, self._since, 0,
-                state["forgetting"].copy(), self._models["ceiling"], self._models["sharpness"], 0.0,
+                np.full(3, kept[at]), self._models["ceiling"], self._models["sharpness"], 0.0,
                 *r.law, r.p, r.frozen, state["memory_u"][piece], state["memory_y"][piece], still[at:stop],
             )  # fmt: skip
             self._work[BUDGET] -= (stop - at) * COST_OF_WINDOW * len(self._running[0])

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from whsklearn.recursion.consolidation import AT, BUDGET, COST, PHASE, RESTART, STILL, UNBOUNDED, refine_part, work_size
+from whsklearn.recursion.consolidation import AT, BUDGET, COST, PHASE, UNBOUNDED, refine_part, work_size
 from whsklearn.recursion.covariance import factorise
 from whsklearn.recursion.predictor import motion
 from whsklearn.recursion.starts import least_squares_start, random_start, term_scales
@@ -47,7 +47,7 @@ def consolidate(state: State, r: Reading) -> None:
     record = (
         state["memory_u"][r.history :][:fill],
         state["memory_y"][r.history :][:fill],
-        (state["memory_marks"][:fill] & RESTART) > 0,
+        state["memory_restart"][:fill],
     )
     if not fill or np.ptp(record[1]) == 0.0:
         return  # an axis at rest shows nothing
@@ -67,14 +67,15 @@ def consolidate(state: State, r: Reading) -> None:
         if first_block and fill <= r.memory // 2:
             scales = term_scales(r.law, *record, rng)
             tasks += [(0, theta, climb) for theta in _fresh(r, r.n_starts // 8, scales, record, rng)]
-    chosen = best_first([_rerun(state, r, *task, record[0], record[2], fill) for task in tasks])
+    weights = weights_of(state, fill)
+    chosen = best_first([_rerun(state, r, *task, record[0], record[2], weights) for task in tasks])
     if chosen:
         keep = max(1, r.n_starts * r.first_rerun // (2 * fill)) if first_block else len(chosen)
         chosen = chosen[:keep]
         parents = [c.parent for c in chosen]
         for name in ("origin", "prior_theta", "prior_information"):
             state[name] = state[name][parents].copy()
-        state.update(adopted(chosen, weight_of(state, r, fill)))
+        state.update(adopted(chosen, weights.sum()))
         state["page_theta"] = state["theta"].copy()
 
 
@@ -101,12 +102,12 @@ def _set_prior(state: State, r: Reading, scales: Array, y: Array) -> None:
 
 def _rerun(
     state: State, r: Reading, parent: int, theta: Array, steps: list[float], u: Array, restart: NDArray[np.bool_],
-    fill: int,
+    weights: Array,
 ) -> _Candidate | None:  # fmt: skip
     """`rerun_in_parts` in one."""
     work = np.zeros(work_size(r.dims, state["before"].shape[1]))
     work[BUDGET] = UNBOUNDED
-    steps_taken = rerun_in_parts(state, r, parent, theta, steps, u, restart, fill, work)
+    steps_taken = rerun_in_parts(state, r, parent, theta, steps, u, restart, weights, work)
     while True:
         try:
             next(steps_taken)
@@ -116,7 +117,7 @@ def _rerun(
 
 def rerun_in_parts(
     state: State, r: Reading, parent: int, theta: Array, steps: list[float], u: Array, restart: NDArray[np.bool_],
-    fill: int, work: Array,
+    weights: Array, work: Array,
 ) -> Generator[None, None, _Candidate | None]:  # fmt: skip
     """Sharpen one model rung by rung; the rung with the least error under the true sign counts.
 
@@ -128,8 +129,8 @@ def rerun_in_parts(
     theta = theta.copy()
     n, n_state = r.size, state["before"].shape[1]
     shared = (
-        state["origin"][parent], state["memory_u"], state["memory_y"], state["memory_marks"], fill,
-        r.history, r.p, r.forgetting, state["prior_theta"][parent], state["prior_information"][parent],
+        state["origin"][parent], state["memory_u"], state["memory_y"], state["memory_restart"], weights.size,
+        r.history, r.p, weights, state["prior_theta"][parent], state["prior_information"][parent],
     )  # fmt: skip
 
     def refined(kappa: float, iterations: int, information: Array, before: Array) -> Generator[None, None, float]:
@@ -162,10 +163,14 @@ def best_first(found: list[_Candidate | None]) -> list[_Candidate]:
     return kept
 
 
-def weight_of(state: State, r: Reading, fill: int) -> float:
-    """Sum of the weights of the first ``fill`` samples of the memory."""
-    ages = np.flatnonzero((state["memory_marks"][:fill] & STILL)[::-1] == 0)
-    return max(float(np.sum(r.forgetting**ages)), 1.0)
+def weights_of(state: State, fill: int) -> Array:
+    """What forgetting has left of each of the first ``fill`` samples of the memory; nothing of those that stood still.
+
+    The factors are those that held when the samples came, so a re-run forgets what the recursion forgot.
+    """
+    kept = state["memory_kept"][:fill]
+    left = np.cumprod(np.append(kept[1:], 1.0)[::-1])[::-1]
+    return np.where(state["memory_still"][:fill], 0.0, left)
 
 
 def adopted(chosen: list[_Candidate], weight: float) -> State:
@@ -175,7 +180,7 @@ def adopted(chosen: list[_Candidate], weight: float) -> State:
         "theta": np.array([c.theta for c in chosen]),
         "before": np.array([c.before for c in chosen]),
         "sharpness": np.array([c.sharpness for c in chosen]),
-        "loss": np.array([[c.cost, weight] for c in chosen]),
+        "loss": np.array([[c.cost, max(weight, 1.0)] for c in chosen]),
         "motion": np.zeros((len(chosen), 2)),
         "ud": ud,
         # far from where it was learnt the model is another one: after an idle spell P must not be wide open
