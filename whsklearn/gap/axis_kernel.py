@@ -25,12 +25,12 @@ N_SLOTS = 4  # numbers an effect
     POSITION_FRICTION, PRESLIDING, FRICTION_DRIFT, INPUT_OFFSET, DEAD_ZONE, SATURATION, INPUT_DELAY, ACTUATOR_LAG,
     TORQUE_RIPPLE, BACKLASH, FLEXIBLE, COGGING, GRAVITY, SPRING, HARDENING, END_STOP, OUTPUT_DRIFT, RECTIFICATION,
     ECCENTRICITY, TONE, CHANGE_INERTIA, CHANGE_VISCOUS, CHANGE_COULOMB, CHANGE_GAIN, BACKLASH_LOAD, FLEXIBLE_LOAD,
-    OUTPUT_OFFSET, GIVEN_TORQUE,
-) = range(35)  # fmt: skip
+    OUTPUT_OFFSET,
+) = range(34)  # fmt: skip
 
 
 @njit(cache=True, nogil=True)
-def push(codes, q, th, v, u, t, z, given):
+def push(codes, q, th, v, u, t, z):
     """Torque on the first mass but for dry friction, and the factor on the drive is inside."""
     f = u
     for i in range(codes.size):
@@ -66,8 +66,6 @@ def push(codes, q, th, v, u, t, z, given):
         elif c == CHANGE_GAIN:
             if t >= q[i, 1]:
                 f += q[i, 0] * u
-        elif c == GIVEN_TORQUE:
-            f -= q[i, 0] * given
     return f
 
 
@@ -113,12 +111,27 @@ def sensor(codes, q, th, t):
 
 
 @njit(cache=True, nogil=True)
-def follow(inertia, timing, codes, q, u, y, given, dt, substeps, gain_1, gain_2, reset_every, th0, v0):
-    """Predicted position y_hat, axis angle and velocity at every sample, shape (n,) each.
+def contact(twist, slip, gap, stiffness, damping):
+    """Torque through a coupling with play: none within ``gap``, never pulling beyond it."""
+    over = abs(twist) - 0.5 * gap
+    if over <= 0.0 and gap > 0.0:
+        return 0.0
+    if gap <= 0.0:
+        return stiffness * twist + damping * slip
+    f = math.copysign(stiffness * over, twist) + damping * slip
+    return f if f * twist > 0.0 else 0.0
 
-    ``timing`` is the age of the drive in samples (0: the logged value acts from its sample on).
+
+@njit(cache=True, nogil=True)
+def follow(inertia, timing, codes, q, u, y, dt, substeps, gain_1, gain_2, reset_every, th0, v0, twist0):
+    """Predicted position y_hat, axis angle, velocity (n,) and twist of the coupling with its rate (n, 2).
+
+    ``timing`` is the age of the drive in samples (0: the logged value acts from its sample on).  A restart takes
+    angle and velocity on the encoder's side from ``th0``, ``v0`` and, where it has rows, twist and rate from
+    ``twist0``.
     """
     n = u.size
+    twists = np.zeros((n, 2))
     y_hat = np.empty(n)
     angle = np.empty(n)
     speed = np.empty(n)
@@ -176,15 +189,18 @@ def follow(inertia, timing, codes, q, u, y, given, dt, substeps, gain_1, gain_2,
         t = k * dt
         if reset_every > 0 and k % reset_every == 0:
             side = -1.0 if folded and th < 0.0 else 1.0
-            bend = sensor(codes, q, th0[k], t) - th0[k] if not folded else 0.0
-            shift = side * th0[k] - bend - th
-            th += shift
-            thl += shift
-            v = side * v0[k]
-            vl = v
+            twist, slip = th - thl, v - vl
+            if twist0.shape[0] > 0:
+                twist, slip = twist0[k, 0], twist0[k, 1]
+            th = side * th0[k] + (twist if load_side else 0.0)
+            v = side * v0[k] + (slip if load_side else 0.0)
+            thl = th - twist
+            vl = v - slip
         y_hat[k] = sensor(codes, q, thl if load_side else th, t)
         angle[k] = th
         speed[k] = v
+        twists[k, 0] = th - thl
+        twists[k, 1] = v - vl
         if gain_1 > 0.0:
             e = y[k] - y_hat[k]
             if folded and th < 0.0:
@@ -213,36 +229,35 @@ def follow(inertia, timing, codes, q, u, y, given, dt, substeps, gain_1, gain_2,
                 ue = mean
             brake = 0.0
             if two:
-                twist = th - thl
-                if gap > 0.0:
-                    over = max(abs(twist) - 0.5 * gap, 0.0)
-                    brake = math.copysign(stiffness * over, twist)
-                    if over > 0.0:
-                        brake += damping * (v - vl)
-                        if brake * twist < 0.0:
-                            brake = 0.0
-                else:
-                    brake = stiffness * twist + damping * (v - vl)
-                vl += h * brake / (inertia * share)
-                thl += h * vl
+                brake = contact(th - thl, v - vl, gap, stiffness, damping)
             if reach > 0.0:
                 z += h * (v - abs(v) * z) / reach if abs(v) * h < reach else math.copysign(1.0, v) - z
                 z = min(max(z, -1.0), 1.0)
             s = 1.0 if v > 0.0 else (-1.0 if v < 0.0 else 0.0)
             if s == 0.0:
-                f = push(codes, q, th, 0.0, ue, tj, z, given[k]) - brake
+                f = push(codes, q, th, 0.0, ue, tj, z) - brake
                 if f > dry(codes, q, th, 0.0, ue, tj, 1.0):
                     s = 1.0
                 elif -f > dry(codes, q, th, 0.0, ue, tj, -1.0):
                     s = -1.0
                 else:
+                    if two:
+                        vlm = vl + 0.5 * h * brake / (inertia * share)
+                        thlm = thl + 0.5 * h * vl
+                        brake = contact(th - thlm, -vlm, gap, stiffness, damping)
+                        thl += h * vlm
+                        vl += h * brake / (inertia * share)
                     continue
-            a = (push(codes, q, th, v, ue, tj, z, given[k]) - brake - s * dry(codes, q, th, v, ue, tj, s)) / mass
+            a = (push(codes, q, th, v, ue, tj, z) - brake - s * dry(codes, q, th, v, ue, tj, s)) / mass
             vm = v + 0.5 * h * a
             thm = th + 0.5 * h * v
-            a = (
-                push(codes, q, thm, vm, ue, tj + 0.5 * h, z, given[k]) - brake - s * dry(codes, q, thm, vm, ue, tj, s)
-            ) / mass
+            if two:  # both masses by the midpoint rule, so that a contact keeps its energy to second order
+                vlm = vl + 0.5 * h * brake / (inertia * share)
+                thlm = thl + 0.5 * h * vl
+                brake = contact(thm - thlm, vm - vlm, gap, stiffness, damping)
+                thl += h * vlm
+                vl += h * brake / (inertia * share)
+            a = (push(codes, q, thm, vm, ue, tj + 0.5 * h, z) - brake - s * dry(codes, q, thm, vm, ue, tj, s)) / mass
             new = v + h * a
             if new * s >= 0.0:
                 th += 0.5 * h * (v + new)
@@ -252,10 +267,10 @@ def follow(inertia, timing, codes, q, u, y, given, dt, substeps, gain_1, gain_2,
             th += 0.5 * past * v
             v = 0.0
             rest = h - past
-            f = push(codes, q, th, 0.0, ue, tj, z, given[k]) - brake
+            f = push(codes, q, th, 0.0, ue, tj, z) - brake
             if f > dry(codes, q, th, 0.0, ue, tj, 1.0):
                 v = rest * (f - dry(codes, q, th, 0.0, ue, tj, 1.0)) / mass
             elif -f > dry(codes, q, th, 0.0, ue, tj, -1.0):
                 v = rest * (f + dry(codes, q, th, 0.0, ue, tj, -1.0)) / mass
             th += 0.5 * rest * v
-    return y_hat, angle, speed
+    return y_hat, angle, speed, twists

@@ -54,6 +54,16 @@ class AxisModel:
         """Effects beyond the base model."""
         return self.terms[self.n_base :]
 
+    @property
+    def load_side(self) -> bool:
+        """Whether the encoder sits behind the coupling."""
+        return any(t.kind.code in (axis_kernel.BACKLASH_LOAD, axis_kernel.FLEXIBLE_LOAD) for t in self.terms)
+
+    @property
+    def has_play(self) -> bool:
+        """Whether there is backlash in the chain, whose impacts make every cost a rough one."""
+        return any(t.kind.code in (axis_kernel.BACKLASH, axis_kernel.BACKLASH_LOAD) for t in self.terms)
+
     # --- one vector of free numbers -------------------------------------------------------
     def free(self) -> list[tuple[int, int, bool]]:
         """(term, slot, whether its logarithm is free) of every free number after J and timing."""
@@ -100,7 +110,11 @@ class AxisModel:
         return replace(self, inertia=float(np.exp(x[0])), timing=float(x[1]), terms=tuple(terms))
 
     def steps(self) -> Array:
-        """Increments for numerical derivatives, about 0.3 % of the torque each."""
+        """Increments for numerical derivatives, about 0.3 % of the torque each.
+
+        With play in the chain they are ten times as wide: the cost is a valley with ripples, one for every impact
+        that comes a sample sooner or later, and a narrow difference sees the ripples only.
+        """
         s = self.scene
         out = [0.003, 0.05]
         for i, j, logarithm in self.free():
@@ -114,7 +128,7 @@ class AxisModel:
                     out[-1] = 0.02 / (span * max(abs(self.terms[i].q[j]), 1e-9))
                 elif kind.scanned == "time":
                     out[-1] = 0.004
-        return np.array(out)
+        return np.array(out) * (10.0 if self.has_play else 1.0)
 
     # --- running -------------------------------------------------------------------------
     def arrays(self) -> tuple[NDArray[np.int64], Array]:
@@ -132,20 +146,17 @@ class AxisModel:
         *,
         start: tuple[Array, Array],
         reset_every: int = 0,
-        given: Array | None = None,
-    ) -> tuple[Array, Array, Array]:
-        """Predicted position, angle and velocity (see `axis_kernel.follow`)."""
+        twist: Array | None = None,
+    ) -> tuple[Array, Array, Array, Array]:
+        """Predicted position, angle, velocity and twist (see `axis_kernel.follow`)."""
         codes, q = self.arrays()
         dt = self.scene.dt
         substeps = int(np.ceil(dt / 1.001e-3))
         finest = max([t.kind.substeps for t in self.terms], default=1)
         substeps = max(substeps, int(np.ceil(finest * dt / 2.0e-3))) if finest > 1 else substeps
-        if given is None:
-            given = np.zeros(1)
-            given = np.broadcast_to(given, drive.shape).copy()
         return axis_kernel.follow(
-            self.inertia, self.timing, codes, q, drive, position, given, dt, substeps, gains[0], gains[1],
-            reset_every, start[0], start[1],
+            self.inertia, self.timing, codes, q, drive, position, dt, substeps, gains[0], gains[1],
+            reset_every, start[0], start[1], np.empty((0, 2)) if twist is None else twist,
         )  # fmt: skip
 
 

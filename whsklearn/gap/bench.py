@@ -52,15 +52,13 @@ class Bench:
     ar: Array = field(default_factory=lambda: np.array([1.0]))
 
     # --- looking ---------------------------------------------------------------------------
-    def follow(self, model: AxisModel, **changes: object) -> tuple[Array, Array, Array]:
+    def follow(self, model: AxisModel) -> tuple[Array, Array, Array]:
         """Prediction, angle and velocity of the model held near the record."""
-        return model.follow(
-            self.record.drive,
-            self.record.position,
-            self.lens.gains,
-            start=self.start,
-            **changes,  # type: ignore[arg-type]
-        )
+        return self.held_near(model)[:3]
+
+    def held_near(self, model: AxisModel) -> tuple[Array, Array, Array, Array]:
+        """The same, and the twist of the coupling with its rate, shape (n, 2)."""
+        return model.follow(self.record.drive, self.record.position, self.lens.gains, start=self.start)
 
     def missing(self, model: AxisModel) -> Array:
         """Torque that the model lacks, seen through the lens; shape (n_decimated,)."""
@@ -254,7 +252,8 @@ def make_bench(
 
 def labelled_errors(model: Any, index: int, x: Array, r: Array, jac: Array) -> tuple[object, dict[str, float]]:
     """The effect of one term and the standard errors of its labelled numbers, from residual and derivatives."""
-    scale = np.linalg.norm(jac, axis=0) + 1e-300
+    scale = np.linalg.norm(jac, axis=0)
+    scale[scale == 0.0] = np.inf  # a change whose time lies between two fitted stretches moves no residual
     covariance = np.linalg.pinv((jac / scale).T @ (jac / scale), rcond=1e-10) / np.outer(scale, scale)
     covariance *= float(r @ r) / max(r.size - x.size, 1)
     term = model.terms[index]
@@ -275,4 +274,5 @@ def labelled_errors(model: Any, index: int, x: Array, r: Array, jac: Array) -> t
             gap = labels[k] - centre[k]
             seen.append((gap + np.pi) % (2 * np.pi) - np.pi if k.startswith("phase") else gap)
     held = {term.kind.fields[term.kind.linear + i] for i in term.kind.held}
-    return effect, {k: float(np.std(v)) for k, v in draws.items() if v and not any(k.startswith(h) for h in held)}
+    spread_of = {k: float(np.std(v)) for k, v in draws.items() if v and not any(k.startswith(h) for h in held)}
+    return effect, {k: v for k, v in spread_of.items() if v > 0.0}

@@ -112,6 +112,11 @@ def _two_mass_starts(s: Scene) -> list[tuple[float, ...]]:
     return out
 
 
+def change_times(s: Scene) -> Range:
+    """Where a change can be seen: with some record on either side of it."""
+    return max(0.05 * s.seconds, 1.5), min(0.95 * s.seconds, s.seconds - 1.0)
+
+
 def _gap_starts(s: Scene) -> list[tuple[float, ...]]:
     return [(gap, 0.45, min(60.0, 0.6 * s.resonance), 0.15) for gap in (0.0015, 0.005, 0.015, 0.05)]
 
@@ -132,7 +137,7 @@ CATALOGUE: tuple[Candidate, ...] = (
         "stribeck",
         k.STRIBECK,
         ("torque", "velocity", "exponent"),
-        ranged=lambda s: [(0.004 * s.speed, 0.8 * s.speed), (0.5, 2.6)],
+        ranged=lambda s: [(0.004 * s.speed, 0.5 * s.speed), (0.5, 2.6)],  # any wider is curvature at speed
         starts=lambda s: [(f * s.speed, d) for f in (0.01, 0.03, 0.08, 0.2, 0.4) for d in (1.0, 2.0)],
         positive=True,
     ),
@@ -304,7 +309,7 @@ CATALOGUE: tuple[Candidate, ...] = (
             "parameter_change",
             code,
             ("change", "time"),
-            ranged=lambda s: [(0.02 * s.seconds, 0.98 * s.seconds)],
+            ranged=lambda s: [change_times(s)],
             scanned="time",
             options={"parameter": which},
         )

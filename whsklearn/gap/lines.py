@@ -61,8 +61,7 @@ class ServoLine:
             other, other_model = make_bench(record, self.law, tolerance=self.tolerance)
             folded_base, _ = fit_base(bench, model)
             unfolded_base, _ = fit_base(other, other_model)
-            raw = np.mean((bench.record.position - bench.follow(folded_base)[0]) ** 2)
-            if np.mean((record.position - other.follow(unfolded_base)[0]) ** 2) < 0.1 * raw:
+            if _misfit(other, unfolded_base) < 0.1 * _misfit(bench, folded_base):
                 self._folded = (bench, folded_base)
                 self.record = record
                 return other, unfolded_base
@@ -182,6 +181,12 @@ class ServoLine:
             drive=Drive(delay=max(0.0, model.timing) * model.scene.dt),
             sample_rate=1.0 / model.scene.dt,
         )
+
+
+def _misfit(bench: Bench, model: Any) -> float:
+    """Mean square of the innovation, finite for a model that runs away."""
+    e = bench.record.position - bench.follow(model)[0]
+    return float(np.mean(np.clip(np.nan_to_num(e, nan=1e6), -1e6, 1e6) ** 2))
 
 
 def law_names(law: str | None, default: str) -> tuple[str, ...]:

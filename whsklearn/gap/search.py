@@ -65,16 +65,19 @@ def fit_base(bench: Any, model: Any) -> tuple[Any, Any]:
     return model, fit
 
 
-def try_all(bench: Any, model: Any, *, kinds: Any = None) -> tuple[Any, list[Any], list[Evidence]]:
-    """(model refitted, all trials, evidence of the refitted ones) on top of a model."""
+def try_all(bench: Any, model: Any, *, deep: bool = True) -> tuple[Any, list[Any], list[Evidence]]:
+    """(model refitted, all trials, evidence of the refitted ones) on top of a model.
+
+    ``deep``: what changes the path itself is refitted too where nothing else closes the gap.
+    """
     bench.weigh(bench.rms(bench.missing(model), "all"))
     model, fit = bench.fit(model, max_iterations=4)
-    trials = bench.screen(model, fit, kinds)
+    trials = bench.screen(model, fit)
     top = trials[0].screened if trials else 0.0
     worth = [t for i, t in enumerate(trials) if t.screened > 0.3 * top or (i < 5 and t.screened > 0.03 * top)]
     refined = [bench.refine(model, t) for t in worth[:MAX_REFITS]]
     evidence = weigh_evidence(bench, model, refined, bench.floor())
-    if not evidence or evidence[0].closure < judge.NAMED:  # what changes the path itself shows little in a linear look
+    if deep and (not evidence or evidence[0].closure < judge.NAMED):  # it shows little in a linear look
         more = [t for t in trials if t.model is None and t.kind.substeps > 1 and t.start]
         if more and len(model.terms) == model.n_base:
             bench.weigh(bench.rms(bench.missing(model), "all"))
@@ -126,11 +129,13 @@ def search(
             gap = bench.rms(bench.missing(found.model), "all")
             if number > 1 and gap < quiet:
                 break
-            before, trials, evidence = try_all(bench, found.model)
+            before, trials, evidence = try_all(bench, found.model, deep=gap >= quiet)
             if number == 1:
                 found.base = found.model = before
                 found.trials = trials
             taken = first_sound(bench, evidence, null)
+            if taken is not None and getattr(found.model, "has_play", False) and taken.explained < 0.66 * gap:
+                taken = None  # what impacts leave over follows everything a little
             found.rounds.append(Round(number, gap, evidence, trials, taken, before))
             if taken is None:
                 break

@@ -42,14 +42,14 @@ def _closed_loop(inertia, timing, codes, q, drive, path, speed, noise, quantum, 
         for _ in range(substeps):
             s = 1.0 if v > 0.0 else (-1.0 if v < 0.0 else 0.0)
             if s == 0.0:
-                f = push(codes, q, th, 0.0, held, t, 0.0, 0.0)
+                f = push(codes, q, th, 0.0, held, t, 0.0)
                 if f > dry(codes, q, th, 0.0, held, t, 1.0):
                     s = 1.0
                 elif -f > dry(codes, q, th, 0.0, held, t, -1.0):
                     s = -1.0
                 else:
                     continue
-            a = (push(codes, q, th, v, held, t, 0.0, 0.0) - s * dry(codes, q, th, v, held, t, s)) / inertia
+            a = (push(codes, q, th, v, held, t, 0.0) - s * dry(codes, q, th, v, held, t, s)) / inertia
             new = v + h * a
             if new * v < 0.0:
                 new = 0.0
