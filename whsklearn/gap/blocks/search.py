@@ -38,6 +38,8 @@ SIMILAR = 0.97  # coherence of two signatures that no record like this one tells
 QUIET = 1e-4  # p-value below which something is left
 MAX_REFITS = 7
 N_TWINS = 2
+# near neighbours, of which neither is told without having tried the other
+PARTNERS = (("actuator_lag", "input_delay"), ("input_delay", "actuator_lag"))
 SCREEN_SAMPLES = 6000  # of a longer record, to try sizes on
 
 
@@ -179,6 +181,12 @@ def try_all(
         one = _refit_trial(s, m, value, c, z, quick=promise < 15.0)
         if label not in tried or one.cost < tried[label].cost:
             tried[label] = one
+    for name, other_name in PARTNERS:
+        if any(t.name == name for t in tried.values()) and not any(t.name == other_name for t in tried.values()):
+            found = [c for _, c in worth if c.term.kind.name == other_name]
+            if found:
+                one = _refit_trial(s, m, value, found[0], z)
+                tried[one.kind.label] = one
     trials = sorted(tried.values(), key=lambda t: -t.delta_bic)
     for i, t in enumerate(trials[:2]):
         if t.delta_bic < 0.5 * NEED:
