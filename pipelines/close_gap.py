@@ -1,7 +1,7 @@
 """Close the gap: find what a model lacks against a log, name it, add it, and prove that the gap has closed.
 
-Writes ``gap.html`` (for a person) and ``gap.json`` (for programs) into the report folder and records
-the diagnosis in MLflow: a parent run, and a child run for every round.
+Writes ``gap.html`` (for a person), ``gap.json`` (for programs) and ``repaired.json`` (the model with what was
+missing) into the report folder and records the diagnosis in MLflow: a parent run, and a child run for every round.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import click
 import pandas as pd
 from tqdm import tqdm
 
-from pipelines._cli import job, say_where, tracker_for
+from pipelines._cli import job, say_where, tracker_for, wrapped
 from whsklearn.gap import GapFinder
 from whsklearn.gap.finder import STEPS
 
@@ -27,10 +27,14 @@ from whsklearn.gap.finder import STEPS
     default="servo",
     help="Kind of the base model.",
 )
-@click.option("--time", "time_column", default="time_s", help="Column of the time in s (servo).")
+@click.option("--time", "time_column", default="time_s", help="Column of the time in s, or in ms as time_ms (servo).")
 @click.option("--reference", default=None, help="Column of the reference (servo); may be left out.")
 @click.option("--drive", default="torque_nm", help="Column of the drive: torque or force (servo).")
-@click.option("--position", default="position_rad", help="Column of the measured position (servo).")
+@click.option(
+    "--position",
+    default="position_rad",
+    help="Column of the measured position in rad; the ending _deg, _m or _mm tells another unit (servo).",
+)
 @click.option("--input", "input_column", default="u", help="Column of the input (Wiener-Hammerstein).")
 @click.option("--output", "output_column", default="y", help="Column of the output (Wiener-Hammerstein).")
 @click.option(
@@ -62,7 +66,7 @@ def main(**options: Any) -> None:
         page = finder.report(options["report"])
         record(parent, finder, Path(options["report"]))
     d = finder.diagnosis_
-    click.echo(f"{d.verdict}: {d.sentence}")
+    click.echo(wrapped(f"{d.verdict}: {d.sentence}"))
     if d.interrupted:
         click.echo("Interrupted: the report holds the rounds that were finished.")
     click.echo(f"Report: {page}")
@@ -104,8 +108,8 @@ def record(parent: Any, finder: GapFinder, folder: Path) -> None:
     for r in d.rounds:
         with parent.child(f"round {r['number']}: {r['taken']}") as child:
             child.log_metrics({"gap": r["gap"], "delta_bic": r["delta_bic"], "tried": float(r["tried"])})
-    for name in ("gap.html", "gap.json"):
-        if hasattr(parent, "log_artifact"):
+    for name in ("gap.html", "gap.json", "repaired.json"):
+        if hasattr(parent, "log_artifact") and (folder / name).exists():
             parent.log_artifact(folder / name)
 
 

@@ -127,10 +127,10 @@ class GapFinder(BaseEstimator):
         return self
 
     def report(self, path: Any) -> Any:
-        """Write ``gap.html`` and ``gap.json`` into the folder ``path``; returns the page's path."""
+        """Write ``gap.html``, ``gap.json`` and ``repaired.json`` into the folder ``path``; returns the page's path."""
         from whsklearn.gap.report import write_report
 
-        return write_report(self.diagnosis_, path)
+        return write_report(self.diagnosis_, path, self.model_)
 
     # --- steps ------------------------------------------------------------------------------
     def _say(self, step: str) -> None:
@@ -164,6 +164,9 @@ class GapFinder(BaseEstimator):
         follows = 0.0
         if not found.taken and not quiet:
             follows = explainable(bench, found.base_missing, found.base)
+        if getattr(found.model, "has_play", False):  # knocks a sample early or late are torque for an instant, no path
+            errors = [e if isinstance(e, float) else e.rmse for e in line.proof(bench, found, line.headline)]
+            total = max(total, closure(*errors))
         rivals, shares = self._rivals(bench, found, rng)
         special = line.special(bench, found)
         left = after / max(floor, bench.tolerance * bench.scene.torque)

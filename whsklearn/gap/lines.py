@@ -37,10 +37,10 @@ class ServoLine:
 
     kind = "servo"
     headline = 0.5
-    units = ("Nm", "rad")
 
     def __init__(self, record: ServoRecord, law: tuple[str, ...], given_model: Any, tolerance: float):
         self.record, self.law, self.given_model, self.tolerance = record, law, given_model, tolerance
+        self.units = record.units
 
     def check(self) -> list[Problem]:
         """See `whsklearn.gap.check.check_servo`."""

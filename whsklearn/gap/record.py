@@ -12,6 +12,19 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[Any]
 
 
+TIMES = {"s": ("s", 1.0), "ms": ("s", 1e-3), "us": ("s", 1e-6)}
+LENGTHS = {
+    "rad": ("rad", 1.0), "mrad": ("rad", 1e-3), "deg": ("rad", np.pi / 180), "turns": ("rad", 2 * np.pi),
+    "m": ("m", 1.0), "mm": ("m", 1e-3), "um": ("m", 1e-6),
+}  # fmt: skip
+DRIVES = {"nm": ("Nm", 1.0), "n": ("N", 1.0), "v": ("V", 1.0), "a": ("A", 1.0)}
+
+
+def _unit(column: str, known: dict[str, tuple[str, float]], default: str = "") -> tuple[str, float]:
+    """Unit and factor that the ending of a column's name tells."""
+    return known.get(str(column).rpartition("_")[2].lower(), (default, 1.0))
+
+
 @dataclass(frozen=True)
 class ServoRecord:
     """Time, drive, position and, if logged, the reference; shape (n,) each, evenly sampled."""
@@ -20,6 +33,7 @@ class ServoRecord:
     drive: Array
     position: Array
     reference: Array | None = None
+    units: tuple[str, str] = ("Nm", "rad")  # of drive and position
 
     @classmethod
     def from_frame(
@@ -31,7 +45,15 @@ class ServoRecord:
         position: str = "position_rad",
         reference: str | None = None,
     ) -> ServoRecord:
-        """Pick the columns of a log.
+        """Pick the columns of a log; a name that ends in a unit, ``_deg`` or ``_ms``, is brought to rad, m and s.
+
+        Examples
+        --------
+        >>> import numpy as np, pandas as pd
+        >>> log = pd.DataFrame({"time_ms": [0.0, 1.0], "force_n": [5.0, 6.0], "position_deg": [0.0, 180.0]})
+        >>> record = ServoRecord.from_frame(log, time="time_ms", drive="force_n", position="position_deg")
+        >>> record.time, record.position, record.units
+        (array([0.   , 0.001]), array([0.        , 3.14159265]), ('N', 'rad'))
 
         Raises
         ------
@@ -47,8 +69,11 @@ class ServoRecord:
                 have = ", ".join(map(str, frame.columns))
                 raise ValueError(f"The log has no column {column!r} for the {role}; it has {have}. Name the right one.")
             values = pd.to_numeric(frame[column], errors="coerce").to_numpy(dtype=float)
-            picked[role] = values
-        return cls(**picked)
+            picked[role] = (
+                values * _unit(column, LENGTHS if role != "time" else TIMES)[1] if role != "drive" else values
+            )
+        units = (_unit(drive, DRIVES, "Nm")[0], _unit(position, LENGTHS, "rad")[0])
+        return cls(**picked, units=units)
 
     @property
     def dt(self) -> float:
