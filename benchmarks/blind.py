@@ -4,7 +4,8 @@
 
 draws its logs with the generator of ``tests/blind`` (which shares no integrator, filter or step with the
 finder), diagnoses each from its table alone and prints the rates with Wilson 95 % intervals, the
-confusion matrix and, with ``--compare``, what naive regression with BIC and FROLS name on the same logs.
+confusion matrix and, with ``--compare`` (extra ``bench``), what naive regression with BIC, FROLS and PySINDy name on
+the same logs.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from tests.blind import comparators, servo, wiener_hammerstein
 from whsklearn.gap import GapFinder
 from whsklearn.gap.candidates import ALIASES
 
-FIELDS = "system kind truth size noise seed verdict names top closure seconds aliases error naive frols".split()
+FIELDS = "system kind truth size noise seed verdict names top closure seconds aliases error naive frols sindy".split()
 
 
 def wilson(k: int, n: int) -> tuple[float, float, float]:
@@ -81,6 +82,7 @@ def diagnose(case: tuple, compare: bool) -> dict[str, Any]:
     row["seconds"] = round(time.perf_counter() - began, 2)
     if compare and system == "servo":
         row |= {"naive": comparators.naive(drawn.frame), "frols": comparators.frols(drawn.frame)}
+        row["sindy"] = comparators.sindy(drawn.frame)
     return row
 
 
@@ -142,7 +144,7 @@ def _one(rows: list[dict[str, Any]]) -> list[str]:
         lines.append(f"closure of named: median {closures[len(closures) // 2]:.3f}, least {closures[0]:.3f}")
     seconds = sorted(r["seconds"] for r in rows)
     lines.append(f"seconds a case: median {seconds[len(seconds) // 2]:.1f}, worst {seconds[-1]:.1f}")
-    for peer in ("naive", "frols"):
+    for peer in ("naive", "frols", "sindy"):
         told = [r for r in single if r.get(peer) is not None]
         quiet = [r for r in of("none") + of("coloured") if r.get(peer) is not None]
         if told:

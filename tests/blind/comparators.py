@@ -1,8 +1,10 @@
-"""What common practice names on the same logs: regression on measured states with BIC, and FROLS.
+"""What common practice names on the same logs: regression on measured states with BIC, FROLS, and SINDy.
 
-Both regress the drive on smoothed measured motion with a library of the torque effects; the naive one
+All regress the drive on smoothed measured motion with a library of the torque effects; the naive one
 adds the term with the best BIC, FROLS the one with the largest error reduction ratio (Billings 2013,
-Nonlinear System Identification, ch. 3) above 0.1 %.
+Nonlinear System Identification, ch. 3) above 0.1 %, and SINDy the largest coefficient that PySINDy's sequentially
+thresholded least squares keeps on the residual (Brunton, Proctor, Kutz 2016, PNAS 113(15)), with its default threshold
+and columns and residual scaled to unit rms.
 """
 
 from __future__ import annotations
@@ -67,3 +69,20 @@ def frols(frame: pd.DataFrame) -> str:
     drops, _ = _drops(target, base, pool)
     best = max(drops, key=drops.__getitem__)
     return best.split()[0] if drops[best] > 1e-3 * float(target @ target) else ""
+
+
+def sindy(frame: pd.DataFrame) -> str:
+    """The name of the largest coefficient that thresholding keeps, empty if none survives; needs ``pysindy``."""
+    from pysindy.optimizers import STLSQ
+
+    target, base, pool = _library(frame)
+    q, _ = np.linalg.qr(base)
+    residual = target - q @ (q.T @ target)
+    names = [name for name, x in pool.items() for _ in range(x.shape[1])]
+    columns = np.column_stack(list(pool.values()))
+    columns = columns - q @ (q.T @ columns)
+    scale = np.sqrt(np.mean(columns**2, axis=0)) + 1e-300
+    optimizer = STLSQ(threshold=0.1, alpha=1e-6)
+    optimizer.fit(columns / scale, residual[:, None] / np.sqrt(np.mean(residual**2)))
+    kept = np.abs(np.asarray(optimizer.coef_).ravel())
+    return names[int(np.argmax(kept))].split()[0] if kept.max() > 0 else ""
