@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 
 from pipelines._stream_innovations import BLOCK, Innovations
 from pipelines._stream_rows import BadRow
-from whsklearn.change import ChangeAlarm, compare_parameters, set_forgetting
+from whsklearn.change import ChangeAlarm, compare_parameters, forgetting_after, set_forgetting
 from whsklearn.plot import flat_parameters
 
 Record = dict[str, Any]
-ADAPTING_FORGETTING = 0.9964  # after an alarm: half of the past is gone in 200 rows
-ADAPTING_ROWS = 20 * BLOCK
+PAST = 50.0  # samples that all rows before an alarm may count for
+ADAPTING_ROWS = 200 * BLOCK  # after an alarm; then the forgetting has settled to within 5e-5
 DRIFT_LEVEL = 0.01  # probability that a drift is ever reported though there is none
 
 
@@ -194,13 +194,16 @@ class Stream:
         for i in self.alarm.update(e).tolist():
             self.carried.alarm_row = first + i
             self.carried.alarms += 1
+            self.model.forget_past(PAST)
             self._adapt(ADAPTING_ROWS)
             self.emit(self._record("alarm", first + i) | {"interval": self.alarm.interval})
 
     def _adapt(self, rows: int) -> None:
-        """Forget faster for so many more rows, so that the model follows a change; 0 settles it again."""
+        """Forget as is right with so many rows to go until all is settled."""
         self.carried.adapting = rows
-        set_forgetting(self.model, min(self.forgetting, ADAPTING_FORGETTING) if rows else self.forgetting)
+        wanted = forgetting_after(ADAPTING_ROWS - rows, self.forgetting) if rows else self.forgetting
+        if self.model.forgetting != wanted:
+            set_forgetting(self.model, wanted)
 
     def resume(self, carried: Carried, model: dict[str, Any], innovations: dict[str, Any]) -> None:
         """Go on from what was carried."""
@@ -218,8 +221,11 @@ class Stream:
 
     def _estimate(self) -> None:
         """Emit the present estimate, and what changed since the reference was taken."""
-        c, names = self.carried, list(estimates(self.model)[0])
+        c = self.carried
+        if c.alarm_row >= 0 and self.alarm.watching_:  # time to say what changed: all that came since speaks together
+            self.model.consolidate()
         values, errors = estimates(self.model)
+        names = list(values)
         self.emit(
             self._record("estimate", c.rows)
             | {"innovation_rmse": (c.squares / c.counted) ** 0.5 if c.counted else None, "bad_rows": c.bad}

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from scipy.signal import lfilter
 from sklearn.base import clone
 
-from whsklearn.change import ChangeAlarm, compare_parameters
+from whsklearn import RLSRegressor
+from whsklearn.change import ChangeAlarm, compare_parameters, forgetting_after
 
 NOISES = {
     "normal": lambda rng, n: rng.normal(size=n),
@@ -153,3 +154,34 @@ def test_exact_estimates_and_wrong_sizes():
         compare_parameters(["a", "b"], [1], [1], [1], [1])
     with pytest.raises(ValueError, match="variances >= 0"):
         compare_parameters(["a"], [1], [-1], [1], [0])
+
+
+@pytest.mark.parametrize("samples", [50.0, 1e9])
+def test_the_past_is_let_go_as_a_shorter_stream_would_know_it(samples):
+    """After 20,000 rows, fifty at the most: a jump is followed as fast as after fifty."""
+    rng = np.random.default_rng(0)
+    X = rng.normal(size=(20_300, 2))
+    y = X @ [1.0, -2.0] + 0.1 * rng.normal(size=len(X))
+    y[20_000:] += X[20_000:] @ [0.5, 0.0]
+    model = RLSRegressor().fit(X[:20_000], y[:20_000])
+    theta, spread = model.theta_, model.standard_errors_
+    model.forget_past(samples)
+    np.testing.assert_array_equal(model.theta_, theta)
+    np.testing.assert_allclose(model.standard_errors_, spread * max(1.0, np.sqrt(20_000 / samples)), rtol=0.05)
+    model.partial_fit(X[20_000:], y[20_000:])
+    assert model.theta_[0] == pytest.approx(1.5 if samples == 50.0 else 1.0, abs=0.12)
+
+
+@pytest.mark.parametrize("samples", [0.0, -1.0, np.inf, np.nan])
+def test_the_past_counts_for_a_positive_number_of_samples(samples):
+    with pytest.raises(ValueError, match="samples is"):
+        RLSRegressor().fit([[1.0], [2.0]], [1.0, 2.0]).forget_past(samples)
+
+
+def test_forgetting_settles_after_a_change():
+    factors = [forgetting_after(n, 0.9999) for n in range(0, 30_000, 100)]
+    assert factors[0] == pytest.approx(0.995)
+    assert np.all(np.diff(factors) >= 0)
+    assert factors[-1] == 0.9999
+    # what came first weighs less than what comes now, and no sample more than the next
+    assert np.prod([forgetting_after(n) for n in range(1800)]) == pytest.approx(0.1, rel=0.01)

@@ -24,13 +24,14 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["ChangeAlarm", "ParameterChange", "compare_parameters", "set_forgetting"]
+__all__ = ["ChangeAlarm", "ParameterChange", "compare_parameters", "forgetting_after", "set_forgetting"]
 
 # Cells by their tail probability: fine in the tails, where a change shows first.
 _TAIL = np.array([0.001, 0.004, 0.012, 0.03, 0.07, 0.14, 0.24, 0.36])
 _LEVELS = np.r_[_TAIL, 0.5, 1 - _TAIL[::-1]]
 _BETS = ((0.0, 1.2), (0.0, 1.6), (0.0, 3.0), (0.25, 1.0), (-0.25, 1.0), (1.0, 1.0), (-1.0, 1.0))  # shift, spread
 _LARGEST_TILT = 10.0  # so that a burst of a few outliers, such as a sign() that flips, is no alarm
+_QUICK_MEMORY = 200.0  # samples, right after a change
 _MOST = 1e6  # samples remembered by the cell frequencies
 
 
@@ -283,6 +284,29 @@ def compare_parameters(
         z = (a - b) / error if error > 0 else math.copysign(math.inf, a - b) if a != b else 0.0
         changes.append(ParameterChange(name, b, a, error, z, abs(z) > limit))
     return sorted(changes, key=lambda c: -abs(c.z))
+
+
+def forgetting_after(rows: int, settled: float = 1.0) -> float:
+    """Forgetting factor for the sample that comes ``rows`` samples after a change was noticed.
+
+    1 - 1 / (200 + rows): what came since the change is kept with weights that fall linearly
+    into the past, so the memory grows with the time since the change, and the estimate
+    settles.  What was learnt before goes at once, by the estimator's ``forget_past``.
+
+    Parameters
+    ----------
+    rows : int
+        Samples since the change was noticed.
+    settled : float, default=1
+        Forgetting factor to which it settles.
+
+    Examples
+    --------
+    >>> from whsklearn.change import forgetting_after
+    >>> [round(forgetting_after(n), 4) for n in (0, 999, 2000, 100_000)]
+    [0.995, 0.9992, 0.9995, 1.0]
+    """
+    return min(settled, 1.0 - 1.0 / (_QUICK_MEMORY + max(rows, 0)))
 
 
 def set_forgetting(model: Any, forgetting: float) -> None:

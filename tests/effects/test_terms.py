@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from whsklearn.effects import terms
-from whsklearn.effects.terms import smooth_sign, term, term_values
+from whsklearn.effects.terms import smooth_sign, tanh, term, term_values
 
 SHAPES = {
     terms.VISCOUS: (0.0, 0.0, 0.0),
@@ -96,3 +96,16 @@ def test_a_record_is_its_samples():
 def test_powers_of_x_are_exact():
     for degree in range(5):
         assert term(terms.POWER, float(degree), 0.0, 0.0, -1.5, 0.0, 1.0)[0] == (-1.5) ** degree
+
+
+def test_a_negative_sharpness_gives_the_sign_with_the_slope_of_the_tanh():
+    for dx in (-3.0, -0.2, 0.0, 1e-6, 0.4, 7.0):
+        value, slope = smooth_sign(dx, -2.5)
+        assert value == np.sign(dx)
+        assert slope == pytest.approx(smooth_sign(dx, 2.5)[1])
+
+
+def test_tanh_is_that_of_the_c_library():
+    z = np.concatenate([np.linspace(-3, 3, 10_001), np.geomspace(1e-300, 700, 1000), [0.0, np.inf, -np.inf]])
+    np.testing.assert_allclose([tanh(v) for v in z.tolist()], np.tanh(z), rtol=1e-15)
+    assert np.isnan(tanh(np.nan))

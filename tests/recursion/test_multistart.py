@@ -155,3 +155,40 @@ def test_an_output_that_stands_still_is_taken():
         state = streamed(r, X, np.full(300, level))
         multistart.consolidate(state, r)
         assert all(np.isfinite(v).all() for v in state.values() if isinstance(v, np.ndarray))
+
+
+@pytest.mark.parametrize("factors", [(0.995, 0.995), (1.0, 0.99)])
+def test_pages_forget_what_the_recursion_forgot(factors, linear_record):
+    """A linear model over many pages is weighted least squares, the factors those that held when samples came."""
+    X, y = (v[:650] for v in linear_record)
+    state = None
+    for part, forgetting in zip(np.array_split(np.arange(650), 2), factors, strict=True):
+        r = reading(LINEAR, memory=100, forgetting=forgetting, p0=1e6)
+        state = state or multistart.initial_state(r)
+        multistart.run(state, r, X[part], y[part], part == 0)
+    multistart.consolidate(state, r)
+    assert state["blocks"] >= 5
+    kept = np.repeat(factors, 325)
+    weights = np.append(np.cumprod(kept[:0:-1])[::-1], 1.0)
+    rows = rows_of(LINEAR, X, y) * np.sqrt(weights)[:, None]
+    batch = np.linalg.lstsq(rows, y * np.sqrt(weights), rcond=None)[0]
+    covariance_ = np.linalg.inv(rows.T @ rows)
+    assert state["known"][0] == pytest.approx(weights.sum())
+    np.testing.assert_allclose(covariance(state["ud"][0]), covariance_, rtol=0.1, atol=0.02 * covariance_.max())
+    spread = np.sqrt(np.diag(covariance_) * np.mean((y - rows_of(LINEAR, X, y) @ batch) ** 2))
+    assert (np.abs(state["theta"][0] - batch) / spread).max() < 0.3
+
+
+@pytest.mark.parametrize("memory", [0, 100, 1000])
+def test_the_past_can_be_let_go_however_long_it_was(memory):
+    """A gain that doubles after 1,500 samples is found from 150 more."""
+    other = WienerHammersteinSystem(LINEAR.a, LINEAR.b, LINEAR.c, LINEAR.d, polynomial_law([0.0, 2.0, 0.5]))
+    (X, y), (X2, y2) = (make_wiener_hammerstein(1500, snr_db=25, random_state=1, system=s) for s in (LINEAR, other))
+    r = reading(LINEAR, memory=memory, n_starts=2)
+    state = streamed(r, X, y)
+    multistart.forget_past(state, 10.0)
+    assert state["known"][0] == 10.0
+    fresh = np.arange(150) == 0
+    multistart.run(state, r, X2[:150], y2[:150], fresh)
+    multistart.consolidate(state, r)
+    assert state["theta"][multistart.answer(state), 0] == pytest.approx(2.0, abs=0.25)

@@ -152,8 +152,12 @@ def test_still_is_what_repeats_all_that_the_window_sees(chunks):
     u[10:30], y[10:30] = 1.0, 2.0
     y[22] = 2.1
     still, repeats, recent_u, recent_y = np.zeros(40, dtype=bool), 0, np.zeros(5), np.zeros(5)
+    known = np.zeros(1)
     for part in np.array_split(np.arange(40), chunks):
-        repeats = mark_still(repeats, recent_u, recent_y, u[part], y[part], marked := np.zeros(len(part), dtype=bool))
+        repeats = mark_still(
+            repeats, recent_u, recent_y, known, 0.9, u[part], y[part], marked := np.zeros(len(part), dtype=bool)
+        )
         still[part] = marked
         recent_u[0], recent_y[0] = u[part[-1], 0], y[part[-1]]
+    assert known[0] == pytest.approx((1 - 0.9 ** np.sum(~still)) / 0.1)
     assert np.flatnonzero(still).tolist() == [14, *range(15, 22), *range(27, 30)]

@@ -6,7 +6,8 @@ integer code and up to three shape numbers, because a compiled kernel cannot hol
 Python object.
 
 sign(dx) is tanh(kappa dx) with ``kappa`` finite while a gradient is needed, and the
-sign itself at ``kappa = inf``; the paper's smooth law (3) is such a tanh already.
+sign itself at ``kappa = inf``; the paper's smooth law (3) is such a tanh already.  A negative
+``kappa`` is both: the value of the sign, the slope of tanh(-kappa dx).
 """
 
 from __future__ import annotations
@@ -49,13 +50,15 @@ def tanh(z):
 
 @njit(cache=True, error_model="numpy")
 def smooth_sign(dx, kappa):
-    """sign(dx) and its slope; tanh(kappa dx) for a finite kappa."""
+    """sign(dx) and its slope; tanh(kappa dx) for a finite kappa, the sign with that slope for -kappa."""
     if kappa == math.inf:
         return (1.0 if dx > 0.0 else (-1.0 if dx < 0.0 else 0.0)), 0.0
     z = kappa * dx
     if abs(z) > 20.0:  # there tanh is one to the last bit, and most samples of a sharp sign are there
-        return (1.0 if z > 0.0 else -1.0), 0.0
+        return (1.0 if dx > 0.0 else -1.0), 0.0
     s = tanh(z)
+    if kappa < 0.0:
+        return (1.0 if dx > 0.0 else (-1.0 if dx < 0.0 else 0.0)), -kappa * (1.0 - s * s)
     return s, kappa * (1.0 - s * s)
 
 

@@ -142,6 +142,29 @@ class RecursiveRegressor(AxisRegressor):
         self._make_stream(self.theta_.size, self.state_["seed"]).settle(self.state_)
         return self
 
+    def forget_past(self, samples: float = 100.0) -> Self:
+        """Let all that was learnt so far count for no more than ``samples`` samples from now on.
+
+        For a system that has just changed: however long the stream was, the estimate follows
+        as fast as one that has seen so few.  `whsklearn.change.forgetting_after` is the
+        forgetting to go on with.
+
+        Parameters
+        ----------
+        samples : float, default=100
+            Above 0.  Where the estimate rests on fewer already, nothing changes.
+
+        Raises
+        ------
+        ValueError
+            If ``samples`` is not a positive number.
+        """
+        if not 0 < samples < np.inf:
+            raise ValueError(f"samples is {samples!r}, expected a positive number, of samples that the past may count.")
+        _ = self.theta_
+        self._reader().forget_past(self.state_, float(samples))
+        return self
+
     @property
     def innovation_variance_(self) -> float:
         """Variance of the one-step prediction error, over the latest samples."""

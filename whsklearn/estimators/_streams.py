@@ -14,7 +14,7 @@ import numpy as np
 
 from whsklearn.estimators._model import Structure, paper_jacobian, paper_vector
 from whsklearn.recursion import multistart
-from whsklearn.recursion.covariance import WIND_UP, covariance
+from whsklearn.recursion.covariance import WIND_UP, covariance, inflate
 from whsklearn.recursion.pseudolinear import auxiliary_size, run_pseudolinear
 from whsklearn.recursion.rows import run_gradient, run_one_row, run_rows
 
@@ -38,6 +38,9 @@ class Stream(Protocol):
 
     def settle(self, state: State) -> None:
         """Read the record once more where the stream keeps one, in place."""
+
+    def forget_past(self, state: State, samples: float) -> None:
+        """Let what was learnt count for no more than so many samples, in place."""
 
     def theta(self, state: State) -> Array:
         """The estimate, in the paper's order."""
@@ -109,6 +112,10 @@ class RowsStream:
     def settle(self, state: State) -> None:
         """Nothing is kept to be read again."""
 
+    def forget_past(self, state: State, samples: float) -> None:
+        """P widens as it would have under so much forgetting."""
+        _forget_past(state, samples, self.ceiling)
+
     def theta(self, state: State) -> Array:
         """One weight a column."""
         return state["theta"].copy()
@@ -160,6 +167,10 @@ class PublishedStream:
     def settle(self, state: State) -> None:
         """Nothing is kept to be read again."""
 
+    def forget_past(self, state: State, samples: float) -> None:
+        """P widens as it would have under so much forgetting."""
+        _forget_past(state, samples, self.ceiling)
+
     def theta(self, state: State) -> Array:
         """Products, in the paper's order."""
         return state["theta"].copy()
@@ -190,6 +201,10 @@ class FullStream:
             multistart.consolidate(state, self.reading, self._page)
             self._page = None
 
+    def forget_past(self, state: State, samples: float) -> None:
+        """P widens, and what the memory holds weighs less when it is re-run."""
+        multistart.forget_past(state, samples)
+
     def natural(self, state: State) -> Array:
         """Parameters of the model that answers."""
         return state["theta"][multistart.answer(state)].copy()
@@ -207,6 +222,14 @@ class FullStream:
         """By the delta method."""
         j = paper_jacobian(self.natural(state), self.structure)
         return j @ self.natural_covariance(state) @ j.T
+
+
+def _forget_past(state: State, samples: float, ceiling: float) -> None:
+    """One strong forgetting of all that a single recursion knows."""
+    left = min(1.0, samples / max(float(state["loss"][1]), 1e-300))
+    state["loss"] *= left
+    state["power"] *= left
+    inflate(state["ud"], 1.0 / left, ceiling)
 
 
 def pieces(restart: NDArray[np.bool_]) -> list[slice]:

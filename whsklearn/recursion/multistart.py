@@ -19,7 +19,7 @@ import numpy as np
 
 from whsklearn.recursion import rerun
 from whsklearn.recursion.consolidation import replay
-from whsklearn.recursion.covariance import WIND_UP
+from whsklearn.recursion.covariance import WIND_UP, inflate
 from whsklearn.recursion.page import PageRerun, shift_memory
 from whsklearn.recursion.predictor import state_size
 from whsklearn.recursion.reading import Reading, State
@@ -29,7 +29,7 @@ from whsklearn.recursion.subinnovations import mark_still, run_windows
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__ = ["Reading", "State", "answer", "consolidate", "initial_state", "run"]
+__all__ = ["Reading", "State", "answer", "consolidate", "forget_past", "initial_state", "run"]
 
 GROWTH = 1.25  # ratio of successive re-runs: an answer is never older than a fifth of the record
 PURE_SHARPEST = 80.0  # without re-runs a sharper sign loses more starts than it gains accuracy
@@ -49,6 +49,9 @@ def initial_state(r: Reading) -> State:
         "seen": 0,
         "since": 0,
         "repeats": 0,
+        "known": np.zeros(1),  # samples that the estimate rests on: what forgetting has left of all
+        "page_known": 0.0,
+        "oblivion": 1.0,  # what is left of the past when the next sample comes
         "theta": theta,
         "ud": np.repeat(np.eye(n)[None] * r.p0, n_models, axis=0),
         "before": np.zeros((n_models, state_size(r.dims))),
@@ -82,6 +85,9 @@ def run(
 
     Returns the re-run of a page that goes on; given back with the next samples, it need not begin anew.
     """
+    state["forgetting"][1] = r.forgetting
+    if r.memory:
+        state["forgetting"][0] = r.forgetting
     at = 0
     while at < y.size:
         if restart[at]:
@@ -92,8 +98,9 @@ def run(
             stop += 1
         still = np.empty(stop - at, dtype=np.bool_)
         state["repeats"] = mark_still(
-            state["repeats"], state["recent_u"], state["recent_y"], u[at:stop], y[at:stop], still
-        )
+            state["repeats"], state["recent_u"], state["recent_y"], state["known"], r.forgetting, u[at:stop],
+            y[at:stop], still,
+        )  # fmt: skip
         _remember(state, r, u[at:stop], y[at:stop], still, bool(restart[at]))
         state["since"] = run_windows(
             state["theta"], state["ud"], state["before"], state["loss"], state["motion"], state["recent_u"],
@@ -125,7 +132,7 @@ def _tend_memory(state: State, r: Reading, page: PageRerun | None, n_new: int) -
             _turn_page(state, r)
         return None
     if fill == m:
-        state["page_theta"] = state["theta"].copy()
+        state["page_theta"], state["page_known"] = state["theta"].copy(), float(state["known"][0])
     if fill < m:
         return None
     page = _page(state, r, page)
@@ -178,13 +185,24 @@ def _remember(
     state["memory_restart"][first] = restarts
     state["memory_still"][first : first + n] = still
     state["memory_kept"][first : first + n] = np.where(still, 1.0, state["forgetting"][1])
+    state["memory_kept"][first] *= state["oblivion"]
+    state["oblivion"] = 1.0
     state["fill"] += n
+
+
+def forget_past(state: State, samples: float) -> None:
+    """Let what is known count for no more than ``samples`` samples, in P and in the memory."""
+    left = min(1.0, samples / max(float(state["known"][0]), 1e-300))
+    state["known"] *= left
+    state["oblivion"] *= left
+    for ud in state["ud"]:
+        inflate(ud, 1.0 / left, state["ceiling"])
 
 
 def _turn_page(state: State, r: Reading) -> None:
     """End the first block: what it says becomes the prior."""
     fill, h = state["fill"], r.history
-    weights, left = rerun.weights_of(state, fill), np.prod(state["memory_kept"][:fill])
+    weights, left = rerun.weights_of(state, fill), rerun.left_of_prior(state, fill)
     for s in range(len(state["theta"])):
         information, slope = np.zeros((r.size, r.size)), np.zeros(r.size)
         end = np.empty_like(state["origin"][s])

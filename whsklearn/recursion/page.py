@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from whsklearn.recursion.consolidation import AT, BUDGET, PHASE, UNBOUNDED, refine_part, work_size
-from whsklearn.recursion.rerun import LADDER, adopted, best_first, climb_to, rerun_in_parts, weights_of
+from whsklearn.recursion.rerun import LADDER, adopted, best_first, climb_to, left_of_prior, rerun_in_parts, weights_of
 from whsklearn.recursion.subinnovations import relative_sharpness, run_windows
 
 if TYPE_CHECKING:
@@ -56,6 +56,7 @@ class PageRerun:
         self._models: dict[str, Any] = {}
         self._parents: list[int] = []
         self._caught_up = 0
+        self._known = float(state["page_known"])
 
     def belongs_to(self, state: State) -> bool:
         """Whether this is the re-run of the page that the state holds now."""
@@ -77,7 +78,7 @@ class PageRerun:
             s["theta"], s["ud"], s["before"], s["loss"], s["motion"] = self._running
         for name in ("origin", "prior_theta", "prior_information"):
             s[name] = s[name][self._parents].copy()
-        left = np.prod(s["memory_kept"][:m])
+        left = left_of_prior(s, m)
         for i, (information, end) in enumerate(self._ends):
             if information.any():  # a page of rest says nothing, and lets nothing be forgotten
                 s["prior_information"][i] = information + left * s["prior_information"][i]
@@ -110,7 +111,7 @@ class PageRerun:
                 )
             chosen = best_first(found)
             if chosen:
-                self._models = adopted(chosen, weights.sum())
+                self._models = adopted(chosen, weights.sum(), self._known)
                 thetas, sharpness = self._models["theta"], self._models["sharpness"]
                 parents = [c.parent for c in chosen]
         ends, nothing = [], np.zeros((r.size, r.size))

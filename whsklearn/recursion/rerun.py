@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from whsklearn.recursion.consolidation import AT, BUDGET, COST, PHASE, UNBOUNDED, refine_part, work_size
+from whsklearn.recursion.consolidation import AT, BUDGET, COST, HEAD, PHASE, UNBOUNDED, refine_part, work_size
 from whsklearn.recursion.covariance import factorise
 from whsklearn.recursion.predictor import motion
 from whsklearn.recursion.starts import least_squares_start, random_start, term_scales
@@ -25,8 +25,12 @@ if TYPE_CHECKING:
 
 LADDER = (1.0, 2.0, 4.0, 8.0, 20.0, 50.0, 100.0, 200.0, 400.0)
 ITERATIONS = 8
-REOPENING = 100.0  # how far forgetting may widen P beyond its widest direction at the last re-run
+REOPENING = 100.0  # how far forgetting may widen P beyond its widest direction at the last re-run, at least
+LEAST = 1e-9
+FEWEST = 40.0  # samples: or as wide as it was when so few were known
+SLACK = 1.01  # of the error: on a staircase a better estimate may stand a stair higher
 INFERENCE = 20.0  # sharpness at which P is taken: intervals cover there (benchmarks/accuracy.py)
+LONG_INFERENCE = 60.0  # the same once the memory is full: 20 costs twice the error there, 150 covers less
 
 
 @dataclass
@@ -75,7 +79,7 @@ def consolidate(state: State, r: Reading) -> None:
         parents = [c.parent for c in chosen]
         for name in ("origin", "prior_theta", "prior_information"):
             state[name] = state[name][parents].copy()
-        state.update(adopted(chosen, weights.sum()))
+        state.update(adopted(chosen, weights.sum(), float(state["known"][0])))
         state["page_theta"] = state["theta"].copy()
 
 
@@ -128,9 +132,11 @@ def rerun_in_parts(
     """
     theta = theta.copy()
     n, n_state = r.size, state["before"].shape[1]
+    n1 = int(r.dims[0] - 1 + r.dims[1])
+    prior = state["prior_information"][parent] * (left_of_prior(state, weights.size) if state["blocks"] else 1.0)
     shared = (
         state["origin"][parent], state["memory_u"], state["memory_y"], state["memory_restart"], weights.size,
-        r.history, r.p, weights, state["prior_theta"][parent], state["prior_information"][parent],
+        r.history, r.p, weights, state["prior_theta"][parent], prior,
     )  # fmt: skip
 
     def refined(kappa: float, iterations: int, information: Array, before: Array) -> Generator[None, None, float]:
@@ -148,9 +154,21 @@ def rerun_in_parts(
         if np.isfinite(cost) and (best is None or cost < best.cost):
             best = _Candidate(cost, theta.copy(), information, before, kappa, parent)
     if best is not None:
-        kappa = INFERENCE / max(motion(best.theta, r.dims, u, restart), 1e-12)
-        theta = best.theta
-        yield from refined(kappa, 0, best.information, np.empty(n_state))
+        moves = max(motion(best.theta, r.dims, u, restart), 1e-12)
+        theta = best.theta.copy()
+        if not state["blocks"] and weights.size < r.memory:
+            yield from refined(INFERENCE / moves, 0, best.information, np.empty(n_state))
+            return best
+        # A record this long shows what tanh() near zero adds to the weights: they are fitted, and the recursion goes
+        # on, with the error of the sign itself; only the slopes are of a smooth one.  L1 stays on the stair it found.
+        kappa = LONG_INFERENCE / moves
+        for step in range(3):
+            information, before = np.zeros((n, n)), np.zeros(n_state)
+            cost = yield from refined(-kappa, 0, information, before)
+            if step and not cost < SLACK * best.cost:
+                break
+            best = _Candidate(cost, theta.copy(), information, before, -kappa, parent)
+            theta[n1:] += _inverse(information[n1:, n1:]) @ work[HEAD + n1 : HEAD + n]
     return best
 
 
@@ -173,7 +191,12 @@ def weights_of(state: State, fill: int) -> Array:
     return np.where(state["memory_still"][:fill], 0.0, left)
 
 
-def adopted(chosen: list[_Candidate], weight: float) -> State:
+def left_of_prior(state: State, fill: int) -> float:
+    """What forgetting has left of what was known before the memory; never so little that nothing holds P."""
+    return max(float(np.prod(state["memory_kept"][:fill])), LEAST)
+
+
+def adopted(chosen: list[_Candidate], weight: float, known: float) -> State:
     """What the state holds of the chosen models at the end of the samples they were re-run on."""
     ud = np.array([factorise(_inverse(c.information)) for c in chosen])
     return {
@@ -184,7 +207,7 @@ def adopted(chosen: list[_Candidate], weight: float) -> State:
         "motion": np.zeros((len(chosen), 2)),
         "ud": ud,
         # far from where it was learnt the model is another one: after an idle spell P must not be wide open
-        "ceiling": float(REOPENING * ud.diagonal(axis1=1, axis2=2).max()),
+        "ceiling": float(max(REOPENING, known / FEWEST) * ud.diagonal(axis1=1, axis2=2).max()),
     }
 
 

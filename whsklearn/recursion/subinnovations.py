@@ -30,8 +30,10 @@ def relative_sharpness(seen, sharpest):
 
 
 @njit(cache=True, error_model="numpy")
-def mark_still(repeats, recent_u, recent_y, u, y, still):
+def mark_still(repeats, recent_u, recent_y, known, kept, u, y, still):
     """Which samples only repeat what fills the whole window; returns how often the last one repeats.
+
+    ``known`` counts the others, under the forgetting factor ``kept``.
 
     A record that stands still to the last bit says the same thing again: taken for new
     samples, it would let the noise variance and P die away, and the past be forgotten.
@@ -43,6 +45,8 @@ def mark_still(repeats, recent_u, recent_y, u, y, still):
             same = same and u[t, i] == (u[t - 1, i] if t > 0 else recent_u[i])
         repeats = repeats + 1 if same else 0
         still[t] = repeats >= recent_y.size - 1
+        if not still[t]:
+            known[0] = kept * known[0] + 1.0
     return repeats
 
 

@@ -1,0 +1,133 @@
+"""How fast a stream goes, how much memory it takes, how long a control loop waits for it.
+
+    python benchmarks/streaming.py                  # about two minutes
+    python benchmarks/streaming.py --rows 1e5       # half a minute
+
+The job, ``python -m pipelines.stream`` on a CSV file, is watched from outside: rows a second of CPU time and of the
+clock once it is under way, and by how much its resident memory grows from a tenth of the rows on.  Then rows go to
+``partial_fit`` one by one, as in a control loop, and each call is timed on the CPU clock of its thread: a machine that
+is busy with other things does not show in the median, but it does in the worst call.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+
+from whsklearn import RLSRegressor, RMILSRegressor, WienerHammersteinLags
+from whsklearn.datasets import make_wiener_hammerstein
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+def watch_job(log: Path, rows: int, estimator: str) -> dict[str, Any]:
+    """Rows a second and growth of the resident memory of the job on ``log``."""
+    import psutil
+
+    out = log.with_suffix(f".{estimator}.jsonl")
+    options = ["--estimator", estimator, "--no-track", "--fresh", "--checkpoint-every", "0.5", "--out", str(out)]
+    job = psutil.Popen(
+        [sys.executable, "-m", "pipelines.stream", str(log), *options], cwd=ROOT, stderr=subprocess.PIPE, text=True
+    )
+    seen: list[tuple[int, float, float]] = []
+    while job.poll() is None:
+        time.sleep(0.05)
+        try:
+            spent, resident = sum(job.cpu_times()[:2]), job.memory_info().rss
+        except psutil.Error:
+            break
+        taken = re.findall(rb'"row": (\d+)', out.read_bytes()[-2000:]) if out.exists() else []
+        if taken and resident:
+            seen.append((int(taken[-1]), spent, resident / 1e6))
+    said = job.communicate()[1]
+    if job.wait() != 0:
+        raise SystemExit(said)
+    early = next(s for s in seen if s[0] >= rows // 10)
+    late = [s for s in seen if s[0] >= rows // 10]
+    return {
+        "estimator": estimator,
+        "rows": rows,
+        "rows_per_cpu_second": (late[-1][0] - early[0]) / max(late[-1][1] - early[1], 1e-9),
+        "rows_per_second": float(re.search(r"(\d+) rows/s", said)[1]),  # type: ignore[index]
+        "resident_mb": early[2],
+        "growth_mb": max(s[2] for s in late) - early[2],
+    }
+
+
+def latencies(model: Any, X: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Microseconds of CPU of each call of partial_fit with one row."""
+    rows = [(X[i : i + 1].copy(), y[i : i + 1].copy()) for i in range(len(y))]
+    took = np.empty(len(y))
+    for i, (row, target) in enumerate(rows):
+        began = time.thread_time_ns()
+        model.partial_fit(row, target)
+        took[i] = (time.thread_time_ns() - began) / 1e3
+    return took
+
+
+def table_of_latencies(n: int) -> list[dict[str, Any]]:
+    """Median, tail and worst call, while the memory fills and after."""
+    X, y = make_wiener_hammerstein(n_samples=n, snr_db=20, random_state=0)
+    columns = np.column_stack([np.roll(X[:, 0], k) for k in range(1, 10)])
+    lags = WienerHammersteinLags()
+    cases = {
+        "RLSRegressor, 9 columns": (RLSRegressor, {}, columns),
+        "RMILSRegressor, default": (RMILSRegressor, {"lags": lags, "random_state": 0}, X),
+        "RMILSRegressor, memory=512": (RMILSRegressor, {"lags": lags, "random_state": 0, "memory": 512}, X),
+        "RMILSRegressor, memory=0": (RMILSRegressor, {"lags": lags, "random_state": 0, "memory": 0}, X),
+    }
+    table = []
+    for name, (cls, options, inputs) in cases.items():
+        latencies(cls(**options), inputs[:7000], y[:7000])  # loads what is compiled
+        model = cls(**options)
+        took = latencies(model, inputs, y)
+        memory = 0 if "lags" not in options else model.memory
+        parts = {"while the memory fills": slice(0, memory)} if memory else {}
+        for part, piece in (parts | {"after that" if memory else "always": slice(memory, n)}).items():
+            t = took[piece]
+            numbers = {"median": np.median(t), "p999": np.quantile(t, 0.999), "worst": t.max()}
+            table.append({"model": name, "when": part} | {k: float(v) for k, v in numbers.items()})
+    return table
+
+
+@click.command()
+@click.option("--rows", type=float, default=1e6, help="Rows of the file.")
+@click.option("--calls", type=float, default=4e4, help="Rows that are timed one by one.")
+@click.option("--json", "path", type=click.Path(path_type=Path), default=Path("reports/streaming.json"))
+def main(rows: float, calls: float, path: Path) -> None:
+    """Measure, and print two tables."""
+    n = int(rows)
+    results: dict[str, list[dict[str, Any]]] = {"job": [], "latency": []}
+    with tempfile.TemporaryDirectory() as folder:
+        log = Path(folder, "log.csv")
+        X, y = make_wiener_hammerstein(n_samples=n, snr_db=20, random_state=0)
+        with open(log, "w") as file:
+            file.write("u,y\n")
+            np.savetxt(file, np.column_stack([X[:, 0], y]), delimiter=",", fmt="%.9g")
+        click.echo(f"{'stream of a CSV file':24s} {'rows/CPU s':>10s} {'rows/s':>8s} {'MB':>6s} {'growth, MB':>10s}")
+        for estimator in ("rmils", "mils", "rls"):
+            row = watch_job(log, n, estimator)
+            results["job"].append(row)
+            click.echo(
+                f"{estimator:24s} {row['rows_per_cpu_second']:10.0f} {row['rows_per_second']:8.0f} "
+                f"{row['resident_mb']:6.0f} {row['growth_mb']:10.2f}"
+            )
+    click.echo(f"\n{'one row, us':28s} {'':24s} {'median':>8s} {'99.9 %':>8s} {'worst':>8s}")
+    results["latency"] = table_of_latencies(int(calls))
+    for r in results["latency"]:
+        click.echo(f"{r['model']:28s} {r['when']:24s} {r['median']:8.1f} {r['p999']:8.0f} {r['worst']:8.0f}")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(results, indent=1))
+
+
+if __name__ == "__main__":
+    main()
