@@ -335,12 +335,23 @@ def confirmed(s: Setting, found: Found, one: Round, best: Trial, need: float, rn
             found.base_left = found.left = remainder(s, bare, found.scales)
     if best.delta_bic > 10.0 * need:
         return True
+    if best.kind.linear and (1.0 - few_samples(s, found.model, best.model)) * best.delta_bic < 0.5 * need:
+        best.reason = "nearly all of its evidence lies in five samples, such as reversals that came right by chance"
+        return False
     null = max(_twin_score(s, found.model, best.kind, found.scales, rng) for _ in range(N_TWINS))
     limit = max(need, 3.0 * null)
     if best.delta_bic < limit:
         best.reason = f"evidence {best.delta_bic:.0f} is below the {limit:.0f} that chance may reach"
         return False
     return True
+
+
+def few_samples(s: Setting, before: BlockModel, after: BlockModel) -> float:
+    """Share of the drop of the capped sum of squares that five samples make up."""
+    e0, e1 = (coloured(raw_errors(s, m), m.ar)[s.fit] for m in (before, after))
+    limits = [6.0 * 1.4826 * np.median(np.abs(e)) + 1e-300 for e in (e0, e1)]
+    gain = np.clip(e0, -limits[0], limits[0]) ** 2 - np.clip(e1, -limits[1], limits[1]) ** 2
+    return float(min(np.sort(gain)[-5:].sum() / max(gain.sum(), 1e-300), 1.0))
 
 
 def _twin_score(s: Setting, m: BlockModel, kind: Candidate, z: Scales, rng: np.random.Generator) -> float:
