@@ -29,6 +29,28 @@ def test_hidden_effect_gets_its_name(name):
     assert finder.diagnosis_.after["rmse"] < finder.diagnosis_.before["rmse"]
 
 
+@pytest.mark.parametrize("name", ["backlash", "encoder_eccentricity", "sensor_rectification"])
+def test_what_changes_the_path_or_the_reading_closes_the_gap_in_simulation(name):
+    case = make_case("named", 52, effects=(name,), size=0.06, seconds=14.0, rate=500.0, noise=2e-5)
+    finder = GapFinder("servo", n_twins=0).fit(case.frame, **COLUMNS)
+    assert (finder.verdict_, [e.name for e in finder.effects_]) == ("named", [name])
+    assert finder.diagnosis_.closure > 0.8
+
+
+def test_a_reading_in_degrees_is_taken_as_such(cogging):
+    case, finder = cogging
+    frame = case.frame.assign(position_deg=np.rad2deg(case.frame["position_rad"]))
+    again = GapFinder("servo", n_twins=1).fit(frame, **{**COLUMNS, "position": "position_deg"})
+    assert again.effects_[0].effect.labelled()["order"] == pytest.approx(finder.effects_[0].effect.order, rel=1e-6)
+
+
+def test_errors_are_told_where_the_fitted_stretches_do_not_hold_the_change():
+    case = make_case("named", 61, effects=("parameter_change",), size=0.1, **SHORT)
+    finder = GapFinder("servo", n_twins=0).fit(case.frame, **COLUMNS)
+    assert [e.name for e in finder.effects_] == ["parameter_change"]
+    assert all(v > 0 for v in finder.effects_[0].standard_errors.values())
+
+
 @pytest.mark.parametrize("seed", [3, 4, 5])
 def test_nothing_is_named_where_nothing_is_missing(seed):
     case = make_case("none", seed, **SHORT)
