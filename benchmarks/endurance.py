@@ -91,6 +91,12 @@ def idle(rng: np.random.Generator, n: int) -> Blocks:
     yield from white(rng, 2 * BLOCK)
 
 
+def noisy_rest(rng: np.random.Generator, n: int) -> Blocks:
+    """The same, with noise on the output of the axis that rests."""
+    for X, y in idle(rng, n):
+        yield X, y if X.any() else 0.01 * rng.normal(size=BLOCK)
+
+
 def scaled(rng: np.random.Generator, n: int) -> Blocks:
     """Regressors from 1e-3 to 1e3, without noise."""
     scale = np.logspace(-3, 3, 9)
@@ -118,6 +124,7 @@ CASES: dict[str, tuple[Callable[[np.random.Generator, int], Blocks], float]] = {
     "white input": (white, 1.0),
     "white input, forgetting 0.99": (white, 0.99),
     "rest, forgetting 0.99": (idle, 0.99),
+    "rest with noise, forgetting 0.99": (noisy_rest, 0.99),
     "regressors 1e-3 to 1e3, forgetting 0.999": (scaled, 0.999),
     "condition 1e12": (ill_conditioned, 1.0),
     "one direction, forgetting 0.99": (one_direction, 0.99),
@@ -150,21 +157,23 @@ def watch(case: str, method: str, model: object, blocks: Blocks) -> Row:
     return Row(case, method, samples, sound, largest, float(-np.log10(max(off, 1e-17))), time.perf_counter() - began)
 
 
-def axis_at_rest(n: int) -> Row:
+def axis_at_rest(n: int, noise: float = 0.0) -> Row:
     """The Wiener-Hammerstein estimator through a long rest: does it recover?"""
+    rng = np.random.default_rng(0)
     X, y, truth = make_wiener_hammerstein(n_samples=4000, snr_db=40, random_state=0, return_truth=True)
     model = RMILSRegressor(WienerHammersteinLags(), p=4, forgetting=0.999, random_state=0)
     began, sound = time.perf_counter(), True
-    for part in (X, np.zeros((n, 1)), X):
+    for part in (X, np.broadcast_to(0.0, (n, 1)), X):
         for at in range(0, len(part), BLOCK):
-            rows = part[at : at + BLOCK]
-            model.partial_fit(rows, y[: len(rows)] if part is X else np.zeros(len(rows)))
+            rows = np.array(part[at : at + BLOCK])
+            model.partial_fit(rows, y[: len(rows)] if part is X else noise * rng.normal(size=len(rows)))
         sound &= bool(np.isfinite(model.theta_).all() and np.isfinite(model.covariance_).all())
         sound &= bool(np.linalg.eigvalsh(model.covariance_).min() >= -1e-9 * np.abs(model.covariance_).max())
     off = parameter_error(model.theta_, truth.theta)
     largest = float(np.diag(model.covariance_).max())
     seconds = time.perf_counter() - began
-    return Row("axis at rest, forgetting 0.999", "RMILSRegressor", n + 8000, sound, largest, -np.log10(off), seconds)
+    case = f"axis at rest{' with noise' if noise else ''}, forgetting 0.999"
+    return Row(case, "RMILSRegressor", n + 8000, sound, largest, -np.log10(off), seconds)
 
 
 @click.command()
@@ -181,8 +190,9 @@ def main(samples: float, path: Path) -> None:
         for method, model in (("RLSRegressor", ours), ("plain", Plain(forgetting, p0))):
             rows.append(watch(case, method, model, make(np.random.default_rng(0), n)))
             _say(rows[-1])
-    rows.append(axis_at_rest(n // 10))
-    _say(rows[-1])
+    for noise in (0.0, 0.01):
+        rows.append(axis_at_rest(n, noise))
+        _say(rows[-1])
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps([asdict(row) for row in rows], indent=1))
 

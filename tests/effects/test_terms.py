@@ -99,6 +99,7 @@ def test_powers_of_x_are_exact():
 
 
 def test_a_negative_sharpness_gives_the_sign_with_the_slope_of_the_tanh():
+    assert smooth_sign(-1e-20, -2.5) == (0.0, 2.5)  # rest
     for dx in (-3.0, -0.2, 0.0, 1e-6, 0.4, 7.0):
         value, slope = smooth_sign(dx, -2.5)
         assert value == np.sign(dx)

@@ -13,7 +13,7 @@ from whsklearn.effects.static import Power
 from whsklearn.recursion.covariance import covariance
 from whsklearn.recursion.predictor import advance, predict, record_errors, state_size
 from whsklearn.recursion.rows import block_update
-from whsklearn.recursion.subinnovations import mark_still, relative_sharpness, run_windows
+from whsklearn.recursion.subinnovations import IDLE, MOVING, STILL, mark_still, relative_sharpness, run_windows
 
 LINEAR = polynomial_law([0.0, 1.0, 0.5])  # with n_a = 1, n_b = 0, n_c = 1 the model is linear in its parameters
 
@@ -31,7 +31,7 @@ def run(dims, law, theta0, X, y, p=4, frozen=False, p0=1.0, kappa=3.0, forgettin
     for part in np.array_split(np.arange(len(y)), chunks):
         since = run_windows(
             *s.values(), since, seen, forgetting, np.inf, np.array([kappa]), 0.0, dims, law.codes, law.shapes, p,
-            frozen, X[part], y[part], np.zeros(len(part), dtype=bool),
+            frozen, X[part], y[part], np.zeros(len(part), dtype=np.uint8),
         )  # fmt: skip
         seen += len(part)
     return s
@@ -151,13 +151,25 @@ def test_still_is_what_repeats_all_that_the_window_sees(chunks):
     u, y = np.zeros((40, 1)), np.arange(40.0)
     u[10:30], y[10:30] = 1.0, 2.0
     y[22] = 2.1
-    still, repeats, recent_u, recent_y = np.zeros(40, dtype=bool), 0, np.zeros(5), np.zeros(5)
+    still, repeats, recent_u, recent_y = np.zeros(40), np.zeros(2, dtype=int), np.zeros(5), np.zeros(5)
     known = np.zeros(1)
     for part in np.array_split(np.arange(40), chunks):
-        repeats = mark_still(
-            repeats, recent_u, recent_y, known, 0.9, u[part], y[part], marked := np.zeros(len(part), dtype=bool)
+        mark_still(
+            repeats, recent_u, recent_y, known, 0.9, u[part], y[part], marked := np.zeros(len(part), dtype=np.uint8)
         )
         still[part] = marked
         recent_u[0], recent_y[0] = u[part[-1], 0], y[part[-1]]
-    assert known[0] == pytest.approx((1 - 0.9 ** np.sum(~still)) / 0.1)
+    assert known[0] == pytest.approx((1 - 0.9 ** np.sum(still == MOVING)) / 0.1)
     assert np.flatnonzero(still).tolist() == [14, *range(15, 22), *range(27, 30)]
+
+
+def test_an_input_that_stood_still_for_long_leaves_an_idle_axis():
+    """Noise goes on, so the record does not stand still; what is known counts on, undiminished."""
+    y = np.random.default_rng(0).normal(size=1000)
+    known, still = np.zeros(1), np.zeros(1000, dtype=np.uint8)
+    u = np.ones((1000, 1))
+    u[600] = 2.0
+    mark_still(np.zeros(2, dtype=int), np.zeros(5), np.zeros(5), known, 0.99, u, y, still)
+    assert np.flatnonzero(still == IDLE).tolist() == [*range(256, 600), *range(857, 1000)]
+    assert not np.any(still == STILL)
+    assert known[0] > 343 * 0.99**257 + 143

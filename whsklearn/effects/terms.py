@@ -18,6 +18,7 @@ import numpy as np
 from numba import njit
 
 N_SHAPE = 3
+AT_REST = 1e-6
 
 VISCOUS = 0
 COULOMB = 1
@@ -58,7 +59,8 @@ def smooth_sign(dx, kappa):
         return (1.0 if dx > 0.0 else -1.0), 0.0
     s = tanh(z)
     if kappa < 0.0:
-        return (1.0 if dx > 0.0 else (-1.0 if dx < 0.0 else 0.0)), -kappa * (1.0 - s * s)
+        # what is left of a motion long after it has died away, 1e-20 say, is rest and has no sign
+        return (0.0 if abs(z) < AT_REST else (1.0 if dx > 0.0 else -1.0)), -kappa * (1.0 - s * s)
     return s, kappa * (1.0 - s * s)
 
 

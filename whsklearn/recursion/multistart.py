@@ -24,7 +24,7 @@ from whsklearn.recursion.page import PageRerun, shift_memory
 from whsklearn.recursion.predictor import state_size
 from whsklearn.recursion.reading import Reading, State
 from whsklearn.recursion.starts import random_start
-from whsklearn.recursion.subinnovations import mark_still, run_windows
+from whsklearn.recursion.subinnovations import MOVING, STILL, mark_still, run_windows
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -48,7 +48,7 @@ def initial_state(r: Reading) -> State:
     return {
         "seen": 0,
         "since": 0,
-        "repeats": 0,
+        "repeats": np.zeros(2, dtype=np.int64),
         "known": np.zeros(1),  # samples that the estimate rests on: what forgetting has left of all
         "page_known": 0.0,
         "oblivion": 1.0,  # what is left of the past when the next sample comes
@@ -67,6 +67,7 @@ def initial_state(r: Reading) -> State:
         "memory_y": np.zeros(h + m + m // 2),
         "memory_restart": np.zeros(m + m // 2, dtype=bool),
         "memory_still": np.zeros(m + m // 2, dtype=bool),
+        "memory_idle": np.zeros(m + m // 2, dtype=bool),
         "memory_kept": np.ones(m + m // 2),
         "fill": 0,
         "blocks": 0,
@@ -96,8 +97,8 @@ def run(
         limit = min(y.size, at + _until_event(state, r))
         while stop < limit and not restart[stop]:
             stop += 1
-        still = np.empty(stop - at, dtype=np.bool_)
-        state["repeats"] = mark_still(
+        still = np.empty(stop - at, dtype=np.uint8)
+        mark_still(
             state["repeats"], state["recent_u"], state["recent_y"], state["known"], r.forgetting, u[at:stop],
             y[at:stop], still,
         )  # fmt: skip
@@ -150,7 +151,8 @@ def _page(state: State, r: Reading, page: PageRerun | None) -> PageRerun:
 
 def _begin_experiment(state: State) -> None:
     """Nothing is known of the past; parameters and covariance stay."""
-    state["since"] = state["repeats"] = 0
+    state["since"] = 0
+    state["repeats"][:] = 0
     for name in ("before", "recent_u", "recent_y"):
         state[name][:] = 0.0
 
@@ -174,7 +176,7 @@ def _until_event(state: State, r: Reading) -> int:
 
 
 def _remember(
-    state: State, r: Reading, u: NDArray[np.float64], y: NDArray[np.float64], still: NDArray[np.bool_], restarts: bool
+    state: State, r: Reading, u: NDArray[np.float64], y: NDArray[np.float64], still: NDArray[np.uint8], restarts: bool
 ) -> None:
     """Append samples to the memory."""
     if not r.memory:
@@ -183,8 +185,9 @@ def _remember(
     state["memory_u"][h + first : h + first + n] = u
     state["memory_y"][h + first : h + first + n] = y
     state["memory_restart"][first] = restarts
-    state["memory_still"][first : first + n] = still
-    state["memory_kept"][first : first + n] = np.where(still, 1.0, state["forgetting"][1])
+    state["memory_still"][first : first + n] = still == STILL
+    state["memory_idle"][first : first + n] = still != MOVING
+    state["memory_kept"][first : first + n] = np.where(still == MOVING, state["forgetting"][1], 1.0)
     state["memory_kept"][first] *= state["oblivion"]
     state["oblivion"] = 1.0
     state["fill"] += n

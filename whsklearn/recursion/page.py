@@ -15,7 +15,7 @@ import numpy as np
 
 from whsklearn.recursion.consolidation import AT, BUDGET, PHASE, UNBOUNDED, refine_part, work_size
 from whsklearn.recursion.rerun import LADDER, adopted, best_first, climb_to, left_of_prior, rerun_in_parts, weights_of
-from whsklearn.recursion.subinnovations import relative_sharpness, run_windows
+from whsklearn.recursion.subinnovations import MOVING, STILL, relative_sharpness, run_windows
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -30,7 +30,8 @@ def shift_memory(state: State, r: Reading, n: int) -> None:
     """Drop the oldest ``n`` samples, but for the history that the next one needs; a new block begins."""
     h, rest = r.history, state["fill"] - n
     for name, before in (
-        ("memory_u", h), ("memory_y", h), ("memory_restart", 0), ("memory_still", 0), ("memory_kept", 0),
+        ("memory_u", h), ("memory_y", h), ("memory_restart", 0), ("memory_still", 0), ("memory_idle", 0),
+        ("memory_kept", 0),
     ):  # fmt: skip
         state[name][: before + rest] = state[name][n : n + before + rest].copy()
         state[name][before + rest :] = name == "memory_kept"
@@ -100,7 +101,7 @@ class PageRerun:
         restart, weights = state["memory_restart"][:m], weights_of(state, m)
         thetas, parents = state["page_theta"], list(range(len(state["page_theta"])))
         sharpness = state["sharpness"]
-        moved = np.ptp(y) > 0.0
+        moved = np.ptp(y) > 0.0 and not state["memory_idle"][:m].all()
         if moved:
             seen = state["seen"] - (state["fill"] - m)
             rungs = climb_to(relative_sharpness(seen, LADDER[-1]))[-2:]
@@ -149,7 +150,8 @@ class PageRerun:
         """Take the new models through the samples that came since the page."""
         state, r = self.state, self.reading
         m, h = r.memory, r.history
-        restart, still, kept = (state[f"memory_{name}"][m:] for name in ("restart", "still", "kept"))
+        restart, kept = state["memory_restart"][m:], state["memory_kept"][m:]
+        marks = np.where(state["memory_still"][m:], STILL, MOVING).astype(np.uint8)
         rest = state["fill"] - m
         while self._caught_up < rest and self._work[BUDGET] > 0:
             at = self._caught_up
@@ -166,7 +168,7 @@ class PageRerun:
             self._since = run_windows(
                 theta, ud, before, loss, motion, self._recent_u, self._recent_y, self._since, 0,
                 np.full(3, kept[at]), self._models["ceiling"], self._models["sharpness"], 0.0,
-                *r.law, r.p, r.frozen, state["memory_u"][piece], state["memory_y"][piece], still[at:stop],
+                *r.law, r.p, r.frozen, state["memory_u"][piece], state["memory_y"][piece], marks[at:stop],
             )  # fmt: skip
             self._work[BUDGET] -= (stop - at) * COST_OF_WINDOW * len(self._running[0])
             self._caught_up = stop

@@ -151,7 +151,7 @@ def rerun_in_parts(
         information, before = np.zeros((n, n)), np.zeros(n_state)
         yield from refined(kappa, ITERATIONS, information, before)
         cost = yield from refined(np.inf, 0, np.zeros((n, n)), before)
-        if np.isfinite(cost) and (best is None or cost < best.cost):
+        if np.isfinite(cost) and np.isfinite(information).all() and (best is None or cost < best.cost):
             best = _Candidate(cost, theta.copy(), information, before, kappa, parent)
     if best is not None:
         moves = max(motion(best.theta, r.dims, u, restart), 1e-12)
@@ -165,7 +165,7 @@ def rerun_in_parts(
         for step in range(3):
             information, before = np.zeros((n, n)), np.zeros(n_state)
             cost = yield from refined(-kappa, 0, information, before)
-            if step and not cost < SLACK * best.cost:
+            if not np.isfinite(information).all() or (step and not cost < SLACK * best.cost):
                 break
             best = _Candidate(cost, theta.copy(), information, before, -kappa, parent)
             theta[n1:] += _inverse(information[n1:, n1:]) @ work[HEAD + n1 : HEAD + n]
@@ -213,7 +213,7 @@ def adopted(chosen: list[_Candidate], weight: float, known: float) -> State:
 
 def _inverse(information: NDArray[np.float64]) -> NDArray[np.float64]:
     """Inverse of a symmetric positive definite matrix of any scaling."""
-    scale = 1.0 / np.sqrt(np.diag(information))
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(information), 1e-200))
     values, vectors = np.linalg.eigh(information * np.outer(scale, scale))
     inverse = (vectors / np.maximum(values, 1e-13)) @ vectors.T
     return inverse * np.outer(scale, scale)

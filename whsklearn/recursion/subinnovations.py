@@ -21,6 +21,8 @@ STABLE_RADIUS = 0.999
 LARGEST_PARAMETER = 1e8
 LARGEST_SIGNAL = 1e60  # logs hold 1e30 at the most
 LOSS_FORGETTING = 0.995
+LONGEST_TRANSIENT = 256  # samples of constant input after which nothing more is forgotten
+MOVING, IDLE, STILL = range(3)
 
 
 @njit(cache=True, error_model="numpy")
@@ -31,23 +33,28 @@ def relative_sharpness(seen, sharpest):
 
 @njit(cache=True, error_model="numpy")
 def mark_still(repeats, recent_u, recent_y, known, kept, u, y, still):
-    """Which samples only repeat what fills the whole window; returns how often the last one repeats.
+    """Mark samples that are MOVING, IDLE or STILL; ``repeats`` counts how often the last input and sample repeat.
 
-    ``known`` counts the others, under the forgetting factor ``kept``.
-
-    A record that stands still to the last bit says the same thing again: taken for new
-    samples, it would let the noise variance and P die away, and the past be forgotten.
+    A record that stands STILL to the last bit, longer than a window sees, says the same thing again: taken for new
+    samples, it would let the noise variance and P die away.  An input that stood still for LONGEST_TRANSIENT samples
+    leaves an IDLE axis: it says what its noise is, but does not excite what forgetting would take away.
+    ``known`` counts samples under the forgetting factor ``kept``.
     """
     m = u.shape[1]
     for t in range(y.size):
-        same = y[t] == (y[t - 1] if t > 0 else recent_y[0])
+        same = True
         for i in range(m):
             same = same and u[t, i] == (u[t - 1, i] if t > 0 else recent_u[i])
-        repeats = repeats + 1 if same else 0
-        still[t] = repeats >= recent_y.size - 1
-        if not still[t]:
-            known[0] = kept * known[0] + 1.0
-    return repeats
+        repeats[0] = repeats[0] + 1 if same else 0
+        same = same and y[t] == (y[t - 1] if t > 0 else recent_y[0])
+        repeats[1] = repeats[1] + 1 if same else 0
+        still[t] = MOVING
+        if repeats[0] >= LONGEST_TRANSIENT:
+            still[t] = IDLE
+        if repeats[1] >= recent_y.size - 1:
+            still[t] = STILL
+        else:
+            known[0] = (kept if still[t] == MOVING else 1.0) * known[0] + 1.0
 
 
 @njit(cache=True, error_model="numpy")
@@ -80,7 +87,8 @@ def run_windows(
     sharpest : float
         Where positive, kappa rises with the samples seen to this value (relative to dx).
     still : ndarray of shape (m,)
-        Samples that teach nothing, by `mark_still`; the state goes on and nothing else does.
+        By `mark_still`: STILL samples teach nothing, the state goes on and nothing else does; IDLE ones let nothing
+        be forgotten.
 
     Returns
     -------
@@ -103,7 +111,7 @@ def run_windows(
         since += 1
         seen += 1
         window = min(p, since)
-        if still[t]:
+        if still[t] == STILL:
             if since >= p:
                 for s in range(n_models):
                     advance(theta[s], dims, codes, shapes, sharpness[s], before[s], recent_u, p * m)
@@ -111,7 +119,7 @@ def run_windows(
         forgetting[0] += (1.0 - forgetting[2]) * (forgetting[1] - forgetting[0])
         for s in range(n_models):
             th = theta[s]
-            if forgetting[0] != 1.0:
+            if forgetting[0] != 1.0 and still[t] == MOVING:
                 inflate(ud[s], 1.0 / forgetting[0], ceiling)
             for k in range(n):
                 start[k] = th[k]
