@@ -209,8 +209,11 @@ def _turn_page(state: State, r: Reading) -> None:
     for s in range(len(state["theta"])):
         information, slope = np.zeros((r.size, r.size)), np.zeros(r.size)
         end = np.empty_like(state["origin"][s])
+        kappa = rerun.inference_sharpness(
+            state["theta"][s], r, state["memory_u"][h : h + fill], state["memory_restart"][:fill]
+        )
         replay(
-            state["theta"][s], *r.law, state["sharpness"][s], state["origin"][s], state["memory_u"],
+            state["theta"][s], *r.law, kappa, state["origin"][s], state["memory_u"],
             state["memory_y"], state["memory_restart"], fill, h, 1, weights, information, slope, end,
         )  # fmt: skip
         state["prior_information"][s] = information + left * state["prior_information"][s]

@@ -14,7 +14,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from whsklearn.recursion.consolidation import AT, BUDGET, PHASE, UNBOUNDED, refine_part, work_size
-from whsklearn.recursion.rerun import LADDER, adopted, best_first, climb_to, left_of_prior, rerun_in_parts, weights_of
+from whsklearn.recursion.rerun import (
+    LADDER,
+    adopted,
+    best_first,
+    climb_to,
+    inference_sharpness,
+    left_of_prior,
+    rerun_in_parts,
+    weights_of,
+)
 from whsklearn.recursion.subinnovations import MOVING, STILL, relative_sharpness, run_windows
 
 if TYPE_CHECKING:
@@ -100,7 +109,6 @@ class PageRerun:
         u, y = state["memory_u"][h : h + m], state["memory_y"][h : h + m]
         restart, weights = state["memory_restart"][:m], weights_of(state, m)
         thetas, parents = state["page_theta"], list(range(len(state["page_theta"])))
-        sharpness = state["sharpness"]
         moved = np.ptp(y) > 0.0 and not state["memory_idle"][:m].all()
         if moved:
             seen = state["seen"] - (state["fill"] - m)
@@ -113,11 +121,12 @@ class PageRerun:
             chosen = best_first(found)
             if chosen:
                 self._models = adopted(chosen, weights.sum(), self._known)
-                thetas, sharpness = self._models["theta"], self._models["sharpness"]
+                thetas = self._models["theta"]
                 parents = [c.parent for c in chosen]
         ends, nothing = [], np.zeros((r.size, r.size))
-        for theta, kappa, parent in zip(thetas, sharpness, parents, strict=True):
+        for theta, parent in zip(thetas, parents, strict=True):
             information, end = np.zeros((r.size, r.size)), np.zeros(state["before"].shape[1])
+            kappa = inference_sharpness(theta, r, u, restart)
             self._work[AT] = 0
             self._work[PHASE] = 0
             while not refine_part(

@@ -159,15 +159,14 @@ def rerun_in_parts(
         if not state["blocks"] and weights.size < r.memory:
             yield from refined(INFERENCE / moves, 0, best.information, np.empty(n_state))
             return best
-        # A record this long shows what tanh() near zero adds to the weights: they are fitted, and the recursion goes
-        # on, with the error of the sign itself; only the slopes are of a smooth one.  L1 stays on the stair it found.
-        kappa = LONG_INFERENCE / moves
+        # A record this long shows what tanh() near zero adds to the weights: they are fitted with the error of the sign
+        # itself, and only the slopes are of a smooth one.  L1 stays on the stair it found.
         for step in range(3):
             information, before = np.zeros((n, n)), np.zeros(n_state)
-            cost = yield from refined(-kappa, 0, information, before)
+            cost = yield from refined(-LONG_INFERENCE / moves, 0, information, before)
             if not np.isfinite(information).all() or (step and not cost < SLACK * best.cost):
                 break
-            best = _Candidate(cost, theta.copy(), information, before, -kappa, parent)
+            best = _Candidate(cost, theta.copy(), information, before, best.sharpness, parent)
             theta[n1:] += _inverse(information[n1:, n1:]) @ work[HEAD + n1 : HEAD + n]
     return best
 
@@ -189,6 +188,11 @@ def weights_of(state: State, fill: int) -> Array:
     kept = state["memory_kept"][:fill]
     left = np.cumprod(np.append(kept[1:], 1.0)[::-1])[::-1]
     return np.where(state["memory_still"][:fill], 0.0, left)
+
+
+def inference_sharpness(theta: Array, r: Reading, u: Array, restart: NDArray[np.bool_]) -> float:
+    """At which a long record says how much it knows: the sign's error, a smooth one's slope."""
+    return -LONG_INFERENCE / max(float(motion(theta, r.dims, u, restart)), 1e-12)
 
 
 def left_of_prior(state: State, fill: int) -> float:
