@@ -41,6 +41,11 @@ STEP = {
     "stribeck": 0.3,
     "disturbance_tone": 0.05,
     "position_friction": 0.1,
+    "position_friction__phase": 0.3,
+    "quadratic_drag": 5.0,
+    "load_friction": 0.005,
+    "cable_spring": 1.0,
+    "presliding_hysteresis": 0.3,
 }
 
 

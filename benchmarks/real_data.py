@@ -18,6 +18,7 @@ from pathlib import Path
 import click
 import numpy as np
 from _emps_forward import forward_rows, sensitivity
+from _emps_selection import selection_rows
 from _kr300_inverse import kr300_rows
 
 from whsklearn import RLSRegressor
@@ -125,7 +126,8 @@ def show(title, rows):
 @click.option("--data", type=click.Path(path_type=Path), default=None, help="Folder that holds emps/ and kr300/.")
 @click.option("--json", "json_file", type=click.Path(path_type=Path), default=None, help="Write the figures here too.")
 @click.option("--skip-forward", is_flag=True, help="Leave out the free runs, which take most of the time.")
-def main(data, json_file, skip_forward):
+@click.option("--select", is_flag=True, help="Study which effects to carry from record to record too (6 minutes).")
+def main(data, json_file, skip_forward, select):
     """Print how the models do on measured axes."""
     folder = data or os.environ.get("WHSKLEARN_DATA") or ROOT.parent / "shared" / "data"
     began = time.perf_counter()
@@ -152,6 +154,11 @@ def main(data, json_file, skip_forward):
         show("EMPS, free run, drive to position, rmse in mm", out["emps_forward"])
         out["emps_sensitivity"] = sensitivity(emps, axis)
         show("What a small error of a record's own level costs, rmse in mm", out["emps_sensitivity"])
+    if select:
+        out["emps_selection"] = selection_rows(emps)[0]
+        show(
+            "EMPS, free run, effects chosen by held-out halves of the identification record, mm", out["emps_selection"]
+        )
     out["kr300"] = kr300_rows(kr300)
     show("KR300 axis 1, inverse model, relative torque error in % (friction from A alone)", out["kr300"])
     out["seconds"] = time.perf_counter() - began
