@@ -12,8 +12,8 @@ The rule:
 Every fit starts twice, from a guess and from a random size and phase. The validation record is in the table for every
 row and in none of the decisions; the rule was written by people who had seen that column, so it is reasoned, not blind.
 
-Measured: held-out error falls from 2.04 to 0.58 mm with `asymmetric_viscous` and to 0.52 with `position_friction`, which
-is where the rule ends; on the validation record that axis has 7.3 mm. All axes with the asymmetry fit the identification
+Measured: held-out error falls from 2.04 to 0.58 mm with `asymmetric_viscous` and to 0.52 with `position_friction`,
+where the rule ends; on the validation record that axis has 7.3 mm. All axes with the asymmetry fit the identification
 record to 1.4 to 2.2 mm and have 3.5 to 9.5 mm on the other one, in an order that the identification record does not
 tell: what decides is the zero that each fit happens to carry (0.1 N is 13 mm), and friction is 3 % higher there.
 """

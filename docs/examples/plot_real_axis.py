@@ -131,5 +131,6 @@ fig.tight_layout()
 # %%
 # ``benchmarks/real_data.py`` does this with parameters fitted to the identification record, and finds level and zero
 # of the validation record from its drive and from where the axis turns: 0.83 mm, where the published rigid model
-# has 9.3 mm and a neural network of the same input 2.64 mm. Without that knowledge it has 6.2 mm.
+# has 9.3 mm and a neural network of the same input 2.64 mm. Without that knowledge it has 6.2 mm, and from 3.5 to
+# 9.5 mm with other choices of effects that fit the identification record as well (``--select``).
 plt.show()
