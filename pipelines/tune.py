@@ -64,7 +64,7 @@ def main(**options: Any) -> None:
         parent.log_params({k: v for k, v in options.items() if v not in (None, (), False)})
         parent.log_input(record.X, record.y, record.name)
         search = build_search(options, estimator, grid, record)
-        run_search(search, record, parent, total=count(options, grid))
+        run_search(search, record, parent, total=count(options, grid), varied=varied_names(grid))
         results = by_our_names(search.cv_results_)
         click.echo("\n" + leaders(results))
         for score, sign in (("neg_nmse", -1.0), ("neg_rmse", -1.0), ("mu_e", 1.0)):
@@ -133,14 +133,24 @@ def build_search(options: dict[str, Any], estimator: Any, grid: list[dict[str, l
     return recorded(GridSearchCV)(estimator, grid, **common)
 
 
-def run_search(search: Any, record: Record, parent: Any, total: int) -> None:
+def varied_names(grid: list[dict[str, list[Any]]]) -> list[str]:
+    """The parameters that the search varies, the innovation length first: what tells one run from another."""
+    values: dict[str, set[str]] = {}
+    for part in grid:
+        for name, choices in part.items():
+            values.setdefault(name, set()).update(map(str, choices))
+    return [k for k, v in values.items() if len(v) > 1]
+
+
+def run_search(search: Any, record: Record, parent: Any, total: int, varied: list[str]) -> None:
     """Fit, and record each chunk of candidates as it comes in."""
     done = 0
     with tqdm(total=total, desc="candidates", unit="fit") as bar:
 
         def record_chunk(results: dict[str, Any]) -> None:
             nonlocal done
-            log_candidates(parent, by_our_names(results), first=done, tags={"reading": "full"})
+            tags = {"reading": "full", "estimator": type(search.estimator).__name__}
+            log_candidates(parent, by_our_names(results), first=done, tags=tags, varied=varied)
             bar.update(len(results["params"]) - done)
             done = len(results["params"])
 

@@ -43,7 +43,7 @@ _VIEW_STATE = {
     "selectedColumns": [
         *(f"metrics.`{m}`" for m in ("nmse", "mu_e", "rmse", "delta")),
         *(f"tags.`{t}`" for t in ("data", "reading")),
-        "attributes.`Duration`",
+        "metrics.`fit_seconds`",
     ],
 }
 
@@ -282,16 +282,27 @@ def estimator_params(estimator: Any) -> dict[str, Any]:
 
 
 def log_candidates(
-    parent: Run, results: Mapping[str, Any], first: int = 0, tags: Mapping[str, str] | None = None
+    parent: Run,
+    results: Mapping[str, Any],
+    first: int = 0,
+    tags: Mapping[str, str] | None = None,
+    varied: Sequence[str] = (),
 ) -> None:
     """Record a search: a child for each candidate of ``cv_results_`` from `first` on.
+
+    A child is named by the parameters that are `varied`, in that order; by all of them if none is given.
 
     A score ``neg_nmse`` becomes the metric ``nmse``, its mean over the folds, beside ``nmse_std`` and the
     stepped ``fold/nmse``; a score without ``neg_`` keeps its sign and its name.
     """
     scores = [k.removeprefix("mean_test_") for k in results if k.startswith("mean_test_")]
     for i in range(first, len(results["params"])):
-        name = ", ".join(f"{k.split('__')[-1]}={v}" for k, v in results["params"][i].items())
+        params = results["params"][i]
+        shown = {k: params[k] for k in varied if k in params} or params
+        name = ", ".join(
+            f"{k.split('__')[-1]}={v:g}" if isinstance(v, float) else f"{k.split('__')[-1]}={v}"
+            for k, v in shown.items()
+        )
         with parent.child(name[:250], tags=tags) as run:
             run.log_params(results["params"][i])
             for score in scores:
