@@ -9,7 +9,7 @@ from typing import Any, Self
 import numpy as np
 from sklearn.base import BaseEstimator
 
-from whsklearn.gap import judge, locate
+from whsklearn.gap import judge, locate, restless
 from whsklearn.gap.close import HORIZONS, closure
 from whsklearn.gap.diagnosis import CandidateLine, Diagnosis, NamedEffect, verdict_of
 from whsklearn.gap.lines import make_line
@@ -188,10 +188,15 @@ class GapFinder(BaseEstimator):
         gap = found.base_missing[bench.usable]
         diagnosis.where = locate.locate({k: (x[bench.usable], u) for k, (x, u) in axes.items()}, gap, rng)
         diagnosis.where_sentence = locate.sentence(diagnosis.where) if diagnosis.verdict != "no_gap" else ""
+        diagnosis.restless = restless.restless(bench, found.base, axes, rng)
         diagnosis.rounds = [_round_line(r, bench) for r in found.rounds]
         diagnosis.residual_tests = line.residual_tests(bench, found)
         diagnosis.base_parameters = line.parameter_table(found)
         diagnosis.next_experiment = next_experiment(diagnosis, line, found)
+        moves = restless.sentence(diagnosis.restless) if diagnosis.where_sentence else ""
+        if moves:
+            stays = diagnosis.where_sentence == locate.NOWHERE
+            diagnosis.where_sentence = moves if stays else f"{diagnosis.where_sentence} {moves}"
         diagnosis.notes = line.notes(bench, found)
         diagnosis.pictures = line.pictures(bench, found, diagnosis)
         diagnosis.sentence = summary(diagnosis, before, after, floor, bench.scene.torque, line)

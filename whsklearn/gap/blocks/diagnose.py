@@ -169,10 +169,10 @@ def _prove(s: Setting, found: Found, d: Diagnosis) -> None:
         # a sample on the wrong side of a reversal is off by the sign's height under any model, and a few of them
         # make up most of the plain mean square, so closure is of errors held to six robust deviations
         limit = 6.0 * 1.4826 * float(np.median(np.abs(before[held]))) + 1e-300
-        typical = [_rmse(np.clip(e, -limit, limit), held) for e in (before, after)]
+        typical_b, typical_a = (_rmse(np.clip(e, -limit, limit), held) for e in (before, after))
         d.horizons.append({
             "horizon": horizon if horizon else float(s.u.size), "before": b, "after": a, "floor": floor,
-            "closure": closure(*typical, typical[1] * quiet),
+            "closure": closure(typical_b, typical_a, typical_a * quiet),
         })  # fmt: skip
         if horizon == 0.0:
             d.floor = floor
