@@ -67,7 +67,7 @@ bench: setup  ## speed against peers, accuracy on 20 seeds, real records
 	OMP_NUM_THREADS=1 .venv-bench/bin/python benchmarks/real_data.py
 
 docs: setup  ## the documentation, into docs/_build/html
-	$(PY) -m sphinx -b html docs docs/_build/html
+	$(PY) -m sphinx -b html -W --keep-going docs docs/_build/html
 	@echo "Open docs/_build/html/index.html"
 
 clean:  ## remove caches and build outputs; the runs in mlruns/ stay

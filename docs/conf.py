@@ -46,6 +46,8 @@ sphinx_gallery_conf = {
     "min_reported_time": 30,
 }
 
+suppress_warnings = ["ref.ref"]  # docstrings inherited from scikit-learn refer to its own user guide
+
 html_theme = "pydata_sphinx_theme"
 html_title = "whsklearn"
 html_show_sourcelink = False

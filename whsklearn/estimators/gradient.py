@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class MultiInnovationGradientRegressor(RecursiveRegressor):
-    """theta(t) = theta(t-1) + Phi(p, t) E(p, t) / r(t), r(t) = lambda r(t-1) + |phi(t)|^2.
+    """theta(t) = theta(t-1) + Phi(p, t) E(p, t) / r(t), r(t) = lambda r(t-1) + norm(phi(t))^2.
 
     A yardstick: no covariance, n operations a sample, slow.  On a Wiener-Hammerstein system
     the rows are the published ones, (6).
