@@ -30,7 +30,7 @@ LEAST = 1e-9
 FEWEST = 40.0  # samples: or as wide as it was when so few were known
 SLACK = 1.01  # of the error: on a staircase a better estimate may stand a stair higher
 INFERENCE = 20.0  # sharpness at which P is taken: intervals cover there (benchmarks/accuracy.py)
-LONG_INFERENCE = 60.0  # the same once the memory is full: 20 costs twice the error there, 150 covers less
+LONG_INFERENCE = 150.0  # the same once the memory is full, where sharper costs coverage of L1 and blunter its accuracy
 
 
 @dataclass
