@@ -63,6 +63,7 @@ bench: setup  ## speed against peers, accuracy on 20 seeds, real records
 	    $(PYTHON) -m pip --python .venv-bench/bin/python install --quiet -e '.[all,bench]'; \
 	    cp pyproject.toml .venv-bench/installed.toml; }
 	OMP_NUM_THREADS=1 .venv-bench/bin/python benchmarks/speed.py
+	OMP_NUM_THREADS=1 .venv-bench/bin/python benchmarks/streaming.py --rows 3e5
 	OMP_NUM_THREADS=1 .venv-bench/bin/python benchmarks/accuracy.py --section example --runs 20
 	OMP_NUM_THREADS=1 .venv-bench/bin/python benchmarks/real_data.py
 

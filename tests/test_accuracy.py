@@ -50,3 +50,13 @@ def test_on_other_systems_too(seed):
     rmils = free_run_nmse(RMILSRegressor(lags, random_state=seed).fit(X, y), system, seed)
     pem = free_run_nmse(PEMRegressor(lags, n_starts=8, random_state=seed).fit(X, y), system, seed)
     assert rmils <= 2.0 * pem
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_long_stream_is_as_good_between_its_re_runs_as_right_after_one(seed):
+    system = random_system(seed)
+    lags = WienerHammersteinLags(system.a.size, system.b.size, system.c.size, system.d.size, law=system.law)
+    X, y = make_wiener_hammerstein(9000, snr_db=20.0, random_state=[seed, 6], system=system)
+    model = RMILSRegressor(lags, random_state=seed).partial_fit(X, y)
+    between = free_run_nmse(model, system, seed)
+    assert between <= 3.0 * free_run_nmse(model.consolidate(), system, seed)
