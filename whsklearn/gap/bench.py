@@ -121,6 +121,12 @@ class Bench:
 
         return signatures.refine(self, model, trial)  # type: ignore[arg-type]
 
+    def resettle(self, model: AxisModel) -> AxisModel:
+        """See `whsklearn.gap.signatures.resettle`."""
+        from whsklearn.gap import signatures
+
+        return signatures.resettle(self, model)
+
     def cheap_kinds(self, model: AxisModel) -> tuple:
         """Candidates without a second mass, for the null."""
         from whsklearn.gap import signatures

@@ -116,13 +116,17 @@ def unphysical(trial: Any) -> str:
         return "an encoder error so steep would let the reading stand still while the axis turns"
     if trial.kind.positive and q[0] <= 0:
         return f"its size would be {q[0]:.3g}, and a physical one is positive"
-    low, high = trial.model.bounds()
-    x = trial.model.vector()
-    free = trial.model.free()
-    for value, a, b, (i, j, _) in zip(x[2:], low[2:], high[2:], free, strict=True):
-        if i == len(trial.model.terms) - 1 and j == trial.kind.linear and j < trial.kind.n_slots:
+    return at_the_end(trial.model, len(trial.model.terms) - 1)
+
+
+def at_the_end(model: Any, index: int) -> str:
+    """Whether the first shape number of an effect has run to the end of its range; empty if not."""
+    kind = model.terms[index].kind
+    low, high = model.bounds()
+    for value, a, b, (i, j, _) in zip(model.vector()[2:], low[2:], high[2:], model.free(), strict=True):
+        if i == index and j == kind.linear and j < kind.n_slots:
             if value <= a + 1e-6 * abs(a) or value >= b - 1e-6 * abs(b):
-                return f"its {trial.kind.fields[j]} runs to the end of the plausible range"
+                return f"its {kind.fields[j]} runs to the end of the plausible range"
     return ""
 
 

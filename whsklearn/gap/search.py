@@ -157,6 +157,9 @@ def exchange(bench: Any, found: Found, null: float) -> None:
     for i in range(len(found.taken)):
         index = found.model.n_base + i
         without = found.model.without(index)
+        if getattr(found.model, "has_play", False) and not without.has_play:
+            found.model = bench.resettle(found.model)  # nothing else disconnects a load
+            continue
         _, _, evidence = try_all(bench, without)
         best = first_sound(bench, evidence, null)
         found.rivals[i] = evidence
@@ -179,7 +182,9 @@ def prune(bench: Any, found: Found, null: float) -> None:
         return
     n = int((bench.train & bench.usable).sum())
     for i in reversed(range(len(found.taken))):
-        reason = objections(bench, found.taken[i], null, n, judge_sign=False)
+        reason = objections(bench, found.taken[i], null, n, judge_sign=False) or judge.at_the_end(
+            found.model, found.model.n_base + i
+        )
         if reason:
             found.model, _ = bench.fit(found.model.without(found.model.n_base + i))
             del found.taken[i], found.rivals[i]
