@@ -75,8 +75,10 @@ def restless(bench: Any, model: Any, axes: dict[str, tuple[Array, str]], rng: np
     n_blocks = int(np.clip(seconds / (2 * MEMORY), 5, 30))
     out = []
     for name, (value, change, taken) in constants.items():
-        row: dict[str, Any] = {"name": name, "mean": value, "spread": float(np.std(change)) / max(abs(value), 1e-300), "taken": taken,
-               "follows": "", "share": 0.0, "p_value": 1.0}  # fmt: skip
+        row: dict[str, Any] = {
+            "name": name, "mean": value, "spread": float(np.std(change)) / max(abs(value), 1e-300), "taken": taken,
+            "follows": "", "share": 0.0, "p_value": 1.0,
+        }  # fmt: skip
         for signal, (x, _) in axes.items():
             share, p = dependence(x[at], change, rng, along_time=signal == "time", n_blocks=n_blocks)
             if p < LEVEL and share > row["share"]:
