@@ -115,7 +115,8 @@ def build_search(options: dict[str, Any], estimator: Any, grid: list[dict[str, l
     """The search, its folds and its scores: the free run, without its first samples after each restart."""
     orders = [{k: v[0] for k, v in g.items() if k.startswith("lags__")} for g in grid]
     widest = max((clone(estimator).set_params(p=max(grid[0]["p"]), **o) for o in orders), key=memory_length)
-    skip = min(50, record.y.size // (4 * (options["folds"] + 1)))
+    least = record.y.size // (4 if options["kind"] == "halving" else 1)  # samples of the shortest search
+    skip = min(50, least // (4 * (options["folds"] + 1)))
     scoring = {"neg_nmse": free_run_scorer(nmse, skip=skip), "neg_rmse": free_run_scorer(rmse, skip=skip)}
     scoring["mu_e"] = make_scorer(mu_e, skip=skip)
     common = {"scoring": scoring, "refit": "neg_nmse", "cv": time_series_split(widest, options["folds"])}
@@ -128,7 +129,7 @@ def build_search(options: dict[str, Any], estimator: Any, grid: list[dict[str, l
         from sklearn.experimental import enable_halving_search_cv  # noqa: F401
         from sklearn.model_selection import HalvingGridSearchCV
 
-        common |= {"scoring": scoring["neg_nmse"], "refit": True, "min_resources": record.y.size // 4}
+        common |= {"scoring": scoring["neg_nmse"], "refit": True, "min_resources": least}
         return recorded(HalvingGridSearchCV)(estimator, grid, random_state=options["seed"], **common)
     return recorded(GridSearchCV)(estimator, grid, **common)
 

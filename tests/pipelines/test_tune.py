@@ -35,6 +35,15 @@ def test_every_candidate_is_a_run_and_the_best_a_champion(mlflow_root):
     assert model.p == int(parent.data.tags["best_p"])
 
 
+@pytest.mark.parametrize("kind", ["halving", "random"])
+def test_other_searches_score_all_that_they_try(kind):
+    done = run(
+        "--samples", 320, "--folds", 2, "--p", "1,2", "--jobs", 1, "--no-track", "--search", kind, "--candidates", 2
+    )
+    assert done.exit_code == 0, done.output  # a failed score is a warning, and a warning an error
+    assert "nan" not in done.stdout
+
+
 @pytest.mark.parametrize("jobs", [None, 2])
 def test_interrupted_search_has_handed_over_what_was_finished(jobs):
     class Enough(Exception):
