@@ -22,6 +22,7 @@ NAMED, PARTIAL = 0.88, 0.3  # closure
 LEFT_BY_SEVERAL = 2.5  # floors
 BLOCKS_BETTER = 0.8
 STEEPEST_ERROR = 0.3  # rad a rad
+BESIDE_A_PLAY = 0.66  # share of the rms left beside a play: what impacts leave over follows everything a little
 SIMPLEST_FIRST = 0.7  # share of the best one's explained power that an elementary effect must reach
 ELEMENTARY = ("viscous", "coulomb", "input_offset", "asymmetric_coulomb")
 

@@ -69,9 +69,8 @@ class ServoRecord:
                 have = ", ".join(map(str, frame.columns))
                 raise ValueError(f"The log has no column {column!r} for the {role}; it has {have}. Name the right one.")
             values = pd.to_numeric(frame[column], errors="coerce").to_numpy(dtype=float)
-            picked[role] = (
-                values * _unit(column, LENGTHS if role != "time" else TIMES)[1] if role != "drive" else values
-            )
+            known: dict[str, tuple[str, float]] = {"time": TIMES, "drive": {}}.get(role, LENGTHS)
+            picked[role] = values * _unit(column, known)[1]
         units = (_unit(drive, DRIVES, "Nm")[0], _unit(position, LENGTHS, "rad")[0])
         return cls(**picked, units=units)
 

@@ -134,8 +134,12 @@ def search(
                 found.base = found.model = before
                 found.trials = trials
             taken = first_sound(bench, evidence, null)
-            if taken is not None and getattr(found.model, "has_play", False) and taken.explained < 0.66 * gap:
-                taken = None  # what impacts leave over follows everything a little
+            if (
+                taken is not None
+                and getattr(found.model, "has_play", False)
+                and taken.explained < judge.BESIDE_A_PLAY * gap
+            ):
+                taken = None
             found.rounds.append(Round(number, gap, evidence, trials, taken, before))
             if taken is None:
                 break
