@@ -9,6 +9,10 @@ import pytest
 
 from tests.blind.servo import COLUMNS, make_case
 from whsklearn.gap import VERDICTS, GapFinder
+from whsklearn.gap.axis_model import Term
+from whsklearn.gap.bench import labelled_errors, make_bench
+from whsklearn.gap.candidates import CATALOGUE
+from whsklearn.gap.record import ServoRecord
 
 SHORT = {"seconds": 14.0, "rate": 500.0, "noise": 1e-4}
 
@@ -44,11 +48,17 @@ def test_a_reading_in_degrees_is_taken_as_such(cogging):
     assert again.effects_[0].effect.labelled()["order"] == pytest.approx(finder.effects_[0].effect.order, rel=1e-6)
 
 
-def test_errors_are_told_where_the_fitted_stretches_do_not_hold_the_change():
-    case = make_case("named", 61, effects=("parameter_change",), size=0.1, **SHORT)
-    finder = GapFinder("servo", n_twins=0).fit(case.frame, **COLUMNS)
-    assert [e.name for e in finder.effects_] == ["parameter_change"]
-    assert all(v > 0 for v in finder.effects_[0].standard_errors.values())
+def test_a_number_that_moves_no_fitted_sample_has_no_standard_error():
+    case = make_case("none", 61, **SHORT)
+    record = ServoRecord.from_frame(case.frame, **COLUMNS)
+    _, model = make_bench(record)
+    kind = next(c for c in CATALOGUE if c.name == "parameter_change")
+    model = model.with_term(Term(kind, (0.01, 6.0)))
+    jac = np.random.default_rng(0).standard_normal((200, model.vector().size))
+    jac[:, -1] = 0.0  # its time lies between two fitted stretches
+    _, errors = labelled_errors(model, 2, model.vector(), np.full(200, 1e-3), jac)
+    assert errors["change"] > 0
+    assert "time_s" not in errors
 
 
 @pytest.mark.parametrize("seed", [3, 4, 5])
