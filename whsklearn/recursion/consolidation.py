@@ -6,8 +6,7 @@ window of p samples does for the newest ones.  What lies before the memory enter
 Gaussian prior (theta_0, information), as in moving-horizon estimation (Rao, Rawlings,
 Mayne 2003, IEEE TAC 48(2)).
 
-A re-run of thousands of samples takes milliseconds, longer than a control loop can wait, so both
-steps can be done in parts: `work` holds where they stand and how many samples they may still read.
+Like a re-run itself (`replay`) it can be done in parts, so that no sample has to wait for it.
 """
 
 from __future__ import annotations
@@ -15,116 +14,23 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from whsklearn._delay_line import push
-from whsklearn.recursion.predictor import advance, parameter_count, predict
+from whsklearn.recursion.replay import (
+    AT,
+    BUDGET,
+    COST,
+    DAMPING,
+    HEAD,
+    HUGE,
+    ITERATION,
+    PHASE,
+    TOTAL,
+    UNBOUNDED,
+    replay_part,
+    work_size,
+)
 from whsklearn.systems.stability import is_stable
 
-HUGE = 1e290
-UNBOUNDED = 1e18
-
-# the head of ``work``: sample, sum of squares, budget in samples | phase, iteration, damping, cost
-AT, TOTAL, BUDGET, PHASE, ITERATION, DAMPING, COST, HEAD = range(8)
 FIRST_RUN, PROPOSAL, TRIAL, DONE = range(4)
-
-
-@njit(cache=True, error_model="numpy")
-def work_size(dims, n_state):
-    """Length of ``work``: its head, n + n + n + n n numbers of a trial, two states, past u and y."""
-    n = parameter_count(dims)
-    return HEAD + n * (n + 3) + 2 * n_state + dims[0] + max(dims[3], 1)
-
-
-@njit(cache=True, error_model="numpy")
-def replay_part(
-    theta, dims, codes, shapes, kappa, origin, memory_u, memory_y, restarts, fill, history, tail, weights,
-    information, slope, state, work,
-):  # fmt: skip
-    """Go on with a `replay` for as many samples as the budget allows; True at its end.
-
-    It begins where ``work[AT]`` is 0 and leaves the sum in ``work[TOTAL]``.
-    """
-    n = theta.size
-    na, nd = dims[0], dims[3]
-    n_state = origin.size
-    psi = np.empty(n)
-    end = work.size
-    y_past = work[end - max(nd, 1) :]
-    end -= y_past.size
-    u_past = work[end - na : end]
-    end -= na
-    now = work[end - n_state : end]
-    m = memory_u.shape[1]
-    t = int(work[AT])
-    if t == 0:
-        work[TOTAL] = 0.0
-        information[:] = 0.0
-        slope[:] = 0.0
-        state[:] = origin
-        now[:] = origin
-        y_past[:] = 0.0
-        for i in range(na):
-            u_past[i] = memory_u[history - 1 - i // m, i % m]
-        for i in range(nd):
-            y_past[i] = memory_y[history - 1 - i]
-    total = work[TOTAL]
-    stop = min(fill, t + max(int(work[BUDGET]), 0))
-    work[BUDGET] -= stop - t
-    while t < stop:
-        if restarts[t]:
-            now[:] = 0.0
-            u_past[:] = 0.0
-            y_past[:] = 0.0
-        age = fill - 1 - t
-        if t == 0 or restarts[t] or age >= tail - 1:
-            state[:] = now
-        weight = min((age + 1.0) / tail, 1.0) * weights[t]
-        e = memory_y[history + t] - predict(theta, dims, now, y_past, 0, psi)
-        total += weight * e * e
-        if not total < HUGE:
-            work[TOTAL] = np.inf
-            return True
-        for i in range(n):
-            g = weight * psi[i]
-            slope[i] += g * e
-            for j in range(i + 1):
-                information[i, j] += g * psi[j]
-        advance(theta, dims, codes, shapes, kappa, now, u_past, 0)
-        if age >= tail - 1:
-            state[:] = now
-        push(u_past, memory_u[history + t])
-        for i in range(nd - 1, 0, -1):
-            y_past[i] = y_past[i - 1]
-        y_past[0] = memory_y[history + t]
-        t += 1
-    work[AT] = t
-    work[TOTAL] = total
-    if t < fill:
-        return False
-    for i in range(n):
-        for j in range(i):
-            information[j, i] = information[i, j]
-    return True
-
-
-@njit(cache=True, error_model="numpy")
-def replay(
-    theta, dims, codes, shapes, kappa, origin, memory_u, memory_y, restarts, fill, history, tail, weights,
-    information, slope, state,
-):  # fmt: skip
-    """Weighted sum of squared innovations of the memory, its Gauss-Newton matrix and slope.
-
-    ``memory_u[:history]`` precede the first sample, which is ``memory_u[history]``.  ``restarts`` tell
-    where an experiment begins, ``weights`` what forgetting has left of each sample.  The
-    last ``tail - 1`` samples count as far as the windows of p have used them.  ``state``
-    receives what holds before the first sample of the next window.
-    """
-    work = np.zeros(work_size(dims, origin.size))
-    work[BUDGET] = UNBOUNDED
-    replay_part(
-        theta, dims, codes, shapes, kappa, origin, memory_u, memory_y, restarts, fill, history, tail, weights,
-        information, slope, state, work,
-    )  # fmt: skip
-    return work[TOTAL]
 
 
 @njit(cache=True, error_model="numpy")

@@ -18,11 +18,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from whsklearn.recursion import rerun
-from whsklearn.recursion.consolidation import replay
 from whsklearn.recursion.covariance import WIND_UP, inflate
 from whsklearn.recursion.page import PageRerun, shift_memory
 from whsklearn.recursion.predictor import state_size
 from whsklearn.recursion.reading import Reading, State
+from whsklearn.recursion.replay import replay
 from whsklearn.recursion.starts import random_start
 from whsklearn.recursion.subinnovations import MOVING, STILL, mark_still, run_windows
 

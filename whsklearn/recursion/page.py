@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from whsklearn.recursion.consolidation import AT, BUDGET, PHASE, UNBOUNDED, refine_part, work_size
+from whsklearn.recursion.consolidation import refine_part
+from whsklearn.recursion.replay import AT, BUDGET, PHASE, UNBOUNDED, work_size
 from whsklearn.recursion.rerun import (
     LADDER,
     adopted,

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from whsklearn.recursion.consolidation import AT, BUDGET, COST, HEAD, PHASE, UNBOUNDED, refine_part, work_size
+from whsklearn.recursion.consolidation import refine_part
 from whsklearn.recursion.covariance import factorise
 from whsklearn.recursion.predictor import motion
+from whsklearn.recursion.replay import AT, BUDGET, COST, HEAD, PHASE, UNBOUNDED, work_size
 from whsklearn.recursion.starts import least_squares_start, random_start, term_scales
 from whsklearn.recursion.subinnovations import relative_sharpness
 
