@@ -1,37 +1,19 @@
-"""Has the system changed?  An alarm with a stated rate of false ones, and a sentence on what changed.
-
-`ChangeAlarm` watches the innovations of an estimator, for changes faster than the
-estimator's own tracking.  `compare_parameters` sets two estimates with their covariances
-side by side, for those that the estimator has followed without surprise ("coulomb rose
-20 % since Tuesday").
-"""
+"""An alarm on an estimator's innovations, with a stated rate of false ones."""
 
 from __future__ import annotations
 
-import functools
-import math
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from sklearn.base import BaseEstimator
 
-from whsklearn._alarm_kernel import watch
 from whsklearn._real import real_array
+from whsklearn.change.cells import LEVELS, N_BETS, tilts
+from whsklearn.change.kernel import watch
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["ChangeAlarm", "ParameterChange", "compare_parameters", "forgetting_after", "set_forgetting"]
-
-# Cells by their tail probability: fine in the tails, where a change shows first.
-_TAIL = np.array([0.001, 0.004, 0.012, 0.03, 0.07, 0.14, 0.24, 0.36])
-_LEVELS = np.r_[_TAIL, 0.5, 1 - _TAIL[::-1]]
-_BETS = ((0.0, 1.2), (0.0, 1.6), (0.0, 3.0), (0.25, 1.0), (-0.25, 1.0), (1.0, 1.0), (-1.0, 1.0))  # shift, spread
-_LARGEST_TILT = 10.0  # so that a burst of a few outliers, such as a sign() that flips, is no alarm
-_QUICK_MEMORY = 200.0  # samples, right after a change
 _MOST = 1e6  # samples remembered by the cell frequencies
 
 
@@ -114,7 +96,7 @@ class ChangeAlarm(BaseEstimator):
             if self._buffer is not None:
                 start = self._learn(e, start)
                 continue
-            learnt = (self._past, self._ar, self._edges, _tilts(), self._counts, self._evidence)
+            learnt = (self._past, self._ar, self._edges, tilts(), self._counts, self._evidence)
             at = int(watch(e, start, *learnt, float(self.interval), _MOST))
             if at < 0:
                 break
@@ -191,157 +173,12 @@ class ChangeAlarm(BaseEstimator):
         assert reference is not None
         self._ar = _autoregression(reference, m)
         white = reference[m:] - sum((self._ar[i] * reference[m - 1 - i : -1 - i] for i in range(m)), np.zeros(1))
-        self._edges = np.quantile(white, _LEVELS)
+        self._edges = np.quantile(white, LEVELS)
         cells = np.searchsorted(self._edges, white)
-        self._counts = np.bincount(cells, minlength=_LEVELS.size + 1).astype(np.float64)
+        self._counts = np.bincount(cells, minlength=LEVELS.size + 1).astype(np.float64)
         self._past = reference[::-1][:m].copy()
-        self._evidence = np.zeros(len(_BETS))
+        self._evidence = np.zeros(N_BETS)
         self._buffer = None
-
-
-@dataclass(frozen=True)
-class ParameterChange:
-    """One parameter before and after, with the standard error of the difference."""
-
-    name: str
-    before: float
-    after: float
-    standard_error: float
-    z: float
-    significant: bool
-
-    @property
-    def percent(self) -> float:
-        """Change of the parameter's size in per cent of what it was; inf if it was zero."""
-        if self.before == 0:
-            return math.inf if self.after else 0.0
-        return 100.0 * (abs(self.after) - abs(self.before)) / abs(self.before)
-
-    def __str__(self) -> str:
-        if self.before * self.after < 0:
-            what = "changed sign"
-        else:
-            what = f"{'rose' if self.percent > 0 else 'fell'} {abs(self.percent):.3g} %"
-        return f"{self.name} {what} ({self.before:.4g} to {self.after:.4g}, standard error {self.standard_error:.2g})"
-
-
-def compare_parameters(
-    names: Sequence[str],
-    before: ArrayLike,
-    before_covariance: ArrayLike,
-    after: ArrayLike,
-    after_covariance: ArrayLike,
-    level: float = 0.01,
-) -> list[ParameterChange]:
-    """Which parameters changed between two estimates, the surest first.
-
-    Parameters
-    ----------
-    names : sequence of str
-        One a parameter.
-    before, after : array-like of shape (n_params,)
-        The two estimates.
-    before_covariance, after_covariance : array-like of shape (n_params, n_params) or (n_params,)
-        Their covariances, or the squared standard errors.
-    level : float, default=0.01
-        Probability that any parameter is called changed though none did (Bonferroni over the parameters).
-
-    Raises
-    ------
-    ValueError
-        If sizes do not fit or a variance is negative.
-
-    Notes
-    -----
-    The two estimates are taken as independent, which they nearly are if their effective memories,
-    1 / (1 - forgetting) samples each, do not overlap.
-
-    Examples
-    --------
-    >>> from whsklearn.change import compare_parameters
-    >>> changes = compare_parameters(["viscous", "coulomb"], [0.05, 0.70], [1e-6, 1e-4], [0.0501, 0.84], [1e-6, 1e-4])
-    >>> print(*[c for c in changes if c.significant])
-    coulomb rose 20 % (0.7 to 0.84, standard error 0.014)
-    """
-    from scipy.special import ndtri
-
-    old, new = real_array(before, "before"), real_array(after, "after")
-    variances = [
-        np.diag(v) if v.ndim == 2 else v
-        for v in map(real_array, (before_covariance, after_covariance), ("before_covariance", "after_covariance"))
-    ]
-    if not (old.shape == new.shape == variances[0].shape == variances[1].shape == (len(names),)):
-        raise ValueError(
-            f"compare_parameters: {len(names)} names, estimates of shapes {old.shape} and {new.shape}, variances of "
-            f"shapes {variances[0].shape} and {variances[1].shape}; give one of each a parameter."
-        )
-    total = variances[0] + variances[1]
-    if not np.all(total >= 0) or not 0 < level < 1:
-        raise ValueError("compare_parameters: expected variances >= 0 and 0 < level < 1; check the covariances.")
-    limit = float(-ndtri(level / 2 / max(len(names), 1)))
-    changes = []
-    for name, b, a, error in zip(names, old.tolist(), new.tolist(), np.sqrt(total).tolist(), strict=True):
-        z = (a - b) / error if error > 0 else math.copysign(math.inf, a - b) if a != b else 0.0
-        changes.append(ParameterChange(name, b, a, error, z, abs(z) > limit))
-    return sorted(changes, key=lambda c: -abs(c.z))
-
-
-def forgetting_after(rows: int, settled: float = 1.0) -> float:
-    """Forgetting factor for the sample that comes ``rows`` samples after a change was noticed.
-
-    1 - 1 / (200 + rows): what came since the change is kept with weights that fall linearly
-    into the past, so the memory grows with the time since the change, and the estimate
-    settles.  What was learnt before goes at once, by the estimator's ``forget_past``.
-
-    Parameters
-    ----------
-    rows : int
-        Samples since the change was noticed.
-    settled : float, default=1
-        Forgetting factor to which it settles.
-
-    Examples
-    --------
-    >>> from whsklearn.change import forgetting_after
-    >>> [round(forgetting_after(n), 4) for n in (0, 999, 2000, 100_000)]
-    [0.995, 0.9992, 0.9995, 1.0]
-    """
-    return min(settled, 1.0 - 1.0 / (_QUICK_MEMORY + max(rows, 0)))
-
-
-def set_forgetting(model: Any, forgetting: float) -> None:
-    """Let a recursive estimator forget at another rate from its next sample on, mid-stream.
-
-    Lowered for a while after an alarm, it makes room for what is new; raised again, the
-    estimate settles.
-
-    Parameters
-    ----------
-    model : estimator
-        With a parameter ``forgetting``; what it has learnt stays.
-    forgetting : float
-        In (0, 1].
-
-    Raises
-    ------
-    ValueError
-        If it is out of range.
-
-    Examples
-    --------
-    >>> from whsklearn import RLSRegressor
-    >>> from whsklearn.change import set_forgetting
-    >>> model = RLSRegressor().partial_fit([[1.0], [2.0]], [2.0, 4.0])
-    >>> set_forgetting(model, 0.99)
-    >>> model.forgetting
-    0.99
-    """
-    if not 0 < forgetting <= 1:
-        raise ValueError(f"set_forgetting: forgetting is {forgetting!r}, expected a number above 0 and at most 1.")
-    model.set_params(forgetting=forgetting)
-    schedule = getattr(model, "state_", {}).get("forgetting")
-    if schedule is not None:  # the exact gradient carries its schedule: present value, final value, rate
-        schedule[:2] = forgetting
 
 
 def _autoregression(e: NDArray[np.float64], order: int) -> NDArray[np.float64]:
@@ -352,13 +189,3 @@ def _autoregression(e: NDArray[np.float64], order: int) -> NDArray[np.float64]:
         return np.zeros(order)
     toeplitz = r[np.abs(np.subtract.outer(np.arange(order), np.arange(order)))]
     return np.linalg.solve(toeplitz + 1e-9 * r[0] * np.eye(order), r[1:])
-
-
-@functools.cache
-def _tilts() -> NDArray[np.float64]:
-    """f_k of each cell: what a normal law with the bet's shift and spread puts there, over the nominal probability."""
-    from scipy.special import ndtr, ndtri
-
-    edges = np.r_[-np.inf, ndtri(_LEVELS), np.inf]
-    tilts = np.array([np.diff(ndtr((edges - m) / s)) / np.diff(ndtr(edges)) for m, s in _BETS])
-    return np.minimum(tilts, _LARGEST_TILT)
