@@ -46,6 +46,31 @@ def test_the_file_holds_what_other_programs_read(drag):
     assert {c["name"] for c in out["candidates"]} >= {"dead_zone", "cogging", "backlash", "output_offset"}
 
 
+def test_rounding_is_told_beside_another_effect():
+    case = blind.make_case("pair", 21, effects=("hardening_spring", "quantization"), size=0.05, noise=35.0, n=1500)
+    finder = diagnose(case)
+    assert {e.name for e in finder.effects_} == {"hardening_spring", "quantization"}
+    told = next(e for e in finder.effects_ if e.name == "quantization")
+    assert told.effect.labelled()["step"] == pytest.approx(case.parameters[1]["size"], rel=1e-6)
+
+
+def test_a_strong_saturation_does_not_leave_the_blocks_bent():
+    # clipped that hard, the model without it ends with zeros in the wrong blocks
+    case = blind.make_case("named", 16006, effects=("saturation",))
+    finder = diagnose(case)
+    assert finder.verdict_ == "named"
+    assert [e.name for e in finder.effects_] == ["saturation"]
+    assert finder.diagnosis_.after["rmse"] < 0.3 * finder.diagnosis_.before["rmse"]
+
+
+def test_of_two_names_that_no_record_can_tell_apart_the_simpler_is_first():
+    case = blind.make_case("named", 16025, effects=("gravity_imbalance",))  # a cogging of order one
+    finder = diagnose(case)
+    assert finder.verdict_ == "named"
+    assert finder.effects_[0].name == "gravity_imbalance"
+    assert "cogging" in finder.effects_[0].aliases
+
+
 @pytest.mark.parametrize("kind", ["none", "coloured"])
 def test_silence_where_nothing_is_missing(kind):
     finder = diagnose(blind.make_case(kind, 4, noise=25.0, n=1500))

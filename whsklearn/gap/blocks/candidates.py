@@ -93,8 +93,13 @@ class Candidate:
 
     @property
     def n_numbers(self) -> int:
-        """Numbers the data must give, scanned ones included."""
+        """How many numbers the compiled chain takes."""
         return len(self.fields)
+
+    @property
+    def n_estimated(self) -> int:
+        """Numbers the data must give: those of the joint fit and those of a scan."""
+        return sum(self.is_free(i) or self.scanned > 1 for i in range(self.n_numbers))
 
     def is_free(self, i: int) -> bool:
         """Whether number i takes part in the joint fit."""

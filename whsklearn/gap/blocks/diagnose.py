@@ -8,11 +8,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from whsklearn.gap import judge, locate
+from whsklearn.gap.blocks.alike import aliases_of
 from whsklearn.gap.blocks.effects import FoundEffect, found_effect, standard_errors
 from whsklearn.gap.blocks.fit import refit
 from whsklearn.gap.blocks.model import BlockModel, Setting, chain, coloured, free_run, raw_errors
-from whsklearn.gap.blocks.score import ABSORBED, whiteness
-from whsklearn.gap.blocks.search import NEED, QUIET, Found, aliases_of, search
+from whsklearn.gap.blocks.rounds import NEED
+from whsklearn.gap.blocks.score import ABSORBED, FITS, whiteness
+from whsklearn.gap.blocks.search import search
+from whsklearn.gap.blocks.trial import Found
 from whsklearn.gap.blocks.words import next_step, sentence
 from whsklearn.gap.close import closure
 from whsklearn.gap.diagnosis import CandidateLine, Diagnosis, NamedEffect
@@ -25,7 +28,8 @@ if TYPE_CHECKING:
 
 HORIZONS = (1, 10)  # samples, beside the free run
 GOOD_FIT = 0.03  # share of what is explained that generic functions may still find after a confident name
-FITS = 2e-3  # p-value below which an effect that was taken leaves something over
+NEARLY, FAINT = 0.9, 1e-4  # a share explained and a p-value with which a little may be left
+QUIET = 1e-4  # p-value below which something is left
 
 
 def diagnose(
@@ -40,8 +44,6 @@ def diagnose(
     step = coarse_grid(s, found)
     if step and d.verdict in ("no_gap", "coloured_noise", "unknown"):
         d.verdict = "named"
-        grid = FoundEffect("quantization", "sensor", "y = s round(q / s)", {"step": step})
-        d.effects.append(NamedEffect(grid, {}, 0.0, 0.95, 0.0))
     d.need = NEED
     d.interrupted = found.interrupted
     final = found.model
@@ -56,6 +58,9 @@ def diagnose(
             d.effects.append(
                 NamedEffect(effect, errors[i], t.delta_bic, share, 0.0, list(dict.fromkeys([*aliases, *close])))
             )
+    if step:
+        grid = FoundEffect("quantization", "sensor", "y = s round(q / s)", {"step": step})
+        d.effects.append(NamedEffect(grid, {}, 0.0, 0.95, 0.0))
     progress("prove")
     _prove(s, found, d)
     d.candidates = table(found, d)
@@ -103,7 +108,7 @@ def verdict_of(s: Setting, found: Found, close: list[list[str]], tolerance: floa
     explained = found.base_cost - found.cost
     remains = left.share * found.cost
     closed = explained / max(explained + remains, 1e-300)
-    if left.p_value < FITS and remains > GOOD_FIT * explained:
+    if left.p_value < FITS and remains > GOOD_FIT * explained and not (closed >= NEARLY and left.p_value > FAINT):
         return "partial" if closed >= 0.5 else "unknown"
     return "ambiguous" if any(close) else "named"
 
@@ -114,8 +119,9 @@ def coarse_grid(s: Setting, found: Found) -> float:
     if not step or step / math.sqrt(12.0) < 0.003 * float(np.sqrt(np.mean(s.y**2))):
         return 0.0
     nd = int(s.dims[3])
-    gain = 1.0 + float(np.sum(found.base.theta[found.base.theta.size - nd :] ** 2))
-    return step if gain * step**2 / 12.0 > 0.15 * float(np.mean(_uncoloured(s, found.base) ** 2)) else 0.0
+    gain = 1.0 + float(np.sum(found.model.theta[found.model.theta.size - nd :] ** 2))
+    errors = _capped(raw_errors(s, found.model))
+    return step if gain * step**2 / 12.0 > 0.15 * float(np.mean(errors**2)) else 0.0
 
 
 def _uncoloured(s: Setting, m: BlockModel) -> Array:

@@ -11,6 +11,7 @@ from whsklearn.gap.blocks.candidates import Scales
 from whsklearn.gap.blocks.model import (
     BlockModel,
     Setting,
+    Term,
     chain,
     coloured,
     from_vector,
@@ -20,6 +21,7 @@ from whsklearn.gap.blocks.model import (
     stable_blocks,
     to_vector,
 )
+from whsklearn.recursion.exchange import exchanged
 from whsklearn.recursion.starts import least_squares_start, random_start, term_scales
 
 if TYPE_CHECKING:
@@ -58,6 +60,11 @@ def deviance(e: Array) -> tuple[float, Array]:
     return n * variance * float(np.exp(np.mean(capped) - 1.0)), w
 
 
+def _plain(e: Array) -> tuple[float, Array]:
+    """(sum of squares, equal weights)."""
+    return float(e @ e), np.ones_like(e)
+
+
 def cost(s: Setting, m: BlockModel) -> float:
     """Sum of squares over the samples of the fit, outliers capped."""
     return deviance(coloured(raw_errors(s, m), m.ar)[s.fit])[0]
@@ -69,14 +76,22 @@ def rms_dx(s: Setting, m: BlockModel) -> float:
 
 
 def climb(
-    s: Setting, m: BlockModel, z: Scales, *, steps: int = 12, tolerance: float = 1e-6, colour: bool = True
+    s: Setting,
+    m: BlockModel,
+    z: Scales,
+    *,
+    steps: int = 12,
+    tolerance: float = 1e-6,
+    colour: bool = True,
+    capped: bool = True,
 ) -> tuple[BlockModel, float]:
     """Levenberg-Marquardt at the model's sharpness; (model, sum of squares)."""
+    measure = deviance if capped else _plain
     keep = slice(None) if colour else slice(0, -m.ar.size if m.ar.size else None)
     x = to_vector(m, z)
     base = raw_errors(s, m)
     e = coloured(base, m.ar)[s.fit]
-    best, w = deviance(e)
+    best, w = measure(e)
     damping = 1e-3
     for _ in range(steps):
         root = np.sqrt(w)
@@ -93,7 +108,7 @@ def climb(
             if stable_blocks(s, trial.theta):
                 trial_base = raw_errors(s, trial)
                 trial_e = coloured(trial_base, trial.ar)[s.fit]
-                now, trial_w = deviance(trial_e)
+                now, trial_w = measure(trial_e)
                 if now < best:
                     improved = True
                     break
@@ -109,12 +124,25 @@ def climb(
 
 
 def sharpen(
-    s: Setting, m: BlockModel, z: Scales, rungs: tuple[float, ...] = LADDER, *, steps: int = 8, colour: bool = True
+    s: Setting,
+    m: BlockModel,
+    z: Scales,
+    rungs: tuple[float, ...] = LADDER,
+    *,
+    steps: int = 8,
+    colour: bool = True,
+    capped_from: float = 0.0,
 ) -> tuple[BlockModel, float]:
-    """Climb over ever sharper signs; the rung with the least sum of squares answers."""
+    """Climb over ever sharper signs; the rung with the least capped sum of squares answers.
+
+    On the rungs below ``capped_from`` no sample is taken for an outlier: under a soft sign those beside a reversal
+    tell on which side of it the model is.
+    """
     best: tuple[BlockModel, float] | None = None
     for relative in rungs:
-        m, value = climb(s, m.at(relative / rms_dx(s, m)), z, steps=steps, colour=colour)
+        capped = relative >= capped_from
+        m, value = climb(s, m.at(relative / rms_dx(s, m)), z, steps=steps, colour=colour, capped=capped)
+        value = value if capped else cost(s, m)
         if best is None or value < best[1]:
             best = m, value
     assert best is not None
@@ -141,13 +169,13 @@ def start_thetas(s: Setting, rng: np.random.Generator, n_starts: int) -> list[Ar
 
 
 def fit_base(
-    s: Setting, rng: np.random.Generator, *, n_starts: int = 24, keep: int = 4
+    s: Setting, rng: np.random.Generator, *, n_starts: int = 24, keep: int = 4, terms: tuple[Term, ...] = ()
 ) -> list[tuple[BlockModel, float]]:
-    """Separate minima of the base model on the whole fit, the least first."""
+    """Separate minima of the model with these effects on the whole fit, the least first."""
     short = shortened(s, MULTISTART_SAMPLES)
     first: list[tuple[float, BlockModel]] = []
     for theta in start_thetas(short, rng, n_starts):
-        m = BlockModel(theta, ar=np.zeros(0))
+        m = BlockModel(theta, terms, ar=np.zeros(0))
         m = m.at(1.0 / rms_dx(short, m))
         z = signal_scales(short, m)
         m, value = climb(short, m, z, steps=6, tolerance=1e-3)
@@ -158,6 +186,8 @@ def fit_base(
         m, value = sharpen(short, m, signal_scales(short, m), (1.0, 3.0, 10.0), steps=10)
         second.append((value, m))
     second.sort(key=lambda f: f[0])
+    second += [f for _, m in separate(second, 1e-3)[:2] for f in _other_sides(short, m)]
+    second.sort(key=lambda f: f[0])
     out = []
     long = s.u.size > 3 * MULTISTART_SAMPLES
     rungs = (30.0, 300.0, 1000.0) if long else LADDER[2:]
@@ -165,6 +195,24 @@ def fit_base(
         full = dataclasses.replace(m, ar=BlockModel(m.theta).ar)
         out.append(sharpen(s, full, signal_scales(s, full), rungs, steps=6 if long else 10))
     return sorted(out, key=lambda f: f[1])
+
+
+def _other_sides(s: Setting, m: BlockModel) -> list[tuple[float, BlockModel]]:
+    """What a minimum becomes with zeros or poles in the other block."""
+    kernel = (s.dims, s.law.codes, s.law.shapes)
+    restart = np.zeros(s.u.size, dtype=bool)
+    restart[0] = True
+    u = np.ascontiguousarray(s.u[:, None])
+    out = []
+    for theta in exchanged(m.theta, tuple(int(d) for d in s.dims)):
+        start = dataclasses.replace(m, theta=least_squares_start(theta, kernel, u, s.y, restart))
+        if not np.isfinite(start.theta).all() or not stable_blocks(s, start.theta):
+            continue
+        start = start.at(1.0 / rms_dx(s, start))
+        found, value = climb(s, start, signal_scales(s, start), steps=6, tolerance=1e-3)
+        found, value = sharpen(s, found, signal_scales(s, found), (1.0, 3.0, 10.0), steps=6)
+        out.append((value, found))
+    return out
 
 
 def separate(found: list[tuple[float, BlockModel]], share: float) -> list[tuple[float, BlockModel]]:
@@ -177,12 +225,14 @@ def separate(found: list[tuple[float, BlockModel]], share: float) -> list[tuple[
 
 
 def refit(
-    s: Setting, m: BlockModel, z: Scales, *, thorough: bool = False, quick: bool = False
+    s: Setting, m: BlockModel, z: Scales, *, thorough: bool = False, quick: bool = False, soft: bool = False
 ) -> tuple[BlockModel, float]:
-    """The joint refit of a model that stands near its minimum."""
+    """The joint refit of a model that stands near its minimum; ``soft`` also goes there by way of soft signs."""
     here = climb(s, m, z, steps=10) if np.isfinite(m.kappa) else None
     if quick and here is not None:
         return here
     rungs = (3.0, 10.0, 30.0, 100.0, 300.0, 1000.0) if thorough else (30.0, 150.0, 1000.0)
-    best = sharpen(s, m, z, rungs, steps=10 if thorough else 6)
-    return best if here is None or best[1] <= here[1] else here
+    ways = [sharpen(s, m, z, rungs, steps=10 if thorough else 6)]
+    if soft:
+        ways.append(sharpen(s, m, z, (30.0, 100.0, 300.0, 1000.0), steps=8, capped_from=50.0))
+    return min(ways if here is None else [*ways, here], key=lambda w: w[1])

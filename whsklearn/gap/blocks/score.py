@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 SHARPNESS = 100.0
 SOFT = 10.0  # of the sign while signatures are taken, times rms dx
+FITS = 2e-3  # p-value below which an effect that was taken leaves something over
 ABSORBED = 0.02  # least part of a signature that the model's own parameters must leave over
 
 
@@ -41,12 +42,15 @@ class Screened:
         Share of the signature that the model's own parameters cannot make.
     signature : ndarray
         What is left of it, over the samples of the fit, unit length columns.
+    soft : bool
+        Whether it showed under a soft sign, by way of which a refit should then go.
     """
 
     term: Term
     gain: float
     left: float
     signature: Array
+    soft: bool = False
 
     @property
     def name(self) -> str:
@@ -81,7 +85,7 @@ def take_stand(s: Setting, m: BlockModel, z: Scales, sharpness: float = SHARPNES
         soft, _ = climb(s, soft, z, steps=4)
     base = raw_errors(s, soft)
     errors = coloured(base, soft.ar)[s.fit]
-    root = np.sqrt(weights_of(errors)[0])
+    root = np.ones(errors.size) if much else np.sqrt(weights_of(errors)[0])
     rows = jacobian(s, soft, z, base)[s.fit]
     if much:
         moved = [coloured(raw_errors(s, soft.at(f * soft.kappa)) - base, soft.ar)[s.fit] for f in (0.6, 0.8, 1.3, 2.0)]
