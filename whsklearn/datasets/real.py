@@ -7,20 +7,24 @@ from __future__ import annotations
 
 import hashlib
 import os
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from sklearn.utils import Bunch
 
+from whsklearn.datasets.publishers import KR300_FOLDER, download_emps, download_kr300
+
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     import pandas as pd
 
 __all__ = ["FORCE_PER_VOLT", "fetch_emps", "fetch_kr300"]
 
 FORCE_PER_VOLT = 35.15065188248547
 _EMPS_PAGE = "https://www.nonlinearbenchmark.org/benchmarks/emps"
-_EMPS_ADDRESS = "https://drive.google.com/uc?export=download&id=1zwoXYa9-3f8NQ0ohzmjpF7UxbNgRTHkS"
 _EMPS_FILES = {"train": ("emps_train.csv", "DATA_EMPS.mat"), "test": ("emps_test.csv", "DATA_EMPS_PULSES.mat")}
 _EMPS_COLUMNS = ["time_s", "drive_V", "force_N", "position_m", "reference_m"]
 _EMPS_UNITS = {"time": "s", "drive": "V", "force": "N", "position": "m", "reference": "m"}
@@ -33,9 +37,7 @@ A. Janot, M. Gautier, M. Brunot: Data Set and Reference Models of EMPS. Workshop
 Benchmarks, Eindhoven, 2019."""
 
 _KR300_PAGE = "https://github.com/JonasWeigand/Robot_Identification"
-_KR300_COMMIT = "454c8e6d4f6f9a9ec0b2fcb10b4cb958ac702e55"
-_KR300_ADDRESS = "https://raw.githubusercontent.com/JonasWeigand/Robot_Identification"
-_KR300_FOLDER = "data/recorded_trajectories/2020-10-21 10s FF {} 08ms"
+_KR300_FILES = {k: (f"kr300_axis1_{k}.csv", f"{Path(KR300_FOLDER.format(k)).name}/data.mat") for k in "ABC"}
 _KR300_COLUMNS = [
     "time_s",
     "motor_torque_Nm",
@@ -82,7 +84,7 @@ def fetch_emps(folder: str | os.PathLike[str] | None = None, *, download: bool =
         Holds ``emps_train.csv`` and ``emps_test.csv``, or the publishers' ``DATA_EMPS.mat`` and
         ``DATA_EMPS_PULSES.mat``, directly or in ``emps/``; ``WHSKLEARN_DATA`` by default.
     download : bool, default=True
-        Fetch the publishers' file where no folder has them; needs pooch and the network.
+        Fetch the publishers' files where no folder has them; needs pooch and the network.
     verify : bool, default=True
         Compare the numbers with the checksum of the published ones.
 
@@ -99,18 +101,7 @@ def fetch_emps(folder: str | os.PathLike[str] | None = None, *, download: bool =
     ValueError
         If a file lacks a column or its numbers are not the published ones.
     """
-    where = _find(folder, "emps", list(_EMPS_FILES.values()))
-    if where is None and download:
-        where = _download_emps()
-    if where is None:
-        raise FileNotFoundError(_missing("EMPS", folder, "emps/emps_train.csv and emps/emps_test.csv", _EMPS_PAGE))
-    frames = {}
-    for name, files in _EMPS_FILES.items():
-        path = next(where / f for f in files if (where / f).is_file())
-        frame = _read_emps_mat(path) if path.suffix == ".mat" else _read_csv(path, _EMPS_COLUMNS)
-        if verify:
-            _verify(f"emps_{name}", frame[["drive_V", "position_m", "reference_m"]], path)
-        frames[name] = frame
+    frames = _frames(_EMPS, folder, download, verify)
     return Bunch(
         **frames,
         sample_rate=1000.0,
@@ -130,10 +121,8 @@ def fetch_kr300(folder: str | os.PathLike[str] | None = None, *, download: bool 
         Holds ``kr300_axis1_A.csv``, ``_B`` and ``_C``, or the publishers' folders
         ``2020-10-21 10s FF A 08ms`` and so on with a ``data.mat`` in each, directly or in ``kr300/``;
         ``WHSKLEARN_DATA`` by default.
-    download : bool, default=True
-        Fetch the publishers' three files where no folder has them; needs pooch and the network.
-    verify : bool, default=True
-        Compare the numbers with the checksum of the published ones.
+    download, verify : bool, default=True
+        As for `fetch_emps`.
 
     Returns
     -------
@@ -144,10 +133,8 @@ def fetch_kr300(folder: str | os.PathLike[str] | None = None, *, download: bool 
 
     Raises
     ------
-    FileNotFoundError
-        If the records are neither in a folder nor can be fetched; the message says where they are.
-    ValueError
-        If a file lacks a column or its numbers are not the published ones.
+    FileNotFoundError, ValueError
+        As `fetch_emps`.
 
     Notes
     -----
@@ -155,19 +142,7 @@ def fetch_kr300(folder: str | os.PathLike[str] | None = None, *, download: bool 
     their programs read (``rec``: six rows, one an axis). Both are read off their sources; the download
     itself could not be tried where this was written, so the checksum of the numbers has the last word.
     """
-    files = {k: (f"kr300_axis1_{k}.csv", f"{Path(_KR300_FOLDER.format(k)).name}/data.mat") for k in "ABC"}
-    where = _find(folder, "kr300", list(files.values()))
-    if where is None and download:
-        where = _download_kr300()
-    if where is None:
-        raise FileNotFoundError(_missing("KR300", folder, "kr300/kr300_axis1_A.csv, _B and _C", _KR300_PAGE))
-    frames = {}
-    for name, names in files.items():
-        path = next(where / f for f in names if (where / f).is_file())
-        frame = _read_kr300_mat(path) if path.suffix == ".mat" else _read_csv(path, _KR300_COLUMNS)
-        if verify:
-            _verify(f"kr300_{name}", frame.iloc[:, 1:], path)
-        frames[name] = frame
+    frames = _frames(_KR300, folder, download, verify)
     return Bunch(
         **frames,
         sample_rate=250.0,
@@ -176,6 +151,25 @@ def fetch_kr300(folder: str | os.PathLike[str] | None = None, *, download: bool 
         description=_KR300_TEXT,
         citation=_KR300_CITATION,
     )
+
+
+def _frames(
+    records: _Records, folder: str | os.PathLike[str] | None, download: bool, verify: bool
+) -> dict[str, pd.DataFrame]:
+    """Every record, from where it is found first: a folder, else its publishers."""
+    where = _find(folder, records.stem, list(records.files.values()))
+    if where is None and download:
+        where = records.download()
+    if where is None:
+        raise FileNotFoundError(_missing(records, folder))
+    frames = {}
+    for name, files in records.files.items():
+        path = next(where / f for f in files if (where / f).is_file())
+        frame = records.read_mat(path) if path.suffix == ".mat" else _read_csv(path, records.columns)
+        if verify:
+            _verify(f"{records.stem}_{name}", frame[records.measured], path)
+        frames[name] = frame
+    return frames
 
 
 def _find(folder: str | os.PathLike[str] | None, name: str, wanted: list[tuple[str, ...]]) -> Path | None:
@@ -189,10 +183,13 @@ def _find(folder: str | os.PathLike[str] | None, name: str, wanted: list[tuple[s
     return None
 
 
-def _missing(name: str, folder: str | os.PathLike[str] | None, files: str, page: str) -> str:
+def _missing(records: _Records, folder: str | os.PathLike[str] | None) -> str:
     """The sentence about records that are not there."""
     place = f"{folder} does not hold" if folder is not None else "No folder was given and WHSKLEARN_DATA does not hold"
-    return f"The {name} records are not here: {place} {files}; get them from {page} and name their folder."
+    return (
+        f"The {records.name} records are not here: {place} {records.wanted}; get them from {records.page} and name "
+        "their folder."
+    )
 
 
 def _read_csv(path: Path, columns: list[str]) -> pd.DataFrame:
@@ -252,35 +249,26 @@ def _verify(name: str, frame: pd.DataFrame, path: Path) -> None:
         )
 
 
-def _download_emps() -> Path | None:
-    """The publishers' archive, unpacked in pooch's cache; None without pooch or the network."""
-    try:
-        import pooch
-    except ImportError:
-        return None
-    cache = Path(pooch.os_cache("whsklearn"))
-    try:
-        files = pooch.retrieve(_EMPS_ADDRESS, known_hash=None, fname="EMPS.zip", path=cache, processor=pooch.Unzip())
-    except Exception:  # whatever the network does wrong, the message of the caller says what to do
-        return None
-    found = {Path(f).name: Path(f).parent for f in files}
-    return found.get("DATA_EMPS.mat")
+@dataclass(frozen=True)
+class _Records:
+    """What tells one publication from another: its files, how they are read, where they are."""
+
+    name: str
+    stem: str
+    wanted: str
+    page: str
+    files: dict[str, tuple[str, str]]
+    columns: list[str]
+    measured: list[str]
+    read_mat: Callable[[Path], pd.DataFrame]
+    download: Callable[[], Path | None]
 
 
-def _download_kr300() -> Path | None:
-    """The publishers' three files in pooch's cache; None without pooch or the network."""
-    try:
-        import pooch
-    except ImportError:
-        return None
-    from urllib.parse import quote
-
-    cache = Path(pooch.os_cache("whsklearn")) / "kr300"
-    try:
-        for name in "ABC":
-            place = _KR300_FOLDER.format(name)
-            address = f"{_KR300_ADDRESS}/{_KR300_COMMIT}/{quote(place)}/data.mat"
-            pooch.retrieve(address, known_hash=None, fname="data.mat", path=cache / Path(place).name)
-    except Exception:  # whatever the network does wrong, the message of the caller says what to do
-        return None
-    return cache
+_EMPS = _Records(
+    "EMPS", "emps", "emps/emps_train.csv and emps/emps_test.csv", _EMPS_PAGE, _EMPS_FILES, _EMPS_COLUMNS,
+    ["drive_V", "position_m", "reference_m"], _read_emps_mat, download_emps,
+)  # fmt: skip
+_KR300 = _Records(
+    "KR300", "kr300", "kr300/kr300_axis1_A.csv, _B and _C", _KR300_PAGE, _KR300_FILES, _KR300_COLUMNS,
+    _KR300_COLUMNS[1:], _read_kr300_mat, download_kr300,
+)  # fmt: skip

@@ -1,0 +1,50 @@
+"""Where the publishers of measured records keep them, and how a copy is fetched into pooch's cache."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+_EMPS_ADDRESS = "https://drive.google.com/uc?export=download&id=1zwoXYa9-3f8NQ0ohzmjpF7UxbNgRTHkS"
+_KR300_ADDRESS = "https://raw.githubusercontent.com/JonasWeigand/Robot_Identification"
+_KR300_COMMIT = "454c8e6d4f6f9a9ec0b2fcb10b4cb958ac702e55"
+KR300_FOLDER = "data/recorded_trajectories/2020-10-21 10s FF {} 08ms"
+
+
+def download_emps() -> Path | None:
+    """Fetch and unpack the EMPS archive; None without pooch or the network."""
+    pooch = _pooch()
+    if pooch is None:
+        return None
+    cache = Path(pooch.os_cache("whsklearn"))
+    try:
+        files = pooch.retrieve(_EMPS_ADDRESS, known_hash=None, fname="EMPS.zip", path=cache, processor=pooch.Unzip())
+    except Exception:  # whatever the network does wrong, the message of the caller says what to do
+        return None
+    return {Path(f).name: Path(f).parent for f in files}.get("DATA_EMPS.mat")
+
+
+def download_kr300() -> Path | None:
+    """Fetch the three files of the KR300; None without pooch or the network."""
+    pooch = _pooch()
+    if pooch is None:
+        return None
+    cache = Path(pooch.os_cache("whsklearn")) / "kr300"
+    try:
+        for name in "ABC":
+            place = KR300_FOLDER.format(name)
+            address = f"{_KR300_ADDRESS}/{_KR300_COMMIT}/{quote(place)}/data.mat"
+            pooch.retrieve(address, known_hash=None, fname="data.mat", path=cache / Path(place).name)
+    except Exception:  # whatever the network does wrong, the message of the caller says what to do
+        return None
+    return cache
+
+
+def _pooch() -> Any:
+    """The downloader, None where it is not installed."""
+    try:
+        import pooch
+    except ImportError:
+        return None
+    return pooch
