@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from whsklearn.recursion.reading import Reading, State
 
 READ_PER_SAMPLE = 64  # a page takes 22 readings at most: with 64 it is done after seven tenths of the half page
-COST_OF_WINDOW = 8  # readings that one sample of the recursion costs
+COST_OF_WINDOW = 8  # readings that one sample of the recursion counts for
 
 
 def shift_memory(state: State, r: Reading, n: int) -> None:
