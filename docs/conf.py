@@ -51,4 +51,12 @@ suppress_warnings = ["ref.ref"]  # docstrings inherited from scikit-learn refer 
 html_theme = "pydata_sphinx_theme"
 html_title = "whsklearn"
 html_show_sourcelink = False
-html_theme_options = {"navigation_with_keys": False, "show_toc_level": 2, "secondary_sidebar_items": ["page-toc"]}
+html_static_path = ["_static"]
+html_css_files = ["wide.css"]
+html_sidebars = {"*": [], "auto_examples/*": []}  # the room is for code, tables and pictures
+html_theme_options = {
+    "navigation_with_keys": False,
+    "show_toc_level": 2,
+    "secondary_sidebar_items": ["page-toc"],
+    "header_links_before_dropdown": 4,
+}

@@ -8,10 +8,12 @@ signature. This page draws them all, place by place.
 
 On the left of each row is the effect itself: what it asks of the drive (or adds to the
 measured position) along a simulated run, against the quantity that it depends on. On the
-right is what an engineer sees: three seconds of the drive of the same controlled axis
-without the effect (grey) and with it (colour). Each effect is as large as 15 % of the
+right is what an engineer sees: the drive of the same controlled axis without the effect
+(grey) and with it (colour), in the three seconds where the two differ most. Each effect is as large as 15 % of the
 rms of the drive; offset and drift of the sensor, which no drive answers, of the position.
 """
+
+import textwrap
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -72,8 +74,18 @@ def draw_itself(ax, effect, record):
     against = AGAINST.get(effect.name, USUAL[effect.place])
     windows = {"presliding_hysteresis": slice(4600, 6400), "disturbance_tone": slice(0, 1000)}
     window = windows.get(effect.name, slice(None, None, 5))
-    ax.plot(signals[against][window], effect.contribution(signals)[window], ".", ms=1.5)
+    values = effect.contribution(signals)[window]
+    ax.plot(signals[against][window], values, ".", ms=1.5)
+    if np.ptp(values) == 0.0:
+        ax.set_ylim(sorted((0.0, 1.5 * values[0])))
     ax.set(xlabel=UNIT[against], ylabel="position, rad" if effect.port == "output" else "torque, Nm")
+
+
+def most_different(without, with_it, n=3000, first=2000):
+    """The n samples in which two drives differ most, after the start."""
+    power = np.convolve((with_it - without)[first:] ** 2, np.ones(n), mode="valid")
+    begin = first + int(np.argmax(power))
+    return slice(begin, begin + n)
 
 
 def draw_rows(names):
@@ -81,15 +93,15 @@ def draw_rows(names):
     effects = [draw_effect(name, axis, reference, 0.15, random_state=3) for name in names]
     records = simulate_many([axis, *(axis.with_effect(e) for e in effects)], reference=reference, noise=False)
     _figure, panels = plt.subplots(len(names), 2, figsize=(9, 2.1 * len(names)), squeeze=False, layout="constrained")
-    window = slice(4000, 7000)
     for (left, right), effect, record in zip(panels, effects, records[1:], strict=True):
         draw_itself(left, effect, record)
         label = effect.name if type(effect) is get_effect(effect.name) else type(effect).__name__
         left.set_title(label, loc="left", fontweight="bold", fontsize=10)
-        right.plot(records[0].time[window], records[0].drive[window], color="0.7", lw=1.5)
-        right.plot(record.time[window], record.drive[window], lw=0.8)
+        window = most_different(records[0].drive, record.drive)
+        right.plot(records[0].time[window], records[0].drive[window], color="0.75", lw=3.5)
+        right.plot(record.time[window], record.drive[window], lw=0.9)
         right.set(xlabel="time, s", ylabel="drive, Nm")
-        right.set_title(effect.equation.split(", d")[0].split(", c =")[0], loc="left", fontsize=8)
+        right.set_title(textwrap.shorten(effect.equation, 62, placeholder=" ..."), loc="left", fontsize=10)
     plt.show()
     for effect in effects:
         describe(type(effect))
@@ -98,16 +110,16 @@ def draw_rows(names):
 def describe(cls):
     """The entry of the catalogue in words."""
     label = cls.name if cls is get_effect(cls.name) else f"{cls.name}, {cls.__name__}"
-    print(f"{label}: {' '.join(cls.__doc__.split())}")
-    print(f"    equation   {cls.equation}")
+    print(f"{label}: {' '.join(cls.__doc__.split()).removeprefix(f'{cls.__name__}: ')}")
+    rows = {"equation": cls.equation}
     for field, q in cls.quantities.items():
-        size = " (size)" if field == cls.size else ""
-        print(f"    {field:10s} {q.low:g} to {q.high:g} {q.unit if q.unit != '1' else ''}{size}")
-    print(f"    signature  {cls.signature}")
-    print(f"    needs      {cls.needs}")
+        unit, size = "" if q.unit == "1" else f" {q.unit}", " (size)" if field == cls.size else ""
+        rows[field] = f"{q.low:g} to {q.high:g}{unit}{size}"
+    rows |= {"signature": cls.signature, "needs": cls.needs}
     if cls.aliases:
-        print(f"    alias      {', '.join(cls.aliases)}: drive and position alone cannot tell them apart")
-    print(f"    reference  {cls.reference}\n")
+        rows["alias"] = f"{', '.join(cls.aliases)}: drive and position alone cannot tell them apart"
+    rows["reference"] = cls.reference
+    print(*(f"    {name:14s} {value}" for name, value in rows.items()), "", sep="\n")
 
 
 # %%
@@ -131,6 +143,7 @@ draw_rows(effect_names("drive"))
 # ------------
 # What splits the one inertia in two: the load no longer is where the motor is.
 
+# sphinx_gallery_thumbnail_number = 3
 draw_rows(effect_names("transmission"))
 
 # %%
