@@ -14,7 +14,7 @@ DIMS = (2, 2, 2, 2, 3)
 
 def polynomials(theta, dims):
     """(numerator, denominator) of the chain of both blocks."""
-    na, nb, nc, nd, nw = dims
+    na, nb, nc, _, nw = dims
     a, b = theta[: na - 1], theta[na - 1 : na - 1 + nb]
     c0 = na - 1 + nb + nw
     c, d = theta[c0 : c0 + nc - 1], theta[c0 + nc - 1 :]

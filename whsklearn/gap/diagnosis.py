@@ -125,6 +125,7 @@ def verdict_of(
     gap_is_quiet: bool,
     follows: float,
     left: float = 0.0,
+    still: float = 0.0,
 ) -> str:
     """The verdict, from what was taken and what is left.
 
@@ -142,15 +143,18 @@ def verdict_of(
     left : float
         What is left, in units of the floor (of noise or tolerance): several effects together can imitate
         one that has no name, so they must leave next to nothing.
+    still : float
+        Cross-validated share of what is left that follows the motion: a neighbour of the true effect closes most
+        of the gap and leaves its own shape.
     """
     if not taken:
         if gap_is_quiet:
             return "no_gap"
-        return "unknown" if follows > 0.04 else "coloured_noise"
+        return "unknown" if follows > judge.FOLLOWS else "coloured_noise"
     if total_closure < judge.PARTIAL:
         return "unknown"
     need = 1.0 - (1.0 - judge.NAMED) / len(taken)
     repeated = len({e.name for e in taken}) < len(taken)
-    if total_closure < need or (len(taken) > 1 and (left > judge.LEFT_BY_SEVERAL or repeated)):
+    if total_closure < need or still > judge.FOLLOWS or (len(taken) > 1 and (left > judge.LEFT_BY_SEVERAL or repeated)):
         return "partial"
     return "ambiguous" if any(rivals) else "named"

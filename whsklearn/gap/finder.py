@@ -164,13 +164,14 @@ class GapFinder(BaseEstimator):
         follows = 0.0
         if not found.taken and not quiet:
             follows = explainable(bench, found.base_missing, found.base)
+        still = explainable(bench, bench.missing(found.model), found.model) if found.taken else 0.0
         if getattr(found.model, "has_play", False):  # knocks a sample early or late are torque for an instant, no path
             errors = [e if isinstance(e, float) else e.rmse for e in line.proof(bench, found, line.headline)]
-            total = max(total, closure(*errors))
+            total, still = max(total, closure(*errors)), 0.0
         rivals, shares = self._rivals(bench, found, rng)
         special = line.special(bench, found)
         left = after / max(floor, bench.tolerance * bench.scene.torque)
-        verdict = verdict_of(found.taken, total, rivals, bool(quiet), follows, left)
+        verdict = verdict_of(found.taken, total, rivals, bool(quiet), follows, left, still)
         diagnosis = Diagnosis(verdict, "")
         if special is not None and verdict == "no_gap":
             diagnosis.verdict, diagnosis.effects = special

@@ -20,6 +20,7 @@ LEAST_EVIDENCE, MOST_EVIDENCE = 40.0, 200.0
 LEAST_MARGIN = 10.0
 NAMED, PARTIAL = 0.88, 0.3  # closure
 LEFT_BY_SEVERAL = 2.5  # floors
+FOLLOWS = 0.04  # share of a gap that nameless functions of the motion must explain to be no noise
 BLOCKS_BETTER = 0.8
 STEEPEST_ERROR = 0.3  # rad a rad
 BESIDE_A_PLAY = 0.66  # share of the rms left beside a play: what impacts leave over follows everything a little

@@ -13,7 +13,7 @@ from whsklearn.gap.blocks.effects import FoundEffect, found_effect, standard_err
 from whsklearn.gap.blocks.fit import refit
 from whsklearn.gap.blocks.model import BlockModel, Setting, chain, coloured, free_run, raw_errors
 from whsklearn.gap.blocks.rounds import NEED
-from whsklearn.gap.blocks.score import ABSORBED, FITS, whiteness
+from whsklearn.gap.blocks.score import ABSORBED, whiteness
 from whsklearn.gap.blocks.search import search
 from whsklearn.gap.blocks.trial import Found
 from whsklearn.gap.blocks.words import next_step, sentence
@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 HORIZONS = (1, 10)  # samples, beside the free run
-GOOD_FIT = 0.03  # share of what is explained that generic functions may still find after a confident name
-NEARLY, FAINT = 0.9, 1e-4  # a share explained and a p-value with which a little may be left
+# what generic functions still find after a confident name: the plainer it is, the more must be explained beside it
+LEAVES = ((1e-4, 0.97), (0.05, 0.9))  # p-value below which so large a share is asked for
 QUIET = 1e-4  # p-value below which something is left
 
 
@@ -108,7 +108,7 @@ def verdict_of(s: Setting, found: Found, close: list[list[str]], tolerance: floa
     explained = found.base_cost - found.cost
     remains = left.share * found.cost
     closed = explained / max(explained + remains, 1e-300)
-    if left.p_value < FITS and remains > GOOD_FIT * explained and not (closed >= NEARLY and left.p_value > FAINT):
+    if any(left.p_value < p and closed < share for p, share in LEAVES):
         return "partial" if closed >= 0.5 else "unknown"
     return "ambiguous" if any(close) else "named"
 

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 
 CAP = 16.0  # what one sample can cost at the most, in variances
 LADDER = (1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)  # kappa times rms dx
+SOFT_RUNGS = (30.0, 100.0, 300.0, 1000.0)
 MULTISTART_SAMPLES = 2500
 
 
@@ -193,7 +194,9 @@ def fit_base(
     rungs = (30.0, 300.0, 1000.0) if long else LADDER[2:]
     for _, m in separate(second, 1e-3)[: 2 if long else keep]:
         full = dataclasses.replace(m, ar=BlockModel(m.theta).ar)
-        out.append(sharpen(s, full, signal_scales(s, full), rungs, steps=6 if long else 10))
+        z = signal_scales(s, full)
+        ways = [sharpen(s, full, z, rungs, steps=6 if long else 10), sharpen(s, full, z, SOFT_RUNGS, capped_from=50.0)]
+        out.append(min(ways, key=lambda w: w[1]))
     return sorted(out, key=lambda f: f[1])
 
 
@@ -234,5 +237,5 @@ def refit(
     rungs = (3.0, 10.0, 30.0, 100.0, 300.0, 1000.0) if thorough else (30.0, 150.0, 1000.0)
     ways = [sharpen(s, m, z, rungs, steps=10 if thorough else 6)]
     if soft:
-        ways.append(sharpen(s, m, z, (30.0, 100.0, 300.0, 1000.0), steps=8, capped_from=50.0))
+        ways.append(sharpen(s, m, z, SOFT_RUNGS, capped_from=50.0))
     return min(ways if here is None else [*ways, here], key=lambda w: w[1])

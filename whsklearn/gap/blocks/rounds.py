@@ -43,18 +43,10 @@ def try_all(
     dry = {int(c) for c in s.law.codes} | {t.kind.code for t in m.terms}
     if COULOMB not in dry:
         kinds = [k for k in kinds if k.name != "stribeck"]
-    stand = take_stand(s, m, z)
-    screened = screen(s, stand, kinds, z)
-    n = int(s.fit.sum())
-    worth = [(_promise(c, stand, n), refine_scan(s, stand, c, z)) for c in _best(screened, stand, n)]
-    soft = take_stand(s, m, z, SOFT)
-    more = screen(s, soft, [k for k in kinds if k.linear and k.name not in _SOFT_ITSELF], z)
-    worth += [(_promise(c, soft, n), replace(refine_scan(s, soft, c, z), soft=True)) for c in _best(more, soft, n)]
-    worth += from_sizes(s, m, value, [k for k in kinds if k.linear == 0], z)
-    worth.sort(key=lambda w: -w[0])
+    screened, worth = promising(s, m, value, kinds, z)
     tried: dict[str, Trial] = {}
     visible = {c.term.kind.label: c.left for c in screened}
-    for promise, c in worth:
+    for promise, c, start in worth:
         label = c.term.kind.label
         if promise < 0.0 or visible.get(label, 1.0) < ABSORBED:
             continue
@@ -62,12 +54,12 @@ def try_all(
             continue
         if promise < HOPELESS * max((t.delta_bic for t in tried.values()), default=0.0):
             continue
-        one = refit_trial(s, m, value, c, z, quick=promise < 15.0)
+        one = refit_trial(s, start, value, c, z, quick=promise < 15.0)
         if label not in tried or one.cost < tried[label].cost:
             tried[label] = one
     for name, other_name in PARTNERS:
         if any(t.name == name for t in tried.values()) and not any(t.name == other_name for t in tried.values()):
-            found = [c for _, c in worth if c.term.kind.name == other_name]
+            found = [c for _, c, _ in worth if c.term.kind.name == other_name]
             if found:
                 one = refit_trial(s, m, value, found[0], z)
                 tried[one.kind.label] = one
@@ -83,6 +75,31 @@ def try_all(
         weigh(s, m, t)
     trials.sort(key=lambda t: -t.delta_bic)
     return Round(m, value, screened, trials)
+
+
+def promising(
+    s: Setting, m: BlockModel, value: float, kinds: list[Candidate], z: Scales
+) -> tuple[list[Screened], list[tuple[float, Screened, BlockModel]]]:
+    """(every candidate's score, those worth a refit with what they promise and the model to start from).
+
+    Scores are taken under the sharp sign, under a soft one, by trial sizes, and for tones without the colour of
+    the noise, whose model takes a tone for a resonance.
+    """
+    n = int(s.fit.sum())
+    worth = []
+
+    def look(at: BlockModel, stand: Stand, some: list[Candidate], *, soft: bool = False) -> list[Screened]:
+        found = screen(s, stand, some, z)
+        for c in _best(found, stand, n):
+            worth.append((_promise(c, stand, n), replace(refine_scan(s, stand, c, z), soft=soft), at))
+        return found
+
+    screened = look(m, take_stand(s, m, z), kinds)
+    look(m, take_stand(s, m, z, SOFT), [k for k in kinds if k.linear and k.name not in _SOFT_ITSELF], soft=True)
+    white = replace(m, ar=np.zeros_like(m.ar))
+    look(white, take_stand(s, white, z), [k for k in kinds if k.name == "disturbance_tone"])
+    worth += [(promise, c, m) for promise, c in from_sizes(s, m, value, [k for k in kinds if k.linear == 0], z)]
+    return screened, sorted(worth, key=lambda w: -w[0])
 
 
 # what a soft sign looks like, and a wave that would fit single reversals

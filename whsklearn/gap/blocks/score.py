@@ -6,7 +6,6 @@ projected out, so an effect that the orders or the law absorb has none left.
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -282,8 +281,3 @@ def whiteness(e: Array, lags: int = 20) -> float:
     r = np.array([e[i:] @ e[:-i] for i in range(1, lags + 1)]) / max(float(e @ e), 1e-300)
     q = n * (n + 2) * np.sum(r**2 / (n - np.arange(1, lags + 1)))
     return float(chi2.sf(q, lags))
-
-
-def refresh(m: BlockModel) -> BlockModel:
-    """The model without memory of colour."""
-    return dataclasses.replace(m, ar=np.zeros_like(m.ar))

@@ -109,7 +109,7 @@ def objection(s: Setting, trial: Trial, z: Scales, need: float, tolerance: float
         return f"evidence {trial.delta_bic:.0f} is below the {need:.0f} that chance may reach"
     if trial.moved < tolerance:
         return f"it moves the output by {100 * trial.moved:.2f} % of its rms, below the tolerance"
-    if trial.better < 0.6:
+    if trial.better < 0.5:
         return f"it improves only {100 * trial.better:.0f} % of the held-out blocks"
     if trial.held_gain < -0.05 * trial.delta_bic:
         return f"held-out errors grow, against its evidence of {trial.delta_bic:.0f} where it was fitted"
