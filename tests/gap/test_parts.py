@@ -106,3 +106,24 @@ def test_folded_reading_is_unfolded_and_a_straight_one_left_alone():
     assert min(np.abs(straight - q).max(), np.abs(straight + q).max()) < 0.02
     assert unfold(q, 1e-3) is None
     assert unfold(1 + np.cos(2 * t), 1e-3) is None  # touches zero at rest
+
+
+def test_numbers_of_a_linear_axis_are_in_newtons_and_metres():
+    from whsklearn.effects import Cogging, QuadraticDrag
+    from whsklearn.gap.diagnosis import NamedEffect
+
+    units = ("N", "m")
+    drag = NamedEffect(QuadraticDrag(2.0), {"coefficient_nm_s2_per_rad2": 0.1}, 50.0, 0.9, 1.0, units=units)
+    assert drag.parameters == {"coefficient_n_s2_per_m2": 2.0}
+    assert drag.errors == {"coefficient_n_s2_per_m2": 0.1}
+    assert NamedEffect(Cogging(0.3, 12.0), {}, 50.0, 0.9, 1.0, units=units).parameters == {
+        "amplitude_n": 0.3, "order": 12.0, "phase_rad": 0.0
+    }  # fmt: skip
+
+
+def test_what_still_follows_the_motion_keeps_a_name_from_being_confident():
+    from whsklearn.gap.diagnosis import verdict_of
+
+    taken = [type("Taken", (), {"name": "stribeck"})()]
+    assert verdict_of(taken, 0.97, [[]], False, 0.7, left=1.1, still=0.0) == "named"
+    assert verdict_of(taken, 0.97, [[]], False, 0.7, left=1.1, still=0.08) == "partial"

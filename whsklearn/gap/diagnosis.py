@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -24,11 +25,22 @@ class NamedEffect:
     confidence: float
     closure: float
     aliases: list[str] = field(default_factory=list)
+    units: tuple[str, str] = ("Nm", "rad")  # of drive and position
 
     @property
     def name(self) -> str:
         """Canonical name."""
         return str(self.effect.name)
+
+    @property
+    def parameters(self) -> dict[str, float | str]:
+        """The numbers under names that carry the units of the log: ``torque_nm``, on a linear axis ``torque_n``."""
+        return {in_units(k, self.units): v for k, v in self.effect.labelled().items()}
+
+    @property
+    def errors(self) -> dict[str, float]:
+        """Standard errors under the same names."""
+        return {in_units(k, self.units): v for k, v in self.standard_errors.items()}
 
     def as_dict(self) -> dict[str, Any]:
         """For the report's file."""
@@ -36,12 +48,28 @@ class NamedEffect:
             "name": self.name,
             "place": self.effect.place,
             "equation": self.effect.equation,
-            "parameters": {k: _plain(v) for k, v in self.effect.labelled().items()},
-            "standard_errors": self.standard_errors,
+            "parameters": {k: _plain(v) for k, v in self.parameters.items()},
+            "standard_errors": self.errors,
             "delta_bic": self.delta_bic,
             "confidence": self.confidence,
             "aliases": self.aliases,
         }
+
+
+def in_units(label: str, units: tuple[str, str]) -> str:
+    """A label of a rotary axis in the units of the log.
+
+    A phase and an order count radians of a wave on any axis.
+
+    Examples
+    --------
+    >>> in_units("velocity_rad_per_s", ("N", "m")), in_units("coefficient_nm_s_per_rad", ("N", "m"))
+    ('velocity_m_per_s', 'coefficient_n_s_per_m')
+    """
+    if label.startswith("phase"):
+        return label
+    drive, position = (u.lower() for u in units)
+    return re.sub(r"_rad(?=[0-9]*(_|$))", f"_{position}", re.sub(r"_nm(?=_|$)", f"_{drive}", label))
 
 
 @dataclass

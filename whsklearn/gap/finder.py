@@ -198,6 +198,8 @@ class GapFinder(BaseEstimator):
         if moves:
             stays = diagnosis.where_sentence == locate.NOWHERE
             diagnosis.where_sentence = moves if stays else f"{diagnosis.where_sentence} {moves}"
+        for e in diagnosis.effects:
+            e.units = line.units
         diagnosis.notes = line.notes(bench, found)
         diagnosis.pictures = line.pictures(bench, found, diagnosis)
         diagnosis.sentence = summary(diagnosis, before, after, floor, bench.scene.torque, line)

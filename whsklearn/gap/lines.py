@@ -41,6 +41,7 @@ class ServoLine:
     def __init__(self, record: ServoRecord, law: tuple[str, ...], given_model: Any, tolerance: float):
         self.record, self.law, self.given_model, self.tolerance = record, law, given_model, tolerance
         self.units = record.units
+        self.gap_word = {"Nm": "missing torque", "N": "missing force"}.get(record.units[0], "missing drive")
 
     def check(self) -> list[Problem]:
         """See `whsklearn.gap.check.check_servo`."""
@@ -164,7 +165,7 @@ class ServoLine:
             "gap_time": np.arange(d0.size) * dt * bench.lens.every, "gap_before": d0, "gap_after": d1,
             "usable": bench.usable, "floor": bench.floor(), "frequency": f, "spectrum": (a0, a1), "orders": orders,
             "order_spectrum": tuple(order_spectrum(d[bench.usable], q, orders) for d in (d0, d1)),
-            "axes": self.axes(bench, found.base), "units": self.units, "what": "missing torque",
+            "axes": self.axes(bench, found.base), "units": self.units, "what": self.gap_word,
         }  # fmt: skip
 
     def export(self, model: Any) -> Any:

@@ -41,10 +41,10 @@ def article_list(names: list[str]) -> str:
     return pretty[0] if len(pretty) == 1 else ", ".join(pretty[:-1]) + " and " + pretty[-1]
 
 
-def numbers(effect: Any) -> str:
+def numbers(named: Any) -> str:
     """The parameters with units, short."""
     out = []
-    for label, value in effect.labelled().items():
+    for label, value in named.parameters.items():
         if isinstance(value, str):
             out.append(f"{label} {value}")
         elif not label.startswith("phase"):
@@ -65,7 +65,7 @@ def summary(d: Any, before: float, after: float, floor: float, drive: float, lin
         f"The {what} falls to {percent(after)}, and {100 * max(d.closure, 0):.0f} % of the gap in simulation is closed."
     )
     if d.verdict == "named":
-        parts = [f"{e.name.replace('_', ' ')} ({numbers(e.effect)})" for e in d.effects]
+        parts = [f"{e.name.replace('_', ' ')} ({numbers(e)})" for e in d.effects]
         alias = sorted({a for e in d.effects for a in e.aliases})
         tail = f" No such record can tell it from {article_list(alias)}." if alias else ""
         return opening + "Consistent with " + " and ".join(parts) + ". " + left + tail

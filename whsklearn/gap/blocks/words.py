@@ -16,7 +16,7 @@ def sentence(d: Any) -> str:
         f"{100 * max(d.closure, 0):.0f} % of the gap is closed."
     )
     if d.verdict == "named":
-        parts = [f"{e.name.replace('_', ' ')} ({numbers(e.effect)})" for e in d.effects]
+        parts = [f"{e.name.replace('_', ' ')} ({numbers(e)})" for e in d.effects]
         alias = sorted({a for e in d.effects for a in e.aliases})
         tail = f" No such record can tell it from {article_list(alias)}." if alias else ""
         return "Consistent with " + " and ".join(parts) + ". " + left + tail
