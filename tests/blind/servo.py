@@ -238,7 +238,8 @@ def make_case(
     if effects is None:
         count = {"named": 1, "pair": 2}.get(kind, 0)
         pool = [e for e in EFFECTS if kind != "pair" or e not in ("quantization", "sensor_rectification")]
-        effects = tuple(map(str, rng.choice(pool, count, replace=False))) if kind != "foreign" else (str(rng.choice(FOREIGN)),)
+        drawn_names = rng.choice(FOREIGN, 1) if kind == "foreign" else rng.choice(pool, count, replace=False)
+        effects = tuple(map(str, drawn_names))
     drawn: dict[str, float] = {}
     for name in effects:
         drawn.update((_draw_foreign if kind == "foreign" else _draw)(name, size, rig, rng))
