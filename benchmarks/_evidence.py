@@ -20,11 +20,10 @@ from whsklearn.gap.blocks.trial import delta_bic
 
 @dataclass(frozen=True)
 class Evidence:
-    """``delta_bic`` of every hidden effect beside the others; robust rms errors on held-out samples."""
+    """``delta_bic`` of every hidden effect beside the others; what the truth, refitted, leaves of a free run."""
 
     delta_bic: dict[str, float]
-    before: float
-    floor: float
+    errors: np.ndarray
 
 
 def term_of(name: str, numbers: dict[str, float]) -> Term | None:
@@ -75,7 +74,4 @@ def evidence(case: Case) -> Evidence:
                 m = m.plus(other)
             without.append(refit(s, m, z)[1] if others else cost(s, m))
         found[term.kind.name] = delta_bic(n, min(without), value, term.kind.n_estimated, term.kind.scanned)
-    held = s.held >= 0
-    e0, e1 = ((s.y - free_run(s, m))[held] for m in (minima[0], whole))
-    limit = 6.0 * 1.4826 * float(np.median(np.abs(e0)))
-    return Evidence(found, typical(e0, limit), typical(e1, limit))
+    return Evidence(found, s.y - free_run(s, whole))

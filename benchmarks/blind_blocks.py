@@ -63,13 +63,14 @@ def diagnose(kind: str, effects: tuple[str, ...] | None, seed: int) -> dict[str,
     if kind in ("named", "pair", "none") and d.verdict != "data_problem":
         held = evidence(case)
         row["evidence"] = round(min(held.delta_bic.values(), default=1e6), 1)  # a grid of readings is plain to see
-        y, runs, mask = d.pictures["measured"], d.pictures["runs"], d.pictures["held"]
-        e0, e1 = ((y - runs[k])[mask] for k in ("before", "after"))
-        limit = 6.0 * 1.4826 * float(np.median(np.abs(e0)))
-        before, after = typical(e0, limit), typical(e1, limit)
+        y, runs = d.pictures["measured"], d.pictures["runs"]
+        mask = d.pictures["held"] & ~d.pictures["beside_turned"]
+        errors = [(y - runs["before"])[mask], (y - runs["after"])[mask], held.errors[mask]]
+        limit = 6.0 * 1.4826 * float(np.median(np.abs(errors[0])))
+        before, after, floor = (typical(e, limit) for e in errors)
         row["worse"] = after > 1.01 * before
-        if kind != "none" and before > 1.05 * held.floor:
-            row["true_closure"] = round(1.0 - (after - held.floor) / (before - held.floor), 3)
+        if kind != "none" and before > 1.05 * floor and d.effects:
+            row["true_closure"] = round(1.0 - (after - floor) / (before - floor), 3)
     return row
 
 

@@ -8,10 +8,10 @@ import numpy as np
 
 from whsklearn.gap.blocks.candidates import Candidate, Scales
 from whsklearn.gap.blocks.fit import CAP, refit, weights_of
-from whsklearn.gap.blocks.model import BlockModel, Setting, chain, coloured, raw_errors
+from whsklearn.gap.blocks.model import BlockModel, Setting, coloured, raw_errors
 from whsklearn.gap.blocks.rounds import from_sizes, refit_trial
 from whsklearn.gap.blocks.score import refine_scan, remainder, screen, take_stand
-from whsklearn.gap.blocks.trial import Found, Round, Trial
+from whsklearn.gap.blocks.trial import Found, Round, Trial, behind, turned
 from whsklearn.gap.blocks.twin import twin
 from whsklearn.systems.block_effects import TONE_U
 
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 N_TWINS = 2
-MEMORY = 8  # samples for which L2 remembers a sign
 
 
 def confirmed(s: Setting, found: Found, one: Round, best: Trial, need: float, rng: np.random.Generator) -> bool:
@@ -68,14 +67,8 @@ def beside_reversals(s: Setting, before: BlockModel, after: BlockModel) -> float
     """
     e0, e1 = (coloured(raw_errors(s, m), m.ar) for m in (before, after))
     gain = np.where(s.fit, pointwise(e0, s.fit) - pointwise(e1, s.fit), 0.0)
-    steps = [np.diff(chain(s, m)[0], prepend=0.0) for m in (before, after)]
-    turned = np.flatnonzero(np.sign(steps[0]) != np.sign(steps[1]))
-    if not turned.size:
-        return float(gain.sum())
-    time = np.arange(gain.size)
-    last = np.searchsorted(turned, time, side="left") - 1  # the last one before a sample
-    beside = (last >= 0) & (time - turned[last] <= MEMORY)
-    of_each = np.bincount(last[beside], gain[beside], turned.size)
+    last = behind(gain.size, turned(s, before, after))
+    of_each = np.bincount(last[last >= 0], gain[last >= 0])
     return float(gain.sum() - np.sort(np.maximum(of_each, 0.0))[-5:].sum())
 
 

@@ -15,7 +15,7 @@ from whsklearn.gap.blocks.model import BlockModel, Setting, chain, coloured, fre
 from whsklearn.gap.blocks.rounds import NEED
 from whsklearn.gap.blocks.score import ABSORBED, whiteness
 from whsklearn.gap.blocks.search import search
-from whsklearn.gap.blocks.trial import Found
+from whsklearn.gap.blocks.trial import Found, behind, turned
 from whsklearn.gap.blocks.words import next_step, sentence
 from whsklearn.gap.close import closure
 from whsklearn.gap.diagnosis import CandidateLine, Diagnosis, NamedEffect
@@ -156,6 +156,11 @@ def ahead_errors(s: Setting, m: BlockModel, horizon: int) -> Array:
     return np.convolve(e, h)[: e.size]
 
 
+def beside_turned(s: Setting, found: Found) -> NDArray[np.bool_]:
+    """Samples beside a reversal that the model has before the repair or after it, but not both."""
+    return behind(s.u.size, turned(s, found.base, found.model)) >= 0
+
+
 def _rmse(e: Array, mask: NDArray[np.bool_]) -> float:
     return float(np.sqrt(np.mean(np.clip(e[mask], -1e12, 1e12) ** 2)))
 
@@ -163,6 +168,7 @@ def _rmse(e: Array, mask: NDArray[np.bool_]) -> float:
 def _prove(s: Setting, found: Found, d: Diagnosis) -> None:
     """Errors on held-out samples before and after, at three horizons, the free run last."""
     held = s.held >= 0
+    clear = held & ~beside_turned(s, found)
     share = found.left.share if found.left is not None and found.left.p_value < 0.01 else 0.0
     runs: list[tuple[float, Array, Array]] = [
         (float(h), ahead_errors(s, found.base, h), ahead_errors(s, found.model, h)) for h in HORIZONS
@@ -172,10 +178,10 @@ def _prove(s: Setting, found: Found, d: Diagnosis) -> None:
     for horizon, before, after in runs:
         b, a = _rmse(before, held), _rmse(after, held)
         floor = a * quiet
-        # a sample on the wrong side of a reversal is off by the sign's height under any model, and a few of them
-        # make up most of the plain mean square, so closure is of errors held to six robust deviations
-        limit = 6.0 * 1.4826 * float(np.median(np.abs(before[held]))) + 1e-300
-        typical_b, typical_a = (_rmse(np.clip(e, -limit, limit), held) for e in (before, after))
+        # beside a reversal that one of the two models has and the other not, an error is the sign's height: a few of
+        # those make up most of the plain mean square, and on which side a model stands there is chance
+        limit = 6.0 * 1.4826 * float(np.median(np.abs(before[clear]))) + 1e-300
+        typical_b, typical_a = (_rmse(np.clip(e, -limit, limit), clear) for e in (before, after))
         d.horizons.append({
             "horizon": horizon if horizon else float(s.u.size), "before": b, "after": a, "floor": floor,
             "closure": closure(typical_b, typical_a, typical_a * quiet),
@@ -271,8 +277,9 @@ def _parameters(s: Setting, found: Found) -> list[dict[str, Any]]:
 def _notes(s: Setting, found: Found) -> list[str]:
     return [
         "Noise enters as equation error; under the right model the one-step errors are white.",
-        "Closure is of errors held to six robust deviations, since a few samples on the wrong side of a reversal, "
-        "which no fit can rule out, make up most of the plain mean square; before and after are plain.",
+        "Closure leaves out samples beside a reversal that only one of the two models has, and holds the others to six "
+        "robust deviations: a few samples on the wrong side of a reversal, which no fit can rule out, make up most of "
+        "the plain mean square; before and after are plain.",
         f"The base model was fitted from 24 starts; {len(found.minima)} separate minima were kept.",
         f"{int(s.fit.sum())} samples in five stretches are used for fitting, the {int((s.held >= 0).sum())} between "
         "them for judging.",
@@ -310,7 +317,8 @@ def _pictures(s: Setting, found: Found, d: Diagnosis) -> dict[str, Any]:
     return {
         "time": time, "measured": s.y,
         "runs": {"before": free_run(s, found.base), "after": free_run(s, found.model)},
-        "held": s.held >= 0, "gap_time": time, "gap_before": g0, "gap_after": g1, "usable": usable, "floor": d.floor,
+        "held": s.held >= 0, "beside_turned": beside_turned(s, found),
+        "gap_time": time, "gap_before": g0, "gap_after": g1, "usable": usable, "floor": d.floor,
         "frequency": f, "spectrum": (a0, a1), "orders": orders,
         "order_spectrum": (locate.order_spectrum(g0, x, orders), locate.order_spectrum(g1, x, orders)),
         "axes": axes(s, found.base), "units": ("", ""), "what": "one-step prediction error",

@@ -8,13 +8,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from whsklearn.gap.blocks.candidates import Candidate, Scales
-from whsklearn.gap.blocks.model import BlockModel, Setting, coloured, free_run, raw_errors
+from whsklearn.gap.blocks.model import BlockModel, Setting, chain, coloured, free_run, raw_errors
 from whsklearn.gap.blocks.score import Remainder, Screened
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     Array = NDArray[np.float64]
+
+
+MEMORY = 8  # samples for which L2 remembers a sign
 
 
 @dataclass
@@ -75,30 +78,41 @@ def delta_bic(n: int, before: float, after: float, numbers: int, places: int) ->
     return float(n * np.log(before / max(after, 1e-300)) - numbers * np.log(n) - 2 * np.log(max(places, 1)))
 
 
-def held_errors(s: Setting, m: BlockModel) -> tuple[Array, NDArray[np.intp]]:
-    """Whitened prediction errors of the held-out samples and their blocks."""
-    mask = s.held >= 0
-    return coloured(raw_errors(s, m), m.ar)[mask], s.held[mask]
+def turned(s: Setting, a: BlockModel, b: BlockModel) -> NDArray[np.intp]:
+    """Samples at which x moves one way under one model and the other way under the other."""
+    steps = [np.diff(chain(s, m)[0], prepend=0.0) for m in (a, b)]
+    return np.flatnonzero(np.sign(steps[0]) != np.sign(steps[1]))
+
+
+def behind(n: int, events: NDArray[np.intp]) -> NDArray[np.intp]:
+    """For each of n samples, which event L2 still remembers, by number; -1 for none."""
+    if not events.size:
+        return np.full(n, -1)
+    time = np.arange(n)
+    last = np.searchsorted(events, time, side="left") - 1
+    return np.where((last >= 0) & (time - events[last] <= MEMORY), last, -1)
 
 
 def weigh(s: Setting, before: BlockModel, trial: Trial) -> None:
     """What held-out samples and the free run say of a trial.
 
-    Errors are held to four robust deviations, what a fit lets one sample cost: beside a reversal one is off by the
-    sign's height under any model.  A block counts where the two models differ by more than noise may move it.
+    Samples beside a reversal that only one of the two models has are left out: there one is off by the sign's height,
+    and which one is chance.  Of the others none counts beyond four robust deviations, what a fit lets it cost.  A
+    block counts where the two models differ by more than noise may move it.
     """
-    e0, block = held_errors(s, before)
-    e1, _ = held_errors(s, trial.model)
+    plain = (s.held >= 0) & (behind(s.u.size, turned(s, before, trial.model)) < 0)
+    block = s.held[plain]
+    e0, e1 = (coloured(raw_errors(s, m), m.ar)[plain] for m in (before, trial.model))
     sigma = 1.4826 * np.median(np.abs(e0)) + 1e-300
     e0, e1 = np.clip(e0 / sigma, -4.0, 4.0), np.clip(e1 / sigma, -4.0, 4.0)
     gains = np.array([np.sum(e0[block == i] ** 2) - np.sum(e1[block == i] ** 2) for i in np.unique(block)])
-    plain = np.abs(gains) > 1.0
-    trial.better = float(np.mean(gains[plain] > 0.0)) if plain.any() else 1.0
+    telling = np.abs(gains) > 1.0
+    trial.better = float(np.mean(gains[telling] > 0.0)) if telling.any() else 1.0
     trial.held_gain = float(gains.sum())
-    run, held = free_run(s, trial.model), s.held >= 0
+    run = free_run(s, trial.model)
     apart = run - free_run(s, trial.model.without(len(trial.model.terms) - 1))
     trial.moved = float(np.sqrt(np.mean(apart**2) / np.mean(s.y**2)))
-    miss0, miss1 = ((s.y - r)[held] for r in (free_run(s, before), run))
+    miss0, miss1 = ((s.y - r)[plain] for r in (free_run(s, before), run))
     limit = 6.0 * 1.4826 * np.median(np.abs(miss0)) + 1e-300
     trial.worse = float(np.mean(np.clip(miss1, -limit, limit) ** 2) / np.mean(np.clip(miss0, -limit, limit) ** 2))
 
