@@ -24,7 +24,10 @@ from tests.blind import comparators, servo, wiener_hammerstein
 from whsklearn.gap import GapFinder
 from whsklearn.gap.candidates import ALIASES
 
-FIELDS = "system kind truth size noise seed verdict names top closure seconds aliases error naive frols sindy".split()
+FIELDS = (
+    "system kind truth size noise seed verdict names top closure error_of_size seconds aliases error naive frols sindy"
+).split()
+NOT_ONE_SIZE = ("flexible_coupling", "sensor_rectification")  # two masses have no one size, a fold is whole
 
 
 def wilson(k: int, n: int) -> tuple[float, float, float]:
@@ -76,14 +79,32 @@ def diagnose(case: tuple, compare: bool) -> dict[str, Any]:
         d = finder.diagnosis_
         row |= {"verdict": d.verdict, "names": "+".join(e.name for e in d.effects), "closure": round(d.closure, 4),
                 "aliases": "+".join(sorted({a for e in d.effects for a in e.aliases})),
-                "top": d.candidates[0].name if d.candidates else ""}  # fmt: skip
+                "top": d.candidates[0].name if d.candidates else "",
+                "error_of_size": error_of_size(drawn, d) if kind == "named" and system == "servo" else ""}  # fmt: skip
     except (ValueError, FloatingPointError, ArithmeticError) as error:
-        row |= {"verdict": "error", "names": "", "closure": 0.0, "aliases": "", "top": "", "error": str(error)[:80]}
+        row |= {
+            "verdict": "error",
+            "names": "",
+            "closure": 0.0,
+            "error_of_size": "",
+            "aliases": "",
+            "top": "",
+            "error": str(error)[:80],
+        }
     row["seconds"] = round(time.perf_counter() - began, 2)
     if compare and system == "servo":
         row |= {"naive": comparators.naive(drawn.frame), "frols": comparators.frols(drawn.frame)}
         row["sindy"] = comparators.sindy(drawn.frame)
     return row
+
+
+def error_of_size(drawn: Any, d: Any) -> float | str:
+    """Relative error of the size of a right name; empty where there is none."""
+    (truth,) = drawn.truth
+    if d.verdict != "named" or d.effects[0].name != truth or truth in NOT_ONE_SIZE:
+        return ""
+    size = abs(next(iter(drawn.parameters.values())))
+    return round(abs(abs(d.effects[0].effect.magnitude) / size - 1.0), 4)
 
 
 def same(system: str, name: str, truth: str) -> bool:
@@ -142,6 +163,10 @@ def _one(rows: list[dict[str, Any]]) -> list[str]:
     closures = sorted(r["closure"] for r in single if r["verdict"] == "named")
     if closures:
         lines.append(f"closure of named: median {closures[len(closures) // 2]:.3f}, least {closures[0]:.3f}")
+    lines.append(rate("model made worse (closure below zero)", [r["closure"] < 0.0 for r in rows], "0"))
+    errors = sorted(float(r["error_of_size"]) for r in single if r["error_of_size"] not in ("", None))
+    if errors:
+        lines.append(f"error of the size: median {100 * errors[len(errors) // 2]:.2f} % of {len(errors)}")
     seconds = sorted(r["seconds"] for r in rows)
     lines.append(f"seconds a case: median {seconds[len(seconds) // 2]:.1f}, worst {seconds[-1]:.1f}")
     for peer in ("naive", "frols", "sindy"):
