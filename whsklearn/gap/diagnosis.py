@@ -105,6 +105,7 @@ class Diagnosis:
     seconds: float = 0.0
     problems: list[Any] = field(default_factory=list)
     horizons: list[dict[str, float]] = field(default_factory=list)
+    horizon_unit: str = "s"
     rounds: list[dict[str, Any]] = field(default_factory=list)
     residual_tests: list[dict[str, Any]] = field(default_factory=list)
     base_parameters: list[dict[str, Any]] = field(default_factory=list)

@@ -15,6 +15,11 @@ BEFORE, AFTER, MEASURED, FLOOR = "#c2552d", "#1b7f4d", "#1c2530", "#8a97a5"
 WINDOW = 2.0  # s shown of the overlay
 
 
+def titled(name: str, unit: str) -> str:
+    """Name and unit of an axis, the name alone where the log has no unit."""
+    return f"{name} ({unit})" if unit else name
+
+
 def draw(d: Diagnosis) -> list[tuple[str, str, str]]:
     """(title, caption, PNG in base 64) of every picture that the diagnosis has data for."""
     out = []
@@ -68,7 +73,7 @@ def _overlay(axes: Any, d: Diagnosis) -> bool:
     if d.effects:
         axes.plot(t[part], p["runs"]["after"][part], color=AFTER, lw=1.2, ls="--", label="model after")
     axes.fill_between(t[part], y[part], p["runs"]["before"][part], color=BEFORE, alpha=0.2, lw=0)
-    axes.set(xlabel="time (s)", ylabel=f"position ({p['units'][1]})")
+    axes.set(xlabel=titled("time", p.get("clock", "s")), ylabel=titled(p.get("output", "position"), p["units"][1]))
     axes.legend(frameon=False, fontsize=8)
     return True
 
@@ -80,7 +85,7 @@ def _over_time(axes: Any, d: Diagnosis) -> bool:
     if d.effects:
         axes.plot(p["gap_time"][keep], p["gap_after"][keep], color=AFTER, lw=0.6, label="after")
     axes.axhspan(-2 * p["floor"], 2 * p["floor"], color=FLOOR, alpha=0.3, lw=0, label="twice the noise floor")
-    axes.set(xlabel="time (s)", ylabel=f"{p['what']} ({p['units'][0]})")
+    axes.set(xlabel=titled("time", p.get("clock", "s")), ylabel=titled(p["what"], p["units"][0]))
     axes.legend(frameon=False, fontsize=8)
     return True
 
@@ -101,7 +106,7 @@ def _where(axes: Any, d: Diagnosis) -> bool:
         axes.plot(centres, fitted, color=AFTER, lw=1.3, label="the fitted effect")
         axes.plot(centres, np.bincount(bins, after, edges.size - 1) / count, color=FLOOR, lw=1, label="left after")
     axes.axhline(0, color=FLOOR, lw=0.6)
-    axes.set(xlabel=f"{best.signal} ({best.unit})", ylabel=f"{p['what']} ({p['units'][0]})")
+    axes.set(xlabel=titled(best.signal, best.unit), ylabel=titled(p["what"], p["units"][0]))
     axes.legend(frameon=False, fontsize=8)
     return True
 
@@ -137,7 +142,10 @@ def _spectrum(axes: Any, d: Diagnosis) -> bool:
     axes.semilogy(p["frequency"], p["spectrum"][0], color=BEFORE, lw=0.9, label="before")
     if d.effects:
         axes.semilogy(p["frequency"], p["spectrum"][1], color=AFTER, lw=0.9, label="after")
-    axes.set(xlabel="frequency (Hz)", ylabel=f"amplitude ({p['units'][0]})")
+    axes.set(
+        xlabel=titled("frequency", "Hz" if p.get("clock", "s") == "s" else "cycles a sample"),
+        ylabel=titled("amplitude", p["units"][0]),
+    )
     axes.legend(frameon=False, fontsize=8)
     return True
 
@@ -149,6 +157,9 @@ def _orders(axes: Any, d: Diagnosis) -> bool:
     axes.plot(p["orders"], p["order_spectrum"][0], color=BEFORE, lw=0.9, label="before")
     if d.effects:
         axes.plot(p["orders"], p["order_spectrum"][1], color=AFTER, lw=0.9, label="after")
-    axes.set(xlabel="order (periods a turn)", ylabel=f"amplitude ({p['units'][0]})")
+    axes.set(
+        xlabel="order (periods a turn)" if p["units"][1] else "order (periods in 2 pi of x)",
+        ylabel=titled("amplitude", p["units"][0]),
+    )
     axes.legend(frameon=False, fontsize=8)
     return True

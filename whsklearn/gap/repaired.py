@@ -34,8 +34,8 @@ def as_data(model: Any) -> dict[str, Any]:
         return {
             "model": "wiener-hammerstein",
             **blocks,
-            "law": [_effect(t) for t in model.law.terms],
-            "effects": [_effect(e) for e in model.effects],
+            "law": [_plain(t) for t in model.law.terms],
+            "effects": [_plain(e) for e in model.effects],
             "sampling_time_s": float(model.dt),
         }
     return {}
@@ -43,3 +43,8 @@ def as_data(model: Any) -> dict[str, Any]:
 
 def _effect(effect: Any) -> dict[str, Any]:
     return {"name": effect.name, **effect.labelled()}
+
+
+def _plain(effect: Any) -> dict[str, Any]:
+    """The same in a chain, whose numbers have the units of its log and no names of units."""
+    return {"name": effect.name, effect.size: effect.magnitude, **effect.shape, **effect.options}

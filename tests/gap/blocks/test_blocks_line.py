@@ -52,6 +52,8 @@ def test_rounding_is_told_beside_another_effect():
     assert {e.name for e in finder.effects_} == {"hardening_spring", "quantization"}
     told = next(e for e in finder.effects_ if e.name == "quantization")
     assert told.effect.labelled()["step"] == pytest.approx(case.parameters[1]["size"], rel=1e-6)
+    y = finder.model_.simulate(case.frame["u"])  # the repaired model rounds too
+    np.testing.assert_allclose(y, told.effect.parameters["step"] * np.round(y / told.effect.parameters["step"]))
 
 
 def test_a_strong_saturation_does_not_leave_the_blocks_bent():

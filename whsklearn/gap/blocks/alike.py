@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 MARGIN = 10.0  # delta BIC over the next name
 # at rest nothing moves in a chain whose |sgn(dx)| is always one: a constant of v is one of y through L2
 CONSTANTS = frozenset({"output_offset", "asymmetric_coulomb", "input_offset"})
+EXACT = ("output_offset", "asymmetric_coulomb")
 SIMILAR = 0.97  # coherence of two signatures that no record like this one tells apart
 
 
@@ -35,6 +36,9 @@ def aliases_of(s: Setting, one: Round, taken: Trial, z: Scales) -> tuple[list[st
         c = coherence(mine, signature_of(s, stand, t.model.terms[-1], z))
         same = c >= SIMILAR or {t.name, taken.name} <= CONSTANTS
         (alike if same else close).append(t.name)
+    if taken.name in EXACT:  # one that was not even refitted is no less alike
+        tried = {t.name for t in one.trials}
+        alike += [n for n in EXACT if n != taken.name and n not in tried]
     return list(dict.fromkeys(alike)), [n for n in dict.fromkeys(close) if n not in alike]
 
 

@@ -65,6 +65,7 @@ def diagnose(
     _prove(s, found, d)
     d.candidates = table(found, d)
     progress("locate")
+    d.horizon_unit = "samples"
     _locate(s, found, d, rng)
     d.rounds = [_round(i, r, found) for i, r in enumerate(found.rounds, start=1)]
     d.residual_tests = _tests(s, found)
@@ -73,7 +74,7 @@ def diagnose(
     d.notes = _notes(s, found)
     d.pictures = _pictures(s, found, d)
     d.sentence = sentence(d)
-    return d, line.export(final if found.taken and d.effects else found.base)
+    return d, line.export(final if found.taken and d.effects else found.base, grid=step)
 
 
 def _rounds_of(found: Found) -> list[tuple[Any, Any]]:
@@ -233,7 +234,8 @@ def table(found: Found, d: Diagnosis) -> list[CandidateLine]:
             one.status, one.reason = "alias", "this record cannot tell it from the named effect"
     for name, e in named.items():
         if name not in lines:
-            lines[name] = CandidateLine(name, e.delta_bic, d.closure, "named", "accepted later")
+            why = "all readings lie on its grid" if name == "quantization" else "accepted later"
+            lines[name] = CandidateLine(name, e.delta_bic, d.closure, "named", why)
     return sorted(lines.values(), key=lambda c: (c.status != "named", -c.delta_bic))
 
 
@@ -322,4 +324,5 @@ def _pictures(s: Setting, found: Found, d: Diagnosis) -> dict[str, Any]:
         "frequency": f, "spectrum": (a0, a1), "orders": orders,
         "order_spectrum": (locate.order_spectrum(g0, x, orders), locate.order_spectrum(g1, x, orders)),
         "axes": axes(s, found.base), "units": ("", ""), "what": "one-step prediction error",
+        "output": "output", "clock": "s" if s.dt != 1.0 else "samples",
     }  # fmt: skip

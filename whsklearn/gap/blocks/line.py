@@ -79,8 +79,9 @@ class BlockLine:
             progress=finder._say,
         )  # fmt: skip
 
-    def export(self, m: BlockModel) -> WienerHammersteinSystem:
-        """The model as the library's own system, with its effects."""
+    def export(self, m: BlockModel, *, grid: float = 0.0) -> WienerHammersteinSystem:
+        """The model as the library's own system, with its effects and the grid of its readings."""
+        from whsklearn.effects import Quantization
         from whsklearn.gap.blocks.effects import library_effect
 
         dims = np.array([*self.orders, len(self.law)], dtype=np.int64)
@@ -88,6 +89,8 @@ class BlockLine:
         named = wh.named(m.theta, s)
         law = self.law.reweighted(m.theta[s.slices()[2]])
         effects = [e for e in map(library_effect, m.terms) if e is not None]
+        if grid:
+            effects.append(Quantization(grid))
         return WienerHammersteinSystem(
             named["a"], wh.inside(named["b"]), named["c"], wh.inside(named["d"]), law, effects=effects, dt=self.dt
         )

@@ -45,7 +45,10 @@ def search(
             if not sound or sound[0].delta_bic < 0.6 * one.trials[0].delta_bic:
                 break
             best = simplest(s, found.model, sound, z)
-            if not confirmed(s, found, one, best, need, rng):
+            sure = confirmed(s, found, one, best, need, rng)
+            for t in one.trials:  # the model before may be a better one now, and less is evidence
+                t.reason = t.reason if t is best else objection(s, t, z, need, tolerance)
+            if not sure:
                 break
             one.taken = best
             found.taken.append(best)
