@@ -23,8 +23,12 @@ def titled(name: str, unit: str) -> str:
 def draw(d: Diagnosis) -> list[tuple[str, str, str]]:
     """(title, caption, PNG in base 64) of every picture that the diagnosis has data for."""
     out = []
+    chain = "window" in d.pictures  # runs freely, in samples
+    worst = (
+        "The worst held-out stretch, run freely." if chain else "The worst two held-out seconds, restarted every 0.5 s."
+    )
     for title, caption, painter in (
-        ("Simulation and measurement", "The worst two held-out seconds, restarted every 0.5 s.", _overlay),
+        ("Simulation and measurement", worst, _overlay),
         ("The gap over time", "What the model lacks, before and after.", _over_time),
         (
             "The gap where it is densest",
@@ -64,7 +68,7 @@ def _overlay(axes: Any, d: Diagnosis) -> bool:
     p = d.pictures
     t, y, held = p["time"], p["measured"], p["held"]
     error = np.where(held, np.abs(y - p["runs"]["before"]), 0.0)
-    width = max(2, int(WINDOW / (t[1] - t[0])))
+    width = p.get("window", max(2, int(WINDOW / (t[1] - t[0]))))
     power = np.convolve(error**2, np.ones(width), mode="valid")
     first = int(np.argmax(power)) if power.size else 0
     part = slice(first, first + width)

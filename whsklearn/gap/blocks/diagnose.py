@@ -324,5 +324,5 @@ def _pictures(s: Setting, found: Found, d: Diagnosis) -> dict[str, Any]:
         "frequency": f, "spectrum": (a0, a1), "orders": orders,
         "order_spectrum": (locate.order_spectrum(g0, x, orders), locate.order_spectrum(g1, x, orders)),
         "axes": axes(s, found.base), "units": ("", ""), "what": "one-step prediction error",
-        "output": "output", "clock": "s" if s.dt != 1.0 else "samples",
+        "output": "output", "window": 200, "clock": "s" if s.dt != 1.0 else "samples",
     }  # fmt: skip
