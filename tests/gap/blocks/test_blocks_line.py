@@ -93,3 +93,20 @@ def test_bad_records_end_in_a_data_problem(u, y, code):
     finder = GapFinder("wiener-hammerstein").fit(u, y)
     assert finder.verdict_ == "data_problem"
     assert code in [p.code for p in finder.diagnosis_.problems]
+
+
+def test_of_a_long_record_a_stretch_is_searched_and_all_of_it_fitted(monkeypatch):
+    from whsklearn.gap.blocks import search, stretch
+
+    monkeypatch.setattr(search, "LONG", 1500)
+    monkeypatch.setattr(search, "first_stretch", lambda s: stretch.first_stretch(s, 1000))
+    case = blind.make_case("named", 11, effects=("quadratic_drag",), size=0.15, noise=30.0, n=2000)
+    long = diagnose(case)
+    assert [e.name for e in long.effects_] == ["quadratic_drag"]
+    monkeypatch.undo()
+    whole = diagnose(case)
+    one, other = long.effects_[0], whole.effects_[0]
+    spread = other.standard_errors["coefficient"]
+    assert one.parameters["coefficient"] == pytest.approx(other.parameters["coefficient"], abs=spread)
+    assert one.standard_errors["coefficient"] == pytest.approx(spread, rel=0.1)
+    assert one.delta_bic == pytest.approx(other.delta_bic, rel=0.1)

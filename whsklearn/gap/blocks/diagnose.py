@@ -15,6 +15,7 @@ from whsklearn.gap.blocks.model import BlockModel, Setting, chain, coloured, fre
 from whsklearn.gap.blocks.rounds import NEED
 from whsklearn.gap.blocks.score import ABSORBED, whiteness
 from whsklearn.gap.blocks.search import search
+from whsklearn.gap.blocks.stretch import LONG, STRETCH
 from whsklearn.gap.blocks.trial import Found, behind, turned
 from whsklearn.gap.blocks.words import next_step, sentence
 from whsklearn.gap.close import closure
@@ -277,12 +278,17 @@ def _parameters(s: Setting, found: Found) -> list[dict[str, Any]]:
 
 
 def _notes(s: Setting, found: Found) -> list[str]:
+    long = [
+        f"Names were looked for in the first {STRETCH} samples, their numbers fitted to all {s.u.size}; what only the "
+        "whole record shows had one more round."
+    ]
     return [
+        *(long if s.u.size > LONG else []),
         "Noise enters as equation error; under the right model the one-step errors are white.",
         "Closure leaves out samples beside a reversal that only one of the two models has, and holds the others to six "
         "robust deviations: a few samples on the wrong side of a reversal, which no fit can rule out, make up most of "
         "the plain mean square; before and after are plain.",
-        f"The base model was fitted from 24 starts; {len(found.minima)} separate minima were kept.",
+        "The base model was fitted from 24 starts.",
         f"{int(s.fit.sum())} samples in five stretches are used for fitting, the {int((s.held >= 0).sum())} between "
         "them for judging.",
     ]

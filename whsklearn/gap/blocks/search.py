@@ -13,6 +13,7 @@ from whsklearn.gap.blocks.fit import fit_base, refit
 from whsklearn.gap.blocks.model import BlockModel, Setting, signal_scales
 from whsklearn.gap.blocks.rounds import NEED, try_all
 from whsklearn.gap.blocks.score import FITS, remainder
+from whsklearn.gap.blocks.stretch import LONG, carried_over, first_stretch, speaks
 from whsklearn.gap.blocks.trial import Found, delta_bic, objection
 
 
@@ -27,40 +28,54 @@ def search(
 ) -> Found:
     """Find what the base model lacks; an interruption keeps the finished rounds."""
     progress("base model")
-    minima = fit_base(s, rng)
-    base, value = minima[0]
-    z = signal_scales(s, base)
-    found = Found(base, value, minima, z, base, value)
-    kinds = catalogue_for(s.law.codes)
-    found.base_left = found.left = remainder(s, base, z)
+    if s.u.size > LONG:
+        part = search(first_stretch(s), rng, max_effects=max_effects, tolerance=tolerance, need=need)
+        found = carried_over(s, part)
+        if part.interrupted or not speaks(found):
+            return found
+        most = min(max_effects, len(found.taken) + 1)
+    else:
+        minima = fit_base(s, rng)
+        base, value = minima[0]
+        found = Found(base, value, minima, signal_scales(s, base), base, value)
+        found.base_left = found.left = remainder(s, base, found.scales)
+        most = max_effects
     progress("search")
     try:
-        for number in range(max_effects):
-            others = [m for m, c in minima[1:3] if c < 4.0 * value] if number == 0 else []
-            one = try_all(s, found.model, found.cost, kinds, z, others=others)
-            found.rounds.append(one)
-            for t in one.trials:
-                t.reason = objection(s, t, z, need, tolerance)
-            sound = [t for t in one.trials if not t.reason]
-            if not sound or sound[0].delta_bic < 0.6 * one.trials[0].delta_bic:
-                break
-            best = simplest(s, found.model, sound, z)
-            sure = confirmed(s, found, one, best, need, rng)
-            for t in one.trials:  # the model before may be a better one now, and less is evidence
-                t.reason = t.reason if t is best else objection(s, t, z, need, tolerance)
-            if not sure:
-                break
-            one.taken = best
-            found.taken.append(best)
-            found.model, found.cost = best.model, best.cost
-            renew(s, found, rng)
-            if number > 0:
-                exchange(s, found, kinds, need, tolerance)
+        while len(found.taken) < most and take_one(s, found, rng, tolerance, need):
+            if len(found.taken) > 1:
+                exchange(s, found, catalogue_for(s.law.codes), need, tolerance)
         prune(s, found, need)
-        found.left = remainder(s, found.model, z)
+        found.left = remainder(s, found.model, found.scales)
     except KeyboardInterrupt:
         found.interrupted = True
     return found
+
+
+def take_one(s: Setting, found: Found, rng: np.random.Generator, tolerance: float, need: float) -> bool:
+    """One round: whether an effect earned its name, which is then in the model."""
+    z = found.scales
+    once = {t.name for t in found.taken if t.kind.linear == 0}  # of a play, a limit or a delay an axis has one
+    kinds = [k for k in catalogue_for(s.law.codes) if k.name not in once]
+    others = [] if found.taken else [m for m, c in found.minima[1:3] if c < 4.0 * found.cost]
+    one = try_all(s, found.model, found.cost, kinds, z, others=others)
+    found.rounds.append(one)
+    for t in one.trials:
+        t.reason = objection(s, t, z, need, tolerance)
+    sound = [t for t in one.trials if not t.reason]
+    if not sound or sound[0].delta_bic < 0.6 * one.trials[0].delta_bic:
+        return False
+    best = simplest(s, found.model, sound, z)
+    sure = confirmed(s, found, one, best, need, rng)
+    for t in one.trials:  # the model before may be a better one now, and less is evidence
+        t.reason = t.reason if t is best else objection(s, t, z, need, tolerance)
+    if not sure:
+        return False
+    one.taken = best
+    found.taken.append(best)
+    found.model, found.cost = best.model, best.cost
+    renew(s, found, rng)
+    return True
 
 
 def renew(s: Setting, found: Found, rng: np.random.Generator) -> None:
