@@ -14,7 +14,7 @@ from whsklearn.gap.blocks.model import BlockModel, Setting, signal_scales
 from whsklearn.gap.blocks.rounds import NEED, try_all
 from whsklearn.gap.blocks.score import FITS, remainder
 from whsklearn.gap.blocks.stretch import LONG, carried_over, first_stretch, speaks
-from whsklearn.gap.blocks.trial import Found, delta_bic, objection
+from whsklearn.gap.blocks.trial import Found, delta_bic, objection, worsened
 
 
 def search(
@@ -46,6 +46,7 @@ def search(
             if len(found.taken) > 1:
                 exchange(s, found, catalogue_for(s.law.codes), need, tolerance)
         prune(s, found, need)
+        retreat(s, found)
         found.left = remainder(s, found.model, found.scales)
     except KeyboardInterrupt:
         found.interrupted = True
@@ -124,3 +125,11 @@ def prune(s: Setting, found: Found, need: float) -> None:
         if evidence < need:
             found.model, found.cost = smaller, value
             del found.taken[i]
+
+
+def retreat(s: Setting, found: Found) -> None:
+    """Take effects back, the last first, while the repaired model runs worse over held-out samples than the base."""
+    while found.taken and worsened(s, found.base, found.model) > 1.01:
+        found.taken.pop()
+        found.model = found.model.without(len(found.model.terms) - 1)
+        found.model, found.cost = refit(s, found.model, found.scales) if found.taken else (found.base, found.base_cost)

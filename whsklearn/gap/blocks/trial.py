@@ -112,9 +112,15 @@ def weigh(s: Setting, before: BlockModel, trial: Trial) -> None:
     run = free_run(s, trial.model)
     apart = run - free_run(s, trial.model.without(len(trial.model.terms) - 1))
     trial.moved = float(np.sqrt(np.mean(apart**2) / np.mean(s.y**2)))
-    miss0, miss1 = ((s.y - r)[plain] for r in (free_run(s, before), run))
+    trial.worse = worsened(s, before, trial.model)
+
+
+def worsened(s: Setting, before: BlockModel, after: BlockModel) -> float:
+    """Mean square of the free run over held-out samples, over that before; the same samples count as in `weigh`."""
+    plain = (s.held >= 0) & (behind(s.u.size, turned(s, before, after)) < 0)
+    miss0, miss1 = ((s.y - free_run(s, m))[plain] for m in (before, after))
     limit = 6.0 * 1.4826 * np.median(np.abs(miss0)) + 1e-300
-    trial.worse = float(np.mean(np.clip(miss1, -limit, limit) ** 2) / np.mean(np.clip(miss0, -limit, limit) ** 2))
+    return float(np.mean(np.clip(miss1, -limit, limit) ** 2) / np.mean(np.clip(miss0, -limit, limit) ** 2))
 
 
 def objection(s: Setting, trial: Trial, z: Scales, need: float, tolerance: float) -> str:
