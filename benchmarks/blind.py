@@ -170,6 +170,8 @@ def _one(rows: list[dict[str, Any]]) -> list[str]:
     seconds = sorted(r["seconds"] for r in rows)
     lines.append(f"seconds a case: median {seconds[len(seconds) // 2]:.1f}, worst {seconds[-1]:.1f}")
     for peer in ("naive", "frols", "sindy"):
+        if not any(r.get(peer) for r in rows):
+            continue  # not compared
         told = [r for r in single if r.get(peer) is not None]
         quiet = [r for r in of("none") + of("coloured") if r.get(peer) is not None]
         if told:

@@ -163,3 +163,21 @@ def test_missing_column_is_told():
 def test_unknown_model_is_told():
     with pytest.raises(ValueError, match="expected 'servo'"):
         GapFinder("axis").fit(make_case("none", 3, **SHORT).frame, **COLUMNS)
+
+
+def test_no_repair_runs_worse_than_the_base_model(monkeypatch):
+    prove = GapFinder._prove
+
+    def worse(self, line, bench, found, diagnosis):
+        prove(self, line, bench, found, diagnosis)
+        if found.taken:
+            diagnosis.closure = -0.05
+
+    monkeypatch.setattr(GapFinder, "_prove", worse)
+    case = make_case("named", 5, effects=("cogging",), size=0.15, seconds=10.0)
+    finder = GapFinder("servo", n_twins=1).fit(case.frame, **COLUMNS)
+    assert finder.verdict_ == "unknown"
+    assert finder.effects_ == []
+    assert finder.model_.effects == ()
+    assert finder.diagnosis_.after == finder.diagnosis_.before
+    assert len(finder.diagnosis_.horizons) == 3

@@ -10,8 +10,9 @@ import numpy as np
 from sklearn.base import BaseEstimator
 
 from whsklearn.gap import judge, locate, restless
+from whsklearn.gap.candidate_table import candidate_table
 from whsklearn.gap.close import HORIZONS, closure
-from whsklearn.gap.diagnosis import CandidateLine, Diagnosis, NamedEffect, verdict_of
+from whsklearn.gap.diagnosis import Diagnosis, NamedEffect, verdict_of
 from whsklearn.gap.lines import make_line
 from whsklearn.gap.null import explainable, twin_scores
 from whsklearn.gap.search import Found, Round, search
@@ -182,8 +183,14 @@ class GapFinder(BaseEstimator):
         n = int((bench.train & bench.usable).sum())
         diagnosis.need = judge.threshold(n, self.null_)
         diagnosis.interrupted = found.interrupted
-        diagnosis.candidates = candidate_table(found, diagnosis)
+        if not diagnosis.effects:
+            _take_back(found)
         self._prove(line, bench, found, diagnosis)
+        if found.taken and diagnosis.closure < 0.0:  # no repair makes a model worse
+            diagnosis.verdict, diagnosis.effects, diagnosis.horizons = "unknown", [], []
+            _take_back(found)
+            self._prove(line, bench, found, diagnosis)
+        diagnosis.candidates = candidate_table(found, diagnosis)
         self._say("locate")
         axes = line.axes(bench, found.base)
         gap = found.base_missing[bench.usable]
@@ -264,6 +271,13 @@ class GapFinder(BaseEstimator):
         diagnosis.closure = best["closure"] if diagnosis.effects else 0.0
 
 
+def _take_back(found: Found) -> None:
+    """Leave the base model, where nothing earned a name."""
+    found.model = found.base
+    found.taken.clear()
+    found.rivals.clear()
+
+
 def _data_problem(problems: list[Any]) -> Diagnosis:
     fatal = [p for p in problems if p.fatal]
     return Diagnosis(
@@ -281,41 +295,3 @@ def _round_line(r: Round, bench: Any) -> dict[str, Any]:
         "taken": r.taken.name if r.taken else "nothing",
         "delta_bic": r.taken.delta_bic if r.taken else (r.evidence[0].delta_bic if r.evidence else 0.0),
     }
-
-
-def candidate_table(found: Found, diagnosis: Diagnosis) -> list[CandidateLine]:
-    """Every catalogue name once: its best evidence, its status and why."""
-    named = {e.name: e for e in diagnosis.effects}
-    aliases = {a for e in diagnosis.effects for a in e.aliases}
-    lines: dict[str, CandidateLine] = {}
-    for r in found.rounds[:1]:
-        for e in r.evidence:
-            if e.name not in lines:
-                lines[e.name] = CandidateLine(
-                    e.name, e.delta_bic, float(np.clip(e.closure, -1, 1)), "ruled_out", e.reason
-                )
-        for t in r.trials:
-            name = t.kind.name
-            if name in lines:
-                continue
-            if t.expected < diagnosis.need:
-                reason = "two percent of the rms drive would not show in this record"
-                lines[name] = CandidateLine(name, 0.0, 0.0, "not_testable", reason)
-            else:
-                reason = "its signature does not follow the gap"
-                lines[name] = CandidateLine(name, max(float(t.screened), 0.0) * 0.0, 0.0, "ruled_out", reason)
-    winner = found.taken[0] if found.taken else None
-    for name, line in lines.items():
-        if name in named:
-            line.status, line.reason = "named", "accepted"
-            line.delta_bic, line.closure = named[name].delta_bic, float(np.clip(named[name].closure, -1, 1))
-        elif name in aliases:
-            line.status, line.reason = "alias", "this record cannot tell it from the named effect"
-        elif not line.reason:
-            behind = winner.delta_bic - line.delta_bic if winner else 0.0
-            line.reason = f"explains less than {winner.name} by {behind:.0f} of delta BIC" if winner else "not taken"
-    for name, late in named.items():
-        if name not in lines:
-            share = float(np.clip(late.closure, -1, 1))
-            lines[name] = CandidateLine(name, late.delta_bic, share, "named", "accepted later")
-    return sorted(lines.values(), key=lambda c: -c.delta_bic)
