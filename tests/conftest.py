@@ -43,8 +43,11 @@ def mlflow_root(migrated_database: Path, tmp_path: Path, monkeypatch: pytest.Mon
     database = shutil.copy(migrated_database, tmp_path / "mlruns" / "mlflow.db")
     monkeypatch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{database}")
     monkeypatch.delenv("MLFLOW_EXPERIMENT_ID", raising=False)
-    yield tmp_path
     import mlflow
+
+    mlflow.set_tracking_uri(None)
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{database}")
+    yield tmp_path
 
     while mlflow.active_run():
         mlflow.end_run()

@@ -203,3 +203,15 @@ def test_library_imports_neither_mlflow_nor_matplotlib():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "set()"
+
+
+def test_an_address_of_the_environment_is_not_pinned_by_a_logged_model(mlflow_root, monkeypatch):
+    import mlflow
+
+    from whsklearn import RLSRegressor
+
+    X, y = np.eye(20, 2), np.arange(20.0)
+    with open_tracker("pinned").run("one") as run:
+        run.log_model(RLSRegressor().fit(X, y), X)
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", "sqlite:///elsewhere.db")
+    assert mlflow.get_tracking_uri() == "sqlite:///elsewhere.db"

@@ -106,6 +106,7 @@ def active(mlflow: Any, client: Any, run_id: str) -> Iterator[None]:
     """Make a run the active one of MLflow's fluent calls, and put its globals back after."""
     keys = ("MLFLOW_TRACKING_URI", "MLFLOW_RUN_ID", "MLFLOW_EXPERIMENT_ID")
     before = {k: os.environ.get(k) for k in keys}
+    os.environ.pop("MLFLOW_TRACKING_URI", None)  # or an address of the environment would pass for one that was set
     was_set = mlflow.get_tracking_uri() if mlflow.is_tracking_uri_set() else None
     try:
         mlflow.set_tracking_uri(client.tracking_uri)
