@@ -170,7 +170,7 @@ def _from_elsewhere(s: Setting, other: BlockModel, t: Trial, value: float, z: Sc
         return None
     fitted, now = refit(s, other.plus(refine_scan(s, stand, again[0], z).term), z)
     n = int(s.fit.sum())
-    return Trial(again[0], fitted, now, delta_bic(n, value, now, t.kind.n_numbers, t.kind.scanned))
+    return Trial(again[0], fitted, now, delta_bic(n, value, now, t.kind.n_estimated, t.kind.scanned))
 
 
 def _walk_time(s: Setting, m: BlockModel, value: float, z: Scales) -> tuple[BlockModel, float]:
