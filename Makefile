@@ -47,8 +47,10 @@ test-lowest:  ## the tests on the lowest versions that pyproject.toml admits, in
 	$(PY) -m uv pip install --python .venv-lowest/bin/python --resolution lowest-direct -e '.[all,dev]'
 	.venv-lowest/bin/python -m pytest
 
-lint: setup  ## ruff and mypy
+lint: setup  ## ruff, the direction of imports, mypy
 	$(PY) -m ruff check .
+	$(PY) -m ruff format --check .
+	$(VENV)/bin/lint-imports
 	$(PY) -m mypy
 
 ui: setup  ## the recorded runs in the browser

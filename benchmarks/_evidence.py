@@ -11,11 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from tests.blind.wiener_hammerstein import Case
-from whsklearn.gap.blocks.candidates import CATALOGUE
-from whsklearn.gap.blocks.fit import cost, fit_base, refit, rms_dx
-from whsklearn.gap.blocks.line import BlockLine
-from whsklearn.gap.blocks.model import BlockModel, Setting, Term, free_run, signal_scales
-from whsklearn.gap.blocks.trial import delta_bic
+from whsklearn.gap.evidence import DEFAULT_TOLERANCE, delta_bic_of
+from whsklearn.gap.plants.chain import ChainPlant
+from whsklearn.gap.plants.chain_candidates import CATALOGUE
+from whsklearn.gap.plants.chain_fit import cost, fit_base, refit, rms_dx
+from whsklearn.gap.plants.chain_law import law_choice
+from whsklearn.gap.plants.chain_model import ChainModel, Setting, Term, free_run, signal_scales
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,8 @@ def term_of(name: str, numbers: dict[str, float]) -> Term | None:
 def setting_of(case: Case) -> Setting:
     """The record as the finder splits it."""
     dt = float(case.frame["time_s"].iloc[1])
-    return BlockLine("wiener-hammerstein", case.frame["u"].to_numpy(), case.frame["y"].to_numpy(), dt=dt).setting()
+    u, y = case.frame["u"].to_numpy(), case.frame["y"].to_numpy()
+    return ChainPlant(u, y, law_choice(None), tolerance=DEFAULT_TOLERANCE, dt=dt).setting()
 
 
 def typical(e: np.ndarray, limit: float) -> float:
@@ -59,7 +61,7 @@ def evidence(case: Case) -> Evidence:
     s, system = setting_of(case), case.system
     theta = np.array([*system["a"][1:], *system["b"], *system["law"], *system["c"][1:], *system["d"]])
     terms = [term_of(n, p) for n, p in zip(case.truth, case.parameters, strict=True)]
-    truth = BlockModel(theta, tuple(t for t in terms if t is not None))
+    truth = ChainModel(theta, tuple(t for t in terms if t is not None))
     truth = truth.at(1000.0 / rms_dx(s, truth))
     z = signal_scales(s, truth)
     whole, value = refit(s, truth, z)
@@ -73,5 +75,5 @@ def evidence(case: Case) -> Evidence:
             for other in others:
                 m = m.plus(other)
             without.append(refit(s, m, z)[1] if others else cost(s, m))
-        found[term.kind.name] = delta_bic(n, min(without), value, term.kind.n_estimated, term.kind.scanned)
+        found[term.kind.name] = delta_bic_of(n, min(without), value, term.kind.n_estimated, term.kind.scanned)
     return Evidence(found, s.y - free_run(s, whole))

@@ -19,7 +19,7 @@ from whsklearn.effects import (
     Stribeck,
     Viscous,
 )
-from whsklearn.inverse_dynamics import InverseDynamicsLags
+from whsklearn.lags import InverseDynamicsLags
 
 CANDIDATES = {
     "presliding_hysteresis": [PreslidingHysteresis(1.0, d) for d in (1e-5, 3e-5, 1e-4)],

@@ -32,12 +32,12 @@ LENGTHS = (250, 500, 1000)
 INNOVATION_LENGTHS = (1, 2, 4, 8, 16)
 
 
-def free_run_nmse(model: Any, system: WienerHammersteinSystem, seed: int) -> float:
+def free_run_nmse(model: Any, system: WienerHammersteinSystem, seed: int, **options: Any) -> float:
     """NMSE of the free run, averaged over three fresh noise-free records."""
     errors = []
     for k in range(3):
         X, y = make_wiener_hammerstein(1000, snr_db=None, random_state=[seed, 77, k], system=system)
-        errors.append(nmse(y, model.predict(X)))
+        errors.append(nmse(y, model.predict(X, **options)))
     return float(np.mean(errors))
 
 
@@ -118,6 +118,20 @@ def one_coverage(seed: int) -> dict[str, Any]:
     return out
 
 
+def one_posterior(seed: int, n_samples: int, snr_db: float) -> dict[str, Any]:
+    """Errors of one pass of RMILS over Example 5.1 in standard errors, and the share of 95 % intervals that hold."""
+    X, y, truth = make_wiener_hammerstein(n_samples, snr_db=snr_db, random_state=seed, return_truth=True)
+    model = RMILSRegressor(WienerHammersteinLags(), random_state=seed).partial_fit(X, y)
+    system, named, errors = truth.system, model.parameters_, model.parameter_standard_errors_
+    true = {"a": system.a[1:], "b": system.b, "c": system.c[1:], "d": system.d}
+    z = [(named[k][-v.size :] - v) / errors[k][-v.size :] for k, v in true.items()]
+    z += [np.array([(named[k] - w) / errors[k]]) for k, w in zip(system.law.labels, system.law.weights, strict=True)]
+    out = {"z": np.concatenate(z).tolist()}
+    for output in ("expected", "simulation"):
+        out[output] = free_run_nmse(model, system, seed, output=output)
+    return out
+
+
 def median_interval(values: Any) -> tuple[float, float, float]:
     """Median with its 95 % bootstrap interval."""
     values = np.asarray(values)
@@ -155,15 +169,22 @@ def spread(rows: list[dict[str, Any]], title: str) -> list[str]:
 
 
 @click.command(help=__doc__.split("\n\n")[0])
-@click.option("--section", type=click.Choice(["all", "example", "long", "systems", "p", "coverage"]), default="all")
-@click.option("--runs", type=int, default=None, help="Runs in each section; 100, 30, 50, 100 and 200 by default.")
+@click.option(
+    "--section", type=click.Choice(["all", "example", "long", "systems", "p", "coverage", "posterior"]), default="all"
+)
+@click.option(
+    "--runs",
+    type=int,
+    default=None,
+    help="Runs in each section; 100, 30, 50, 100 and 200 by default (posterior: 200 at N = 1,000, 60 at 20,000).",
+)
 @click.option("--jobs", type=int, default=2, show_default=True, help="Processes.")
 @click.option("--out", type=click.Path(path_type=pathlib.Path), default=None, help="Folder for accuracy.md and .json.")
 def main(section: str, runs: int | None, jobs: int, out: pathlib.Path | None) -> None:
     """Measure and print."""
     begun = time.time()
     lines, record = ["# Accuracy"], {}
-    chosen = ("example", "long", "systems", "p", "coverage") if section == "all" else (section,)
+    chosen = ("example", "long", "systems", "p", "coverage", "posterior") if section == "all" else (section,)
     if "example" in chosen:
         rows = run_all(one_example, [(s, 1000, True) for s in range(runs or 100)], "Example 5.1", jobs)
         record["example"] = rows
@@ -186,6 +207,8 @@ def main(section: str, runs: int | None, jobs: int, out: pathlib.Path | None) ->
         lines += innovation_lengths(runs or 100, jobs, record)
     if "coverage" in chosen:
         lines += coverage(runs or 200, jobs, record)
+    if "posterior" in chosen:
+        lines += posterior_coverage(runs, jobs, record)
     lines.append(f"\n{time.time() - begun:.0f} s.")
     print("\n".join(lines))
     if out is not None:
@@ -225,6 +248,33 @@ def coverage(runs: int, jobs: int, record: dict[str, Any]) -> list[str]:
         hits = np.array([r[name] for r in rows])
         shares = ", ".join(f"{100 * s:.1f}" for s in hits.mean(axis=0))
         lines.append(f"- {name}: {100 * hits.mean():.1f} in all; {entries}: {shares}")
+    return lines
+
+
+def posterior_coverage(runs: int | None, jobs: int, record: dict[str, Any]) -> list[str]:
+    """Coverage of the one-pass estimator's 95 % intervals, a row a length and noise level."""
+    lines = ["\n### Coverage of the 95 % intervals of RMILS in %, one pass over Example 5.1\n"]
+    lines += [
+        "| N | dB | runs | a2, b1, b2, c2, d1, d2, viscous, coulomb, stribeck | a, b | all nine (95 % interval) |"
+    ]
+    lines[-1] += " NMSE expected, simulation: median |\n|---|---|---|---|---|---|---|"
+    for n_samples, default in ((1000, 200), (20_000, 60)):
+        for snr_db in (SNR_DB, 20.0, 40.0):
+            count = runs or default
+            tasks = [(s, n_samples, snr_db) for s in range(count)]
+            rows = run_all(one_posterior, tasks, f"N={n_samples}, {snr_db} dB", jobs)
+            record[f"posterior, N={n_samples}, {snr_db} dB"] = rows
+            hits = np.abs([r["z"] for r in rows]) < 1.96
+            # parameters of one run err together: the interval is over runs, not over their nine
+            share = hits.mean(axis=1)
+            half = 1.96 * share.std(ddof=1) / np.sqrt(count)
+            each = ", ".join(f"{100 * h:.0f}" for h in hits.mean(axis=0))
+            expected, simulated = (np.median([r[k] for r in rows]) for k in ("expected", "simulation"))
+            lines.append(
+                f"| {n_samples} | {snr_db:.1f} | {count} | {each} | {100 * hits[:, :3].mean():.1f} "
+                f"| {100 * share.mean():.1f} ({100 * (share.mean() - half):.1f} to {100 * (share.mean() + half):.1f}) "
+                f"| {expected:.2g}, {simulated:.2g} |"
+            )
     return lines
 
 

@@ -24,7 +24,7 @@ from _kr300_inverse import kr300_rows
 from whsklearn import RLSRegressor
 from whsklearn.datasets import fetch_emps, fetch_kr300
 from whsklearn.effects import AsymmetricViscous, Coulomb, PositionFriction, QuadraticDrag, Stribeck, Viscous
-from whsklearn.inverse_dynamics import InverseDynamicsLags
+from whsklearn.lags import InverseDynamicsLags
 
 ROOT = Path(__file__).resolve().parents[1]
 PUBLISHED = {"inertia": 95.1089, "viscous": 203.5034, "coulomb": 20.3935, "input_offset": -3.1648}

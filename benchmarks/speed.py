@@ -36,7 +36,7 @@ from _peers import (
 
 from whsklearn import RLSRegressor, RMILSRegressor, WienerHammersteinLags
 from whsklearn.datasets import make_wiener_hammerstein
-from whsklearn.many import least_squares_of_many
+from whsklearn.recursion.batched import least_squares_of_many
 
 Contender = Callable[[], Answer]
 

@@ -60,3 +60,19 @@ html_theme_options = {
     "secondary_sidebar_items": ["page-toc"],
     "header_links_before_dropdown": 4,
 }
+
+
+def escape_bars(app, what, name, obj, options, lines):
+    """|x| is a magnitude in our docstrings, and a substitution in reStructuredText: say which."""
+    example = False
+    for i, line in enumerate(lines):
+        example = line.lstrip().startswith(">>>") or (example and bool(line.strip()))
+        if not example:
+            parts = line.split("``")  # every second one is literal
+            parts[::2] = [p.replace("|", r"\|") for p in parts[::2]]
+            lines[i] = "``".join(parts)
+
+
+def setup(app):
+    """Run after numpydoc, which makes its own tables of the lines."""
+    app.connect("autodoc-process-docstring", escape_bars, priority=900)

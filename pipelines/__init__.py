@@ -1,1 +1,1 @@
-"""Jobs, one file each: `python -m pipelines.NAME --help`."""
+"""The jobs as modules, `python -m pipelines.NAME`: thin faces of `whsklearn.cli`, and the article's reproductions."""

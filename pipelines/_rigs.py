@@ -11,9 +11,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from pipelines._cli import ROOT
-from pipelines._compare import Record
-from whsklearn.datasets import fetch_emps, fetch_kr300, load_log, load_turntable
+from whsklearn.cli.comparison import Record
+from whsklearn.cli.job import root
+from whsklearn.cli.records import longest, read
+from whsklearn.datasets import fetch_emps, fetch_kr300, load_turntable
 
 RATE = 100.0  # Hz; the rig of section 5.2 is logged at this rate, faster logs are brought down to it
 
@@ -31,7 +32,7 @@ class Task:
 
 def data_folder(given: str | None) -> str | None:
     """Where measured records are: the option, ``WHSKLEARN_DATA``, or a folder beside the checkout."""
-    beside = ROOT.parent / "shared" / "data"
+    beside = root().parent / "shared" / "data"
     return given or os.environ.get("WHSKLEARN_DATA") or (str(beside) if beside.is_dir() else None)
 
 
@@ -83,14 +84,15 @@ def _of_log(options: dict[str, Any]) -> list[Task]:
     if missing or not (options["reference"] or options["drive"]):
         raise ValueError("--log needs --time and --position, and --reference or --drive or both: the log's columns.")
     source = options["drive"] or options["reference"]
-    log = load_log(
+    log = read(
         options["log_file"],
+        options,
         time=options["time_column"],
         drive=source,
         position=options["position"],
         reference=options["reference"],
-        resample=options["resample"],
     )
+    log = longest(log)
     name, position = Path(options["log_file"]).stem, log.y
     reference = log.reference if options["reference"] else None
     drive = log.X[:, 0] if options["drive"] else None

@@ -11,8 +11,8 @@ import numpy as np
 from tqdm import tqdm
 
 from pipelines import _claims as claims
-from pipelines._cli import WIDTH, job, say_where, table, tracker_for
 from whsklearn import MILSRegressor, PEMRegressor, RMILSRegressor, WienerHammersteinLags
+from whsklearn.cli.job import WIDTH, job, say_where, table, tracker_for
 from whsklearn.datasets import make_wiener_hammerstein
 from whsklearn.metrics import mu_e, nmse, parameter_error, rmse
 from whsklearn.tracking import Run
@@ -102,7 +102,7 @@ def in_terminal(rows: Rows, found: list[claims.Claim]) -> str:
 
 def in_markdown(rows: Rows, found: list[claims.Claim], seed: int, runs: int, systems: int) -> str:
     """The report as a page."""
-    from pipelines._cli import cell
+    from whsklearn.cli.job import cell
 
     head = [
         "# Reproduction report",

@@ -12,13 +12,13 @@ from typing import Any
 
 import click
 
-from pipelines._candidates import candidates
-from pipelines._cli import job, say_where, tracker_for, wrapped
-from pipelines._compare import Candidate, Outcome, by_name, compare, results_table, verdict
-from pipelines._linear import BestLinear
-from pipelines._logs import orders_of
 from pipelines._rigs import Task, tasks_of
 from whsklearn import WienerHammersteinLags
+from whsklearn.cli.candidates import candidates
+from whsklearn.cli.comparison import Candidate, Outcome, by_name, compare, results_table, verdict
+from whsklearn.cli.job import job, say_where, tracker_for, wrapped
+from whsklearn.cli.linear import BestLinear
+from whsklearn.cli.records import orders_of
 from whsklearn.plot import ConvergenceDisplay, TrackingDisplay
 from whsklearn.tracking import Run
 from whsklearn.validation import ExcitationWarning, check_excitation
@@ -34,12 +34,11 @@ TABLE_2 = "The article's own record and indices (Table 2): MILS 2.37e-3, RMILS 3
 @click.option("--rig", type=click.Choice(["simulated", "emps", "kr300"]), default="simulated", help="Which axis.")
 @click.option("--experiment", type=click.Choice(["sine", "multisine"]), default="sine", help="Of the simulated rig.")
 @click.option("--data", type=click.Path(file_okay=False), help="Folder of the measured records; else WHSKLEARN_DATA.")
-@click.option("--log", "log_file", type=click.Path(exists=True, dir_okay=False), help="A log of yours, CSV or Parquet.")
+@click.option("--log", "log_file", type=click.Path(exists=True, dir_okay=False), help="A log of yours.")
 @click.option("--time", "time_column", help="Column of time stamps in the log.")
 @click.option("--reference", help="Column of the reference in the log.")
 @click.option("--drive", help="Column of the drive in the log.")
 @click.option("--position", help="Column of the position in the log.")
-@click.option("--resample", is_flag=True, help="Put an irregular log on a regular grid.")
 @click.option("--innovation", "p", type=click.IntRange(min=1), default=4, help="Innovation length p.")
 @click.option("--orders", default="2,2,2,2", help="Orders n_a,n_b,n_c,n_d.")
 @click.option("--law", default=None, help="Friction law, names joined by commas; the law (4) if left out.")

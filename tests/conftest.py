@@ -28,11 +28,11 @@ def data_dir() -> Path:
 def migrated_database(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """An empty MLflow database; migrating one takes seconds, copying it none."""
     pytest.importorskip("mlflow", reason="needs the extra mlflow")
-    from whsklearn import _mlflow_store
+    from whsklearn.tracking import store
 
     database = tmp_path_factory.mktemp("mlflow") / "mlflow.db"
-    with _mlflow_store.quiet():
-        _mlflow_store.initialise(database)
+    with store.quiet():
+        store.initialise(database)
     return database
 
 

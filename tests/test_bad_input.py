@@ -10,12 +10,12 @@ import pandas as pd
 import pytest
 
 from whsklearn import (
+    DifferentialEvolutionRegressor,
     MILSRegressor,
     MultiInnovationGradientRegressor,
     PEMRegressor,
     RLSRegressor,
     RMILSRegressor,
-    SwarmRegressor,
     WienerHammersteinLags,
 )
 from whsklearn.checks import state_difference
@@ -29,7 +29,7 @@ MODELS = {
     "RMILS, pure": RMILSRegressor(LAGS, n_starts=2, memory=0, random_state=0),
     "MILS, published": MILSRegressor(LAGS, gradient="pseudolinear"),
     "PEM": PEMRegressor(n_starts=1, random_state=0),
-    "swarm": SwarmRegressor(n_generations=1, random_state=0),
+    "swarm": DifferentialEvolutionRegressor(n_generations=1, random_state=0),
 }
 STREAMS = [name for name, model in MODELS.items() if hasattr(model, "partial_fit")]
 X, Y = make_wiener_hammerstein(90, random_state=0)
@@ -348,8 +348,54 @@ def test_no_inf_and_no_nan_leaves_an_estimator(name):
     ]
     for u, y in wild:
         with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", "The input is constant")
+            warnings.filterwarnings("ignore", "The (in|out)put is constant")
             model = copy.deepcopy(MODELS[name]).partial_fit(u, y)
         assert np.isfinite(model.theta_).all()
         assert np.isfinite(model.predict(u)).all()
         assert np.isfinite(model.predict_ahead(u, y)).all()
+
+
+# -- missing values and degenerate records -----------------------------------------------------
+
+
+@pytest.mark.parametrize("missing", [None, float("nan"), "nan", pd.NA, pd.NaT], ids=repr)
+@pytest.mark.parametrize("name", list(MODELS))
+def test_missing_values_among_objects_and_text_are_refused_in_x_and_y(name, missing):
+    in_y, in_X = with_value(Y.astype(object), 9, missing), with_value(X.astype(object), 9, missing)
+    records = {"y": [(X, in_y), (X, pd.Series(in_y)), (X, in_y.tolist())], "X": [(in_X, Y), (pd.DataFrame(in_X), Y)]}
+    if missing is pd.NA:
+        records["y"].append((X, pd.Series(in_y, dtype="Float64")))
+    if isinstance(missing, str):
+        records["y"].append((X, in_y.astype(str)))
+    fitted = copy.deepcopy(MODELS[name]).fit(X[:40], Y[:40])
+    for column, pairs in records.items():
+        for bad_X, bad_y in pairs:
+            for method in ("fit", "partial_fit", "predict_ahead"):
+                before = attributes(fitted)
+                if not hasattr(fitted, method):
+                    continue
+                with pytest.raises(ValueError, match=f"^{column} contains NaN, first in row 9, expected") as error:
+                    getattr(fitted, method)(bad_X, bad_y)
+                assert_one_sentence(error)
+                assert_untouched(fitted, before)
+
+
+DEGENERATE = {
+    "no input": (np.zeros((90, 1)), Y, "input is constant"),
+    "no output": (X, np.zeros(90), "output is constant"),
+    "fewer samples than parameters": (X[:8], Y[:8], "8 samples for 9 parameters"),
+}
+
+
+@pytest.mark.parametrize("record", DEGENERATE)
+@pytest.mark.parametrize("name", ["RMILS", "RMILS, pure", "MILS, published", "PEM"])
+def test_degenerate_records_warn_and_nan_standard_errors_never_come_without_a_word(name, record):
+    u, y, says = DEGENERATE[record]
+    with pytest.warns(UserWarning, match=says):
+        model = copy.deepcopy(MODELS[name]).fit(u, y)
+    assert np.isfinite(model.theta_).all()
+    for read in (lambda: model.standard_errors_, lambda: np.hstack(list(model.parameter_standard_errors_.values()))):
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always")
+            errors = read()
+        assert np.isfinite(errors).all() or any("standard errors are NaN" in str(w.message) for w in said)

@@ -11,12 +11,13 @@ from sklearn.utils.estimator_checks import parametrize_with_checks
 
 import whsklearn
 from whsklearn import (
+    DifferentialEvolutionRegressor,
     MILSRegressor,
     MultiInnovationGradientRegressor,
     PEMRegressor,
     RLSRegressor,
     RMILSRegressor,
-    SwarmRegressor,
+    StreamingPEMRegressor,
     WienerHammersteinLags,
 )
 
@@ -48,7 +49,11 @@ DYNAMIC = [
     RMILSRegressor(LAGS, gradient="pseudolinear"),
     MultiInnovationGradientRegressor(LAGS),
     PEMRegressor(LAGS, n_starts=1),
-    SwarmRegressor(LAGS, n_generations=2),
+    PEMRegressor(
+        WienerHammersteinLags(1, 1, 1, 1, law="polynomial", delays=(0, 0)), criterion="simulation", n_starts=1
+    ),
+    DifferentialEvolutionRegressor(LAGS, n_generations=2),
+    StreamingPEMRegressor(WienerHammersteinLags(1, 1, 1, 1, law="polynomial", delays=(0, 0)), n_start=50),
 ]
 
 
@@ -65,7 +70,8 @@ def test_scikit_learn(estimator, check):
 
 
 def test_no_estimator_is_left_out():
-    public = {v for v in vars(whsklearn).values() if isinstance(v, type) and issubclass(v, BaseEstimator)}
+    names = (getattr(whsklearn, name) for name in whsklearn.__all__)
+    public = {v for v in names if isinstance(v, type) and issubclass(v, BaseEstimator)}
     checked = {type(e) for e in ON_ROWS + DYNAMIC} | {WienerHammersteinLags, whsklearn.InverseDynamicsLags}
     assert public == checked, "test it here; InverseDynamicsLags is in test_inverse_dynamics.py"
 

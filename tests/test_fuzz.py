@@ -15,8 +15,6 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 from sklearn.base import clone
 
-from pipelines._stream_loop import Options, Stream
-from pipelines._stream_rows import BadRow, CsvParser, JsonParser
 from whsklearn import (
     MILSRegressor,
     PEMRegressor,
@@ -28,8 +26,10 @@ from whsklearn import (
 )
 from whsklearn.change import ChangeAlarm, compare_parameters
 from whsklearn.checks import state_difference
+from whsklearn.cli.stream_loop import Options, Stream
+from whsklearn.cli.stream_rows import BadRow, CsvParser, JsonParser
 from whsklearn.datasets import load_log, make_wiener_hammerstein
-from whsklearn.many import least_squares_of_many
+from whsklearn.recursion.batched import least_squares_of_many
 from whsklearn.state import pack_state, unpack_state
 
 FUZZ = settings(

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from whsklearn import MILSRegressor, RLSRegressor, RMILSRegressor, WienerHammersteinLags
 from whsklearn.datasets import make_wiener_hammerstein
 from whsklearn.recursion.covariance import covariance, factorise, measurement_update
-from whsklearn.recursion.rows import block_update
+from whsklearn.recursion.least_squares import block_update
 
 PROBLEM = {
     "n": st.integers(1, 8),

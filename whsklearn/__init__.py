@@ -1,22 +1,26 @@
 """Identify servo axes as Wiener-Hammerstein systems with friction, and find what the model misses."""
 
-import whsklearn.metrics  # noqa: F401 - makes neg_nmse, neg_rmse and neg_abs_mu_e known to scikit-learn by name
-from whsklearn.estimators import (
-    MILSRegressor,
-    MultiInnovationGradientRegressor,
-    PEMRegressor,
-    RLSRegressor,
-    RMILSRegressor,
-    SwarmRegressor,
-)
-from whsklearn.inverse_dynamics import InverseDynamicsLags
-from whsklearn.lags import WienerHammersteinLags
-from whsklearn.systems.servo import ServoAxis
-from whsklearn.systems.wiener_hammerstein import WienerHammersteinSystem
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from whsklearn.estimators import (
+        DifferentialEvolutionRegressor,
+        MILSRegressor,
+        MultiInnovationGradientRegressor,
+        PEMRegressor,
+        RLSRegressor,
+        RMILSRegressor,
+        StreamingPEMRegressor,
+    )
+    from whsklearn.lags.inverse_dynamics import InverseDynamicsLags
+    from whsklearn.lags.wiener_hammerstein import WienerHammersteinLags
+    from whsklearn.systems.servo import ServoAxis
+    from whsklearn.systems.wiener_hammerstein import WienerHammersteinSystem
 
 __version__ = "0.1.0"
 
 __all__ = [
+    "DifferentialEvolutionRegressor",
     "InverseDynamicsLags",
     "MILSRegressor",
     "MultiInnovationGradientRegressor",
@@ -24,7 +28,30 @@ __all__ = [
     "RLSRegressor",
     "RMILSRegressor",
     "ServoAxis",
-    "SwarmRegressor",
+    "StreamingPEMRegressor",
     "WienerHammersteinLags",
     "WienerHammersteinSystem",
 ]
+
+# Names come on first use (PEP 562): Numba and scikit-learn take over a second, and `whsklearn --help` needs neither.
+_ELSEWHERE = {
+    "InverseDynamicsLags": "whsklearn.lags.inverse_dynamics",
+    "WienerHammersteinLags": "whsklearn.lags.wiener_hammerstein",
+    "ServoAxis": "whsklearn.systems.servo",
+    "WienerHammersteinSystem": "whsklearn.systems.wiener_hammerstein",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in __all__:
+        raise AttributeError(f"module 'whsklearn' has no attribute {name!r}")
+    import importlib
+
+    importlib.import_module("whsklearn.metrics.indices")  # makes neg_nmse, neg_rmse, neg_abs_mu_e known to scikit-learn
+    value = getattr(importlib.import_module(_ELSEWHERE.get(name, "whsklearn.estimators")), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *__all__])

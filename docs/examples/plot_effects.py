@@ -239,7 +239,8 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-from whsklearn.effects import Effect, Quantity, check_effect
+from whsklearn.checks import check_effect
+from whsklearn.effects import Effect, Quantity
 
 
 @dataclass(frozen=True)

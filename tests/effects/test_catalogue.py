@@ -10,6 +10,7 @@ import pytest
 from sklearn.utils import Bunch
 
 from whsklearn import effects
+from whsklearn.checks import check_effect
 from whsklearn.effects import (
     BoucWen,
     Coulomb,
@@ -19,7 +20,6 @@ from whsklearn.effects import (
     ParameterChange,
     PreslidingHysteresis,
     Saturation,
-    check_effect,
     effect_names,
     get_effect,
 )

@@ -24,6 +24,8 @@ SHAPES = {
     terms.POWER: (3.0, 0.0, 0.0),
     terms.HINGE: (0.3, 0.0, 0.0),
     terms.CONSTANT: (0.0, 0.0, 0.0),
+    terms.NATURAL_SPLINE: (-0.5, 0.7, 1.5),
+    terms.SPEED_HINGE: (0.2, 0.0, 0.0),
 }
 ODD = (
     terms.VISCOUS, terms.COULOMB, terms.TANH, terms.TANH_DIFFERENCE, terms.STRIBECK_TANH, terms.STRIBECK_EXP,

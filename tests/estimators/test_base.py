@@ -16,12 +16,12 @@ from sklearn.preprocessing import StandardScaler
 
 import whsklearn.metrics  # noqa: F401  enters the scorers' names
 from whsklearn import (
+    DifferentialEvolutionRegressor,
     InverseDynamicsLags,
     MultiInnovationGradientRegressor,
     PEMRegressor,
     RLSRegressor,
     RMILSRegressor,
-    SwarmRegressor,
     WienerHammersteinLags,
 )
 from whsklearn.checks import state_difference
@@ -34,7 +34,7 @@ MODELS = {
     "published": RMILSRegressor(WienerHammersteinLags(), gradient="pseudolinear"),
     "gradient": MultiInnovationGradientRegressor(WienerHammersteinLags()),
     "PEM": PEMRegressor(n_starts=1, random_state=0),
-    "swarm": SwarmRegressor(n_generations=2, random_state=0),
+    "swarm": DifferentialEvolutionRegressor(n_generations=2, random_state=0),
     "polynomial": RMILSRegressor(WienerHammersteinLags(1, 0, 2, 1, law=polynomial_law([0.0, 1.0, 0.3])), **FAST),
 }
 
@@ -73,7 +73,9 @@ def test_predicting_changes_nothing_and_knows_no_output(fitted, record, name):
 def test_a_horizon_beyond_the_record_is_the_free_run(fitted, record, name):
     X, y = record
     model = fitted[name]
-    np.testing.assert_allclose(model.predict_ahead(X, y, horizon=len(y)), model.predict(X), atol=1e-9)
+    np.testing.assert_allclose(
+        model.predict_ahead(X, y, horizon=len(y)), model.predict(X, output="simulation"), atol=1e-9
+    )
     one = model.predict_ahead(X, y)
     changed = y.copy()
     changed[100] += 1.0

@@ -55,7 +55,8 @@ def test_theta0_and_p0_are_a_prior():
 
 def test_without_degrees_of_freedom_there_is_no_standard_error():
     model = RLSRegressor().fit(np.ones((1, 2)), [1.0])
-    assert np.isnan(model.standard_errors_).all()
+    with pytest.warns(UserWarning, match="standard errors are NaN"):
+        assert np.isnan(model.standard_errors_).all()
 
 
 @pytest.mark.parametrize("n", [1, 50])

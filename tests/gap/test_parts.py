@@ -1,44 +1,44 @@
-"""Properties of the parts: lens, split, noise level, lattice, bounded least squares, closure, p-values."""
+"""Properties of the parts: filter, split, noise level, lattice, bounded least squares, closure, p-values."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from whsklearn.gap.close import closure
-from whsklearn.gap.fit import least_squares
-from whsklearn.gap.lens import autoregression, make_lens, whiten
-from whsklearn.gap.locate import locate
+from whsklearn.gap.filters import autoregression, gaussian_derivatives, residual_filter, whiten
+from whsklearn.gap.least_squares import least_squares
+from whsklearn.gap.localisation import locate
+from whsklearn.gap.plants.servo_sensors import unfold
+from whsklearn.gap.proof import closure
 from whsklearn.gap.record import blocks, lattice, noise_level
-from whsklearn.gap.sensors import unfold
 
 RNG = np.random.default_rng(0)
 
 
-def test_lens_turns_a_lag_of_position_into_the_torque_behind_it():
+def test_filter_turns_a_lag_of_position_into_the_torque_behind_it():
     dt, inertia = 1e-3, 0.05
-    lens = make_lens(dt, inertia, 1e-6, 1.0, tracking=2.0)
+    seen_through = residual_filter(dt, inertia, 1e-6, 1.0, tracking=2.0)
     t = np.arange(8000) * dt
-    l1, l2 = lens.gains[0] / dt, lens.gains[1] / dt
+    l1, l2 = seen_through.gains[0] / dt, seen_through.gains[1] / dt
     w = 2 * np.pi * 1.5
     torque = 0.1 * np.sin(w * t)
     response = 1.0 / (-(w**2) + 1j * w * l1 + l2)  # (p^2 + l1 p + l2)^-1
     e = 0.1 / inertia * np.imag(response * np.exp(1j * w * t))
-    seen = lens.torque(e)[50:-50]
-    assert seen == pytest.approx(lens.blur(torque)[50:-50], abs=2e-3)
+    seen = seen_through.torque(e)[50:-50]
+    assert seen == pytest.approx(seen_through.blur(torque)[50:-50], abs=2e-3)
 
 
 def test_decimation_keeps_samples_in_place():
-    lens = make_lens(1e-3, 0.05, 1e-3, 1.0, tracking=2.0)
+    seen_through = residual_filter(1e-3, 0.05, 1e-3, 1.0, tracking=2.0)
     ramp = np.arange(6000.0)
     middle = slice(20, -20)
-    assert lens.blur(ramp)[middle] == pytest.approx(lens.pick(ramp)[middle], abs=1e-6)
+    assert seen_through.blur(ramp)[middle] == pytest.approx(seen_through.pick(ramp)[middle], abs=1e-6)
 
 
 def test_noise_gain_is_that_of_white_noise():
-    lens = make_lens(1e-3, 0.05, 1e-4, 1.0, tracking=2.0)
-    d = lens.torque(1e-4 * RNG.standard_normal(100_000))
-    assert d[50:-50].std() == pytest.approx(1e-4 * lens.noise_gain, rel=0.1)
+    seen_through = residual_filter(1e-3, 0.05, 1e-4, 1.0, tracking=2.0)
+    d = seen_through.torque(1e-4 * RNG.standard_normal(100_000))
+    assert d[50:-50].std() == pytest.approx(1e-4 * seen_through.noise_gain, rel=0.1)
 
 
 def test_blocks_leave_two_fifths_out_in_five_stretches():
@@ -122,8 +122,24 @@ def test_numbers_of_a_linear_axis_are_in_newtons_and_metres():
 
 
 def test_what_still_follows_the_motion_keeps_a_name_from_being_confident():
-    from whsklearn.gap.diagnosis import verdict_of
+    from whsklearn.gap.verdict import verdict_of
 
-    taken = [type("Taken", (), {"name": "stribeck"})()]
-    assert verdict_of(taken, 0.97, [[]], False, 0.7, left=1.1, still=0.0) == "named"
-    assert verdict_of(taken, 0.97, [[]], False, 0.7, left=1.1, still=0.08) == "partial"
+    assert verdict_of(["stribeck"], 0.97, [[]], quiet=False, follows=0.7, left=1.1, still=0.0) == "named"
+    assert verdict_of(["stribeck"], 0.97, [[]], quiet=False, follows=0.7, left=1.1, still=0.08) == "partial"
+
+
+@pytest.mark.parametrize("dt", [1e-4, 1e-3, 5e-3, 0.02])
+@pytest.mark.parametrize("width", [0.7, 1.0, 4.4, 20.0])
+def test_derivative_kernels_are_exact_on_polynomials_at_every_rate_and_width(dt, width):
+    t = np.arange(400) * dt
+    for kernel, order in zip(gaussian_derivatives(width * dt, dt), range(3), strict=True):
+        assert np.convolve(np.full(400, 100.0), kernel, mode="valid") * dt**order == pytest.approx(
+            100.0 if order == 0 else 0.0, abs=1e-8
+        )
+        for power in range(1, 3):
+            seen = np.convolve(t**power, kernel, mode="valid")
+            half = kernel.size // 2
+            inner = t[half : t.size - half]
+            wanted = {(1, 1): 1.0, (1, 2): 0.0, (2, 1): 2 * inner, (2, 2): 2.0}.get((power, order))
+            if wanted is not None:
+                assert seen == pytest.approx(wanted, abs=1e-6 * t[-1] / dt**order)

@@ -110,11 +110,11 @@ def test_chunks_make_no_difference(memory, frozen):
 
 
 def test_poor_starts_are_dropped_as_the_memory_fills():
-    X, y = make_wiener_hammerstein(256, random_state=3)
-    r = reading(EXAMPLE, n_starts=8, memory=256)
-    counts = [len(streamed(r, X[:n], y[:n])["theta"]) for n in (63, 64, 256)]
-    assert counts[0] == 1  # silent until the first re-run
-    assert 1 <= counts[2] <= counts[1] <= 8
+    r = reading(EXAMPLE, n_starts=8, memory=512)
+    X, y = make_wiener_hammerstein(768, random_state=3)
+    counts = [len(streamed(r, X[:n], y[:n])["theta"]) for n in (191, 192, 512, 768)]
+    assert counts[0] == 1  # silent until the first re-run takes over
+    assert 1 == counts[3] <= counts[2] <= counts[1] <= 8
 
 
 def test_the_answer_is_the_model_with_the_least_innovation_variance():

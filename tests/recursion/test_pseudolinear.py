@@ -10,8 +10,8 @@ from whsklearn.datasets import make_wiener_hammerstein
 from whsklearn.effects.friction import Coulomb, Viscous
 from whsklearn.effects.law import FrictionLaw, polynomial_law, reduced_law
 from whsklearn.recursion.covariance import covariance
+from whsklearn.recursion.least_squares import block_update
 from whsklearn.recursion.pseudolinear import BLOCK, GRADIENT, REEVALUATED, auxiliary_size, run_pseudolinear
-from whsklearn.recursion.rows import block_update
 
 SYSTEMS = {
     "example": WienerHammersteinSystem.example(),

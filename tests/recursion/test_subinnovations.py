@@ -11,8 +11,8 @@ from whsklearn.effects import FrictionLaw
 from whsklearn.effects.law import polynomial_law
 from whsklearn.effects.static import Power
 from whsklearn.recursion.covariance import covariance
+from whsklearn.recursion.least_squares import block_update
 from whsklearn.recursion.predictor import advance, predict, record_errors, state_size
-from whsklearn.recursion.rows import block_update
 from whsklearn.recursion.subinnovations import IDLE, MOVING, STILL, mark_still, relative_sharpness, run_windows
 
 LINEAR = polynomial_law([0.0, 1.0, 0.5])  # with n_a = 1, n_b = 0, n_c = 1 the model is linear in its parameters

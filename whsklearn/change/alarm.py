@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from sklearn.base import BaseEstimator
 
-from whsklearn._real import real_array
+from whsklearn._inputs import real_array
 from whsklearn.change.cells import LEVELS, N_BETS, tilts
 from whsklearn.change.kernel import watch
 

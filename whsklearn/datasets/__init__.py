@@ -1,13 +1,12 @@
 """Logs to try things on: makers, the library's own simulated record, loaders of the user's and of published ones."""
 
 from whsklearn.datasets.drawn_effects import draw_effect
-from whsklearn.datasets.log import load_log
-from whsklearn.datasets.log_report import Finding, LogReport, check_log
 from whsklearn.datasets.real import fetch_emps, fetch_kr300
 from whsklearn.datasets.references import reference_signal
 from whsklearn.datasets.servo import make_servo_log
 from whsklearn.datasets.turntable import load_turntable
 from whsklearn.datasets.wiener_hammerstein import make_wiener_hammerstein
+from whsklearn.logs import Finding, LogReport, check_log, load_log
 
 __all__ = [
     "Finding",

@@ -1,15 +1,11 @@
 """The effects of a servo axis: one catalogue for laws, simulators and the gap workflow."""
 
 from whsklearn.effects.base import PLACES, Effect, effect_names, get_effect
-from whsklearn.effects.check import EffectContractError, check_effect
 from whsklearn.effects.drive import ActuatorLag, DeadZone, InputDelay, InputOffset, Saturation, TorqueRipple
 from whsklearn.effects.friction import (
     AsymmetricCoulomb,
     AsymmetricViscous,
     Coulomb,
-    FrictionDrift,
-    LoadFriction,
-    PositionFriction,
     QuadraticDrag,
     ReducedStribeck,
     StaticEffect,
@@ -20,6 +16,7 @@ from whsklearn.effects.hysteresis import BoucWen, GeneralizedMaxwellSlip, LuGre,
 from whsklearn.effects.law import (
     FrictionLaw,
     as_law,
+    cubic_spline_law,
     piecewise_linear_law,
     polynomial_law,
     reduced_law,
@@ -27,6 +24,7 @@ from whsklearn.effects.law import (
 )
 from whsklearn.effects.position import CableSpring, Cogging, EndStop, GravityImbalance, HardeningSpring
 from whsklearn.effects.quantity import Quantity
+from whsklearn.effects.scales import Scales
 from whsklearn.effects.sensor import (
     EncoderEccentricity,
     OutputDrift,
@@ -34,9 +32,10 @@ from whsklearn.effects.sensor import (
     Quantization,
     SensorRectification,
 )
-from whsklearn.effects.static import Hinge, Power, Tanh, TanhDifference
+from whsklearn.effects.static import Hinge, NaturalSpline, Power, SpeedHinge, Tanh, TanhDifference
 from whsklearn.effects.timed import DisturbanceTone, ParameterChange
 from whsklearn.effects.transmission import Backlash, FlexibleCoupling
+from whsklearn.effects.varying_friction import FrictionDrift, LoadFriction, PositionFriction
 
 __all__ = [
     "PLACES",
@@ -51,7 +50,6 @@ __all__ = [
     "DeadZone",
     "DisturbanceTone",
     "Effect",
-    "EffectContractError",
     "EncoderEccentricity",
     "EndStop",
     "FlexibleCoupling",
@@ -65,6 +63,7 @@ __all__ = [
     "InputOffset",
     "LoadFriction",
     "LuGre",
+    "NaturalSpline",
     "OutputDrift",
     "OutputOffset",
     "ParameterChange",
@@ -76,7 +75,9 @@ __all__ = [
     "Quantization",
     "ReducedStribeck",
     "Saturation",
+    "Scales",
     "SensorRectification",
+    "SpeedHinge",
     "StaticEffect",
     "Stribeck",
     "Tanh",
@@ -84,7 +85,7 @@ __all__ = [
     "TorqueRipple",
     "Viscous",
     "as_law",
-    "check_effect",
+    "cubic_spline_law",
     "effect_names",
     "get_effect",
     "piecewise_linear_law",

@@ -12,9 +12,9 @@ Write one frozen dataclass whose first field is its size, and one static method
 fields in their order, and the result is the torque the effect asks of the drive
 (``port = "torque"``) or what it adds to the measured position (``port = "output"``).
 It must be proportional to the size; then the regressor columns, the simulation in
-`whsklearn.systems.ServoAxis` (where it is compiled and called in every fine step)
-and the gap workflow follow from that one method, and
-`whsklearn.effects.check_effect` tells whether it is sound::
+`whsklearn.systems.ServoAxis` (where it is compiled and called in every fine step),
+the search for it and the gap workflow follow from that one method, and
+`whsklearn.checks.check_effect` tells whether it is sound::
 
     @dataclass(frozen=True)
     class Magnet(Effect):
@@ -32,24 +32,41 @@ and the gap workflow follow from that one method, and
         @staticmethod
         def evaluate(p, time, position, velocity, drive):
             return p[0] * math.exp(-((position / p[1]) ** 2))
+
+How a search sees an effect
+---------------------------
+A search over effects needs no table of its own.  A compiled kernel takes an effect as its ``code`` and
+its ``row`` of numbers: `linear` leading ones in which the effect is linear (two weights where it is
+``phased``, one where it has an exact column, else none), then those in `searched`.  `bounds` and `starts`
+give a range for each searched number and the points where a search of one record begins, from the
+`Quantity` of the field and the record's `Scales`; `scanned` names the field that a fine grid must find.
+`variants` lists the texts an effect can take, and `from_row` makes an effect of a row again.  ``parent``
+names the effect without which this one is not asked for, ``repeats`` says that a model may hold several,
+``uses_drive`` that its column contains the measured drive, ``finest`` the largest step (s) its simulation takes.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
+from whsklearn.effects import codes
 from whsklearn.effects.quantity import Quantity
+from whsklearn.effects.scales import Scales
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from numpy.typing import ArrayLike, NDArray
 
 PLACES = ("friction", "drive", "transmission", "position", "sensor", "time")
+
+MOST_STARTS = 60  # a start costs a pass over the record
 
 _REGISTRY: dict[str, type[Effect]] = {}
 
@@ -93,6 +110,14 @@ class Effect:
         Whether the effect is amplitude cos(argument + phase), hence linear in two columns.
     choices : dict of str to tuple of str
         What a field that is text may be.
+    parent : str
+        Effect without which this one is not asked for, such as ``coulomb`` for what modifies it; empty: none.
+    repeats : bool
+        Whether a model may hold several of it, as cogging of two orders.
+    uses_drive : bool
+        Whether its column contains the measured drive, which it could then explain by itself.
+    finest : float
+        Largest time step at which its simulation is right (s).
     evaluate : callable or None
         ``evaluate(p, time, position, velocity, drive)``, for effects of one's own.
     """
@@ -111,11 +136,17 @@ class Effect:
     neutral: ClassVar[float] = 0.0
     phased: ClassVar[bool] = False
     choices: ClassVar[dict[str, tuple[str, ...]]] = {}
+    parent: ClassVar[str] = ""
+    repeats: ClassVar[bool] = False
+    uses_drive: ClassVar[bool] = False
+    finest: ClassVar[float] = math.inf
     evaluate: ClassVar[Callable[..., float] | None] = None
     code: ClassVar[int] = -1
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
+        if cls.evaluate is not None and "code" not in cls.__dict__:
+            cls.code = codes.USER_OUTPUT if cls.port == "output" else codes.USER_TORQUE
         if cls.__dict__.get("name") and cls.place in PLACES:
             _REGISTRY[cls.name] = cls
 
@@ -185,8 +216,88 @@ class Effect:
 
     @property
     def numbers(self) -> tuple[float, ...]:
-        """The size and then the shape, as the compiled kernels take them."""
+        """The size and then the shape, in the order of the fields."""
         return (self.magnitude, *self.shape.values())
+
+    # -- as kernels and searches take it ----------------------------------------------
+
+    @classmethod
+    def linear(cls) -> int:
+        """How many leading numbers of a row the effect is linear in: two if phased, one, or none."""
+        if cls.column_kind != "exact":
+            return 0
+        return 2 if cls.phased and cls.evaluate is None else 1
+
+    @classmethod
+    def searched(cls) -> tuple[str, ...]:
+        """Names of the numbers behind the linear ones of a row, in its order."""
+        if cls.evaluate is not None:
+            return tuple(f.name for f in dataclasses.fields(cls) if f.name != cls.size and f.name not in cls.choices)
+        return cls.shape_fields() if cls.linear() else (cls.size, *cls.shape_fields())
+
+    @property
+    def row(self) -> tuple[float, ...]:
+        """The numbers as compiled kernels take them: linear ones first, then those in `searched`.
+
+        Examples
+        --------
+        >>> from whsklearn.effects import Cogging
+        >>> Cogging(0.5, order=17.0).row
+        (0.5, -0.0, 17.0)
+        """
+        if self.phased and self.evaluate is None:
+            return (*(float(c) for c in self.coefficients), *(self.shape[f] for f in self.shape_fields()))
+        return self.numbers
+
+    @classmethod
+    def from_row(cls, row: Sequence[float] | NDArray[np.float64], **options: str) -> Self:
+        """The effect of a row of numbers, the inverse of `row`.
+
+        Examples
+        --------
+        >>> from whsklearn.effects import Cogging
+        >>> Cogging.from_row((0.0, -0.5, 17.0))
+        Cogging(amplitude=0.5, order=17.0, phase=1.57...)
+        """
+        n, names = cls.linear(), cls.searched()
+        fields: dict[str, Any] = {f: float(v) for f, v in zip(names, row[n : n + len(names)], strict=True)}
+        if n == 0:
+            return cls(**fields, **options)
+        return cls.from_coefficients([float(v) for v in row[:n]], **fields, **options)
+
+    @classmethod
+    def variants(cls) -> list[dict[str, str]]:
+        """Every choice of the fields that are text; one empty choice where there is none."""
+        names = list(cls.choices)
+        return [dict(zip(names, values, strict=True)) for values in itertools.product(*cls.choices.values())]
+
+    @classmethod
+    def bounds(cls, scales: Scales) -> list[tuple[float, float]]:
+        """Range in one record of every number in `searched`."""
+        return [cls.quantities[f].bounds(scales) for f in cls.searched()]
+
+    @classmethod
+    def starts(cls, scales: Scales) -> list[tuple[float, ...]]:
+        """Points in `searched` from which a search of one record begins: the product of the quantities' grids.
+
+        Where that is more than 60 points the grids are thinned, those of quantities with starts of their own last.
+        """
+        grids = [cls.quantities[f].grid(scales) for f in cls.searched()]
+        while math.prod(map(len, grids)) > MOST_STARTS:
+            given = [bool(cls.quantities[f].starts) for f in cls.searched()]
+            i = max(range(len(grids)), key=lambda k: (not given[k] and len(grids[k]) > 2, len(grids[k])))
+            grids[i] = grids[i][:: max(2, len(grids[i]) // 3)]
+        return list(itertools.product(*grids))
+
+    @classmethod
+    def scanned(cls) -> str:
+        """The field that only a fine grid finds (its quantity says how); empty where the starts do."""
+        return next((f for f in cls.searched() if cls.quantities[f].scan), "")
+
+    @classmethod
+    def physical(cls, size: float) -> bool:
+        """Whether a size has the sign that the effect can have; the weights of a phased effect are free."""
+        return cls.phased or size >= 0.0 or not cls.quantities[cls.size].positive
 
     @property
     def coefficients(self) -> NDArray[np.float64]:
@@ -234,15 +345,39 @@ class Effect:
             Torque a coefficient, or position a coefficient where the port is ``output``;
             no column at all where the effect can only be simulated.
         """
-        if self.evaluate is None:
-            return np.empty((np.asarray(signals.position).size, 0))
-        unit = np.array(self.resized(1.0).numbers)
-        rows = zip(signals.time, signals.position, signals.velocity, signals.drive, strict=True)
-        return np.array([[self.evaluate(unit, *map(float, row))] for row in rows], dtype=float).reshape(-1, 1)
+        from whsklearn.effects.columns import columns_of  # it knows all equations, and they know this class
+
+        return columns_of(self, signals)
 
     def contribution(self, signals: Any) -> NDArray[np.float64]:
         """What the effect asks of the drive (Nm), or adds to the measured position (rad)."""
-        return self.columns(signals) @ self.coefficients
+        weights = self.coefficients  # a limit may be infinite, and then its column is zero
+        return self.columns(signals) @ np.where(np.isfinite(weights), weights, 0.0)
+
+    def value(
+        self,
+        *,
+        time: ArrayLike = 0.0,
+        position: ArrayLike = 0.0,
+        velocity: ArrayLike = 0.0,
+        acceleration: ArrayLike = 0.0,
+        drive: ArrayLike = 0.0,
+    ) -> Any:
+        """`contribution` for signals given one by one, broadcast against each other: a number, or an array (n,).
+
+        Examples
+        --------
+        >>> from whsklearn.effects import Coulomb
+        >>> Coulomb(0.7).value(velocity=-2.0)
+        -0.7
+        """
+        names = ("time", "position", "velocity", "acceleration", "drive")
+        values = np.broadcast_arrays(
+            *(np.asarray(v, dtype=float) for v in (time, position, velocity, acceleration, drive))
+        )
+        signals = SimpleNamespace(**{n: np.array(v).reshape(-1) for n, v in zip(names, values, strict=True)})
+        out = self.contribution(signals)
+        return float(out[0]) if values[0].ndim == 0 else out.reshape(values[0].shape)
 
     def labelled(self) -> dict[str, float | str]:
         """All fields under names that carry their unit, as reports write them.

@@ -1,44 +1,69 @@
-"""Codes of the effects that are no static term: what a compiled simulator switches on.
+"""The one numbering of the effects: what a compiled function switches on, because it cannot hold a Python object.
 
-Static terms keep the codes of `whsklearn.effects.terms` (below 100).
+A compiled function takes an effect as a row: its code here and its `Effect.row` of numbers.
 """
 
 from __future__ import annotations
 
+N_NUMBERS = 8  # numbers a row can hold; the last of an effect of one's own says which function is its own
+N_SHAPE = 3  # shape numbers of a static term
+
+# static terms f(x, dx) of a law; those up to POSITION_FRICTION hold the sign of dx
+VISCOUS = 0
+COULOMB = 1
+ASYMMETRIC_COULOMB = 2
+ASYMMETRIC_VISCOUS = 3
+STRIBECK_EXP = 4
+POSITION_FRICTION = 5
+TANH = 6
+TANH_DIFFERENCE = 7
+STRIBECK_TANH = 8
+QUADRATIC_DRAG = 9
+POWER = 10
+HINGE = 11
+CONSTANT = 12
+NATURAL_SPLINE = 13
+SPEED_HINGE = 14
+
+# torques that are no static term
 LOAD_FRICTION = 100
 FRICTION_DRIFT = 101
-DAHL = 102
-LUGRE = 103
-MAXWELL_SLIP = 104
-BOUC_WEN = 105
+INPUT_OFFSET = 102
+TORQUE_RIPPLE = 103
+COGGING = 104
+DEAD_ZONE = 105
+SATURATION = 106
+CHANGE_INERTIA = 107
+CHANGE_VISCOUS = 108
+CHANGE_COULOMB = 109
+CHANGE_GAIN = 110
 
-INPUT_OFFSET = 110
-DEAD_ZONE = 111
-SATURATION = 112
-INPUT_DELAY = 113
-ACTUATOR_LAG = 114
-TORQUE_RIPPLE = 115
+# torques on the load's side of a transmission
+GRAVITY_IMBALANCE = 120
+CABLE_SPRING = 121
+HARDENING_SPRING = 122
+END_STOP = 123
+DISTURBANCE_TONE = 124
 
-BACKLASH = 120
-FLEXIBLE_COUPLING = 121
+# torques with a memory of the path
+DAHL = 130
+LUGRE = 131
+MAXWELL_SLIP = 132
+BOUC_WEN = 133
 
-COGGING = 130
-GRAVITY_IMBALANCE = 131
-CABLE_SPRING = 132
-HARDENING_SPRING = 133
-END_STOP = 134
+# the drive's timing and the transmission
+INPUT_DELAY = 140
+ACTUATOR_LAG = 141
+BACKLASH = 142
+FLEXIBLE_COUPLING = 143
 
-OUTPUT_OFFSET = 140
-OUTPUT_DRIFT = 141
-SENSOR_RECTIFICATION = 142
-ENCODER_ECCENTRICITY = 143
-QUANTIZATION = 144
+# the sensor
+OUTPUT_OFFSET = 150
+OUTPUT_DRIFT = 151
+SENSOR_RECTIFICATION = 152
+ENCODER_ECCENTRICITY = 153
+QUANTIZATION = 154
 
-DISTURBANCE_TONE = 150
-CHANGE_INERTIA = 151
-CHANGE_VISCOUS = 152
-CHANGE_COULOMB = 153
-CHANGE_GAIN = 154
-
+# effects of one's own, by port
 USER_TORQUE = 200
 USER_OUTPUT = 201

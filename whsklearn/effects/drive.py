@@ -4,22 +4,60 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import ClassVar
 
-import numpy as np
-
+from whsklearn._numba import njit
 from whsklearn.effects import codes
 from whsklearn.effects.base import Effect
 from whsklearn.effects.quantity import Quantity
-from whsklearn.effects.waves import as_column, rate, waves
+from whsklearn.effects.signs import clipped, wave
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
+_equation = njit(cache=False, error_model="numpy")
+
+
+@_equation
+def dead_zone(width, u):
+    """What a dead zone takes from the drive, clip(u, -d, d)."""
+    return clipped(u, width)
+
+
+@_equation
+def saturation(limit, u):
+    """What a limit takes from the drive, u - clip(u, -U, U)."""
+    return u - clipped(u, limit)
+
+
+@_equation
+def torque_ripple(cosine, sine, order, angle, u):
+    """What ripple takes from the drive, u (c cos(k q) + s sin(k q))."""
+    return u * wave(cosine, sine, order * angle)
+
+
+@_equation
+def lagged(u, state, constant, h):
+    """Mean output over a step h, and the new state, of T du_eff/dt = u - u_eff under a constant u; exact."""
+    if constant <= 0.0:
+        return u, u
+    decay = math.exp(-h / constant)
+    return u + (state - u) * (1.0 - decay) * constant / h, u + (state - u) * decay
+
+
+@_equation
+def delayed(age):
+    """Whole samples of a delay of ``age`` samples, and the share of the drive of one sample earlier still."""
+    whole = math.floor(age)
+    return int(whole), age - whole
 
 
 @dataclass(frozen=True)
 class InputOffset(Effect):
-    """A constant torque that the drive has to add: amplifier offset, a constant load."""
+    """A constant torque that the drive has to add, c (Nm): amplifier offset, a constant load.
+
+    Examples
+    --------
+    >>> InputOffset(0.1).value(velocity=-3.0)
+    0.1
+    """
 
     torque: float = 0.1
 
@@ -37,14 +75,16 @@ class InputOffset(Effect):
     port: ClassVar[str] = "input"
     code: ClassVar[int] = codes.INPUT_OFFSET
 
-    def columns(self, signals: Any) -> NDArray[np.float64]:
-        """Ones."""
-        return np.ones((np.asarray(signals.position).size, 1))
-
 
 @dataclass(frozen=True)
 class DeadZone(Effect):
-    """The amplifier gives nothing below a threshold, and the rest is short of it by as much."""
+    """The amplifier gives nothing below a threshold, and the rest is short of it: u_eff = u - clip(u, -d, d) (Nm).
+
+    Examples
+    --------
+    >>> DeadZone(0.05).value(drive=[-1.0, 0.02]).tolist()
+    [-0.05, 0.02]
+    """
 
     width: float = 0.05
 
@@ -52,7 +92,9 @@ class DeadZone(Effect):
     place: ClassVar[str] = "drive"
     equation: ClassVar[str] = "u_eff = u - clip(u, -d, d)"
     size: ClassVar[str] = "width"
-    quantities: ClassVar[dict[str, Quantity]] = {"width": Quantity("Nm", 1e-4, 1e2, log=True)}
+    quantities: ClassVar[dict[str, Quantity]] = {
+        "width": Quantity("Nm", 1e-4, 1e2, log=True, span=(1e-4, 2.0), starts=(0.01, 0.028, 0.077, 0.22, 0.6))
+    }
     signature: ClassVar[str] = "a step in the sign of the drive, not of velocity"
     needs: ClassVar[str] = "a small drive during motion"
     reference: ClassVar[str] = (
@@ -60,18 +102,19 @@ class DeadZone(Effect):
     )
     port: ClassVar[str] = "input"
     column_kind: ClassVar[str] = "at_size"
+    uses_drive: ClassVar[bool] = True
     code: ClassVar[int] = codes.DEAD_ZONE
-
-    def columns(self, signals: Any) -> NDArray[np.float64]:
-        """clip(u, -d, d) / d; sign(u) at width zero."""
-        if self.width == 0.0:
-            return as_column(np.sign(signals.drive))
-        return as_column(np.clip(np.asarray(signals.drive) / self.width, -1.0, 1.0))
 
 
 @dataclass(frozen=True)
 class Saturation(Effect):
-    """The amplifier gives no more than its limit."""
+    """The amplifier gives no more than its limit, u_eff = clip(u, -U, U) (Nm).
+
+    Examples
+    --------
+    >>> Saturation(1.5).value(drive=[2.0, -1.0]).tolist()
+    [0.5, 0.0]
+    """
 
     limit: float = 1.0
 
@@ -79,13 +122,18 @@ class Saturation(Effect):
     place: ClassVar[str] = "drive"
     equation: ClassVar[str] = "u_eff = clip(u, -U, U)"
     size: ClassVar[str] = "limit"
-    quantities: ClassVar[dict[str, Quantity]] = {"limit": Quantity("Nm", 1e-3, 1e4, log=True)}
+    quantities: ClassVar[dict[str, Quantity]] = {
+        "limit": Quantity(
+            "Nm", 1e-3, 1e4, log=True, scale="peak", span=(0.1, 1.1), starts=(0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
+        )
+    }
     signature: ClassVar[str] = "a gap at high drive only, with wind-up after it"
     needs: ClassVar[str] = "drive above the limit"
     reference: ClassVar[str] = "Astrom, Hagglund 2006, Advanced PID Control, ISA, on integrator windup"
     port: ClassVar[str] = "input"
     column_kind: ClassVar[str] = "at_size"
     neutral: ClassVar[float] = math.inf
+    uses_drive: ClassVar[bool] = True
     code: ClassVar[int] = codes.SATURATION
 
     def __post_init__(self) -> None:
@@ -93,20 +141,18 @@ class Saturation(Effect):
         if self.limit <= 0:
             raise ValueError(f"Saturation: limit is {self.limit}, expected a torque above zero; give it in Nm.")
 
-    def columns(self, signals: Any) -> NDArray[np.float64]:
-        """(u - clip(u, -U, U)) / U; zeros without a limit."""
-        drive = np.asarray(signals.drive, dtype=float)
-        return as_column((drive - np.clip(drive, -self.limit, self.limit)) / self.limit)
-
-    def contribution(self, signals: Any) -> NDArray[np.float64]:
-        """What is cut off."""
-        drive = np.asarray(signals.drive, dtype=float)
-        return drive - np.clip(drive, -self.limit, self.limit)
-
 
 @dataclass(frozen=True)
 class InputDelay(Effect):
-    """The drive acts later than it is logged."""
+    """The drive acts later than it is logged, u_eff(t) = u(t - tau), tau in s.
+
+    Its column is the first order of it, du/dt.
+
+    Examples
+    --------
+    >>> InputDelay(0.01).value(time=[0.0, 0.1, 0.2], drive=[0.0, 1.0, 2.0]).round(3).tolist()
+    [0.1, 0.1, 0.1]
+    """
 
     delay: float = 1e-3
 
@@ -114,23 +160,32 @@ class InputDelay(Effect):
     place: ClassVar[str] = "drive"
     equation: ClassVar[str] = "u_eff(t) = u(t - tau)"
     size: ClassVar[str] = "delay"
-    quantities: ClassVar[dict[str, Quantity]] = {"delay": Quantity("s", 1e-5, 0.1, log=True)}
+    quantities: ClassVar[dict[str, Quantity]] = {
+        "delay": Quantity(
+            "s", 1e-5, 0.5, log=True, scale="sample_time", span=(0.01, 300.0), starts=(1.5, 4.0, 20.0, 50.0)
+        )
+    }
     signature: ClassVar[str] = "a gap that follows du/dt, with linear phase"
     needs: ClassVar[str] = "frequencies of 0.2 / (2 pi tau) and above"
     aliases: ClassVar[tuple[str, ...]] = ("actuator_lag",)
     reference: ClassVar[str] = "Astrom, Hagglund 2006, Advanced PID Control, ISA, first-order lag with dead time"
     port: ClassVar[str] = "input"
     column_kind: ClassVar[str] = "first_order"
+    uses_drive: ClassVar[bool] = True
     code: ClassVar[int] = codes.INPUT_DELAY
-
-    def columns(self, signals: Any) -> NDArray[np.float64]:
-        """du/dt."""
-        return as_column(rate(signals.drive, signals.time))
 
 
 @dataclass(frozen=True)
 class ActuatorLag(Effect):
-    """The torque follows the command as a first-order lag: a current loop, a valve."""
+    """The torque follows the command as a first-order lag, T du_eff/dt = u - u_eff, T in s: a current loop, a valve.
+
+    Its column is the first order of it, du/dt, the same as a delay's.
+
+    Examples
+    --------
+    >>> ActuatorLag(0.01).value(time=[0.0, 0.1, 0.2], drive=[0.0, 1.0, 2.0]).round(3).tolist()
+    [0.1, 0.1, 0.1]
+    """
 
     time_constant: float = 1e-3
 
@@ -138,23 +193,30 @@ class ActuatorLag(Effect):
     place: ClassVar[str] = "drive"
     equation: ClassVar[str] = "T du_eff/dt = u - u_eff"
     size: ClassVar[str] = "time_constant"
-    quantities: ClassVar[dict[str, Quantity]] = {"time_constant": Quantity("s", 1e-5, 0.1, log=True)}
+    quantities: ClassVar[dict[str, Quantity]] = {
+        "time_constant": Quantity(
+            "s", 1e-5, 0.5, log=True, scale="sample_time", span=(0.01, 300.0), starts=(1.5, 4.0, 20.0, 50.0)
+        )
+    }
     signature: ClassVar[str] = "a gap that follows du/dt and rolls off"
     needs: ClassVar[str] = "frequencies of 0.5 / (2 pi T) and above"
     aliases: ClassVar[tuple[str, ...]] = ("input_delay",)
     reference: ClassVar[str] = "Astrom, Hagglund 2006, Advanced PID Control, ISA, first-order lag with dead time"
     port: ClassVar[str] = "input"
     column_kind: ClassVar[str] = "first_order"
+    uses_drive: ClassVar[bool] = True
     code: ClassVar[int] = codes.ACTUATOR_LAG
-
-    def columns(self, signals: Any) -> NDArray[np.float64]:
-        """du/dt, the same as a delay's for a small time constant."""
-        return as_column(rate(signals.drive, signals.time))
 
 
 @dataclass(frozen=True)
 class TorqueRipple(Effect):
-    """The torque constant varies with the rotor's angle."""
+    """The torque constant varies with the rotor's angle, u_eff = u (1 - A cos(k q + phi)).
+
+    Examples
+    --------
+    >>> TorqueRipple(0.1, order=6.0).value(position=0.0, drive=-2.0)
+    -0.2
+    """
 
     amplitude: float = 0.03
     order: float = 6.0
@@ -166,7 +228,7 @@ class TorqueRipple(Effect):
     size: ClassVar[str] = "amplitude"
     quantities: ClassVar[dict[str, Quantity]] = {
         "amplitude": Quantity("1", 1e-4, 0.3, log=True),
-        "order": Quantity("1", 0.5, 256.0),
+        "order": Quantity("1", 0.5, 256.0, scan="position"),
         "phase": Quantity("rad", -math.pi, math.pi),
     }
     signature: ClassVar[str] = "a wave over position in proportion to the drive"
@@ -174,8 +236,6 @@ class TorqueRipple(Effect):
     reference: ClassVar[str] = "Jahns, Soong 1996, IEEE Trans. Ind. Electron. 43(2), 321-330"
     port: ClassVar[str] = "input"
     phased: ClassVar[bool] = True
+    uses_drive: ClassVar[bool] = True
+    repeats: ClassVar[bool] = True
     code: ClassVar[int] = codes.TORQUE_RIPPLE
-
-    def columns(self, signals: Any) -> NDArray[np.float64]:
-        """u cos(k q), u sin(k q)."""
-        return np.asarray(signals.drive)[:, None] * waves(self.order * np.asarray(signals.position))

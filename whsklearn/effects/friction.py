@@ -1,32 +1,82 @@
-"""Friction: what resists motion, a function of velocity and sometimes of position.
+"""Friction: what resists motion, as a function of velocity.
 
 Signs and symbols follow the torque balance J a = tau - friction, so a positive size
 brakes.  On a Wiener-Hammerstein system velocity is dx = x(t) - x(t-1) of (4).
+
+The equations are compiled functions at weight one. Those of a static term return its value and its
+derivatives by x and by dx; ``s`` stands for sign(dx) and ``ds`` for its slope, because at rest the sign is
+a choice between two directions and while a gradient is needed it is a tanh.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import ClassVar
 
-import numpy as np
-
-from whsklearn.effects import codes, terms
+from whsklearn._numba import njit
+from whsklearn.effects import codes
 from whsklearn.effects.base import Effect
 from whsklearn.effects.quantity import Quantity
-from whsklearn.effects.waves import as_column, direction, waves
+from whsklearn.effects.signs import tanh
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
+_equation = njit(cache=False, error_model="numpy")
+
+
+@_equation
+def viscous(dx):
+    """Dx."""
+    return dx, 0.0, 1.0
+
+
+@_equation
+def coulomb(s, ds):
+    """sign(dx)."""
+    return s, 0.0, ds
+
+
+@_equation
+def asymmetric_coulomb(s, ds):
+    """|sign(dx)|, one in motion and nothing at rest."""
+    return s * s, 0.0, 2.0 * s * ds
+
+
+@_equation
+def asymmetric_viscous(dx, s, ds):
+    """|dx|."""
+    return dx * s, 0.0, s + dx * ds
+
+
+@_equation
+def stribeck(velocity, exponent, dx, s, ds):
+    """exp(-|dx / v_s|^delta) sign(dx)."""
+    r = abs(dx) / velocity
+    if r == 0.0:
+        return s, 0.0, ds
+    power = r**exponent
+    bump = math.exp(-power)
+    slope = -bump * exponent * power / abs(dx) * (1.0 if dx > 0.0 else -1.0)
+    return bump * s, 0.0, bump * ds + slope * s
+
+
+@_equation
+def reduced_stribeck(velocity, dx):
+    """-tanh(dx / v_s)."""
+    s = tanh(dx / velocity)
+    return -s, 0.0, -(1.0 - s * s) / velocity
+
+
+@_equation
+def quadratic_drag(dx):
+    """dx |dx|."""
+    return dx * abs(dx), 0.0, 2.0 * abs(dx)
 
 
 @dataclass(frozen=True)
 class StaticEffect(Effect):
     """An effect that is a memoryless term f(x, dx), so a law can hold it.
 
-    ``code`` names the compiled function in `whsklearn.effects.terms`,
-    ``term_shape`` gives its shape numbers.
+    ``code`` is known to `whsklearn.effects.terms.term`, ``term_shape`` gives its shape numbers.
     """
 
     code: ClassVar[int] = -1
@@ -36,19 +86,16 @@ class StaticEffect(Effect):
         """Shape numbers of the compiled term, in its order."""
         return tuple(self.shape.values())
 
-    def columns(self, signals: Any) -> NDArray[np.float64]:
-        """The term at weight one."""
-        s0, s1, s2 = (*self.term_shape, 0.0, 0.0, 0.0)[:3]
-        kappa = getattr(signals, "kappa", None)
-        position, velocity = (np.ascontiguousarray(s, dtype=float) for s in (signals.position, signals.velocity))
-        return as_column(
-            terms.term_values(self.code, s0, s1, s2, position, velocity, math.inf if kappa is None else kappa)
-        )
-
 
 @dataclass(frozen=True)
 class Viscous(StaticEffect):
-    """Friction proportional to velocity; gamma_6 of (3) and (4)."""
+    """Friction proportional to velocity, c v (Nm); gamma_6 of (3) and (4).
+
+    Examples
+    --------
+    >>> Viscous(0.5).value(velocity=-2.0)
+    -1.0
+    """
 
     coefficient: float = 1.0
 
@@ -60,12 +107,18 @@ class Viscous(StaticEffect):
     signature: ClassVar[str] = "a straight line against velocity"
     needs: ClassVar[str] = "at least two speeds"
     reference: ClassVar[str] = "Armstrong-Helouvry, Dupont, Canudas de Wit 1994, Automatica 30(7), 1083-1138"
-    code: ClassVar[int] = terms.VISCOUS
+    code: ClassVar[int] = codes.VISCOUS
 
 
 @dataclass(frozen=True)
 class Coulomb(StaticEffect):
-    """Dry friction, constant against the motion; beta_1 of (4)."""
+    """Dry friction, constant against the motion, Fc sign(v) (Nm); beta_1 of (4).
+
+    Examples
+    --------
+    >>> Coulomb(0.7).value(velocity=[-2.0, 0.0, 0.1]).tolist()
+    [-0.7, 0.0, 0.7]
+    """
 
     torque: float = 1.0
 
@@ -77,12 +130,18 @@ class Coulomb(StaticEffect):
     signature: ClassVar[str] = "a step at zero velocity"
     needs: ClassVar[str] = "reversals"
     reference: ClassVar[str] = "Armstrong-Helouvry, Dupont, Canudas de Wit 1994, Automatica 30(7), 1083-1138"
-    code: ClassVar[int] = terms.COULOMB
+    code: ClassVar[int] = codes.COULOMB
 
 
 @dataclass(frozen=True)
 class AsymmetricCoulomb(StaticEffect):
-    """The half difference of dry friction between the two directions."""
+    """The half difference of dry friction between the two directions, c |sign(v)| (Nm).
+
+    Examples
+    --------
+    >>> AsymmetricCoulomb(0.2).value(velocity=[-2.0, 0.0, 0.1]).tolist()
+    [0.2, 0.0, 0.2]
+    """
 
     torque: float = 1.0
 
@@ -95,12 +154,18 @@ class AsymmetricCoulomb(StaticEffect):
     needs: ClassVar[str] = "rest and both directions"
     aliases: ClassVar[tuple[str, ...]] = ("input_offset",)
     reference: ClassVar[str] = "Armstrong-Helouvry, Dupont, Canudas de Wit 1994, Automatica 30(7), 1083-1138"
-    code: ClassVar[int] = terms.ASYMMETRIC_COULOMB
+    code: ClassVar[int] = codes.ASYMMETRIC_COULOMB
 
 
 @dataclass(frozen=True)
 class AsymmetricViscous(StaticEffect):
-    """The half difference of viscous friction between the two directions."""
+    """The half difference of viscous friction between the two directions, c |v| (Nm).
+
+    Examples
+    --------
+    >>> AsymmetricViscous(0.1).value(velocity=[-2.0, 3.0]).round(3).tolist()
+    [0.2, 0.3]
+    """
 
     coefficient: float = 1.0
 
@@ -111,13 +176,20 @@ class AsymmetricViscous(StaticEffect):
     quantities: ClassVar[dict[str, Quantity]] = {"coefficient": Quantity("Nm s/rad", -1e3, 1e3)}
     signature: ClassVar[str] = "a V against velocity"
     needs: ClassVar[str] = "both directions at several speeds"
+    parent: ClassVar[str] = "viscous"
     reference: ClassVar[str] = "Armstrong-Helouvry, Dupont, Canudas de Wit 1994, Automatica 30(7), 1083-1138"
-    code: ClassVar[int] = terms.ASYMMETRIC_VISCOUS
+    code: ClassVar[int] = codes.ASYMMETRIC_VISCOUS
 
 
 @dataclass(frozen=True)
 class Stribeck(StaticEffect):
-    """The excess of friction near standstill that fades with speed."""
+    """The excess of friction near standstill that fades with speed, c exp(-|v/v_s|^delta) sign(v) (Nm).
+
+    Examples
+    --------
+    >>> Stribeck(0.3, velocity=0.1, exponent=2.0).value(velocity=[1e-9, 0.1, 1.0]).round(3).tolist()
+    [0.3, 0.11, 0.0]
+    """
 
     torque: float = 1.0
     velocity: float = 0.1
@@ -129,15 +201,17 @@ class Stribeck(StaticEffect):
     size: ClassVar[str] = "torque"
     quantities: ClassVar[dict[str, Quantity]] = {
         "torque": Quantity("Nm", 1e-4, 1e3, log=True),
-        "velocity": Quantity("rad/s", 1e-3, 2.0, log=True),
-        "exponent": Quantity("1", 0.5, 2.0),
+        # wider than half the rms speed it is curvature at speed, which drag explains as well
+        "velocity": Quantity("rad/s", 1e-3, 2.0, log=True, span=(0.004, 0.5), starts=(0.01, 0.03, 0.08, 0.2, 0.4)),
+        "exponent": Quantity("1", 0.5, 2.6, starts=(1.0, 2.0)),
     }
     signature: ClassVar[str] = "an odd bump below twice the Stribeck velocity"
     needs: ClassVar[str] = "time spent below the Stribeck velocity"
+    parent: ClassVar[str] = "coulomb"
     reference: ClassVar[str] = (
         "Canudas de Wit, Olsson, Astrom, Lischinsky 1995, IEEE Trans. Autom. Control 40(3), 419-425"
     )
-    code: ClassVar[int] = terms.STRIBECK_EXP
+    code: ClassVar[int] = codes.STRIBECK_EXP
 
 
 @dataclass(frozen=True)
@@ -146,6 +220,11 @@ class ReducedStribeck(StaticEffect):
 
     With a Coulomb term beta_1 beside it, friction falls from beta_1 just off
     standstill to beta_1 - beta_2 at speed.
+
+    Examples
+    --------
+    >>> round(ReducedStribeck(0.2).value(velocity=1.0), 3)
+    -0.152
     """
 
     torque: float = 1.0
@@ -160,12 +239,18 @@ class ReducedStribeck(StaticEffect):
         "velocity": Quantity("rad/s", 1e-3, 1e3, log=True),
     }
     reference: ClassVar[str] = "paper, (4)"
-    code: ClassVar[int] = terms.STRIBECK_TANH
+    code: ClassVar[int] = codes.STRIBECK_TANH
 
 
 @dataclass(frozen=True)
 class QuadraticDrag(StaticEffect):
-    """Drag of air or oil at high speed."""
+    """Drag of air or oil at high speed, c v |v| (Nm).
+
+    Examples
+    --------
+    >>> QuadraticDrag(0.1).value(velocity=[-2.0, 2.0]).round(3).tolist()
+    [-0.4, 0.4]
+    """
 
     coefficient: float = 1.0
 
@@ -176,79 +261,6 @@ class QuadraticDrag(StaticEffect):
     quantities: ClassVar[dict[str, Quantity]] = {"coefficient": Quantity("Nm s2/rad2", 1e-6, 1e3, log=True)}
     signature: ClassVar[str] = "an odd parabola against velocity"
     needs: ClassVar[str] = "top speed"
+    parent: ClassVar[str] = "viscous"
     reference: ClassVar[str] = "Batchelor 1967, An Introduction to Fluid Dynamics, Cambridge University Press"
-    code: ClassVar[int] = terms.QUADRATIC_DRAG
-
-
-@dataclass(frozen=True)
-class LoadFriction(Effect):
-    """Dry friction that grows with the torque that the gears carry."""
-
-    coefficient: float = 0.1
-
-    name: ClassVar[str] = "load_friction"
-    place: ClassVar[str] = "friction"
-    equation: ClassVar[str] = "c |u| sign(v)"
-    size: ClassVar[str] = "coefficient"
-    quantities: ClassVar[dict[str, Quantity]] = {"coefficient": Quantity("1", 1e-3, 0.5, log=True)}
-    signature: ClassVar[str] = "a step at zero velocity whose height follows the drive"
-    needs: ClassVar[str] = "several loads or accelerations at equal speed"
-    reference: ClassVar[str] = "Bittencourt, Gunnarsson 2012, ASME J. Dyn. Syst. Meas. Control 134(5), 051013"
-    code: ClassVar[int] = codes.LOAD_FRICTION
-
-    def columns(self, signals: Any) -> NDArray[np.float64]:
-        """|u| sign(v)."""
-        return as_column(np.abs(signals.drive) * direction(signals))
-
-
-@dataclass(frozen=True)
-class PositionFriction(StaticEffect):
-    """Dry friction that varies over a turn: a bent shaft, an uneven bearing."""
-
-    torque: float = 0.1
-    order: float = 1.0
-    phase: float = 0.0
-
-    name: ClassVar[str] = "position_friction"
-    place: ClassVar[str] = "friction"
-    equation: ClassVar[str] = "A cos(k q + phi) sign(v)"
-    size: ClassVar[str] = "torque"
-    quantities: ClassVar[dict[str, Quantity]] = {
-        "torque": Quantity("Nm", 1e-4, 1e3, log=True),
-        "order": Quantity("1", 0.5, 64.0),
-        "phase": Quantity("rad", -math.pi, math.pi),
-    }
-    signature: ClassVar[str] = "a wave over position that changes sign with the direction of travel"
-    needs: ClassVar[str] = "the same positions passed in both directions"
-    reference: ClassVar[str] = "Armstrong-Helouvry 1991, Control of Machines with Friction, Kluwer"
-    phased: ClassVar[bool] = True
-    code: ClassVar[int] = terms.POSITION_FRICTION
-
-    def columns(self, signals: Any) -> NDArray[np.float64]:
-        """sign(v) cos(k q), sign(v) sin(k q)."""
-        return direction(signals)[:, None] * waves(self.order * np.asarray(signals.position))
-
-
-@dataclass(frozen=True)
-class FrictionDrift(Effect):
-    """Dry friction that settles while the axis warms up (negative: falls)."""
-
-    torque: float = -0.1
-    time_constant: float = 20.0
-
-    name: ClassVar[str] = "friction_drift"
-    place: ClassVar[str] = "friction"
-    equation: ClassVar[str] = "c (1 - exp(-t/T)) sign(v)"
-    size: ClassVar[str] = "torque"
-    quantities: ClassVar[dict[str, Quantity]] = {
-        "torque": Quantity("Nm", -1e3, 1e3),
-        "time_constant": Quantity("s", 1.0, 1e4, log=True),
-    }
-    signature: ClassVar[str] = "the step at zero velocity has another height early than late"
-    needs: ClassVar[str] = "a long run with all speeds throughout"
-    reference: ClassVar[str] = "Simoni, Beschi, Legnani, Visioli, Robotica, doi 10.1017/S0263574717000509"
-    code: ClassVar[int] = codes.FRICTION_DRIFT
-
-    def columns(self, signals: Any) -> NDArray[np.float64]:
-        """(1 - exp(-t/T)) sign(v), t from the start of the record."""
-        return as_column(-np.expm1(-np.asarray(signals.time) / self.time_constant) * direction(signals))
+    code: ClassVar[int] = codes.QUADRATIC_DRAG

@@ -9,28 +9,29 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import ClassVar
 
-import numpy as np
-from numba import njit
-
+from whsklearn._numba import njit
 from whsklearn.effects import codes
 from whsklearn.effects.base import Effect
 from whsklearn.effects.quantity import Quantity
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
 N_STATES = 8
 
 
-@njit(cache=True)
+@njit(cache=False, error_model="numpy")
 def stribeck_level(ratio, velocity, v):
     """g(v) = 1 + (ratio - 1) exp(-(v/v_s)^2): the level of friction over its value at speed."""
     return 1.0 + (ratio - 1.0) * math.exp(-((v / velocity) ** 2))
 
 
-@njit(cache=True)
+@njit(cache=False, error_model="numpy")
+def dahl(z, s, path):
+    """z after a path of ``path`` presliding distances in the direction s: dz/dx = (1 - z sign(v)) / x_s, exact."""
+    return s + (z - s) * math.exp(-path)
+
+
+@njit(error_model="numpy")
 def advance_hysteresis(code, p, z, k, dx, v):
     """Move the states z[k] along a path dx travelled at velocity v; exact for a constant v."""
     if dx == 0.0:
@@ -38,13 +39,13 @@ def advance_hysteresis(code, p, z, k, dx, v):
     s = 1.0 if dx > 0.0 else -1.0
     r = abs(dx) / p[k, 1]
     if code == codes.DAHL:
-        z[k, 0] = s + (z[k, 0] - s) * math.exp(-r)
+        z[k, 0] = dahl(z[k, 0], s, r)
     elif code == codes.LUGRE:
         g = stribeck_level(p[k, 2], p[k, 3], v)
-        z[k, 0] = g * s + (z[k, 0] - g * s) * math.exp(-r / g)
+        z[k, 0] = g * dahl(z[k, 0] / g, s, r / g)
     elif code == codes.BOUC_WEN:
         w = z[k, 0] * s
-        a = 1.0 if w > 0.0 else 2.0 * p[k, 2] - 1.0
+        a = 1.0 if w >= 0.0 else 2.0 * p[k, 2] - 1.0
         w = w + r if abs(a) < 1e-9 else 1.0 / a + (w - 1.0 / a) * math.exp(-a * r)
         z[k, 0] = s * w
     else:
@@ -54,7 +55,7 @@ def advance_hysteresis(code, p, z, k, dx, v):
             z[k, i] = min(g, max(-g, z[k, i] + s * r * (n + 1.0) / (2.0 * (i + 1.0))))
 
 
-@njit(cache=True)
+@njit(error_model="numpy")
 def hysteresis_torque(code, p, z, k, v):
     """z[k], with LuGre's damping of the asperities, and its derivative by velocity."""
     if code == codes.MAXWELL_SLIP:
@@ -70,27 +71,24 @@ def hysteresis_torque(code, p, z, k, v):
     return z[k, 0], 0.0
 
 
-@njit(cache=True)
-def hysteresis_values(code, p, position, velocity):
-    """The effect at size one along a record."""
-    out = np.empty(position.size)
-    z = np.zeros((1, N_STATES))
-    for i in range(position.size):
-        if i > 0:
-            advance_hysteresis(code, p, z, 0, position[i] - position[i - 1], velocity[i])
-        out[i] = hysteresis_torque(code, p, z, 0, velocity[i])[0]
-    return out
-
-
 _TORQUE = Quantity("Nm", 1e-4, 1e3, log=True)
-_DISTANCE = Quantity("rad", 1e-6, 0.2, log=True)
+_DISTANCE = Quantity(
+    "rad", 1e-6, 0.2, log=True, span=(2e-4, 0.5), starts=(5e-4, 1.1e-3, 2.3e-3, 4.8e-3, 0.01, 0.022, 0.047, 0.1)
+)
 _RATIO = Quantity("1", 1.0, 2.5)
 _VELOCITY = Quantity("rad/s", 1e-3, 2.0, log=True)
 
 
 @dataclass(frozen=True)
 class PreslidingHysteresis(Effect):
-    """Dahl's model: dz/dx = (1 - z sign(v)) / x_s, the simplest of the family."""
+    """Dahl's model, c z with dz/dx = (1 - z sign(v)) / x_s (Nm), the simplest of the family.
+
+    Examples
+    --------
+    >>> path, speed = [0.0, 0.001, 0.01, 0.009], [0.0, 1.0, 1.0, -1.0]
+    >>> PreslidingHysteresis(0.1, distance=0.001).value(position=path, velocity=speed).round(3).tolist()
+    [0.0, 0.063, 0.1, -0.026]
+    """
 
     torque: float = 0.1
     distance: float = 1e-3
@@ -103,17 +101,20 @@ class PreslidingHysteresis(Effect):
     signature: ClassVar[str] = "after each reversal friction builds up over a short distance, along a curve"
     needs: ClassVar[str] = "many small reversals"
     reference: ClassVar[str] = "Dahl 1968, A solid friction model, Aerospace Corporation TOR-0158(3107-18)-1"
+    parent: ClassVar[str] = "coulomb"
     code: ClassVar[int] = codes.DAHL
-
-    def columns(self, signals: Any) -> NDArray[np.float64]:
-        """z along the record, from rest at its start."""
-        path, velocity = (np.ascontiguousarray(s, dtype=float) for s in (signals.position, signals.velocity))
-        return hysteresis_values(self.code, np.array([self.numbers]), path, velocity).reshape(-1, 1)
 
 
 @dataclass(frozen=True)
 class LuGre(PreslidingHysteresis):
-    """LuGre: Dahl's spring whose end level falls with speed (Stribeck), with damping."""
+    """LuGre: Dahl's spring whose end level falls with speed (Stribeck), with damping; c (z + d dz/dt) (Nm).
+
+    Examples
+    --------
+    >>> path, speed = [0.0, 0.01, 0.02], [0.0, 0.01, 1.0]
+    >>> LuGre(0.1, ratio=1.5, damping=0.0).value(position=path, velocity=speed).round(3).tolist()
+    [0.0, 0.148, 0.1]
+    """
 
     torque: float = 0.1
     distance: float = 1e-3
@@ -137,10 +138,16 @@ class LuGre(PreslidingHysteresis):
 
 @dataclass(frozen=True)
 class GeneralizedMaxwellSlip(PreslidingHysteresis):
-    """Maxwell elements in parallel, each sticking until its own distance: memory of nested reversals.
+    """Maxwell elements in parallel, each sticking until its own distance: memory of nested reversals; c mean(z_i) (Nm).
 
     The elements carry equal shares and let go at evenly spread distances with mean x_s;
     a sliding element follows the level g(v) at once, the limit of a fast attraction.
+
+    Examples
+    --------
+    >>> path, speed = [0.0, 0.0004, 0.01], [0.0, 1.0, 1.0]
+    >>> GeneralizedMaxwellSlip(0.1).value(position=path, velocity=speed).round(3).tolist()
+    [0.0, 0.052, 0.1]
     """
 
     torque: float = 0.1
@@ -168,7 +175,14 @@ class GeneralizedMaxwellSlip(PreslidingHysteresis):
 
 @dataclass(frozen=True)
 class BoucWen(PreslidingHysteresis):
-    """Bouc-Wen with exponent 1 and beta + gamma = 1: beta = 1 is Dahl, below it the loop grows slimmer."""
+    """Bouc-Wen with exponent 1 and beta + gamma = 1, c z (Nm): beta = 1 is Dahl, below it the loop grows slimmer.
+
+    Examples
+    --------
+    >>> path, speed = [0.0, 0.001, 0.01, 0.009], [0.0, 1.0, 1.0, -1.0]
+    >>> BoucWen(0.1, distance=0.001, beta=0.8).value(position=path, velocity=speed).round(3).tolist()
+    [0.0, 0.063, 0.1, -0.02]
+    """
 
     torque: float = 0.1
     distance: float = 1e-3

@@ -11,10 +11,11 @@ from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numba import njit
 
+from whsklearn._numba import njit
 from whsklearn.effects.base import get_effect
 from whsklearn.effects.friction import Coulomb, ReducedStribeck, StaticEffect, Viscous
+from whsklearn.effects.knots import spline_terms, static_terms
 from whsklearn.effects.static import Hinge, Power, Tanh, TanhDifference
 from whsklearn.effects.terms import N_SHAPE, term
 
@@ -99,7 +100,7 @@ class FrictionLaw:
         return FrictionLaw([t.resized(float(w)) for t, w in zip(self.terms, weights, strict=True)])
 
 
-@njit(cache=True)
+@njit
 def _evaluate(codes, shapes, x, dx, kappa):
     out = np.empty((x.size, codes.size))
     for i in range(x.size):
@@ -138,8 +139,29 @@ def piecewise_linear_law(knots: Sequence[float], slopes: Sequence[float]) -> Fri
     return FrictionLaw([Power(float(slopes[0]), 1.0), *hinges, *([Power(shift, 0.0)] if shift else [])])
 
 
+def cubic_spline_law(knots: Sequence[float], values: Sequence[float]) -> FrictionLaw:
+    """The natural cubic spline in x through the values at the knots, straight beyond the outer ones.
+
+    Examples
+    --------
+    >>> from whsklearn.effects.law import cubic_spline_law
+    >>> law = cubic_spline_law([-1.0, 0.0, 1.0], [1.0, 0.0, 1.0])
+    >>> law([-1.0, 0.0, 1.0], 0.0).round(12).tolist()
+    [1.0, 0.0, 1.0]
+    """
+    if len(knots) != len(values) or len(knots) < 3:
+        raise ValueError(f"{len(values)} values for {len(knots)} knots; expected as many, and 3 or more.")
+    if any(b <= a for a, b in itertools.pairwise(knots)):
+        raise ValueError(f"knots are {list(knots)}, expected increasing numbers.")
+    law = FrictionLaw(spline_terms(np.asarray(knots, dtype=float)))
+    return law.reweighted(np.linalg.solve(law.regressors(knots, 0.0), np.asarray(values, dtype=float)))
+
+
 def as_law(law: str | FrictionLaw | StaticEffect | Iterable[StaticEffect] | None) -> FrictionLaw:
     """A law from whatever a user gives: None for (4), names joined by commas, terms, or a law.
+
+    Names are those of memoryless effects, such as ``viscous``, and of laws in x: ``linear``, ``offset``,
+    ``polynomial``, ``piecewise_linear``, ``cubic_spline``.
 
     Raises
     ------
@@ -161,7 +183,9 @@ def as_law(law: str | FrictionLaw | StaticEffect | Iterable[StaticEffect] | None
     if isinstance(law, str):
         if law.strip() == "reduced":
             return reduced_law()
-        return FrictionLaw([get_effect(n.strip())() for n in law.split(",") if n.strip()])  # type: ignore[misc]
+        names = [n.strip() for n in law.split(",") if n.strip()]
+        terms = [static_terms(n) or (get_effect(n)(),) for n in names]
+        return FrictionLaw(dict.fromkeys(itertools.chain.from_iterable(terms)))  # type: ignore[arg-type]
     if not isinstance(law, Iterable):
         raise ValueError(f"law is {law!r}, expected names joined by commas, effects, a FrictionLaw or None.")
     return FrictionLaw(law)

@@ -4,25 +4,61 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import ClassVar
 
-import numpy as np
-
+from whsklearn._numba import njit
 from whsklearn.effects import codes
 from whsklearn.effects.base import Effect
 from whsklearn.effects.quantity import Quantity
-from whsklearn.effects.waves import as_column, waves
+from whsklearn.effects.signs import clipped, wave
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
+_equation = njit(cache=False, error_model="numpy")
+
+
+@_equation
+def cogging(cosine, sine, order, angle):
+    """A cos(k q + phi) by its cosine and its sine weight (Nm)."""
+    return wave(cosine, sine, order * angle)
+
+
+@_equation
+def gravity_imbalance(cosine, sine, angle):
+    """A cos(q + phi) by its cosine and its sine weight (Nm)."""
+    return wave(cosine, sine, angle)
+
+
+@_equation
+def cable_spring(stiffness, centre, angle):
+    """c (q - q_0) (Nm)."""
+    return stiffness * (angle - centre)
+
+
+@_equation
+def hardening_spring(stiffness, centre, angle):
+    """c (q - q_0)^3 (Nm)."""
+    stretch = angle - centre
+    return stiffness * stretch * stretch * stretch
+
+
+@_equation
+def end_stop(stiffness, limit, angle):
+    """k (q - clip(q, -q_s, q_s)), which is k max(|q| - q_s, 0) sign(q) (Nm)."""
+    return stiffness * (angle - clipped(angle, limit))
+
 
 _PHASE = Quantity("rad", -math.pi, math.pi)
-_CENTRE = Quantity("rad", -10.0, 10.0)
+_CENTRE = Quantity("rad", -10.0, 10.0, span=(-3.0, 3.0), starts=(0.0,))
 
 
 @dataclass(frozen=True)
 class Cogging(Effect):
-    """The rotor's magnets prefer some angles; a gear in between makes the order fractional."""
+    """The rotor's magnets prefer some angles, A cos(k q + phi) (Nm); a gear in between makes the order fractional.
+
+    Examples
+    --------
+    >>> Cogging(0.05, order=12.0).value(position=[0.0, 0.2618]).round(3).tolist()
+    [0.05, -0.05]
+    """
 
     amplitude: float = 0.05
     order: float = 12.0
@@ -34,23 +70,26 @@ class Cogging(Effect):
     size: ClassVar[str] = "amplitude"
     quantities: ClassVar[dict[str, Quantity]] = {
         "amplitude": Quantity("Nm", 1e-4, 1e3, log=True),
-        "order": Quantity("1", 1.5, 256.0),
+        "order": Quantity("1", 1.4, 256.0, scan="position"),
         "phase": _PHASE,
     }
     signature: ClassVar[str] = "a wave over position, whatever the speed, the direction and the drive"
     needs: ClassVar[str] = "a period of travel at two speeds"
     reference: ClassVar[str] = "Jahns, Soong 1996, IEEE Trans. Ind. Electron. 43(2), 321-330"
     phased: ClassVar[bool] = True
+    repeats: ClassVar[bool] = True
     code: ClassVar[int] = codes.COGGING
-
-    def columns(self, signals: Any) -> NDArray[np.float64]:
-        """cos(k q), sin(k q)."""
-        return waves(self.order * np.asarray(signals.position))
 
 
 @dataclass(frozen=True)
 class GravityImbalance(Effect):
-    """A centre of mass off the axis, A = m g l."""
+    """A centre of mass off the axis, A cos(q + phi) with A = m g l (Nm).
+
+    Examples
+    --------
+    >>> GravityImbalance(2.0, phase=0.5).value(position=-0.5)
+    2.0
+    """
 
     amplitude: float = 0.1
     phase: float = 0.0
@@ -66,14 +105,16 @@ class GravityImbalance(Effect):
     phased: ClassVar[bool] = True
     code: ClassVar[int] = codes.GRAVITY_IMBALANCE
 
-    def columns(self, signals: Any) -> NDArray[np.float64]:
-        """cos q, sin q."""
-        return waves(np.asarray(signals.position, dtype=float))
-
 
 @dataclass(frozen=True)
 class CableSpring(Effect):
-    """Cables that pull back."""
+    """Cables that pull back, c (q - q_0) (Nm).
+
+    Examples
+    --------
+    >>> CableSpring(0.1, centre=1.0).value(position=[1.0, 3.0]).tolist()
+    [0.0, 0.2]
+    """
 
     stiffness: float = 0.1
     centre: float = 0.0
@@ -93,14 +134,16 @@ class CableSpring(Effect):
     )
     code: ClassVar[int] = codes.CABLE_SPRING
 
-    def columns(self, signals: Any) -> NDArray[np.float64]:
-        """q - q_0."""
-        return as_column(np.asarray(signals.position) - self.centre)
-
 
 @dataclass(frozen=True)
 class HardeningSpring(Effect):
-    """A spring that grows stiffer, Duffing's cubic."""
+    """A spring that grows stiffer, Duffing's cubic c (q - q_0)^3 (Nm).
+
+    Examples
+    --------
+    >>> HardeningSpring(0.05).value(position=2.0)
+    0.4
+    """
 
     stiffness: float = 0.05
     centre: float = 0.0
@@ -120,14 +163,16 @@ class HardeningSpring(Effect):
     )
     code: ClassVar[int] = codes.HARDENING_SPRING
 
-    def columns(self, signals: Any) -> NDArray[np.float64]:
-        """(q - q_0)^3."""
-        return as_column((np.asarray(signals.position) - self.centre) ** 3)
-
 
 @dataclass(frozen=True)
 class EndStop(Effect):
-    """An elastic stop at either end of the travel."""
+    """An elastic stop at either end of the travel, k max(|q| - q_s, 0) sign(q) (Nm).
+
+    Examples
+    --------
+    >>> EndStop(10.0, angle=1.0).value(position=[-1.5, 0.5, 1.25]).tolist()
+    [-5.0, 0.0, 2.5]
+    """
 
     stiffness: float = 10.0
     angle: float = 1.0
@@ -138,14 +183,11 @@ class EndStop(Effect):
     size: ClassVar[str] = "stiffness"
     quantities: ClassVar[dict[str, Quantity]] = {
         "stiffness": Quantity("Nm/rad", 1e-2, 1e7, log=True),
-        "angle": Quantity("rad", 1e-3, 1e2, log=True),
+        "angle": Quantity(
+            "rad", 1e-3, 1e2, log=True, scale="extent", span=(0.2, 1.0), starts=(0.5, 0.65, 0.75, 0.83, 0.9, 0.95)
+        ),
     }
     signature: ClassVar[str] = "a gap in one range of position only"
     needs: ClassVar[str] = "travel into the stop"
     reference: ClassVar[str] = "Brogliato 1999, Nonsmooth Mechanics, 2nd ed., Springer"
     code: ClassVar[int] = codes.END_STOP
-
-    def columns(self, signals: Any) -> NDArray[np.float64]:
-        """max(|q| - q_s, 0) sign(q)."""
-        position = np.asarray(signals.position, dtype=float)
-        return as_column(np.maximum(np.abs(position) - self.angle, 0.0) * np.sign(position))

@@ -1,14 +1,22 @@
-"""What a number of an effect means: its unit and its plausible range."""
+"""What a number of an effect means: its unit, its plausible range, and where a search for it begins."""
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass
+
+import numpy as np
+
+from whsklearn.effects.scales import Scales
+
+LEAST_PERIODS = 0.8  # rad of a wave over half the travel: below it, it is a line and a parabola
+N_STARTS = 5  # of a number that says nothing of its own; a decade of a logarithmic range is about two of them
 
 
 @dataclass(frozen=True)
 class Quantity:
-    """A parameter of an effect: its unit on a rotary axis and its plausible range.
+    """A parameter of an effect: its unit on a rotary axis, its plausible range, where to look for it.
 
     Parameters
     ----------
@@ -19,12 +27,27 @@ class Quantity:
         Plausible range on real axes, inclusive; used to reject a fit, to draw tests.
     log : bool
         Whether the range is spanned in ratios rather than in differences.
+    span : tuple of two floats, optional
+        Range in which a record can show it, as multiples of the record's scale (see `whsklearn.effects.Scales`);
+        1e-3 to 3 for a quantity in ratios, -3 to 3 otherwise.
+    starts : tuple of float, optional
+        Where a search begins, as multiples of the record's scale; evenly over the range by default.
+    scale : str, optional
+        Which of the record's scales; that of the unit by default (``rad``: reach of the motion, ``rad/s``: speed,
+        ``Nm``: torque, ``s``: duration, ``Hz``: one over the duration, ``rad/Nm``: compliance).
+    scan : str
+        How a fine grid finds it, if starts are too coarse: ``position`` (the order of a wave over position),
+        ``time`` (a frequency), ``step`` (an instant); empty where the starts do.
     """
 
     unit: str
     low: float
     high: float
     log: bool = False
+    span: tuple[float, float] | None = None
+    starts: tuple[float, ...] = ()
+    scale: str = ""
+    scan: str = ""
 
     def labelled(self, name: str) -> str:
         """The name with the unit appended, in the letters of a column: ``torque_nm``.
@@ -36,3 +59,52 @@ class Quantity:
         """
         unit = re.sub(r"[^a-z0-9]+", "_", self.unit.lower().replace("/", " per ")).strip("_")
         return name if self.unit == "1" else f"{name}_{unit}"
+
+    def bounds(self, scales: Scales) -> tuple[float, float]:
+        """Range to search in one record: the plausible one, cut to what the record can show.
+
+        Where the two do not meet, as in a log in degrees or millimetres, the record's own range counts.
+
+        Examples
+        --------
+        >>> from whsklearn.effects import Scales
+        >>> low, high = Quantity("rad", 0.01, 1.0, log=True).bounds(Scales(reach=0.2))
+        >>> round(low, 3), round(high, 3)
+        (0.01, 0.6)
+        """
+        if self.scan == "position":  # at least most of a period within the travel; orders grow as the travel shrinks
+            least = max(self.low, LEAST_PERIODS / scales.reach)
+            return least, max(self.high, self.high / scales.reach, 10.0 * least)
+        unit, origin = scales.of(self.unit, self.scale)
+        if unit is None:
+            return self.low, self.high
+        span = self.span if self.span is not None else ((1e-3, 3.0) if self.log else (-3.0, 3.0))
+        origin = 0.0 if self.log else origin
+        seen = origin + span[0] * unit, origin + span[1] * unit
+        both = max(self.low, seen[0]), min(self.high, seen[1])
+        wide = both[1] > 2.0 * both[0] if self.log else both[1] > both[0]
+        return both if wide else seen
+
+    def grid(self, scales: Scales, n: int = N_STARTS) -> tuple[float, ...]:
+        """Values from which a search of one record begins, in rising order.
+
+        Examples
+        --------
+        >>> from whsklearn.effects import Scales
+        >>> Quantity("rad", 0.01, 1.0, log=True).grid(Scales(reach=1.0), n=3)
+        (0.0215..., 0.1, 0.464...)
+        """
+        low, high = self.bounds(scales)
+        if self.starts:
+            unit, origin = scales.of(self.unit, self.scale)
+            scaled = [s if unit is None else (0.0 if self.log else origin) + s * unit for s in self.starts]
+            return tuple(sorted({min(max(float(s), low), high) for s in scaled}))
+        inside = (np.arange(n) + 0.5) / n
+        if self.log:
+            return tuple(float(x) for x in low * (high / low) ** inside)
+        return tuple(float(x) for x in low + (high - low) * inside)
+
+    @property
+    def positive(self) -> bool:
+        """Whether a plausible value is never below zero."""
+        return self.low >= 0.0 and not math.isinf(self.low)

@@ -4,22 +4,50 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import ClassVar
 
-import numpy as np
-
+from whsklearn._numba import njit
 from whsklearn.effects import codes
 from whsklearn.effects.base import Effect
 from whsklearn.effects.quantity import Quantity
-from whsklearn.effects.waves import as_column, waves
+from whsklearn.effects.signs import wave
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
+_equation = njit(cache=False, error_model="numpy")
+
+
+@_equation
+def output_drift(rate, time):
+    """c t (rad)."""
+    return rate * time
+
+
+@_equation
+def sensor_rectification(fraction, angle):
+    """f (|q| - q), what the reading of a sensor that loses the sign has too much (rad)."""
+    return fraction * (abs(angle) - angle)
+
+
+@_equation
+def encoder_eccentricity(cosine, sine, order, angle):
+    """A cos(k q + phi) by its cosine and its sine weight (rad)."""
+    return wave(cosine, sine, order * angle)
+
+
+@_equation
+def quantized(step, reading):
+    """s round(q / s); the reading itself at step zero."""
+    return step * math.floor(reading / step + 0.5) if step > 0.0 else reading
 
 
 @dataclass(frozen=True)
 class OutputOffset(Effect):
-    """The zero of the sensor is off."""
+    """The zero of the sensor is off, y = q + c (rad).
+
+    Examples
+    --------
+    >>> OutputOffset(0.01).value(position=2.0)
+    0.01
+    """
 
     offset: float = 1e-3
 
@@ -34,14 +62,16 @@ class OutputOffset(Effect):
     port: ClassVar[str] = "output"
     code: ClassVar[int] = codes.OUTPUT_OFFSET
 
-    def columns(self, signals: Any) -> NDArray[np.float64]:
-        """Ones."""
-        return np.ones((np.asarray(signals.position).size, 1))
-
 
 @dataclass(frozen=True)
 class OutputDrift(Effect):
-    """The sensor's zero wanders at a constant rate."""
+    """The sensor's zero wanders at a constant rate, y = q + c t (rad).
+
+    Examples
+    --------
+    >>> OutputDrift(0.001).value(time=20.0)
+    0.02
+    """
 
     rate: float = 1e-3
 
@@ -56,14 +86,16 @@ class OutputDrift(Effect):
     port: ClassVar[str] = "output"
     code: ClassVar[int] = codes.OUTPUT_DRIFT
 
-    def columns(self, signals: Any) -> NDArray[np.float64]:
-        """t."""
-        return as_column(signals.time)
-
 
 @dataclass(frozen=True)
 class SensorRectification(Effect):
-    """The sensor loses the sign, wholly (fraction 1) or in part."""
+    """The sensor loses the sign, wholly (fraction 1) or in part: y = (1 - f) q + f |q| (rad).
+
+    Examples
+    --------
+    >>> SensorRectification(1.0).value(position=[-0.5, 0.5]).tolist()
+    [1.0, 0.0]
+    """
 
     fraction: float = 1.0
 
@@ -71,7 +103,7 @@ class SensorRectification(Effect):
     place: ClassVar[str] = "sensor"
     equation: ClassVar[str] = "y = (1 - f) q + f |q|"
     size: ClassVar[str] = "fraction"
-    quantities: ClassVar[dict[str, Quantity]] = {"fraction": Quantity("1", 0.0, 1.0)}
+    quantities: ClassVar[dict[str, Quantity]] = {"fraction": Quantity("1", 0.0, 1.0, starts=(1.0,))}
     signature: ClassVar[str] = "a gap where the position should be negative, and nowhere else"
     needs: ClassVar[str] = "both signs of position"
     reference: ClassVar[str] = (
@@ -80,15 +112,16 @@ class SensorRectification(Effect):
     port: ClassVar[str] = "output"
     code: ClassVar[int] = codes.SENSOR_RECTIFICATION
 
-    def columns(self, signals: Any) -> NDArray[np.float64]:
-        """|q| - q."""
-        position = np.asarray(signals.position, dtype=float)
-        return as_column(np.abs(position) - position)
-
 
 @dataclass(frozen=True)
 class EncoderEccentricity(Effect):
-    """The disc of the encoder is off centre (order 1) or bent (order 2)."""
+    """The disc of the encoder is off centre (order 1) or bent (order 2): y = q + A cos(k q + phi) (rad).
+
+    Examples
+    --------
+    >>> EncoderEccentricity(0.001, order=2.0).value(position=[0.0, 1.5708]).round(6).tolist()
+    [0.001, -0.001]
+    """
 
     amplitude: float = 1e-3
     order: float = 1.0
@@ -100,7 +133,7 @@ class EncoderEccentricity(Effect):
     size: ClassVar[str] = "amplitude"
     quantities: ClassVar[dict[str, Quantity]] = {
         "amplitude": Quantity("rad", 1e-6, 0.1, log=True),
-        "order": Quantity("1", 0.5, 64.0),
+        "order": Quantity("1", 0.5, 64.0, starts=(1.0, 2.0, 3.0, 4.0)),
         "phase": Quantity("rad", -math.pi, math.pi),
     }
     signature: ClassVar[str] = "a wave over position whose torque grows with the square of speed"
@@ -112,14 +145,16 @@ class EncoderEccentricity(Effect):
     phased: ClassVar[bool] = True
     code: ClassVar[int] = codes.ENCODER_ECCENTRICITY
 
-    def columns(self, signals: Any) -> NDArray[np.float64]:
-        """cos(k q), sin(k q)."""
-        return waves(self.order * np.asarray(signals.position))
-
 
 @dataclass(frozen=True)
 class Quantization(Effect):
-    """The sensor counts in steps."""
+    """The sensor counts in steps, y = s round(q / s) (rad); no column stands for it.
+
+    Examples
+    --------
+    >>> Quantization(0.001).labelled()
+    {'step_rad': 0.001}
+    """
 
     step: float = 1e-3
 

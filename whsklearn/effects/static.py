@@ -9,16 +9,84 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from whsklearn.effects import terms
+from whsklearn._numba import njit
+from whsklearn.effects import codes
 from whsklearn.effects.friction import StaticEffect
 from whsklearn.effects.quantity import Quantity
+from whsklearn.effects.signs import tanh
+
+_equation = njit(cache=False, error_model="numpy")
+
+
+@_equation
+def smooth_coulomb(velocity, dx):
+    """tanh(dx / v): the smooth Coulomb term gamma_4 tanh(gamma_5 dx) of (3), with its derivatives."""
+    s = tanh(dx / velocity)
+    return s, 0.0, (1.0 - s * s) / velocity
+
+
+@_equation
+def smooth_stribeck(fast, slow, dx):
+    """tanh(dx / fast) - tanh(dx / slow), with its derivatives: the Stribeck term of (3)."""
+    p, _, slope_p = smooth_coulomb(fast, dx)
+    q, _, slope_q = smooth_coulomb(slow, dx)
+    return p - q, 0.0, slope_p - slope_q
+
+
+@_equation
+def power(degree, x):
+    """x^k with its derivatives."""
+    if degree == 0.0:
+        return 1.0, 0.0, 0.0
+    return x**degree, degree * x ** (degree - 1.0), 0.0
+
+
+@_equation
+def hinge(knot, x):
+    """max(x - knot, 0) with its derivatives."""
+    if x > knot:
+        return x - knot, 1.0, 0.0
+    return 0.0, 0.0, 0.0
+
+
+@_equation
+def natural_spline(knot, last_but_one, last, x):
+    """d_k(x) - d_m(x) with d_k = ((x - k)_+^3 - (x - l)_+^3) / (l - k); a straight line beyond the last knot."""
+    if x <= knot:
+        return 0.0, 0.0, 0.0
+    p, q, m = x - knot, x - last_but_one, last - last_but_one
+    if x >= last:  # in closed form, as the cubes cancel there
+        slope = 3.0 * (last_but_one - knot)
+        return (last - knot) ** 2 - m * m + slope * (x - last), slope, 0.0
+    value, slope = p * p * p / (last - knot), 3.0 * p * p / (last - knot)
+    if q > 0.0:
+        value -= q * q * q / m
+        slope -= 3.0 * q * q / m
+    return value, slope, 0.0
+
+
+@_equation
+def speed_hinge(knot, dx):
+    """sign(dx) max(|dx| - knot, 0) with its derivatives."""
+    if dx > knot:
+        return dx - knot, 0.0, 1.0
+    if dx < -knot:
+        return dx + knot, 0.0, 1.0
+    return 0.0, 0.0, 0.0
+
 
 _WEIGHT = Quantity("y per x", -1e6, 1e6)
 
 
 @dataclass(frozen=True)
 class Tanh(StaticEffect):
-    """weight tanh(dx / velocity): the smooth Coulomb term gamma_4 tanh(gamma_5 dx) of (3)."""
+    """weight tanh(dx / velocity), in y's unit: the smooth Coulomb term gamma_4 tanh(gamma_5 dx) of (3).
+
+    Examples
+    --------
+    >>> round(Tanh(0.5, velocity=0.1).value(velocity=0.1), 3)
+    0.381
+    """
 
     weight: float = 1.0
     velocity: float = 1.0
@@ -28,12 +96,18 @@ class Tanh(StaticEffect):
     equation: ClassVar[str] = "w tanh(dx / v)"
     size: ClassVar[str] = "weight"
     quantities: ClassVar[dict[str, Quantity]] = {"weight": _WEIGHT, "velocity": Quantity("x", 1e-6, 1e6, log=True)}
-    code: ClassVar[int] = terms.TANH
+    code: ClassVar[int] = codes.TANH
 
 
 @dataclass(frozen=True)
 class TanhDifference(StaticEffect):
-    """weight (tanh(dx / fast) - tanh(dx / slow)): the Stribeck term of (3)."""
+    """weight (tanh(dx / fast) - tanh(dx / slow)), in y's unit: the Stribeck term of (3).
+
+    Examples
+    --------
+    >>> round(TanhDifference(1.0, fast=0.1, slow=1.0).value(velocity=0.3), 3)
+    0.704
+    """
 
     weight: float = 1.0
     fast: float = 0.1
@@ -48,12 +122,18 @@ class TanhDifference(StaticEffect):
         "fast": Quantity("x", 1e-6, 1e6, log=True),
         "slow": Quantity("x", 1e-6, 1e6, log=True),
     }
-    code: ClassVar[int] = terms.TANH_DIFFERENCE
+    code: ClassVar[int] = codes.TANH_DIFFERENCE
 
 
 @dataclass(frozen=True)
 class Power(StaticEffect):
-    """weight x^degree, a term of a polynomial."""
+    """weight x^degree, in y's unit: a term of a polynomial.
+
+    Examples
+    --------
+    >>> Power(2.0, degree=3).value(position=-2.0)
+    -16.0
+    """
 
     weight: float = 1.0
     degree: float = 1.0
@@ -63,7 +143,7 @@ class Power(StaticEffect):
     equation: ClassVar[str] = "w x^k"
     size: ClassVar[str] = "weight"
     quantities: ClassVar[dict[str, Quantity]] = {"weight": _WEIGHT, "degree": Quantity("1", 0, 9)}
-    code: ClassVar[int] = terms.POWER
+    code: ClassVar[int] = codes.POWER
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -73,7 +153,13 @@ class Power(StaticEffect):
 
 @dataclass(frozen=True)
 class Hinge(StaticEffect):
-    """weight max(x - knot, 0), a term of a piecewise-linear law."""
+    """weight max(x - knot, 0), in y's unit: a term of a piecewise-linear law.
+
+    Examples
+    --------
+    >>> Hinge(2.0, knot=1.0).value(position=[0.5, 1.5]).tolist()
+    [0.0, 1.0]
+    """
 
     weight: float = 1.0
     knot: float = 0.0
@@ -83,4 +169,63 @@ class Hinge(StaticEffect):
     equation: ClassVar[str] = "w max(x - knot, 0)"
     size: ClassVar[str] = "weight"
     quantities: ClassVar[dict[str, Quantity]] = {"weight": _WEIGHT, "knot": Quantity("x", -1e6, 1e6)}
-    code: ClassVar[int] = terms.HINGE
+    code: ClassVar[int] = codes.HINGE
+
+
+@dataclass(frozen=True)
+class NaturalSpline(StaticEffect):
+    """One of the functions that span the natural cubic splines over given knots, in y's unit.
+
+    With a constant and x they are all splines that are cubic between the knots and straight
+    beyond the outer ones; there is one for each knot but the last two.
+
+    Examples
+    --------
+    >>> NaturalSpline(1.0, knot=-1.0, last_but_one=0.0, last=1.0).value(position=[-2.0, 0.0, 2.0]).tolist()
+    [0.0, 0.5, 6.0]
+    """
+
+    weight: float = 1.0
+    knot: float = -1.0
+    last_but_one: float = 0.0
+    last: float = 1.0
+
+    name: ClassVar[str] = "natural_spline"
+    place: ClassVar[str] = "static"
+    equation: ClassVar[str] = "w (d_k(x) - d_m(x)), d_k(x) = ((x - k)_+^3 - (x - l)_+^3) / (l - k)"
+    size: ClassVar[str] = "weight"
+    quantities: ClassVar[dict[str, Quantity]] = {
+        "weight": _WEIGHT,
+        "knot": Quantity("x", -1e6, 1e6),
+        "last_but_one": Quantity("x", -1e6, 1e6),
+        "last": Quantity("x", -1e6, 1e6),
+    }
+    reference: ClassVar[str] = "Hastie, Tibshirani, Friedman 2009, The Elements of Statistical Learning, (5.4)"
+    code: ClassVar[int] = codes.NATURAL_SPLINE
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.knot < self.last_but_one < self.last:
+            knots = (self.knot, self.last_but_one, self.last)
+            raise ValueError(f"NaturalSpline: the knots are {knots}, expected increasing numbers; sort them.")
+
+
+@dataclass(frozen=True)
+class SpeedHinge(StaticEffect):
+    """weight sign(dx) max(|dx| - knot, 0), in y's unit: a kink of an odd friction curve over speed.
+
+    Examples
+    --------
+    >>> SpeedHinge(2.0, knot=1.0).value(velocity=[-1.5, 0.5, 1.5]).tolist()
+    [-1.0, 0.0, 1.0]
+    """
+
+    weight: float = 1.0
+    knot: float = 1.0
+
+    name: ClassVar[str] = "speed_hinge"
+    place: ClassVar[str] = "static"
+    equation: ClassVar[str] = "w sign(dx) max(|dx| - knot, 0)"
+    size: ClassVar[str] = "weight"
+    quantities: ClassVar[dict[str, Quantity]] = {"weight": _WEIGHT, "knot": Quantity("x", 1e-9, 1e6, log=True)}
+    code: ClassVar[int] = codes.SPEED_HINGE

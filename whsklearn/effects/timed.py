@@ -4,22 +4,38 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import ClassVar
 
-import numpy as np
-
+from whsklearn._numba import njit
 from whsklearn.effects import codes
 from whsklearn.effects.base import Effect
 from whsklearn.effects.quantity import Quantity
-from whsklearn.effects.waves import as_column, direction, waves
+from whsklearn.effects.signs import wave
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
+_equation = njit(cache=False, error_model="numpy")
+
+
+@_equation
+def disturbance_tone(cosine, sine, frequency, time):
+    """A cos(2 pi f t + phi) by its cosine and its sine weight (Nm)."""
+    return wave(cosine, sine, 2.0 * math.pi * frequency * time)
+
+
+@_equation
+def parameter_change(change, start, time, regressor):
+    """c r(t) from t_0 on, t_0 included; r is the regressor of the parameter that changes."""
+    return change * regressor if time >= start else 0.0
 
 
 @dataclass(frozen=True)
 class DisturbanceTone(Effect):
-    """A torque of one frequency from outside: mains, a fan, a pump."""
+    """A torque of one frequency from outside, A cos(2 pi f t + phi) (Nm): mains, a fan, a pump.
+
+    Examples
+    --------
+    >>> DisturbanceTone(0.05, frequency=25.0).value(time=[0.0, 0.02]).round(3).tolist()
+    [0.05, -0.05]
+    """
 
     amplitude: float = 0.05
     frequency: float = 25.0
@@ -31,18 +47,15 @@ class DisturbanceTone(Effect):
     size: ClassVar[str] = "amplitude"
     quantities: ClassVar[dict[str, Quantity]] = {
         "amplitude": Quantity("Nm", 1e-4, 1e3, log=True),
-        "frequency": Quantity("Hz", 0.05, 500.0, log=True),
+        "frequency": Quantity("Hz", 0.05, 500.0, log=True, span=(1.0, 1e5), scan="time"),
         "phase": Quantity("rad", -math.pi, math.pi),
     }
     signature: ClassVar[str] = "a line at a fixed frequency, with no relation to the reference"
     needs: ClassVar[str] = "two speeds (at one speed cogging looks the same)"
     reference: ClassVar[str] = "Bodson, Douglas 1997, Automatica 33(12), 2213-2221"
     phased: ClassVar[bool] = True
+    repeats: ClassVar[bool] = True
     code: ClassVar[int] = codes.DISTURBANCE_TONE
-
-    def columns(self, signals: Any) -> NDArray[np.float64]:
-        """cos(2 pi f t), sin(2 pi f t)."""
-        return waves(2.0 * math.pi * self.frequency * np.asarray(signals.time))
 
 
 _CHANGES = {
@@ -55,7 +68,15 @@ _CHANGES = {
 
 @dataclass(frozen=True)
 class ParameterChange(Effect):
-    """One parameter of the axis takes another value at a time; ``change`` is in the parameter's unit."""
+    """One parameter of the axis takes another value from a time on; ``change`` is in the parameter's unit.
+
+    What it asks of the drive (Nm) is c r(t) for t >= t_0, with r = a, v, sign(v) or -u.
+
+    Examples
+    --------
+    >>> ParameterChange(0.1, time=1.0, parameter="viscous").value(time=[0.9, 1.0], velocity=[2.0, 2.0]).tolist()
+    [0.0, 0.2]
+    """
 
     change: float = 0.01
     time: float = 1.0
@@ -63,11 +84,11 @@ class ParameterChange(Effect):
 
     name: ClassVar[str] = "parameter_change"
     place: ClassVar[str] = "time"
-    equation: ClassVar[str] = "c r(t) for t > t_0, r = a, v, sign(v) or -u"
+    equation: ClassVar[str] = "c r(t) for t >= t_0, r = a, v, sign(v) or -u"
     size: ClassVar[str] = "change"
     quantities: ClassVar[dict[str, Quantity]] = {
         "change": Quantity("1", -1e3, 1e3),
-        "time": Quantity("s", 0.0, 1e5),
+        "time": Quantity("s", 0.0, 1e5, span=(0.05, 0.95), scan="step"),
     }
     signature: ClassVar[str] = "a constant that is not the same before and after"
     needs: ClassVar[str] = "the same motion before and after the change"
@@ -80,14 +101,3 @@ class ParameterChange(Effect):
     def code(self) -> int:  # type: ignore[override]
         """The compiled code of the parameter that changes."""
         return _CHANGES[self.parameter]
-
-    def columns(self, signals: Any) -> NDArray[np.float64]:
-        """The parameter's own regressor after t_0, zero before."""
-        regressors = {
-            "inertia": signals.acceleration,
-            "viscous": signals.velocity,
-            "coulomb": direction(signals),
-            "gain": -np.asarray(signals.drive),
-        }
-        after = np.asarray(signals.time) > self.time
-        return as_column(np.where(after, np.asarray(regressors[self.parameter], dtype=float), 0.0))

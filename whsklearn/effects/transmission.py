@@ -2,14 +2,66 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import ClassVar
 
+from whsklearn._numba import njit
 from whsklearn.effects import codes
 from whsklearn.effects.base import Effect
 from whsklearn.effects.quantity import Quantity
 
-_SHARE = Quantity("1", 0.05, 0.95)
+_SHARE = Quantity("1", 0.05, 0.95, starts=(0.45,))
+_equation = njit(cache=False, error_model="numpy")
+
+
+@_equation
+def contact_stiffness(frequency, reduced):
+    """Stiffness at which the reduced inertia J_m J_l / J rings at a frequency in Hz (Nm/rad)."""
+    return reduced * (2.0 * math.pi * frequency) ** 2
+
+
+@_equation
+def contact_damping(ratio, stiffness, reduced):
+    """c = 2 zeta sqrt(k J_r) (Nm s/rad)."""
+    return 2.0 * ratio * math.sqrt(stiffness * reduced)
+
+
+@_equation
+def coupling_torque(twist, slip, motor, load, stiffness, damping, gap, give, h):
+    """Mean torque of the coupling over a step h: implicit midpoint, pushing only where there is play (Nm).
+
+    At h = 0 it is T_c = k (d - clip(d, -b/2, b/2)) + c dd/dt in contact. ``motor`` and ``load`` are the
+    accelerations without the coupling, ``give`` what a torque of one adds to their difference.
+    """
+    side = 0.0
+    if gap > 0.0:
+        ahead = twist + 0.5 * h * slip
+        if abs(ahead) <= 0.5 * gap:
+            return 0.0
+        side = 1.0 if ahead > 0.0 else -1.0
+    stretch = twist - side * 0.5 * gap
+    spring = 0.5 * h * stiffness + damping
+    free = slip + 0.5 * h * (motor - load)
+    torque = (stiffness * stretch + spring * free) / (1.0 + 0.5 * h * spring * give)
+    return 0.0 if side * torque < 0.0 else torque
+
+
+@_equation
+def resonance(frequency, ratio, dt):
+    """b_1 and b_2 of (1 + b_1 + b_2) / (1 + b_1 z^-1 + b_2 z^-2), a resonance in Hz sampled every dt seconds."""
+    radius = math.exp(-2.0 * math.pi * ratio * frequency * dt)
+    turn = 2.0 * math.pi * frequency * dt * math.sqrt(max(1.0 - ratio * ratio, 0.0))
+    return -2.0 * radius * math.cos(turn), radius * radius
+
+
+@_equation
+def play(gap, reading, x):
+    """Where the far side of a play of width ``gap`` comes to rest when its near side moves to x."""
+    half = 0.5 * gap
+    if x - half > reading:
+        return x - half
+    return x + half if x + half < reading else reading
 
 
 @dataclass(frozen=True)
@@ -19,6 +71,7 @@ class TransmissionEffect(Effect):
     place: ClassVar[str] = "transmission"
     port: ClassVar[str] = "block"
     column_kind: ClassVar[str] = "none"
+    finest: ClassVar[float] = 2.5e-4
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -30,7 +83,16 @@ class TransmissionEffect(Effect):
 
 @dataclass(frozen=True)
 class Backlash(TransmissionEffect):
-    """Play between motor and load; the contact is stiff and damped, and it only pushes."""
+    """Play between motor and load; the contact is stiff and damped, and it only pushes.
+
+    T_c = k (d - clip(d, -b/2, b/2)) + c dd/dt (Nm) in contact, d = q_m - q_l; k and c follow from the frequency
+    and the damping ratio of the two inertias in contact.
+
+    Examples
+    --------
+    >>> Backlash(0.002).labelled()
+    {'gap_rad': 0.002, 'load_share': 0.5, 'frequency_hz': 60.0, 'damping_ratio': 0.3}
+    """
 
     gap: float = 2e-3
     load_share: float = 0.5
@@ -41,20 +103,27 @@ class Backlash(TransmissionEffect):
     equation: ClassVar[str] = "T_c = k (d - clip(d, -b/2, b/2)) + c dd/dt in contact, d = q_m - q_l"
     size: ClassVar[str] = "gap"
     quantities: ClassVar[dict[str, Quantity]] = {
-        "gap": Quantity("rad", 1e-5, 0.1, log=True),
+        "gap": Quantity("rad", 1e-5, 0.5, log=True, starts=(1e-3, 3e-3, 1e-2, 3e-2)),
         "load_share": _SHARE,
-        "frequency": Quantity("Hz", 5.0, 1e3, log=True),
-        "damping_ratio": Quantity("1", 0.0, 1.0),
+        "frequency": Quantity("Hz", 5.0, 1e3, log=True, scale="resonance", span=(0.1, 1.0), starts=(0.6,)),
+        "damping_ratio": Quantity("1", 0.0, 1.5, starts=(0.15,)),
     }
     signature: ClassVar[str] = "after a reversal the load lets go: the drive moves the motor alone, then an impact"
     needs: ClassVar[str] = "reversals under load"
     reference: ClassVar[str] = "Nordin, Gutman 2002, Automatica 38(10), 1633-1649"
+    finest: ClassVar[float] = 1.25e-4  # an impact is over in a few steps
     code: ClassVar[int] = codes.BACKLASH
 
 
 @dataclass(frozen=True)
 class FlexibleCoupling(TransmissionEffect):
-    """A spring between motor and load."""
+    """A spring between motor and load, T_c = (q_m - q_l) / C + c (v_m - v_l) (Nm).
+
+    Examples
+    --------
+    >>> FlexibleCoupling(0.001).labelled()
+    {'compliance_rad_per_nm': 0.001, 'load_share': 0.5, 'damping_ratio': 0.03}
+    """
 
     compliance: float = 1e-3
     load_share: float = 0.5
@@ -64,9 +133,11 @@ class FlexibleCoupling(TransmissionEffect):
     equation: ClassVar[str] = "T_c = (q_m - q_l) / C + c (v_m - v_l), c = 2 zeta sqrt(J_r / C), J_r = J_m J_l / J"
     size: ClassVar[str] = "compliance"
     quantities: ClassVar[dict[str, Quantity]] = {
-        "compliance": Quantity("rad/Nm", 1e-7, 1e1, log=True),
+        "compliance": Quantity(
+            "rad/Nm", 1e-7, 1e1, log=True, span=(0.5, 1e4), starts=(1.0, 4.0, 16.0, 64.0, 256.0, 1024.0)
+        ),
         "load_share": _SHARE,
-        "damping_ratio": Quantity("1", 0.0, 0.5),
+        "damping_ratio": Quantity("1", 0.0, 1.0, starts=(0.06,)),
     }
     signature: ClassVar[str] = "a resonance at a fixed frequency that the drive excites"
     needs: ClassVar[str] = "energy near the resonance"

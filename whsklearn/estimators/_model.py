@@ -12,11 +12,12 @@ import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
-from whsklearn._delay_line import push
+from whsklearn._numba import njit
 from whsklearn.effects import FrictionLaw
 from whsklearn.effects.terms import VISCOUS, term
+from whsklearn.recursion.delay_line import push
+from whsklearn.recursion.linearised_memory import jumps
 from whsklearn.systems.stability import is_stable
 
 if TYPE_CHECKING:
@@ -28,12 +29,17 @@ RADIUS = 0.9995
 
 
 class Structure(NamedTuple):
-    """Orders, number of inputs, law and the index of its key term (-1 where it has none)."""
+    """Orders, number of inputs, law, the index of its key term (-1 where it has none), and the lead of the answer.
+
+    ``advance`` is the number of samples by which the chain answers before the paper's, whose blocks each
+    take one: 2 where both have a direct path.
+    """
 
     dims: NDArray[np.int64]
     n_inputs: int
     law: FrictionLaw
     key: int
+    advance: int = 0
 
     @property
     def differs(self) -> bool:
@@ -119,16 +125,32 @@ def inside(denominator: Array) -> Array:
     return denominator * (RADIUS / largest) ** np.arange(1, denominator.size + 1)
 
 
-def free_run(natural: Array, s: Structure, u: Array, restart: NDArray[np.bool_]) -> Array:
-    """Y from u alone, at rest where an experiment begins; shape (n,)."""
-    return predictions(natural, s, u, np.zeros(len(u)), restart, 0)
+def free_run(
+    natural: Array, s: Structure, u: Array, restart: NDArray[np.bool_], covariance: Array | None = None
+) -> Array:
+    """Y from u alone, at rest where an experiment begins; shape (n,).
+
+    With a ``covariance`` of the natural parameters, the output that is expected over what is not known of L1:
+    sign(dx) becomes its mean, erf(dx / (sqrt(2) sd(t))), sd(t) from the sensitivities of dx at t.
+    """
+    return predictions(natural, s, u, np.zeros(len(u)), restart, 0, covariance)
 
 
-def predictions(natural: Array, s: Structure, u: Array, y: Array, restart: NDArray[np.bool_], horizon: int) -> Array:
+def predictions(
+    natural: Array, s: Structure, u: Array, y: Array, restart: NDArray[np.bool_], horizon: int,
+    covariance: Array | None = None,
+) -> Array:  # fmt: skip
     """Y_hat(t | t - horizon): outputs up to t - horizon are known; horizon 0 stands for none."""
+    if s.advance:
+        # both delays commute with the static law, so a lead is the same chain with its output shifted
+        u, y, restart, back = shifted(u, y, restart, s.advance)
+        return predictions(natural, s._replace(advance=0), u, y, restart, horizon)[back]
     a, b, w, c, d = (natural[i] for i in s.slices())
+    n1 = a.size + b.size
+    spread = np.zeros((0, 0)) if covariance is None else np.ascontiguousarray(covariance[:n1, :n1])
+    law = s.law.codes, s.law.shapes, w
     v = _static_output(
-        np.concatenate([[1.0], a]), inside(b), np.concatenate([[1.0], c]), s.law.codes, s.law.shapes, w, u, restart
+        np.concatenate([[1.0], a]), inside(b), np.concatenate([[1.0], c]), law, jumps(s.law.codes), spread, u, restart
     )
     d = inside(d) if horizon != 1 else d
     if horizon == 0:
@@ -136,19 +158,39 @@ def predictions(natural: Array, s: Structure, u: Array, y: Array, restart: NDArr
     return _ahead(v, np.ascontiguousarray(d), y, restart, horizon)
 
 
+def shifted(
+    u: Array, y: Array, restart: NDArray[np.bool_], advance: int
+) -> tuple[Array, Array, NDArray[np.bool_], NDArray[np.int64]]:
+    """Every experiment with y later by ``advance`` samples (u, where that is negative), and where its samples went."""
+    begins = np.append(np.flatnonzero(restart), len(u))
+    lengths = np.diff(begins) + abs(advance)
+    starts_at = np.append(0, np.cumsum(lengths)[:-1])
+    n = int(lengths.sum())
+    to = np.arange(len(u)) + np.repeat(starts_at - begins[:-1], np.diff(begins))
+    u_new, y_new, restart_new = np.zeros((n, u.shape[1])), np.zeros(n), np.zeros(n, dtype=bool)
+    u_new[to + max(-advance, 0)] = u
+    y_new[to + max(advance, 0)] = y
+    restart_new[starts_at] = True
+    return u_new, y_new, restart_new, to + max(advance, 0)
+
+
 @njit(cache=True, error_model="numpy")
-def _static_output(a, b, c, codes, shapes, weights, u, restart):
-    """sum c_m v(t-m), with x and v by (1) and the law."""
-    n = len(u)
+def _static_output(a, b, c, law, jumping, spread, u, restart):
+    """sum c_m v(t-m), with x and v by (1) and the law; jumps smeared where (a, b) has a covariance ``spread``."""
+    codes, shapes, weights = law
+    n, n1 = len(u), spread.shape[0]
     out = np.zeros(n)
     u_past = np.zeros(a.size)
     x_past = np.zeros(b.size + 1)
     v_past = np.zeros(c.size)
+    g_past = np.zeros((b.size + 1, n1))
+    g = np.zeros(n1)
     for t in range(n):
         if restart[t]:
             u_past[:] = 0.0
             x_past[:] = 0.0
             v_past[:] = 0.0
+            g_past[:] = 0.0
         for k in range(c.size):
             out[t] += c[k] * v_past[k]
         x = 0.0
@@ -157,9 +199,15 @@ def _static_output(a, b, c, codes, shapes, weights, u, restart):
         for j in range(b.size):
             x -= b[j] * x_past[j]
         x = min(max(x, -1e30), 1e30)
+        dx = x - x_past[0]
+        certainty = 1.0
+        if n1 > 0:
+            variance = _advance_gradient(g_past, g, a.size, b, u_past, x_past, spread)
+            certainty = math.erf(abs(dx) / math.sqrt(2.0 * variance + 1e-300))
         v = 0.0
         for k in range(codes.size):
-            v += weights[k] * term(codes[k], shapes[k, 0], shapes[k, 1], shapes[k, 2], x, x - x_past[0], math.inf)[0]
+            f = term(codes[k], shapes[k, 0], shapes[k, 1], shapes[k, 2], x, dx, math.inf)[0]
+            v += weights[k] * (f * certainty if jumping[k] else f)
         for k in range(c.size - 1, 0, -1):
             v_past[k] = v_past[k - 1]
         v_past[0] = min(max(v, -1e30), 1e30)
@@ -168,6 +216,25 @@ def _static_output(a, b, c, codes, shapes, weights, u, restart):
         x_past[0] = x
         push(u_past, u[t])
     return out
+
+
+@njit(cache=True, error_model="numpy")
+def _advance_gradient(past, g, na, b, u_past, x_past, spread):
+    """One sample of the sensitivities of x to (a, b); returns the variance of dx."""
+    n1 = g.size
+    for k in range(n1):
+        g[k] = u_past[k + 1] if k < na - 1 else -x_past[k - (na - 1)]
+        for j in range(b.size):
+            g[k] -= b[j] * past[j, k]
+        g[k] = min(max(g[k], -1e60), 1e60)
+    variance = 0.0
+    for i in range(n1):
+        for j in range(n1):
+            variance += spread[i, j] * (g[i] - past[0, i]) * (g[j] - past[0, j])
+    for j in range(b.size, 0, -1):
+        past[j] = past[j - 1]
+    past[0] = g
+    return variance
 
 
 @njit(cache=True, error_model="numpy")

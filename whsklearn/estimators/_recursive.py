@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import copy
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
-from whsklearn._records import starts
+from whsklearn._inputs import starts
 from whsklearn.estimators import _model as wh
 from whsklearn.estimators._streams import FullStream, PublishedStream, RowsStream, Stream
+from whsklearn.estimators._undo import copied
 from whsklearn.estimators.base import AxisRegressor
 from whsklearn.recursion.pseudolinear import BLOCK
-from whsklearn.recursion.reading import Reading
+from whsklearn.recursion.reading import FIRST_RERUN, Reading
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -61,7 +63,7 @@ class RecursiveRegressor(AxisRegressor):
             X, y = self._validate(X, y, reset=True)
             self._need_rows(len(X))
             restart = starts(groups, len(X), first=True)
-            self._warn_constant(X)
+            self._warn_degenerate(X, y)
             rows, targets = (X, y) if self._is_wiener_hammerstein else self._rows(X, y, groups)
             if len(targets) != len(restart):
                 restart = starts(None, len(targets), first=True)
@@ -75,6 +77,8 @@ class RecursiveRegressor(AxisRegressor):
 
     def partial_fit(self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None) -> Self:
         """Learn further samples; the chunks in which they come make no difference.
+
+        All of them or none: a call that an exception or Ctrl-C ends leaves what was learnt before it, to the bit.
 
         Parameters
         ----------
@@ -104,42 +108,63 @@ class RecursiveRegressor(AxisRegressor):
         if stream is None or groups is not None or not _plain(X, y, self.n_features_in_):
             return self._partial_fit_checked(X, y, groups)
         n = len(y)  # type: ignore[arg-type]  # an array, as _plain has seen
-        stream.run(self.state_, X, y, _NO_RESTART if n == 1 else np.zeros(n, dtype=np.bool_))  # type: ignore[arg-type]
+        undo = stream.undo
+        undo.before(self.state_, X, y)  # type: ignore[arg-type]
+        try:
+            stream.run(self.state_, X, y, _NO_RESTART if n == 1 else np.zeros(n, dtype=np.bool_))  # type: ignore[arg-type]
+            undo.done(n)
+        except BaseException:
+            self.state_ = undo.restored(stream)
+            raise
         return self
 
     def _partial_fit_checked(self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None) -> Self:
         """`partial_fit` with every check; also the first call and the one after parameters changed."""
-        first = not hasattr(self, "state_")
-        with self._unchanged_if_refused():
-            if first:
-                self._keep_lags()
-            self._check_parameters()
-            X, y = self._validate(X, y, reset=first)
-            last = None if first else self.state_["group"]
-            restart = starts(groups, len(X), first=first, last=last)
-            seed = self._draw_seed() if first else self.state_["seed"]
-            stream = self.__dict__.get("_stream")
-            if self._is_wiener_hammerstein and not first and stream is None:
-                self._keep_lags()
-                self._check_state(self.state_)
-            if first:
-                self._warn_constant(X)
-            rows, targets = X, y
-            if not self._is_wiener_hammerstein and self.lags is not None:
-                rows, targets = self.lags_.partial_rows(X, y)
-                restart = starts(None, len(targets), first=first)
-            stream = stream or self._make_stream(rows.shape[1], seed)
-            state = stream.initial() if first else self.state_
-            if not first and stream is not self.__dict__.get("_stream"):
-                self._check_state(state)
-            if len(targets):
-                stream.run(state, np.ascontiguousarray(rows), np.ascontiguousarray(targets), restart)
-            self._keep(stream, state, seed, groups)
+        before = self.__dict__.copy()
+        first = "state_" not in before
+        for name, made in (("state_", copied), ("lags_", copy.deepcopy)):  # these change in place
+            if name in before:
+                before[name] = made(before[name])
+        try:
+            self._learn_checked(X, y, groups, first)
+        except BaseException:
+            self.__dict__ = before
+            raise
         return self
+
+    def _learn_checked(self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None, first: bool) -> None:
+        """Check and learn, in place; whoever calls puts back what was if this fails."""
+        if first:
+            self._keep_lags()
+        self._check_parameters()
+        X, y = self._validate(X, y, reset=first)
+        last = None if first else self.state_["group"]
+        restart = starts(groups, len(X), first=first, last=last)
+        seed = self._draw_seed() if first else self.state_["seed"]
+        stream = self.__dict__.get("_stream")
+        if self._is_wiener_hammerstein and not first and stream is None:
+            self._keep_lags()
+            self._check_state(self.state_)
+        if first and len(X) >= FIRST_RERUN:  # the first rows of a stream may well stand still
+            self._warn_degenerate(X, y, stacklevel=4)
+        rows, targets = X, y
+        if not self._is_wiener_hammerstein and self.lags is not None:
+            rows, targets = self.lags_.partial_rows(X, y)
+            restart = starts(None, len(targets), first=first)
+        stream = stream or self._make_stream(rows.shape[1], seed)
+        state = stream.initial() if first else self.state_
+        if not first and stream is not self.__dict__.get("_stream"):
+            self._check_state(state)
+        if len(targets):
+            stream.run(state, np.ascontiguousarray(rows), np.ascontiguousarray(targets), restart)
+        stream.undo.clear()
+        self._keep(stream, state, seed, groups)
 
     def consolidate(self) -> Self:
         """Re-run the samples in memory now, as `fit` does at its end; a stream may do so when it has time."""
-        self._make_stream(self.theta_.size, self.state_["seed"]).settle(self.state_)
+        state = copied(self.state_)  # so that an interrupt leaves what was
+        self._make_stream(self.theta_.size, state["seed"]).settle(state)
+        self.state_ = state
         return self
 
     def forget_past(self, samples: float = 100.0) -> Self:
@@ -162,7 +187,9 @@ class RecursiveRegressor(AxisRegressor):
         if not 0 < samples < np.inf:
             raise ValueError(f"samples is {samples!r}, expected a positive number, of samples that the past may count.")
         _ = self.theta_
-        self._reader().forget_past(self.state_, float(samples))
+        state = copied(self.state_)
+        self._reader().forget_past(state, float(samples))
+        self.state_ = state
         return self
 
     @property
@@ -255,6 +282,11 @@ class RecursiveRegressor(AxisRegressor):
 
     # -- answers -------------------------------------------------------------------------
 
+    @property
+    def _default_output(self) -> str:  # type: ignore[override]
+        """The published reading has no covariance to expect anything by."""
+        return "expected" if self.gradient == "full" else "simulation"
+
     def _reader(self) -> Stream:
         """The stream that can read the state."""
         stream = self.__dict__.get("_stream")
@@ -282,6 +314,8 @@ class RecursiveRegressor(AxisRegressor):
         """A state fits if it has the arrays of a fresh one; only the number of models may differ."""
         super()._check_state(state)
         self.__dict__.pop("_stream", None)
+        self._check_parameters()
+        self._check_size(state)
         shape = np.shape(state["theta"])
         fresh = self._make_stream(shape[-1] if shape else 0, int(state.get("seed", 0))).initial()
         for name, value in fresh.items():
@@ -294,6 +328,33 @@ class RecursiveRegressor(AxisRegressor):
                     f"The state of this {type(self).__name__} has {name} of shape {got}, and its "
                     f"parameters ask for {expected}; use the parameters it was begun with, or call fit."
                 )
+            if isinstance(value, int) and (type(state[name]) is not int or state[name] < 0):
+                raise ValueError(f"The state has {name} {state[name]!r}, expected a count; go back to an earlier one.")
+            if isinstance(value, np.ndarray) and getattr(state[name], "dtype", None) != value.dtype:
+                raise ValueError(
+                    f"The state's {name} is of another kind than {value.dtype}; go back to an earlier one."
+                )
+        if state.get("fill", 0) > len(state.get("memory_restart", ())):
+            raise ValueError(f"The state's memory cannot hold {state['fill']} samples; go back to an earlier one.")
+
+    def _check_size(self, state: dict[str, Any]) -> None:
+        """Refuse settings that ask for far more numbers than the state holds, before room is made for them."""
+        held = sum(np.size(value) for value in state.values())
+        n, memory, n_starts = self.n_features_in_, 0, 1
+        if self._is_wiener_hammerstein:
+            lags = self._lags
+            n = n * lags.n_a + lags.n_b + lags.n_c + lags.n_d
+            if self.gradient == "full":
+                memory = getattr(self, "memory", 0)
+                n_starts = 1 if memory else getattr(self, "n_starts", 1)
+        elif self.lags is not None:
+            n = 0  # other lags make their own number of columns
+        asked = n * n * n_starts + memory + self.p
+        if asked > 100 * held + 1000:
+            raise ValueError(
+                f"This state holds {held} numbers, and its parameters ask for {asked} or more; use the parameters "
+                "it was begun with."
+            )
 
     def set_params(self, **params: Any) -> Self:
         """Set parameters; a stream goes on with them from the next sample."""
@@ -306,6 +367,7 @@ class RecursiveRegressor(AxisRegressor):
         return state
 
 
+LARGEST = 1e30
 _ONE = (1,)
 _FLOAT = np.dtype(np.float64)
 _NO_RESTART = np.zeros(1, dtype=np.bool_)
@@ -326,5 +388,7 @@ def _plain(X: Any, y: Any, n_features: int) -> bool:
 
 def _usable(X: Array, y: Array) -> bool:
     """Finite and of sane size; the sum of squares is not finite if any number is not."""
+    if y.size == 1:
+        return abs(y.item()) < LARGEST and max(map(abs, X.ravel().tolist())) < LARGEST and not np.isnan(X).any()
     with np.errstate(over="ignore"):
         return bool(np.dot(y, y) < 1e60) and bool(np.vdot(X, X) < 1e60)

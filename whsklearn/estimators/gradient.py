@@ -51,6 +51,7 @@ class MultiInnovationGradientRegressor(RecursiveRegressor):
 
     _published_mode: ClassVar[int] = GRADIENT
     _stochastic_gradient: ClassVar[bool] = True
+    _states_errors: ClassVar[bool] = False
     gradient = "pseudolinear"
 
     def __init__(

@@ -1,44 +1,54 @@
-"""The batch prediction-error fit, the yardstick of the recursions."""
+"""The batch fit, of the one-step prediction error or of the simulation error: the yardstick of the recursions."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
+from sklearn.base import clone
+from sklearn.utils.validation import check_is_fitted
 
-from whsklearn.effects import FrictionLaw, Power, Viscous
-from whsklearn.effects.terms import CONSTANT, HINGE, POWER
+from whsklearn.effects import as_law
 from whsklearn.estimators import _model as wh
+from whsklearn.estimators._prediction_error import PredictionError
+from whsklearn.estimators._simulation_fit import from_record, scale_free
 from whsklearn.estimators.base import AxisRegressor
-from whsklearn.lags import WienerHammersteinLags
-from whsklearn.recursion.predictor import motion, record_errors
-from whsklearn.recursion.starts import least_squares_start, random_start, term_scales
-from whsklearn.systems.stability import is_stable
+from whsklearn.lags.wiener_hammerstein import WienerHammersteinLags
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     Array = NDArray[np.float64]
 
-# kappa times the root mean square of dx; at the last about 1 sample in 400 lies within the smoothed sign
-LADDER = (1.0, 2.0, 4.0, 8.0, 20.0, 50.0, 100.0, 200.0, 400.0)
-INFERENCE = 20.0  # sharpness at which the covariance is taken, see `PEMRegressor`
+CRITERIA = ("prediction", "simulation")
 
 
 class PEMRegressor(AxisRegressor):
-    """Prediction-error fit of a Wiener-Hammerstein system by Levenberg-Marquardt from several starts.
+    """Batch fit of a Wiener-Hammerstein system: the least error one step ahead, or in free run.
 
-    The first start is the best linear approximation: the same two blocks about a linear law, fitted
-    first; the others are random.  Each climbs a ladder of ever sharper signs, and the start and
-    rung with the least prediction error under the true sign is kept.
+    ``criterion="prediction"`` minimises the one-step prediction error by Levenberg-Marquardt from
+    several starts.  The first is the best linear approximation: the same two blocks about a linear law,
+    fitted first; the others are random.  Each climbs a ladder of ever sharper signs, and the start and
+    rung with the least prediction error under the true sign is kept.  It is right where noise enters
+    as in (2), before L2's denominator, and the friction law (4) acts on dx, as in Example 5.1.
+
+    ``criterion="simulation"`` minimises the error of the free run.  The poles and zeros of the best
+    linear approximation are divided between L1 and L2 in all ways, and the best divisions refined
+    with exact sensitivities, the law solved anew at each step.  It is right for measured records, where
+    noise is added to the output and no model is exact, for laws in x and for high orders; without
+    ``lags`` it looks for orders and takes a cubic spline as law.  For laws in dx it begins
+    from the answer of the other criterion.
 
     Parameters
     ----------
     lags : WienerHammersteinLags, optional
-        Orders and law; Example 5.1's by default.
+        Orders, law and delays.  None is Example 5.1's for the prediction error, and a search for the
+        simulation error.  Knots of a law by name (``law="cubic_spline"``) follow the data in the latter.
+    criterion : {"prediction", "simulation"}, default="prediction"
+        Which error is minimised.
     n_starts : int, default=16
-        One from the best linear approximation, of the others every second with weights, c and
-        d from least squares given a random L1.
+        Of the prediction error: one from the best linear approximation, of the others every second with
+        weights, c and d from least squares given a random L1.
     random_state : int, RandomState or None
         Of the starts.
 
@@ -46,16 +56,20 @@ class PEMRegressor(AxisRegressor):
     ----------
     theta_, covariance_, standard_errors_, parameters_, parameter_standard_errors_
         As for `RMILSRegressor`.
+    structure_ : WienerHammersteinLags
+        Orders, law with its weights and knots, and delays, as found.
     cost_ : float
-        Sum of squared one-step prediction errors.
+        Sum of squared errors; those of a free run without the first samples of each
+        experiment (300, or a tenth), whose transient no model at rest can know.
     costs_ : ndarray of shape (n_starts,)
-        The same for each start; those near the least found the same minimum.
+        The sum of squared one-step errors of each start; those near the least found the same minimum.
 
     Notes
     -----
-    The covariance is sigma^2 (J'J)^-1 with the sign smoothed to kappa rms(dx) = 20.  Under the true
-    sign the likelihood is a staircase in a and b, and no Gaussian interval is exact there;
-    benchmarks/accuracy.py measures what these cover.
+    The covariance of the prediction error is sigma^2 (J'J)^-1 with the sign smoothed to kappa rms(dx) = 20.
+    Under the true sign the likelihood is a staircase in a and b, and no Gaussian interval is exact there;
+    benchmarks/accuracy.py measures what these cover.  That of the simulation error does not take what
+    is left for white: sums of J e over 60 batches of the record stand for sigma^2 J'J.
 
     References
     ----------
@@ -71,10 +85,28 @@ class PEMRegressor(AxisRegressor):
     >>> model = PEMRegressor(n_starts=6, random_state=0).fit(X, y)
     >>> model.parameters_["b"].round(1)
     array([1. , 0.5])
+
+    A saturation between two blocks with direct paths, orders and law left to the fit:
+
+    >>> import numpy as np
+    >>> from scipy.signal import lfilter
+    >>> u = np.random.default_rng(0).standard_normal(2000)
+    >>> y = lfilter([0.5], [1.0, -0.4], np.minimum(lfilter([0.3], [1.0, -0.7], u), 0.3))
+    >>> model = PEMRegressor(criterion="simulation").fit(u[:, None], y)
+    >>> bool(np.std(y - model.predict(u[:, None])) < 0.02 * np.std(y))
+    True
     """
 
-    def __init__(self, lags: WienerHammersteinLags | None = None, *, n_starts: int = 16, random_state: Any = None):
+    def __init__(
+        self,
+        lags: WienerHammersteinLags | None = None,
+        *,
+        criterion: str = "prediction",
+        n_starts: int = 16,
+        random_state: Any = None,
+    ):
         self.lags = lags
+        self.criterion = criterion
         self.n_starts = n_starts
         self.random_state = random_state
 
@@ -83,8 +115,23 @@ class PEMRegressor(AxisRegressor):
         return True
 
     @property
+    def _takes_direct_paths(self) -> bool:
+        return True
+
+    @property
     def _given_lags(self) -> WienerHammersteinLags:
         return WienerHammersteinLags() if self.lags is None else self.lags
+
+    @property
+    def _lags(self) -> WienerHammersteinLags:
+        state = self.__dict__.get("state_", {})
+        return WienerHammersteinLags(**state["lags"]) if "lags" in state else super()._lags
+
+    @property
+    def structure_(self) -> WienerHammersteinLags:
+        """Orders, law and delays as found."""
+        check_is_fitted(self, "state_")
+        return clone(self._lags)
 
     def fit(self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None) -> Self:
         """Fit a record.
@@ -101,23 +148,54 @@ class PEMRegressor(AxisRegressor):
         Raises
         ------
         ValueError
-            If the record is too short or a number is not finite.
+            If the record is too short, a number is not finite, or a setting cannot be.
         """
         if isinstance(self.n_starts, bool) or not isinstance(self.n_starts, (int, np.integer)) or self.n_starts < 1:
             raise ValueError(f"n_starts is {self.n_starts!r}, expected a whole number of 1 or more.")
-        X, y, restart = self._checked_record(X, y, groups)
+        if self.criterion not in CRITERIA:
+            raise ValueError(f"criterion is {self.criterion!r}, expected one of: {', '.join(CRITERIA)}.")
+        before = self.__dict__.pop("state_", None)
+        try:
+            X, y, restart = self._checked_record(X, y, groups)
+        except BaseException:
+            if before is not None:
+                self.state_ = before
+            raise
+        if self.criterion == "simulation":
+            return self._fit_simulation(X, y, restart)
+        self.state_ = self._fit_prediction(X, y, restart)
+        return self
+
+    def _fit_prediction(self, X: Array, y: Array, restart: NDArray[np.bool_]) -> dict[str, Any]:
         structure = self._structure()
+        if structure.advance:
+            X, y, restart, _ = wh.shifted(X, y, restart, structure.advance)
+            structure = structure._replace(advance=0)
         rng = np.random.default_rng(self._draw_seed())
-        problem = _Problem(structure, np.ascontiguousarray(X), y, restart, rng)
+        problem = PredictionError(structure, np.ascontiguousarray(X), y, restart, rng)
         found = [problem.climb(problem.start(i, rng)) for i in range(self.n_starts)]
         self.costs_ = np.array([cost for cost, _ in found])
         cost, natural = min(found, key=lambda f: f[0])
         self.cost_ = float(cost)
-        self.state_ = {
+        return {
             "theta": natural,
             "covariance": cost / max(len(y) - natural.size, 1) * problem.inverse_information(natural),
             "seen": len(y),
         }
+
+    def _fit_simulation(self, X: Array, y: Array, restart: NDArray[np.bool_]) -> Self:
+        law = as_law("cubic_spline" if self.lags is None else self.lags.law)
+        many = X.shape[1] > 1
+        if many and self.lags is None:
+            raise ValueError(
+                f"X has {X.shape[1]} inputs, and orders are searched for one; give lags=WienerHammersteinLags(...)."
+            )
+        # the best linear approximation says nothing of a law in dx, nor of how several inputs share L1
+        start = self._fit_prediction(X, y, restart)["theta"] if many or not scale_free(law) else None
+        fit = from_record(self.lags, law, X, y, restart, start)
+        self.__dict__.pop("costs_", None)
+        self.cost_ = fit.cost
+        self.state_ = {"theta": fit.natural, "covariance": fit.covariance, "seen": len(y), "lags": fit.lags}
         return self
 
     def _natural(self) -> Array:
@@ -137,75 +215,3 @@ class PEMRegressor(AxisRegressor):
         tags = super().__sklearn_tags__()
         tags.regressor_tags.poor_score = True
         return tags
-
-
-class _Problem:
-    """Residuals and Jacobian of one record, as scipy.optimize.least_squares takes them."""
-
-    def __init__(self, s: wh.Structure, u: Array, y: Array, restart: NDArray[np.bool_], rng: np.random.Generator):
-        self.structure, self.u, self.y, self.restart = s, u, y, restart
-        self.kernel = s.dims, s.law.codes, s.law.shapes
-        self.scales = term_scales(self.kernel, u, y, restart, rng)
-        self.b = s.slices()[1]
-        self.no_rows = np.empty((0, int(s.slices()[-1].stop)))
-
-    def start(self, i: int, rng: np.random.Generator) -> Array:
-        """The i-th start: the best linear approximation, then two kinds in turn."""
-        if i == 0:
-            return least_squares_start(self.best_linear(rng), self.kernel, self.u, self.y, self.restart)
-        theta = random_start(tuple(self.structure.dims), rng, self.scales)
-        return least_squares_start(theta, self.kernel, self.u, self.y, self.restart) if i % 2 else theta
-
-    def best_linear(self, rng: np.random.Generator) -> Array:
-        """Blocks of the best linear approximation, in the place of the nonlinear model's."""
-        s = self.structure
-        moves = not np.isin(s.law.codes, (POWER, HINGE, CONSTANT)).all()
-        law = FrictionLaw([Viscous() if moves else Power()])
-        dims = np.append(s.dims[:4], 1)
-        linear = _Problem(s._replace(dims=dims, law=law, key=0), self.u, self.y, self.restart, rng)
-        _, found = min((linear.climb(linear.start(1 + i, rng), LADDER[:1]) for i in range(4)), key=lambda f: f[0])
-        weight = self.b.stop
-        return np.concatenate([found[:weight], np.zeros(len(s.law)), found[weight + 1 :]])
-
-    def motion(self, theta: Array) -> float:
-        """Root mean square of dx, never zero."""
-        return max(float(motion(theta, self.kernel[0], self.u, self.restart)), 1e-12)
-
-    def residuals(self, theta: Array, kappa: float) -> Array:
-        """One-step prediction errors; large where L1 is unstable, so that the step is refused."""
-        errors = np.empty(self.y.size)
-        if not is_stable(np.ascontiguousarray(theta[self.b]), 0.999):
-            return np.full(self.y.size, 1e3 * (np.abs(self.y).max() + 1.0))
-        record_errors(theta, *self.kernel, kappa, self.u, self.y, self.restart, errors, self.no_rows)
-        return np.nan_to_num(np.clip(errors, -1e100, 1e100), nan=1e100)
-
-    def jacobian(self, theta: Array, kappa: float) -> Array:
-        """Derivatives of `residuals`."""
-        rows = np.zeros((self.y.size, theta.size))
-        if is_stable(np.ascontiguousarray(theta[self.b]), 0.999):
-            errors = np.empty(self.y.size)
-            record_errors(theta, *self.kernel, kappa, self.u, self.y, self.restart, errors, rows)
-        return -np.nan_to_num(np.clip(rows, -1e100, 1e100))
-
-    def climb(self, theta: Array, ladder: tuple[float, ...] = LADDER) -> tuple[float, Array]:
-        """(least sum of squares under the true sign, its parameters) over the rungs."""
-        from scipy.optimize import least_squares
-
-        best = np.inf, theta
-        method = "lm" if self.y.size >= theta.size else "trf"  # MINPACK needs as many residuals as parameters
-        for relative in ladder:
-            kappa = relative / self.motion(theta)
-            theta = least_squares(
-                self.residuals, theta, self.jacobian, method=method, x_scale="jac", max_nfev=40, args=(kappa,)
-            ).x
-            cost = float(np.sum(self.residuals(theta, np.inf) ** 2))
-            if cost < best[0]:
-                best = cost, theta.copy()
-        return best
-
-    def inverse_information(self, theta: Array) -> Array:
-        """(J'J)^-1 at the sharpness of `INFERENCE`."""
-        rows = self.jacobian(theta, INFERENCE / self.motion(theta))
-        scale = np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
-        inverse = np.linalg.pinv((rows / scale).T @ (rows / scale), rcond=1e-13, hermitian=True)
-        return inverse / np.outer(scale, scale)

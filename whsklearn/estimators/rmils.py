@@ -34,8 +34,8 @@ class RMILSRegressor(MILSRegressor):
     n_starts : int, default=32
         Starts side by side; the prediction error has wrong minima.
     memory : int, default=4096
-        Samples kept and re-run with the newest parameters, at instants that grow
-        geometrically; 0 for the pure recursion, which loses about half of the accuracy.
+        Samples kept and re-run with the newest parameters, in parts of some 30 us between the
+        samples; 0 for the pure recursion, which loses about half of the accuracy.
     random_state : int, RandomState or None
         Of the starts.
 
@@ -53,6 +53,13 @@ class RMILSRegressor(MILSRegressor):
         Of the one-step prediction error.
     state_ : dict
         All that the stream carries; its size does not grow.
+
+    Notes
+    -----
+    Where the law jumps with sign(dx), ``theta_`` and ``standard_errors_`` are mean and standard
+    deviation of the posterior over the samples whose sign is in doubt, and `predict` gives the
+    output that is expected over them.  They are worked out when they are asked for, in 5 to 50 ms,
+    and kept until the next sample; `partial_fit` does not wait for them.
 
     References
     ----------

@@ -8,10 +8,25 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from whsklearn.gap import axis_kernel
+from whsklearn.effects import codes as k
+from whsklearn.effects import get_effect
+from whsklearn.effects.own import WHICH, address_of
 from whsklearn.gap.candidates import Candidate, Scene
+from whsklearn.systems.servo_observer import (
+    LOAD,
+    LOAD_VELOCITY,
+    MEASURED,
+    POSITION,
+    VELOCITY,
+    How,
+    Plant,
+    bare_parts,
+    follow,
+)
 
 Array = NDArray[Any]
+WIDEST = 5.0  # times the inertia of the inverse dynamics either way: fits that left it by more had run away
+LARGEST = 10.0  # times the rms drive that one effect may ask for: larger ones only cancel each other
 TIMING_LIMIT = 1.0  # samples; less than one is bookkeeping, not physics
 
 
@@ -21,6 +36,16 @@ class Term:
 
     kind: Candidate
     q: tuple[float, ...]
+
+    @property
+    def name(self) -> str:
+        """Canonical name."""
+        return self.kind.name
+
+    @property
+    def effect(self) -> Any:
+        """The catalogue's effect with these numbers."""
+        return self.kind.effect(np.array(self.q))
 
     def with_slot(self, i: int, value: float) -> Term:
         """The same with one number changed."""
@@ -54,15 +79,24 @@ class AxisModel:
         """Effects beyond the base model."""
         return self.terms[self.n_base :]
 
+    def at_the_end(self, index: int) -> str:
+        """Whether the first shape number of a term has run to the end of its range; empty if not."""
+        kind, (low, high) = self.terms[index].kind, self.bounds()
+        for value, a, b, (i, j, _) in zip(self.vector()[2:], low[2:], high[2:], self.free(), strict=True):
+            if i == index and j == kind.linear and j < kind.n_slots:
+                if value <= a + 1e-6 * abs(a) or value >= b - 1e-6 * abs(b):
+                    return f"its {kind.fields[j]} runs to the end of the plausible range"
+        return ""
+
     @property
     def load_side(self) -> bool:
         """Whether the encoder sits behind the coupling."""
-        return any(t.kind.code in (axis_kernel.BACKLASH_LOAD, axis_kernel.FLEXIBLE_LOAD) for t in self.terms)
+        return any(t.kind.on_load for t in self.terms)
 
     @property
     def has_play(self) -> bool:
         """Whether there is backlash in the chain, whose impacts make every cost a rough one."""
-        return any(t.kind.code in (axis_kernel.BACKLASH, axis_kernel.BACKLASH_LOAD) for t in self.terms)
+        return any(t.kind.code == k.BACKLASH for t in self.terms)
 
     # --- one vector of free numbers -------------------------------------------------------
     def free(self) -> list[tuple[int, int, bool]]:
@@ -89,13 +123,15 @@ class AxisModel:
         """Lower and upper limits of `vector`."""
         late = any(t.kind.name == "input_delay" for t in self.terms)  # then the delay is the timing
         limit = 1e-9 if late else TIMING_LIMIT
-        low, high = [np.log(self.inertia) - 3, -limit], [np.log(self.inertia) + 3, limit]
+        low, high = [np.log(self.scene.inertia / WIDEST), -limit], [np.log(self.scene.inertia * WIDEST), limit]
         for i, j, logarithm in self.free():
             kind = self.terms[i].kind
             shape = j - kind.linear
             if shape < 0:
-                low.append(-np.inf)
-                high.append(np.inf)
+                # dry and viscous friction take energy out: a base law that gives some is a runaway fit
+                most = LARGEST * size_unit(kind, self.terms[i].q, self.scene)
+                low.append(0.0 if kind.positive and i < self.n_base else -most)
+                high.append(most)
             else:
                 a, b = kind.ranged(self.scene)[shape]
                 low.append(np.log(a) if logarithm else a)
@@ -131,12 +167,16 @@ class AxisModel:
         return np.array(out) * (10.0 if self.has_play else 1.0)
 
     # --- running -------------------------------------------------------------------------
-    def arrays(self) -> tuple[NDArray[np.int64], Array]:
+    def plant(self) -> Plant:
         """Codes and numbers as the compiled pass takes them."""
-        q = np.zeros((len(self.terms), axis_kernel.N_SLOTS))
-        for row, t in zip(q, self.terms, strict=True):
+        own = list(dict.fromkeys(get_effect(t.kind.name) for t in self.terms if t.kind.code >= k.USER_TORQUE))
+        p = np.zeros((len(self.terms), k.N_NUMBERS))
+        for row, t in zip(p, self.terms, strict=True):
             row[: len(t.q)] = t.q
-        return np.array([t.kind.code for t in self.terms], dtype=np.int64), q
+            if t.kind.code >= k.USER_TORQUE:
+                row[WHICH] = own.index(get_effect(t.kind.name))
+        parts = bare_parts(self.inertia, self.timing * self.scene.dt, on_load=self.load_side)
+        return Plant(np.array([t.kind.code for t in self.terms], dtype=np.int64), p, parts, address_of(tuple(own)))
 
     def follow(
         self,
@@ -148,35 +188,36 @@ class AxisModel:
         reset_every: int = 0,
         twist: Array | None = None,
     ) -> tuple[Array, Array, Array, Array]:
-        """Predicted position, angle, velocity and twist (see `axis_kernel.follow`)."""
-        codes, q = self.arrays()
+        """Predicted position, angle, velocity and twist (see `whsklearn.systems.servo_observer.follow`)."""
         dt = self.scene.dt
         substeps = int(np.ceil(dt / 1.001e-3))
         finest = max([t.kind.substeps for t in self.terms], default=1)
         substeps = max(substeps, int(np.ceil(finest * dt / 2.0e-3))) if finest > 1 else substeps
-        return axis_kernel.follow(
-            self.inertia, self.timing, codes, q, drive, position, dt, substeps, gains[0], gains[1],
-            reset_every, start[0], start[1], np.empty((0, 2)) if twist is None else twist,
-        )  # fmt: skip
+        measured = [position if max(gains) > 0.0 else start[0], start[1]]
+        if twist is not None and len(twist) > 0:
+            measured += [twist[:, 0], twist[:, 1]]
+        how = How(dt, substeps, every=reset_every, gains=gains)
+        out = follow(self.plant(), drive, np.array(measured), how, start=(start[0][0], start[1][0]))
+        with np.errstate(invalid="ignore", over="ignore"):  # of a trial that runs away; the caller looks at y_hat
+            twists = np.column_stack([out[POSITION] - out[LOAD], out[VELOCITY] - out[LOAD_VELOCITY]])
+        return out[MEASURED], out[POSITION], out[VELOCITY], twists
 
 
 def size_unit(kind: Candidate, q: tuple[float, ...], s: Scene) -> float:
     """The size at which a linear effect is about as large as the rms drive."""
-    from whsklearn.gap import axis_kernel as k
-
     unit = {
         k.VISCOUS: s.torque / s.speed,
         k.ASYMMETRIC_VISCOUS: s.torque / s.speed,
         k.QUADRATIC_DRAG: s.torque / s.speed**2,
         k.LOAD_FRICTION: 1.0,
         k.TORQUE_RIPPLE: 1.0,
-        k.SPRING: s.torque / s.reach,
-        k.HARDENING: s.torque / s.reach**3,
+        k.CABLE_SPRING: s.torque / s.reach,
+        k.HARDENING_SPRING: s.torque / s.reach**3,
         k.END_STOP: s.torque / (0.1 * s.reach),
         k.CHANGE_INERTIA: s.inertia,
         k.CHANGE_VISCOUS: s.torque / s.speed,
         k.CHANGE_GAIN: 1.0,
-        k.ECCENTRICITY: 0.01 * s.reach,
+        k.ENCODER_ECCENTRICITY: 0.01 * s.reach,
         k.OUTPUT_DRIFT: 0.01 * s.speed,
     }
     return float(unit.get(kind.code, s.torque))

@@ -24,8 +24,8 @@ def candidate_table(found: Found, diagnosis: Diagnosis) -> list[CandidateLine]:
                 lines[e.name] = CandidateLine(
                     e.name, e.delta_bic, float(np.clip(e.closure, -1, 1)), "ruled_out", e.reason
                 )
-        for t in r.trials:
-            name = t.kind.name
+        for t in r.looks:
+            name = t.name
             if name in lines:
                 continue
             if t.expected < diagnosis.need:
@@ -33,7 +33,7 @@ def candidate_table(found: Found, diagnosis: Diagnosis) -> list[CandidateLine]:
                 lines[name] = CandidateLine(name, 0.0, 0.0, "not_testable", reason)
             else:
                 reason = "its signature does not follow the gap"
-                lines[name] = CandidateLine(name, max(float(t.screened), 0.0) * 0.0, 0.0, "ruled_out", reason)
+                lines[name] = CandidateLine(name, 0.0, 0.0, "ruled_out", reason)
     winner = found.taken[0] if found.taken else None
     for name, line in lines.items():
         if name in named:

@@ -1,6 +1,6 @@
 """What may be missing: the catalogue's effects as the compiled pass takes them, with starts and bounds.
 
-A candidate is a code of `whsklearn.gap.axis_kernel`, four numbers and what is known of each:
+A candidate is a code of `whsklearn.effects.codes`, its row of numbers and what is known of each:
 whether the torque is linear in it, whether it spans ratios, its range and where a search starts.
 """
 
@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from whsklearn.gap import axis_kernel as k
+from whsklearn.effects import codes as k
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,9 @@ class Candidate:
     positive: bool = False
     options: dict[str, str] = field(default_factory=dict)
     substeps: int = 1
+    on_load: bool = False  # whether the encoder sits behind the transmission
     held: tuple[int, ...] = ()  # shape slots that keep their start
+    elementary: bool = False  # so common that it goes first where several effects are missing
 
     @property
     def n_slots(self) -> int:
@@ -84,7 +86,7 @@ class Candidate:
     def label(self) -> str:
         """Name with the variant, for internal use."""
         extra = "".join(f"[{v}]" for v in self.options.values())
-        return f"{self.name}{extra}#{self.code}"
+        return f"{self.name}{extra}#{self.code}{'L' if self.on_load else ''}"
 
     def effect(self, q: NDArray[np.float64]) -> Any:
         """The catalogue's effect with these numbers."""
@@ -129,13 +131,13 @@ _FLEX: Callable[[Scene], list[Range]] = lambda s: [  # noqa: E731
 ]
 
 CATALOGUE: tuple[Candidate, ...] = (
-    Candidate("viscous", k.VISCOUS, ("coefficient",), positive=True),
-    Candidate("coulomb", k.COULOMB, ("torque",), positive=True),
+    Candidate("viscous", k.VISCOUS, ("coefficient",), positive=True, elementary=True),
+    Candidate("coulomb", k.COULOMB, ("torque",), positive=True, elementary=True),
     Candidate("asymmetric_coulomb", k.ASYMMETRIC_COULOMB, ("torque",)),
     Candidate("asymmetric_viscous", k.ASYMMETRIC_VISCOUS, ("coefficient",)),
     Candidate(
         "stribeck",
-        k.STRIBECK,
+        k.STRIBECK_EXP,
         ("torque", "velocity", "exponent"),
         ranged=lambda s: [(0.004 * s.speed, 0.5 * s.speed), (0.5, 2.6)],  # any wider is curvature at speed
         starts=lambda s: [(f * s.speed, d) for f in (0.01, 0.03, 0.08, 0.2, 0.4) for d in (1.0, 2.0)],
@@ -153,7 +155,7 @@ CATALOGUE: tuple[Candidate, ...] = (
     ),
     Candidate(
         "presliding_hysteresis",
-        k.PRESLIDING,
+        k.DAHL,
         ("torque", "distance"),
         ranged=lambda s: [(2e-4 * s.reach, 0.5 * s.reach)],
         starts=lambda s: _geometric(5e-4 * s.reach, 0.1 * s.reach, 8),
@@ -166,7 +168,7 @@ CATALOGUE: tuple[Candidate, ...] = (
         ranged=lambda s: [(0.03 * s.seconds, 30 * s.seconds)],
         starts=lambda s: _geometric(0.1 * s.seconds, 5 * s.seconds, 5),
     ),
-    Candidate("input_offset", k.INPUT_OFFSET, ("torque",)),
+    Candidate("input_offset", k.INPUT_OFFSET, ("torque",), elementary=True),
     Candidate(
         "dead_zone",
         k.DEAD_ZONE,
@@ -211,22 +213,23 @@ CATALOGUE: tuple[Candidate, ...] = (
         linear=0,
         ranged=lambda s: [(1e-5, 0.5), (0.05, 0.95), (8.0, s.resonance), (0.01, 1.5)],
         starts=_gap_starts,
-        substeps=8,
+        substeps=16,
         positive=True,
     ),
     Candidate(
         "backlash",
-        k.BACKLASH_LOAD,
+        k.BACKLASH,
         ("gap", "load_share", "frequency", "damping_ratio"),
+        on_load=True,
         linear=0,
         ranged=lambda s: [(1e-5, 0.5), (0.05, 0.95), (8.0, s.resonance), (0.01, 1.5)],
         starts=_gap_starts,
-        substeps=8,
+        substeps=16,
         positive=True,
     ),
     Candidate(
         "flexible_coupling",
-        k.FLEXIBLE,
+        k.FLEXIBLE_COUPLING,
         ("compliance", "load_share", "damping_ratio"),
         linear=0,
         ranged=_FLEX,
@@ -236,8 +239,9 @@ CATALOGUE: tuple[Candidate, ...] = (
     ),
     Candidate(
         "flexible_coupling",
-        k.FLEXIBLE_LOAD,
+        k.FLEXIBLE_COUPLING,
         ("compliance", "load_share", "damping_ratio"),
+        on_load=True,
         linear=0,
         ranged=_FLEX,
         starts=_two_mass_starts,
@@ -252,10 +256,10 @@ CATALOGUE: tuple[Candidate, ...] = (
         ranged=lambda s: [(1.4 * max(1.0, 0.8 / s.reach), 4000.0)],  # one period a turn is imbalance
         scanned="order",
     ),
-    Candidate("gravity_imbalance", k.GRAVITY, ("cos", "sin"), linear=2),
+    Candidate("gravity_imbalance", k.GRAVITY_IMBALANCE, ("cos", "sin"), linear=2),
     Candidate(
         "cable_spring",
-        k.SPRING,
+        k.CABLE_SPRING,
         ("stiffness", "centre"),
         ranged=lambda s: [(-(abs(s.middle) + 3 * s.reach), abs(s.middle) + 3 * s.reach)],
         starts=lambda s: [(s.middle,)],
@@ -263,7 +267,7 @@ CATALOGUE: tuple[Candidate, ...] = (
     ),
     Candidate(
         "hardening_spring",
-        k.HARDENING,
+        k.HARDENING_SPRING,
         ("stiffness", "centre"),
         ranged=lambda s: [(-(abs(s.middle) + s.reach), abs(s.middle) + s.reach)],
         starts=lambda s: [(0.0,)],
@@ -280,7 +284,7 @@ CATALOGUE: tuple[Candidate, ...] = (
     ),
     Candidate(
         "sensor_rectification",
-        k.RECTIFICATION,
+        k.SENSOR_RECTIFICATION,
         ("fraction",),
         linear=0,
         ranged=lambda s: [(0.9, 1.0)],
@@ -290,7 +294,7 @@ CATALOGUE: tuple[Candidate, ...] = (
     ),
     Candidate(
         "encoder_eccentricity",
-        k.ECCENTRICITY,
+        k.ENCODER_ECCENTRICITY,
         ("cos", "sin", "order"),
         linear=2,
         ranged=_ORDER,
@@ -298,7 +302,7 @@ CATALOGUE: tuple[Candidate, ...] = (
     ),
     Candidate(
         "disturbance_tone",
-        k.TONE,
+        k.DISTURBANCE_TONE,
         ("cos", "sin", "frequency"),
         linear=2,
         ranged=lambda s: [(max(0.02, 3.0 / s.seconds), 200.0)],
@@ -325,6 +329,13 @@ CATALOGUE: tuple[Candidate, ...] = (
 ALIASES: dict[str, tuple[str, ...]] = {
     "input_offset": ("asymmetric_coulomb",),
     "asymmetric_coulomb": ("input_offset",),
+}
+
+COMMONER: dict[str, tuple[str, ...]] = {  # preferred where both explain a record about as well
+    "asymmetric_coulomb": ("input_offset",),
+    "cable_spring": ("gravity_imbalance",),
+    "hardening_spring": ("gravity_imbalance",),
+    "cogging": ("gravity_imbalance",),
 }
 
 BY_NAME: dict[str, Candidate] = {}

@@ -1,4 +1,4 @@
-"""The outcome of a diagnosis, and how a verdict follows from what the search found."""
+"""The outcome of a diagnosis, as data."""
 
 from __future__ import annotations
 
@@ -8,11 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from whsklearn.gap import judge
-from whsklearn.gap.judge import Evidence
-from whsklearn.gap.locate import Place
-
-VERDICTS = ("no_gap", "named", "ambiguous", "partial", "unknown", "coloured_noise", "not_testable", "data_problem")
+from whsklearn import __version__
+from whsklearn.gap.localisation import Place
 
 
 @dataclass
@@ -26,6 +23,7 @@ class NamedEffect:
     closure: float
     aliases: list[str] = field(default_factory=list)
     units: tuple[str, str] = ("Nm", "rad")  # of drive and position
+    orders: list[NamedEffect] = field(default_factory=list)  # further ones of a family of waves
 
     @property
     def name(self) -> str:
@@ -106,6 +104,7 @@ class Diagnosis:
     problems: list[Any] = field(default_factory=list)
     horizons: list[dict[str, float]] = field(default_factory=list)
     horizon_unit: str = "s"
+    shortfall: str = ""
     rounds: list[dict[str, Any]] = field(default_factory=list)
     residual_tests: list[dict[str, Any]] = field(default_factory=list)
     base_parameters: list[dict[str, Any]] = field(default_factory=list)
@@ -114,6 +113,10 @@ class Diagnosis:
     interrupted: bool = False
     notes: list[str] = field(default_factory=list)
     pictures: dict[str, Any] = field(default_factory=dict)
+    file: str = ""  # name of the log
+    units: dict[str, str] = field(default_factory=dict)  # by role, as logged
+    test: list[dict[str, float]] = field(default_factory=list)  # free run on a second record, a row a horizon
+    figures: tuple[float, float, float] = (0.0, 0.0, 0.0)  # missing share of drive or output: before, after, floor
 
     def as_dict(self) -> dict[str, Any]:
         """The contract of ``gap.json``."""
@@ -128,6 +131,10 @@ class Diagnosis:
             "closure": self.closure,
             "next_experiment": self.next_experiment,
             "seconds": self.seconds,
+            "file": self.file,
+            "units": self.units,
+            "test": self.test,
+            "version": __version__,
         }
         return _plain(raw)
 
@@ -147,43 +154,12 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def verdict_of(
-    taken: list[Evidence],
-    total_closure: float,
-    rivals: list[list[str]],
-    gap_is_quiet: bool,
-    follows: float,
-    left: float = 0.0,
-    still: float = 0.0,
-) -> str:
-    """The verdict, from what was taken and what is left.
-
-    Parameters
-    ----------
-    taken : list of Evidence
-    total_closure : float
-        Of the missing torque on held-out samples, all effects together.
-    rivals : list of list of str
-        For each effect, the names that could stand in its place, aliases left out.
-    gap_is_quiet : bool
-        Whether the base model is at the floor already.
-    follows : float
-        Cross-validated share of the gap that follows the motion.
-    left : float
-        What is left, in units of the floor (of noise or tolerance): several effects together can imitate
-        one that has no name, so they must leave next to nothing.
-    still : float
-        Cross-validated share of what is left that follows the motion: a neighbour of the true effect closes most
-        of the gap and leaves its own shape.
-    """
-    if not taken:
-        if gap_is_quiet:
-            return "no_gap"
-        return "unknown" if follows > judge.FOLLOWS else "coloured_noise"
-    if total_closure < judge.PARTIAL:
-        return "unknown"
-    need = 1.0 - (1.0 - judge.NAMED) / len(taken)
-    repeated = len({e.name for e in taken}) < len(taken)
-    if total_closure < need or still > judge.FOLLOWS or (len(taken) > 1 and (left > judge.LEFT_BY_SEVERAL or repeated)):
-        return "partial"
-    return "ambiguous" if any(rivals) else "named"
+def families(effects: list[NamedEffect]) -> list[NamedEffect]:
+    """One entry a name: further orders of a wave are kept beside the first one."""
+    out: dict[str, NamedEffect] = {}
+    for e in effects:
+        if e.name in out:
+            out[e.name].orders.append(e)
+        else:
+            out[e.name] = e
+    return list(out.values())

@@ -1,4 +1,4 @@
-"""The repaired model as plain data: ``repaired.json``, from which any program can build it again."""
+"""The repaired model as a file: ``repaired.json`` is a model file like any other, see `whsklearn.models.load_model`."""
 
 from __future__ import annotations
 
@@ -6,45 +6,42 @@ from typing import Any
 
 import numpy as np
 
+from whsklearn.models import AxisModel, ChainModel
 
-def as_data(model: Any) -> dict[str, Any]:
-    """Numbers of a `ServoAxis` or a `WienerHammersteinSystem`; empty for a simulator of the user's own.
+
+def as_model(system: Any, units: tuple[str, str] = ("Nm", "rad")) -> AxisModel | ChainModel | None:
+    """A repaired `ServoAxis` or `WienerHammersteinSystem` as an identified model; None for a user's simulator.
+
+    Parameters
+    ----------
+    system : object
+        What a finder handed back as ``model_``.
+    units : tuple of str
+        Of drive (or input) and position (or output), as logged; empty where the log told none.
 
     Examples
     --------
     >>> from whsklearn import ServoAxis
     >>> from whsklearn.effects import Cogging
-    >>> as_data(ServoAxis(inertia=0.05, law="coulomb", effects=[Cogging(0.2, 12.0)]))["effects"]
-    [{'name': 'cogging', 'amplitude_nm': 0.2, 'order': 12.0, 'phase_rad': 0.0}]
+    >>> from whsklearn.gap.repaired import as_model
+    >>> model = as_model(ServoAxis(inertia=0.05, law="coulomb", effects=[Cogging(0.2, 12.0)]), units=("A", "rad"))
+    >>> model.effects, dict(model.units)
+    ((Cogging(amplitude=0.2, order=12.0, phase=0.0),), {'input': 'A', 'output': 'rad'})
     """
+    from whsklearn.effects import InputDelay
     from whsklearn.systems.servo import ServoAxis
     from whsklearn.systems.wiener_hammerstein import WienerHammersteinSystem
 
-    if isinstance(model, ServoAxis):
-        return {
-            "model": "servo",
-            "inertia": float(model.inertia),
-            "law": [_effect(t) for t in model.law.terms],
-            "effects": [_effect(e) for e in model.effects],
-            "drive_delay_s": float(model.drive.delay),
-            "sample_rate_hz": float(model.sample_rate),
-        }
-    if isinstance(model, WienerHammersteinSystem):
-        blocks = {k: np.asarray(getattr(model, k), dtype=float).tolist() for k in "abcd"}
-        return {
-            "model": "wiener-hammerstein",
-            **blocks,
-            "law": [_plain(t) for t in model.law.terms],
-            "effects": [_plain(e) for e in model.effects],
-            "sampling_time_s": float(model.dt),
-        }
-    return {}
-
-
-def _effect(effect: Any) -> dict[str, Any]:
-    return {"name": effect.name, **effect.labelled()}
-
-
-def _plain(effect: Any) -> dict[str, Any]:
-    """The same in a chain, whose numbers have the units of its log and no names of units."""
-    return {"name": effect.name, effect.size: effect.magnitude, **effect.shape, **effect.options}
+    known = {k: u for k, u in zip(("input", "output"), units, strict=True) if u}
+    if isinstance(system, ServoAxis):
+        delay = (InputDelay(system.drive.delay),) if system.drive.delay else ()
+        return AxisModel(
+            system.inertia, system.law, (*system.effects, *delay), dt=1.0 / system.sample_rate, units=known,
+            logged="position",
+        )  # fmt: skip
+    if isinstance(system, WienerHammersteinSystem):
+        (b1, f1), (b2, f2) = (
+            (np.r_[0.0, n].tolist(), np.r_[1.0, d].tolist()) for n, d in ((system.a, system.b), (system.c, system.d))
+        )
+        return ChainModel(b1, f1, system.law, b2, f2, effects=system.effects, dt=system.dt, units=known)
+    return None

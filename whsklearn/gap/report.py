@@ -1,4 +1,6 @@
-"""The report: ``gap.json`` for programs, ``gap.html`` for a person, ``repaired.json`` with the repaired model."""
+"""The report: ``gap.json`` for programs, ``gap.html`` for a person, ``repaired.json`` (or, of a
+MuJoCo model, ``repaired.xml``) with the repaired model.
+"""
 
 from __future__ import annotations
 
@@ -8,20 +10,31 @@ from pathlib import Path
 from typing import Any
 
 from whsklearn.gap.diagnosis import Diagnosis
-from whsklearn.gap.repaired import as_data
+from whsklearn.gap.repaired import as_model
+from whsklearn.models import save_model
+from whsklearn.state import atomic_write
 
 
 def write_report(diagnosis: Diagnosis, folder: str | os.PathLike[str], model: Any = None) -> Path:
-    """Write the files into ``folder`` (made if it is not there); returns the path of the page."""
-    target = Path(folder)
-    target.mkdir(parents=True, exist_ok=True)
-    text = json.dumps(diagnosis.as_dict(), indent=2, allow_nan=False)
-    (target / "gap.json").write_text(text + "\n", encoding="utf-8")
-    data = as_data(model)
-    if data:
-        (target / "repaired.json").write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8")
+    """Write the files into ``folder`` (made if it is not there); returns the path of the page.
+
+    All is rendered before the first byte is written, every file takes its name in one step, and what an earlier report
+    left of a repaired model goes: an interruption leaves no page beside the numbers of another log.
+    """
     from whsklearn.gap.page import render
 
+    target = Path(folder)
+    target.mkdir(parents=True, exist_ok=True)
+    rendered = render(diagnosis).encode()
+    text = json.dumps(diagnosis.as_dict(), indent=2, allow_nan=False)
+    atomic_write(target / "gap.json", (text + "\n").encode())
+    for old in ("repaired.json", "repaired.xml"):
+        (target / old).unlink(missing_ok=True)
+    repaired = as_model(model, diagnosis.pictures.get("units", ("", "")))
+    if repaired is not None:
+        save_model(repaired, target / "repaired.json")
+    elif hasattr(model, "to_xml"):
+        atomic_write(target / "repaired.xml", model.to_xml().encode())
     page = target / "gap.html"
-    page.write_text(render(diagnosis), encoding="utf-8")
+    atomic_write(page, rendered)
     return page

@@ -1,7 +1,6 @@
 """The search: add the best effect, refit, look again; exchange and prune at the end.
 
-It knows a bench (missing torque, fit, screen, refine) and no physics, so a servo axis, a
-Wiener-Hammerstein system and a user's own simulator go through the same lines.
+It knows views of a plant and no physics (see `whsklearn.gap.plant`).
 """
 
 from __future__ import annotations
@@ -10,12 +9,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
+from whsklearn.gap import evidence as rules
+from whsklearn.gap.evidence import Evidence, objections, weigh
+from whsklearn.gap.plant import Look, Trial
 
-from whsklearn.gap import judge
-from whsklearn.gap.judge import Evidence, objections, weigh_evidence
-
-MAX_REFITS = 7
+MOST_REFINED = 7  # looks fitted jointly a round: a right effect ranked lower than fifth in no blind case
+FEW = 2  # of them where the gap is at the floor already
+WORTH_REFINING = 0.3  # of the best look's gain
+WORTH_AMONG_FIRST = 0.03  # the same for the first five
 
 
 @dataclass
@@ -25,7 +26,7 @@ class Round:
     number: int
     gap: float
     evidence: list[Evidence]
-    trials: list[Any]
+    looks: list[Look]
     taken: Evidence | None
     base: Any = None
 
@@ -44,151 +45,157 @@ class Found:
         In the order in which they were added, each against the model without it.
     rivals : list of list of Evidence
         For every effect taken, what else could stand in its place.
+    views : list of View
+        In which each was taken.
     """
 
     base: Any
-    base_missing: Any
     model: Any
-    floor: float
     taken: list[Evidence] = field(default_factory=list)
     rivals: list[list[Evidence]] = field(default_factory=list)
+    views: list[Any] = field(default_factory=list)
     rounds: list[Round] = field(default_factory=list)
-    trials: list[Any] = field(default_factory=list)
+    looks: list[Look] = field(default_factory=list)
     interrupted: bool = False
 
+    def add(self, evidence: Evidence, rivals: list[Evidence], view: Any) -> None:
+        """Take an effect."""
+        self.model = evidence.trial.model
+        self.taken.append(evidence)
+        self.rivals.append(rivals)
+        self.views.append(view)
 
-def fit_base(bench: Any, model: Any) -> tuple[Any, Any]:
-    """The base model refitted, weighted by the size of its own gap."""
-    for _ in range(2):
-        bench.weigh(bench.rms(bench.missing(model), "all"))
-        model, fit = bench.fit(model)
-    return model, fit
+    def drop(self, i: int) -> None:
+        """Forget the i-th effect taken (the model is the caller's to refit)."""
+        del self.taken[i], self.rivals[i], self.views[i]
 
 
-def try_all(bench: Any, model: Any, *, deep: bool = True) -> tuple[Any, list[Any], list[Evidence]]:
-    """(model refitted, all trials, evidence of the refitted ones) on top of a model.
+@dataclass
+class Search:
+    """The greedy search of one plant.
 
-    ``deep``: what changes the path itself is refitted too where nothing else closes the gap.
+    Parameters
+    ----------
+    plant : Plant
+    nulls : callable
+        (view, model) -> best score on a surrogate in this view.
+    max_effects : int
+    on_round : callable, optional
+        Called with each finished `Round`.
     """
-    bench.weigh(bench.rms(bench.missing(model), "all"))
-    model, fit = bench.fit(model, max_iterations=4)
-    trials = bench.screen(model, fit)
-    top = trials[0].screened if trials else 0.0
-    worth = [t for i, t in enumerate(trials) if t.screened > 0.3 * top or (i < 5 and t.screened > 0.03 * top)]
-    refined = [bench.refine(model, t) for t in worth[:MAX_REFITS]]
-    evidence = weigh_evidence(bench, model, refined, bench.floor())
-    if deep and (not evidence or evidence[0].closure < judge.NAMED):  # it shows little in a linear look
-        more = [t for t in trials if t.model is None and t.kind.substeps > 1 and t.start]
-        if more and len(model.terms) == model.n_base:
-            bench.weigh(bench.rms(bench.missing(model), "all"))
-            refined += [bench.refine(model, t) for t in more]
-            evidence = weigh_evidence(bench, model, refined, bench.floor())
-    return model, trials, evidence
 
+    plant: Any
+    nulls: Callable[[Any, Any], float]
+    max_effects: int = 3
+    on_round: Callable[[Round], None] | None = None
 
-def first_sound(bench: Any, evidence: list[Evidence], null: float) -> Evidence | None:
-    """The best evidence to which nothing objects, if it is near the best of all."""
-    n = int((bench.train & bench.usable).sum())
-    for e in evidence:
-        e.reason = objections(bench, e, null, n)
-    sound = [e for e in evidence if e.passes]
-    if not sound:
-        return None
-    best = sound[0]
-    if best.name == "asymmetric_coulomb":  # a tie with its alias goes to the offset, the commoner of the two
-        best = next((e for e in sound if e.name == "input_offset" and e.delta_bic > best.delta_bic - 10), best)
-    if best.closure < judge.NAMED:  # no name reaches the floor: the model is short of more, take the elementary first
-        for e in sound:
-            if (
-                e.name in judge.ELEMENTARY
-                and e.name != "asymmetric_coulomb"
-                and e.explained**2 >= judge.SIMPLEST_FIRST * best.explained**2
-            ):
-                return e
-    return best if best.delta_bic >= 0.6 * evidence[0].delta_bic else None
+    def run(self, base: Any) -> Found:
+        """Find what the base model lacks; an interruption ends it with the rounds that are finished."""
+        found = Found(base, base)
+        try:
+            view = self.plant.view(base, None)
+            while view is not None:
+                self._through(view, found)
+                view = self.plant.view(found.model, view)
+        except KeyboardInterrupt:
+            found.interrupted = True
+        return found
 
-
-def search(
-    bench: Any,
-    model: Any,
-    *,
-    null: float,
-    max_effects: int = 3,
-    on_round: Callable[[Round], None] | None = None,
-) -> Found:
-    """Find what the base model lacks, one effect after the other.
-
-    An interruption ends it with the rounds that are finished.
-    """
-    base, _ = fit_base(bench, model)
-    missing = bench.missing(base)
-    found = Found(base, missing, base, bench.floor())
-    quiet = np.hypot(1.1 * bench.floor(), bench.tolerance * bench.scene.torque)
-    try:
-        for number in range(1, max_effects + 1):
-            gap = bench.rms(bench.missing(found.model), "all")
-            if number > 1 and gap < quiet:
+    def _through(self, view: Any, found: Found) -> None:
+        """One view, to its end."""
+        found.model = view.fit(found.model)
+        if not found.taken:
+            found.base = found.model
+        null = self.nulls(view, found.model)
+        n_before = len(found.taken)
+        while len({e.name for e in found.taken}) < self.max_effects:
+            gap = view.rms(view.gap(found.model))
+            if found.taken and view.quiet(found.model, self.plant.tolerance * self.plant.scale):
                 break
-            before, trials, evidence = try_all(bench, found.model, deep=gap >= quiet)
-            if number == 1:
-                found.base = found.model = before
-                found.trials = trials
-            taken = first_sound(bench, evidence, null)
-            if (
-                taken is not None
-                and getattr(found.model, "has_play", False)
-                and taken.explained < judge.BESIDE_A_PLAY * gap
-            ):
+            looks, evidence = self.try_all(view, found.model)
+            if not found.rounds:
+                found.looks = looks
+            taken = self.first_sound(view, evidence, null)
+            if taken is not None and taken.explained < view.demand(found.model) * gap:
                 taken = None
-            found.rounds.append(Round(number, gap, evidence, trials, taken, before))
+            found.rounds.append(Round(len(found.rounds) + 1, gap, evidence, looks, taken, found.model))
             if taken is None:
                 break
-            found.model = taken.trial.model
-            found.taken.append(taken)
-            found.rivals.append(evidence)
-            if on_round is not None:
-                on_round(found.rounds[-1])
-            if number > 1:
-                exchange(bench, found, null)
-        prune(bench, found, null)
-    except KeyboardInterrupt:
-        found.interrupted = True
-    return found
+            found.add(taken, evidence, view)
+            for trial in view.family(found.model):
+                found.add(weigh(view, found.model, [trial])[0], [], view)
+            if self.on_round is not None:
+                self.on_round(found.rounds[-1])
+            if len(found.taken) > 1:
+                self._exchange(view, found, null)
+        if len(found.taken) > max(n_before, 1):
+            self._prune(view, found, null)
 
+    def try_all(self, view: Any, model: Any) -> tuple[list[Look], list[Evidence]]:
+        """(all looks, evidence of the refined ones) on top of a model."""
+        looks = sorted(view.look(model), key=lambda k: -k.gain)
+        wanting = not view.quiet(model, self.plant.tolerance * self.plant.scale)
+        cheap = [k for k in looks if k.gain > 0 and (wanting or not k.costly)]
+        top = max(cheap[0].gain, 1e-300) if cheap else 0.0
+        worth = [
+            k for i, k in enumerate(cheap) if k.elementary or k.gain > WORTH_REFINING * top
+            or (i < 5 and k.gain > WORTH_AMONG_FIRST * top)
+        ]  # fmt: skip
+        elementary = [k for k in worth if k.elementary]
+        others = [k for k in worth if not k.elementary][: MOST_REFINED if wanting else FEW]
+        trials = [Trial(k, view.refine(model, k)) for k in (*elementary, *others)]
+        evidence = weigh(view, model, trials)
+        if wanting and (not evidence or evidence[0].closure < rules.NAMED):
+            tried = {id(t.look) for t in trials}
+            more = [k for k in looks if k.costly and id(k) not in tried and k.start is not None]
+            if more:
+                trials += [Trial(k, view.refine(model, k)) for k in more]
+                evidence = weigh(view, model, trials)
+        return looks, evidence
 
-def exchange(bench: Any, found: Found, null: float) -> None:
-    """Try every effect taken against all others in its place: the first one was chosen when more was missing."""
-    for i in range(len(found.taken)):
-        index = found.model.n_base + i
-        without = found.model.without(index)
-        if getattr(found.model, "has_play", False) and not without.has_play:
-            found.model = bench.resettle(found.model)  # nothing else disconnects a load
-            continue
-        _, _, evidence = try_all(bench, without)
-        best = first_sound(bench, evidence, null)
-        found.rivals[i] = evidence
-        if best is None:
-            continue
-        found.model = _reorder(best.trial.model, index)
-        found.taken[i] = best
+    def first_sound(self, view: Any, evidence: list[Evidence], null: float) -> Evidence | None:
+        """The best evidence to which nothing objects; a commoner law goes first where it explains as much."""
+        if not evidence:
+            return None
+        n = view.compare([evidence[0].trial.model], 0)[0].n_effective
+        sound: list[Evidence] = []
+        for e in evidence:  # behind the best sound one only those are looked at that could go before it
+            if sound and not (e.name in self.plant.commoner(sound[0].name) or e.trial.look.elementary):
+                continue
+            e.reason = objections(view, e, null, n, self.plant.scale, self.plant.tolerance)
+            sound += [e] if e.passes else []
+        if not sound:
+            return None
+        best = sound[0]
+        for e in sound[1:]:  # ties go to the commoner name
+            if e.name in self.plant.commoner(best.name) and rules.preferred(view, e, best):
+                return e
+        if best.closure < rules.NAMED:  # no name reaches the floor: several are missing, an elementary one goes first
+            for e in sound:
+                if e.trial.look.elementary and e.explained**2 >= rules.ELEMENTARY_SHARE * best.explained**2:
+                    return e
+        return best
 
+    def _exchange(self, view: Any, found: Found, null: float) -> None:
+        """Try every effect taken against all others in its place: the first was chosen when more was missing."""
+        for i in range(len(found.taken)):
+            index = found.model.n_base + i
+            if found.views[i] is not view or not view.replaceable(found.model, index):
+                continue
+            without = view.fit(found.model.without(index))
+            _, evidence = self.try_all(view, without)
+            best = self.first_sound(view, evidence, null)
+            found.rivals[i] = evidence
+            if best is None:
+                continue
+            terms = best.trial.model.terms
+            found.model = best.trial.model.with_terms((*terms[:index], terms[-1], *terms[index:-1]))
+            found.taken[i] = best
 
-def _reorder(model: Any, index: int) -> Any:
-    """The model with its last term moved to ``index``, so that the order of adding stays."""
-    terms = model.terms
-    moved = (*terms[:index], terms[-1], *terms[index:-1])
-    return model.with_terms(moved)
-
-
-def prune(bench: Any, found: Found, null: float) -> None:
-    """Drop effects that the others have made needless."""
-    if len(found.taken) < 2:
-        return
-    n = int((bench.train & bench.usable).sum())
-    for i in reversed(range(len(found.taken))):
-        reason = objections(bench, found.taken[i], null, n, judge_sign=False) or judge.at_the_end(
-            found.model, found.model.n_base + i
-        )
-        if reason:
-            found.model, _ = bench.fit(found.model.without(found.model.n_base + i))
-            del found.taken[i], found.rivals[i]
+    def _prune(self, view: Any, found: Found, null: float) -> None:
+        """Drop effects that the others have made needless."""
+        for i in reversed(range(len(found.taken))):
+            e, index = found.taken[i], found.model.n_base + i
+            if found.views[i] is view and (not e.passes or view.objection(found.model, index)):
+                found.model = view.fit(found.model.without(index))
+                found.drop(i)

@@ -52,14 +52,14 @@ def numbers(named: Any) -> str:
     return ", ".join(out)
 
 
-def summary(d: Any, before: float, after: float, floor: float, drive: float, line: Any) -> str:
+def summary(d: Any, plant: Any) -> str:
     """The verdict in one paragraph."""
 
     def percent(x: float) -> str:
-        return f"{100 * x / drive:.2f} %"
+        return f"{100 * x:.2f} %"
 
-    what = line.gap_word if hasattr(line, "gap_word") else "missing torque"
-    whole = "drive" if line.kind == "servo" else "output"
+    what, whole = plant.gap_word, plant.whole
+    before, after, floor = d.figures
     opening = f"Of the rms {whole}, the {what} is {percent(before)}; noise alone gives {percent(floor)}. "
     left = (
         f"The {what} falls to {percent(after)}, and {100 * max(d.closure, 0):.0f} % of the gap in simulation is closed."
@@ -78,6 +78,8 @@ def summary(d: Any, before: float, after: float, floor: float, drive: float, lin
             + f"The gap resembles {article_list([e.name for e in d.effects])}, which explains a part only. "
             + left
         )
+    if d.shortfall:
+        return opening + d.shortfall
     if d.verdict == "unknown":
         return (
             opening
@@ -93,8 +95,10 @@ def summary(d: Any, before: float, after: float, floor: float, drive: float, lin
     return opening + "The model explains the log to the noise floor: nothing is missing that this record could show."
 
 
-def next_experiment(d: Any, line: Any, found: Any) -> str:
+def next_experiment(d: Any) -> str:
     """The experiment that would decide what is open."""
+    if d.shortfall:
+        return "None before the base model has the order and the law that the record asks for."
     if d.verdict == "named" and not any(e.aliases for e in d.effects):
         return "None needed for this verdict; validate the repaired model on a second record."
     open_names = {n for e in d.effects for n in (e.name, *e.aliases)}

@@ -9,7 +9,8 @@ rows below it, so that the inner loops run along memory.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from whsklearn._numba import njit
 
 WIND_UP = 1e3  # forgetting may take P to this many times P(0), and no further
 

@@ -6,23 +6,25 @@ cut anywhere; everything scheduled is scheduled on samples seen.
 
 With ``memory = 0`` this is the pure recursion.  With a memory, the samples of the first
 ``memory`` are re-run at instants that grow geometrically: poor starts are dropped there and
-fresh ones drawn, so that by the time it is full one or two models go on.  After that each
-full block is re-run once, with all that came before it as a prior, in parts that no sample
-has to wait for (`page`).
+fresh ones drawn, so that by the time it is full one model goes on.  After that each full
+block is re-run once, with all that came before it as a prior.  All of it is done in parts
+that no sample has to wait for (`background_refit`).
 """
 
 from __future__ import annotations
 
+import copy
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from whsklearn.recursion import rerun
+from whsklearn.recursion import memory_refit
+from whsklearn.recursion.background_refit import BackgroundRefit, schedule, under_way
 from whsklearn.recursion.covariance import WIND_UP, inflate
-from whsklearn.recursion.page import PageRerun, shift_memory
+from whsklearn.recursion.memory_posterior import initial_past
+from whsklearn.recursion.memory_refit import LIVE
 from whsklearn.recursion.predictor import state_size
 from whsklearn.recursion.reading import Reading, State
-from whsklearn.recursion.replay import replay
 from whsklearn.recursion.starts import random_start
 from whsklearn.recursion.subinnovations import MOVING, STILL, mark_still, run_windows
 
@@ -31,13 +33,13 @@ if TYPE_CHECKING:
 
 __all__ = ["Reading", "State", "answer", "consolidate", "forget_past", "initial_state", "run"]
 
-GROWTH = 1.25  # ratio of successive re-runs: an answer is never older than a fifth of the record
 PURE_SHARPEST = 80.0  # without re-runs a sharper sign loses more starts than it gains accuracy
 
 
 def initial_state(r: Reading) -> State:
     """Arrays of a stream that has seen nothing."""
     n, m, h = r.size, r.memory, r.history
+    room = r.page_end if m else 0
     rng = np.random.default_rng([r.seed, 0])
     n_models = 1 if m else r.n_starts
     theta = np.array([random_start(tuple(r.dims), rng) for _ in range(n_models)])
@@ -63,25 +65,26 @@ def initial_state(r: Reading) -> State:
         # the pure recursion forgets its beginnings, a re-run mends them instead
         "forgetting": np.array([r.forgetting if m else min(0.95, r.forgetting), r.forgetting, 0.99]),
         "ceiling": WIND_UP * r.p0,
-        "memory_u": np.zeros((h + m + m // 2, r.n_inputs)),
-        "memory_y": np.zeros(h + m + m // 2),
-        "memory_restart": np.zeros(m + m // 2, dtype=bool),
-        "memory_still": np.zeros(m + m // 2, dtype=bool),
-        "memory_idle": np.zeros(m + m // 2, dtype=bool),
-        "memory_kept": np.ones(m + m // 2),
+        "memory_u": np.zeros((h + room, r.n_inputs)),
+        "memory_y": np.zeros(h + room),
+        "memory_restart": np.zeros(room, dtype=bool),
+        "memory_still": np.zeros(room, dtype=bool),
+        "memory_idle": np.zeros(room, dtype=bool),
+        "memory_kept": np.ones(room),
         "fill": 0,
         "blocks": 0,
         "origin": np.zeros((n_models, state_size(r.dims))),
         "page_theta": theta.copy(),
         "prior_theta": theta.copy(),
         "prior_information": np.zeros((n_models, n, n)),
+        **initial_past(r),
     }
 
 
 def run(
     state: State, r: Reading, u: NDArray[np.float64], y: NDArray[np.float64], restart: NDArray[np.bool_],
-    page: PageRerun | None = None,
-) -> PageRerun | None:  # fmt: skip
+    page: BackgroundRefit | None = None,
+) -> BackgroundRefit | None:  # fmt: skip
     """Take the state through samples, in place; ``restart`` marks where an experiment begins.
 
     Returns the re-run of a page that goes on; given back with the next samples, it need not begin anew.
@@ -103,9 +106,10 @@ def run(
             y[at:stop], still,
         )  # fmt: skip
         _remember(state, r, u[at:stop], y[at:stop], still, bool(restart[at]))
+        live = [state[name][: LIVE if r.memory else None] for name in ("theta", "ud", "before", "loss", "motion")]
         state["since"] = run_windows(
-            state["theta"], state["ud"], state["before"], state["loss"], state["motion"], state["recent_u"],
-            state["recent_y"], state["since"], state["seen"], state["forgetting"], state["ceiling"], state["sharpness"],
+            *live, state["recent_u"], state["recent_y"], state["since"], state["seen"], state["forgetting"],
+            state["ceiling"], state["sharpness"],
             0.0 if r.memory else PURE_SHARPEST, *r.law, r.p, r.frozen, u[at:stop], y[at:stop],
             still,
         )  # fmt: skip
@@ -116,37 +120,42 @@ def run(
     return page
 
 
-def consolidate(state: State, r: Reading, page: PageRerun | None = None) -> None:
+def consolidate(state: State, r: Reading, page: BackgroundRefit | None = None) -> None:
     """Re-run the memory now, in place; a page whose re-run goes on is turned first."""
-    if state["blocks"] and state["fill"] >= r.memory:
-        _page(state, r, page).take_over()
-    rerun.consolidate(state, r)
+    if state["fill"] >= r.memory:
+        _the_refit(state, r, page, schedule(r, filling=False)[0]).take_over()
+    memory_refit.consolidate(state, r)
 
 
-def _tend_memory(state: State, r: Reading, page: PageRerun | None, n_new: int) -> PageRerun | None:
-    """What the memory asks for after ``n_new`` samples: a re-run, part of one, a new page."""
-    fill, m = state["fill"], r.memory
-    if not state["blocks"]:
-        if fill in _instants(state, r):
-            rerun.consolidate(state, r)
-        if fill == m:
-            _turn_page(state, r)
-        return None
-    if fill == m:
+def settled(state: State, r: Reading) -> State:
+    """A copy whose memory has been re-run."""
+    state = copy.deepcopy(state)
+    consolidate(state, r)
+    return state
+
+
+def is_silent(state: State) -> bool:
+    """Whether no start has been tried yet: the first re-run has not taken over."""
+    return not state["theta"].any()
+
+
+def _tend_memory(state: State, r: Reading, refit: BackgroundRefit | None, n_new: int) -> BackgroundRefit | None:
+    """What the memory asks for after ``n_new`` samples: the begin of a re-run, part of one, its end."""
+    now = under_way(state, r)
+    if now is not None:
+        refit = _the_refit(state, r, refit, now)
+        if state["fill"] < now[1]:
+            refit.advance(n_new)
+            return refit
+        refit.take_over()
+    if state["fill"] in [begin for begin, _ in schedule(r, not state["blocks"])]:
         state["page_theta"], state["page_known"] = state["theta"].copy(), float(state["known"][0])
-    if fill < m:
-        return None
-    page = _page(state, r, page)
-    if fill < m + m // 2:
-        page.advance(n_new)
-        return page
-    page.take_over()
     return None
 
 
-def _page(state: State, r: Reading, page: PageRerun | None) -> PageRerun:
+def _the_refit(state: State, r: Reading, refit: BackgroundRefit | None, now: tuple[int, int]) -> BackgroundRefit:
     """The re-run that goes on, or one that begins anew."""
-    return page if page is not None and page.belongs_to(state) else PageRerun(state, r)
+    return refit if refit is not None and refit.is_of(state, now[0]) else BackgroundRefit(state, r, *now)
 
 
 def _begin_experiment(state: State) -> None:
@@ -157,22 +166,12 @@ def _begin_experiment(state: State) -> None:
         state[name][:] = 0.0
 
 
-def _instants(state: State, r: Reading) -> list[int]:
-    """Fills of the memory at which something is due."""
-    if state["blocks"]:  # a page is full; its re-run takes over
-        return [r.memory, r.memory + r.memory // 2]
-    instants, at = [], float(r.first_rerun)
-    while at < r.memory:
-        instants.append(int(at))
-        at *= GROWTH
-    return [*instants, r.memory]
-
-
 def _until_event(state: State, r: Reading) -> int:
-    """Samples to the next of these."""
+    """Samples to the next begin or end of a re-run."""
     if not r.memory:
         return np.iinfo(np.int64).max
-    return min(i for i in _instants(state, r) if i > state["fill"]) - state["fill"]
+    fill = state["fill"]
+    return min([i for span in schedule(r, not state["blocks"]) for i in span if i > fill]) - fill
 
 
 def _remember(
@@ -182,12 +181,19 @@ def _remember(
     if not r.memory:
         return
     first, h, n = state["fill"], r.history, y.size
-    state["memory_u"][h + first : h + first + n] = u
-    state["memory_y"][h + first : h + first + n] = y
+    if n == 1:  # the same for one sample, where slices would cost as much as its update
+        state["memory_u"][h + first] = u[0]
+        state["memory_y"][h + first] = y[0]
+        state["memory_still"][first] = still[0] == STILL
+        state["memory_idle"][first] = still[0] != MOVING
+        state["memory_kept"][first] = state["forgetting"][1] if still[0] == MOVING else 1.0
+    else:
+        state["memory_u"][h + first : h + first + n] = u
+        state["memory_y"][h + first : h + first + n] = y
+        state["memory_still"][first : first + n] = still == STILL
+        state["memory_idle"][first : first + n] = still != MOVING
+        state["memory_kept"][first : first + n] = np.where(still == MOVING, state["forgetting"][1], 1.0)
     state["memory_restart"][first] = restarts
-    state["memory_still"][first : first + n] = still == STILL
-    state["memory_idle"][first : first + n] = still != MOVING
-    state["memory_kept"][first : first + n] = np.where(still == MOVING, state["forgetting"][1], 1.0)
     state["memory_kept"][first] *= state["oblivion"]
     state["oblivion"] = 1.0
     state["fill"] += n
@@ -200,26 +206,6 @@ def forget_past(state: State, samples: float) -> None:
     state["oblivion"] *= left
     for ud in state["ud"]:
         inflate(ud, 1.0 / left, state["ceiling"])
-
-
-def _turn_page(state: State, r: Reading) -> None:
-    """End the first block: what it says becomes the prior."""
-    fill, h = state["fill"], r.history
-    weights, left = rerun.weights_of(state, fill), rerun.left_of_prior(state, fill)
-    for s in range(len(state["theta"])):
-        information, slope = np.zeros((r.size, r.size)), np.zeros(r.size)
-        end = np.empty_like(state["origin"][s])
-        kappa = rerun.inference_sharpness(
-            state["theta"][s], r, state["memory_u"][h : h + fill], state["memory_restart"][:fill]
-        )
-        replay(
-            state["theta"][s], *r.law, kappa, state["origin"][s], state["memory_u"],
-            state["memory_y"], state["memory_restart"], fill, h, 1, weights, information, slope, end,
-        )  # fmt: skip
-        state["prior_information"][s] = information + left * state["prior_information"][s]
-        state["prior_theta"][s] = state["theta"][s]
-        state["origin"][s] = end
-    shift_memory(state, r, fill)
 
 
 def answer(state: State) -> int:

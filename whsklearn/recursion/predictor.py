@@ -23,10 +23,10 @@ m times n_a then.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
-from whsklearn._delay_line import push
+from whsklearn._numba import njit
 from whsklearn.effects.terms import term
+from whsklearn.recursion.delay_line import push
 
 
 @njit(cache=True, error_model="numpy")

@@ -1,16 +1,16 @@
 """The published reading: an auxiliary model's regressors, and (7) to (14) on them, to the letter.
 
-`whsklearn.auxiliary_model` has the regressors (6) and the order of theta.
+`whsklearn.recursion.auxiliary_model` has the regressors (6) and the order of theta.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
-from whsklearn._delay_line import push
-from whsklearn.auxiliary_model import auxiliary_size, rebuild, row
+from whsklearn._numba import njit
+from whsklearn.recursion.auxiliary_model import auxiliary_size, rebuild, row
 from whsklearn.recursion.covariance import inflate, measurement_update
+from whsklearn.recursion.delay_line import push
 
 __all__ = ["BLOCK", "GRADIENT", "REEVALUATED", "auxiliary_size", "rebuild", "row", "run_pseudolinear"]
 

@@ -73,6 +73,11 @@ class Reading:
         return min(max(FIRST_RERUN, 4 * self.size), self.memory)
 
     @property
+    def page_end(self) -> int:
+        """Samples in memory at which a re-run page is turned: half a page after it was full."""
+        return self.memory + max(self.memory // 2, 1)
+
+    @property
     def law(self) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
         """Dims, codes and shapes, as the kernels take them."""
         return self.dims, self.codes, self.shapes

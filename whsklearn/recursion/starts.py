@@ -48,13 +48,19 @@ def term_scales(law: Law, u: Array, y: Array, restart: NDArray[np.bool_], rng: n
 
     With them a start and a prior do not depend on the units of the log.
     """
+    return scales_from([term_sizes(law, u, y, restart, rng) for _ in range(9)], y)
+
+
+def term_sizes(law: Law, u: Array, y: Array, restart: NDArray[np.bool_], rng: np.random.Generator) -> Array:
+    """Root mean square of each term behind one random L1."""
     dims = tuple(int(d) for d in law[0])
-    nw = dims[4]
-    rows = np.empty((y.size, dims[2] * nw + dims[3]))
-    sizes = np.empty((9, nw))
-    for i in range(len(sizes)):
-        record_regressors(random_start(dims, rng), *law, np.inf, u, y, restart, rows)
-        sizes[i] = np.sqrt(np.mean(rows[:, :nw] ** 2, axis=0))
+    rows = np.empty((y.size, dims[2] * dims[4] + dims[3]))
+    record_regressors(random_start(dims, rng), *law, np.inf, u, y, restart, rows)
+    return np.sqrt(np.mean(rows[:, : dims[4]] ** 2, axis=0))
+
+
+def scales_from(sizes: list[Array], y: Array) -> Array:
+    """Weights at which each term of the median of ``sizes`` has the output's size."""
     typical = np.median(sizes, axis=0)
     return np.sqrt(np.mean(y**2)) / np.where(typical > 0.0, typical, 1.0)
 

@@ -10,10 +10,10 @@ block update (7)-(9), which by the block inversion lemma is p scalar updates.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
-from whsklearn._delay_line import push
+from whsklearn._numba import njit
 from whsklearn.recursion.covariance import inflate, measurement_update
+from whsklearn.recursion.delay_line import push
 from whsklearn.recursion.predictor import advance, predict
 from whsklearn.systems.stability import is_stable
 

@@ -1,82 +1,75 @@
-"""The axis along a record: sensor, controller, drive and mechanics, sample by sample.
+"""The one pass along a record of a servo axis: sensor, controller or logged drive, mechanics, observer.
 
-One compiled function serves the closed loop (the controller writes the drive) and the
-open loop (the drive is given).  All its inputs are flat arrays, so a batch costs no more
-than a loop, and it lets go of the interpreter, so threads help.
+``run`` serves the closed loop (the controller writes the drive), the replay of a logged drive, and the observer:
+a replay that is corrected after every sample by the innovation e = y - y_hat, position by ``gains[0]`` e and
+velocity by ``gains[1]`` e (Luenberger 1971, IEEE Trans. Autom. Control 16(6), 596-602).  Held near the measurement
+like that, no controller need be known, and what the model lacks stands in e.  With l1 = gains[0] / dt and
+l2 = gains[1] / dt,
+
+    missing torque = J (p^2 + l1 p + l2) e + F(q, v) - F(q^, v^),
+
+F being the torque of the effects on the measured motion and on the observer's, see `torque_along`.  All arguments
+are flat arrays in named tuples: a batch costs no more than a loop, and the interpreter is let go, so threads help.
 """
 
 from __future__ import annotations
 
-import math
-import sys
-from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit, types
-from numba.core.types import FunctionType
 
-from whsklearn.effects import codes, hysteresis, terms
+from whsklearn._numba import njit
+from whsklearn.effects import codes
 from whsklearn.effects.hysteresis import N_STATES
-from whsklearn.systems import _servo_step, _servo_torques
-from whsklearn.systems._servo_step import fine_step
-from whsklearn.systems._servo_torques import USER_SIGNATURE, measured_position
-
-_BELOW = (hysteresis, terms, codes)
-
-# columns of the output
-DRIVE, MEASURED, POSITION, VELOCITY, TORQUE, LOAD, LOAD_VELOCITY = range(7)
-
-_V = types.float64[::1]
-_SIGNATURE = types.void(
-    types.float64[:, ::1],  # out (n, 7)
-    types.float64[:, ::1],  # reference, its velocity, its acceleration (3, n)
-    _V,  # noise on the position
-    _V,  # disturbance torque
-    _V,  # axis
-    _V,  # drive
-    _V,  # controller
-    types.int64[::1],  # mechanical effects
-    types.float64[:, ::1],
-    types.int64[::1],  # sensor effects
-    types.float64[:, ::1],
-    types.float64[:, ::1],  # measured position and velocity to return to (2, n)
-    types.int64[::1],  # closed loop, sub-steps, samples between returns, sensor on the load, linear hold
-    types.float64,  # sample time
-    _V,  # initial state
-    FunctionType(USER_SIGNATURE),
+from whsklearn.effects.sensor import quantized
+from whsklearn.effects.signs import smooth_sign
+from whsklearn.systems._servo_drive import chain_of, effective, held, hold_weights
+from whsklearn.systems._servo_step import body_of, fine_step
+from whsklearn.systems._servo_torques import (
+    GAIN,
+    KAPPA,
+    ON_LOAD,
+    RESOLUTION,
+    Ends,
+    arranged,
+    load_sum,
+    motor_sum,
+    read,
 )
 
-
-@njit
-def held_drive(u, start, width, before, linear):
-    """The drive's mean over a fine step that starts at ``start`` (in samples): held or interpolated."""
-    last = u.shape[0] - 1
-    if linear:
-        s = start + 0.5 * width
-        i = math.floor(s)
-        if i < 0:
-            return before
-        return u[last, 0] if i >= last else u[i, 0] + (s - i) * (u[i + 1, 0] - u[i, 0])
-    i = math.floor(start + 1e-9)
-    j = math.floor(start + width - 1e-9)
-    first = before if i < 0 else u[min(i, last), 0]
-    if i == j:
-        return first
-    share = (j - start) / width
-    return share * first + (1.0 - share) * (before if j < 0 else u[min(j, last), 0])
+N_SIGNALS = 7
+DRIVE, MEASURED, POSITION, VELOCITY, TORQUE, LOAD, LOAD_VELOCITY = range(N_SIGNALS)  # rows of the output
+_FOLDED = 0.5  # share of the sign lost above which the encoder falls where the position rises from below zero
 
 
-@njit
-def lagged(u, state, constant, h):
-    """Mean output and new state of a first-order lag under a constant input; exact."""
-    if constant <= 0.0:
-        return u, u
-    decay = math.exp(-h / constant)
-    return u + (state - u) * (1.0 - decay) * constant / h, u + (state - u) * decay
+class Signals(NamedTuple):
+    """What a pass is given: arrays of n samples.
+
+    ``reference`` (3, n): position asked for and its two derivatives; ``noise`` on the encoder and ``disturbance``
+    torque, (n,) or (0,); ``measured`` (2, n) or (4, n): position and velocity on the encoder's side and, if there,
+    the twist of the coupling and its rate, to return to or to observe.
+    """
+
+    reference: Any
+    noise: Any
+    disturbance: Any
+    measured: Any
 
 
-@njit
+class How(NamedTuple):
+    """How a pass runs: sample time (s), fine steps a sample, closed loop, samples between returns to the measurement
+    (0: none), the observer's two gains (0: none), whether the drive is interpolated between samples.
+    """
+
+    sample_time: float
+    substeps: int
+    closed: bool = False
+    every: int = 0
+    gains: tuple[float, float] = (0.0, 0.0)
+    linear: bool = False
+
+
+@njit(error_model="numpy")
 def control(c, memory, reference, k, y, sample_time):
     """PID with feed-forward, saturation and conditional integration; memory = [integral, derivative, last input]."""
     kp, ki, kd, kv, ka, limit, on_measurement, filter_time = c
@@ -94,73 +87,97 @@ def control(c, memory, reference, k, y, sample_time):
     return min(limit, max(-limit, rest + memory[0]))
 
 
-@njit
-def return_to(state, position, velocity):
-    """Set motor position and velocity, and carry the load along."""
-    state[2] += position - state[0]
-    state[3] += velocity - state[1]
-    state[0] = position
-    state[1] = velocity
+@njit(error_model="numpy")
+def returned(state, measured, k, on_load, side):
+    """The state with the encoder's side at the measurement; the twist as given, or as it was."""
+    x, v, q, w = state
+    twist, slip = x - q, v - w
+    if measured.shape[0] > 2:
+        twist, slip = measured[2, k], measured[3, k]
+    x = side * measured[0, k] + (twist if on_load else 0.0)
+    v = side * measured[1, k] + (slip if on_load else 0.0)
+    return x, v, x - twist, v - slip
 
 
-def _compiled(function: Any) -> Any:
-    """Compile for the one signature, and cache under the age of all files that are compiled in, not of this one only.
+@njit(error_model="numpy")
+def lattice_of(plant):
+    """Step of the encoder's lattice, the coarsest counts; and whether the encoder has lost the sign."""
+    step, folded = plant.parts[RESOLUTION], False
+    for i in range(plant.codes.size):
+        if plant.codes[i] == codes.QUANTIZATION:
+            step = max(step, plant.p[i, 0])
+        elif plant.codes[i] == codes.SENSOR_RECTIFICATION:
+            folded = plant.p[i, 0] > _FOLDED
+    return step, folded
 
-    Numba looks at the caller's own file; an edit below it would leave yesterday's physics in the cache.
+
+@njit(nogil=True, error_model="numpy")
+def run(out, plant, controller, signals, how, initial):
+    """Fill ``out`` (7, n) with drive, measured and true position, velocity, torque, load position and velocity.
+
+    ``controller`` holds the eight numbers of a `PIDController`; ``initial`` is the state (4,): position and velocity
+    of motor and load.  In open loop row 0 of ``out`` is the drive as logged.
     """
-    dispatcher = njit(cache=True, nogil=True)(function)
-    if not hasattr(dispatcher, "compile"):  # uncompiled on request
-        return dispatcher
-    index: Any = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
-    if hasattr(index, "_source_stamp"):
-        stats = [Path(str(m.__file__)).stat() for m in (sys.modules[__name__], _servo_step, _servo_torques, *_BELOW)]
-        index._source_stamp = (max(s.st_mtime for s in stats), sum(s.st_size for s in stats))
-    dispatcher.compile(_SIGNATURE)
-    dispatcher.disable_compile()
-    return dispatcher
-
-
-@_compiled
-def run(
-    out, reference, noise, disturbance, axis, drive, controller, effects, p, sensors, sp, measured, how, sample_time,
-    initial, user,
-):  # fmt: skip
-    """Fill ``out`` with drive, measured and true position, velocity, torque at the axis, load position and velocity."""
-    closed, substeps, every, on_load, linear = how[0], how[1], how[2], how[3], how[4]
-    gain, limit, delay, lag, extra_lag, width, resolution = drive
-    axis_numbers = (axis[0], axis[1], axis[2], axis[3], axis[4], axis[5])
-    controller_numbers = (
-        controller[0], controller[1], controller[2], controller[3],
-        controller[4], controller[5], controller[6], controller[7],
-    )  # fmt: skip
-    state = initial.copy()
-    z = np.zeros((effects.size, N_STATES))
+    effects, p, ends = arranged(plant.codes, plant.p)
+    own = plant.own
+    body, chain = body_of(plant), chain_of(plant)
+    lattice, folded = lattice_of(plant)
+    on_load = plant.parts[ON_LOAD] > 0.0
+    n, dt, substeps = out.shape[1], how.sample_time, how.substeps
+    h = dt / substeps
+    closed, every, gain = how.closed, how.every, plant.parts[GAIN]
+    gain_1, gain_2 = how.gains
+    first, weight = hold_weights(chain.delay / dt, substeps, how.linear)
+    observed = gain_1 > 0.0 or gain_2 > 0.0
+    z = np.zeros((max(effects.size, 1), N_STATES))
     memory = np.zeros(3)
-    h = sample_time / substeps
-    before = 0.0 if closed else out[0, DRIVE]
-    first = second = before
-    for k in range(out.shape[0]):
-        t = k * sample_time
+    u, measured, noise, disturbance = out[DRIVE], signals.measured, signals.noise, signals.disturbance
+    before = 0.0 if how.closed else u[0]
+    lag = second = before
+    state = (initial[0], initial[1], initial[2], initial[3])
+    for k in range(n):
+        t = k * dt
         if every > 0 and k % every == 0:
-            return_to(state, measured[0, k], measured[1, k])
-        y, step = measured_position(sensors, sp, state[2] if on_load else state[0], t, user)
-        y += noise[k]
-        step = max(step, resolution)
-        if step > 0.0:
-            y = step * math.floor(y / step + 0.5)
+            state = returned(state, measured, k, on_load, -1.0 if folded and state[0] < 0.0 else 1.0)
+        y = read(effects, p, own, ends, t, state[2] if on_load else state[0])
+        if noise.size > 0:
+            y += noise[k]
+        if lattice > 0.0:
+            y = quantized(lattice, y)
         if closed:
-            out[k, DRIVE] = gain * control(controller_numbers, memory, reference, k, y, sample_time)
-        out[k, MEASURED] = y
-        out[k, POSITION] = state[0]
-        out[k, VELOCITY] = state[1]
-        out[k, LOAD] = state[2]
-        out[k, LOAD_VELOCITY] = state[3]
+            u[k] = gain * control(controller, memory, signals.reference, k, y, dt)
+        out[MEASURED, k] = y
+        out[POSITION, k], out[VELOCITY, k] = state[0], state[1]
+        out[LOAD, k], out[LOAD_VELOCITY, k] = state[2], state[3]
+        if observed:
+            e = measured[0, k] - y
+            if folded and state[0] < 0.0:
+                e = -e
+            a, b = gain_1 * e, gain_2 * e
+            state = (state[0] + a, state[1] + b, state[2] + a, state[3] + b)
         for j in range(substeps):
-            u = held_drive(out, k + (j - delay / h) / substeps, 1.0 / substeps, before, linear)
-            u -= min(width, max(-width, u))
-            u = min(limit, max(-limit, u))
-            u, first = lagged(u, first, lag, h)
-            u, second = lagged(u, second, extra_lag, h)
+            torque, lag, second = effective(chain, held(u, k + first[j], weight[j], before), lag, second, h)
+            if disturbance.size > 0:
+                torque += disturbance[k]
             if j == 0:
-                out[k, TORQUE] = u + disturbance[k]
-            fine_step(effects, p, z, state, axis_numbers, u + disturbance[k], t + j * h, h, user)
+                out[TORQUE, k] = torque
+            state = fine_step(effects, p, own, ends, z, body, state, torque, t + j * h, h)
+
+
+@njit(nogil=True, error_model="numpy")
+def torque_along(plant, time, position, velocity, drive):
+    """What all memoryless effects ask of the drive along a motion (Nm), shape (n,): F(q, v) of the module's formula.
+
+    Effects with a memory of the path and those of the sensor are left out: on a noisy path the first would be
+    shaken by the noise, the second are no torque.
+    """
+    effects, p, all_ends = arranged(plant.codes, plant.p)
+    ends = Ends(all_ends.plain, all_ends.own, all_ends.own, all_ends.load, all_ends.sensor, all_ends.inertia)
+    z = np.zeros((1, N_STATES))
+    out = np.empty(position.size)
+    for k in range(position.size):
+        t, q, v = time[k], position[k], velocity[k]
+        s, ds = smooth_sign(v, plant.parts[KAPPA])
+        out[k] = motor_sum(effects, p, plant.own, ends, z, t, q, v, s, ds, drive[k])[0]
+        out[k] += load_sum(effects, p, all_ends, t, q)
+    return out

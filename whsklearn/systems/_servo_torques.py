@@ -1,137 +1,150 @@
-"""What acts on the axis at one instant, as compiled scalar functions.
+"""What acts on a servo axis at one instant: sums of the effects' equations over the rows of an axis.
 
-Dry friction is kept apart from the rest, because at standstill it is no function but a
-range: friction lies between -(dry - asymmetric) and dry + asymmetric.
+The equations are those of `whsklearn.effects`; nothing here knows one.  An axis is a `Plant` of flat arrays,
+so a fit moves its numbers without making an object.
 """
 
 from __future__ import annotations
 
-import math
+from typing import Any, NamedTuple
 
-from numba import njit, types
+import numpy as np
 
-from whsklearn.effects import codes, terms
-from whsklearn.effects.hysteresis import hysteresis_torque
-from whsklearn.effects.terms import term
+from whsklearn._numba import njit
+from whsklearn.effects import codes
+from whsklearn.effects.hysteresis import advance_hysteresis, hysteresis_torque
+from whsklearn.effects.own import WHICH
+from whsklearn.effects.rows import has_memory, load_torque, motor_torque, on_load, reading
+from whsklearn.effects.timed import parameter_change
 
-BARELY = 1e-9  # the speed at which "just off standstill" is read off a dry term
+# into the pass, or its arrays are counted in and out at every call
+_inlined = njit(cache=False, forceinline=True, error_model="numpy")
 
-USER_SIGNATURE = types.float64(
-    types.int64, types.float64[::1], types.float64, types.float64, types.float64, types.float64
-)
-
-
-@njit(USER_SIGNATURE, cache=True)
-def no_user_effect(index, p, time, position, velocity, drive):
-    """The slot for effects of one's own when there is none."""
-    return 0.0
-
-
-@njit
-def static_torque(code, p, i, x, v):
-    """A static term's share of: smooth torque, its slope, dry level, its slope, asymmetric level."""
-    w = p[i, 0]
-    if code == terms.COULOMB:
-        return 0.0, 0.0, w, 0.0, 0.0
-    if code == terms.ASYMMETRIC_COULOMB:
-        return 0.0, 0.0, 0.0, 0.0, w
-    if code == terms.STRIBECK_EXP or code == terms.POSITION_FRICTION:
-        f, _, slope = term(code, p[i, 1], p[i, 2], p[i, 3], x, abs(v) + BARELY, math.inf)
-        return 0.0, 0.0, w * f, w * slope, 0.0
-    f, _, slope = term(code, p[i, 1], p[i, 2], p[i, 3], x, v, math.inf)
-    return w * f, w * slope, 0.0, 0.0, 0.0
+N_PARTS = 12
+(
+    INERTIA, KAPPA, GAIN, LIMIT, DELAY, LAG, SHARE, STIFFNESS, RATIO, GAP, RESOLUTION, ON_LOAD,
+) = range(N_PARTS)  # fmt: skip
 
 
-@njit
-def motor_torque(code, p, z, i, x, v, u, t, user):
-    """The same five shares of an effect on the motor's side that is no static term."""
-    w = p[i, 0]
-    if code == codes.COGGING:
-        return w * math.cos(p[i, 1] * x + p[i, 2]), 0.0, 0.0, 0.0, 0.0
-    if code == codes.INPUT_OFFSET:
-        return w, 0.0, 0.0, 0.0, 0.0
-    if code == codes.TORQUE_RIPPLE:
-        return u * w * math.cos(p[i, 1] * x + p[i, 2]), 0.0, 0.0, 0.0, 0.0
-    if code == codes.LOAD_FRICTION:
-        return 0.0, 0.0, w * abs(u), 0.0, 0.0
-    if code == codes.FRICTION_DRIFT:
-        return 0.0, 0.0, w * (1.0 - math.exp(-t / p[i, 1])), 0.0, 0.0
-    if codes.DAHL <= code <= codes.BOUC_WEN:
-        f, slope = hysteresis_torque(code, p, z, i, v)
-        return w * f, w * slope, 0.0, 0.0, 0.0
+class Plant(NamedTuple):
+    """An axis as kernels take it.
+
+    ``codes`` (n,) and ``p`` (n, 8) are the effects as `Effect.code` and `Effect.row`, the law's terms among them;
+    ``parts`` (12,) holds inertia, kappa (inf: true stiction), drive gain, limit, delay and lag in s, the load's share
+    of the inertia (0: rigid), stiffness (0: none given), damping ratio and gap of the transmission, the encoder's
+    resolution, and 1 if the encoder is on the load.  ``own`` calls the effects of one's own.
+    """
+
+    codes: Any
+    p: Any
+    parts: Any
+    own: Any
+
+
+class Ends(NamedTuple):
+    """Where each kind of row ends in an arranged axis: plain torques on the motor's side, those of one's own, those
+    with a memory, torques on the load's side, additions to the reading, changes of the inertia.
+
+    Indices, and not arrays of indices: an array inside a tuple is counted in and out at every use in a fine step.
+    """
+
+    plain: Any
+    own: Any
+    memory: Any
+    load: Any
+    sensor: Any
+    inertia: Any
+
+
+@njit(error_model="numpy")
+def kind_of(code):
+    """Which of `Ends` a code belongs to; 6 where it is no torque and no reading."""
+    if code == codes.CHANGE_INERTIA:
+        return 5
+    if code == codes.DEAD_ZONE or code == codes.SATURATION:
+        return 6
+    if code <= codes.CHANGE_GAIN:
+        return 0
     if code == codes.USER_TORQUE:
-        f = user(int(p[i, 7]), p[i], t, x, v, u)
+        return 1
+    if has_memory(code):
+        return 2
+    if on_load(code):
+        return 3
+    if code == codes.USER_OUTPUT or codes.OUTPUT_OFFSET <= code < codes.QUANTIZATION:
+        return 4
+    return 6
+
+
+@njit(error_model="numpy")
+def arranged(effects, p):
+    """Copies of codes (n,) and numbers (n, 8) with the rows in the order of `Ends`, and where each kind ends."""
+    n = effects.size
+    rows = np.empty(n, dtype=np.int64)
+    ends = np.zeros(6, dtype=np.int64)
+    filled = 0
+    for kind in range(6):
+        for i in range(n):
+            if kind_of(effects[i]) == kind:
+                rows[filled] = i
+                filled += 1
+        ends[kind] = filled
+    return effects[rows[:filled]], p[rows[:filled]], Ends(ends[0], ends[1], ends[2], ends[3], ends[4], ends[5])
+
+
+@_inlined
+def motor_sum(effects, p, own, ends, z, t, q, v, s, ds, u):
+    """Torque of all effects on the motor's side (Nm), and its slope by velocity; s stands for sign(v)."""
+    total, slope = 0.0, 0.0
+    for i in range(ends.plain):
+        f, df = motor_torque(effects[i], p, i, t, q, v, s, ds, u)
+        total += f
+        slope += df
+    for i in range(ends.plain, ends.own):
+        which = int(p[i, WHICH])
+        f = own(which, p[i], t, q, v, u)
         step = 1e-6 * (1.0 + abs(v))
-        return f, (user(int(p[i, 7]), p[i], t, x, v + step, u) - f) / step, 0.0, 0.0, 0.0
-    if codes.CHANGE_VISCOUS <= code <= codes.CHANGE_GAIN and t > p[i, 1]:
-        if code == codes.CHANGE_VISCOUS:
-            return w * v, w, 0.0, 0.0, 0.0
-        if code == codes.CHANGE_COULOMB:
-            return 0.0, 0.0, w, 0.0, 0.0
-        return -w * u, 0.0, 0.0, 0.0, 0.0
-    return 0.0, 0.0, 0.0, 0.0, 0.0
+        slope += (own(which, p[i], t, q, v + step, u) - f) / step
+        total += f
+    for i in range(ends.own, ends.memory):
+        f, df = hysteresis_torque(effects[i], p, z, i, v)
+        total += p[i, 0] * f
+        slope += p[i, 0] * df
+    return total, slope
 
 
-@njit
-def load_torque(code, p, i, q, t):
-    """An effect on the load's side: a function of the load's position and of time."""
-    w = p[i, 0]
-    if code == codes.GRAVITY_IMBALANCE:
-        return w * math.cos(q + p[i, 1])
-    if code == codes.CABLE_SPRING:
-        return w * (q - p[i, 1])
-    if code == codes.HARDENING_SPRING:
-        return w * (q - p[i, 1]) ** 3
-    if code == codes.END_STOP:
-        if q > p[i, 1]:
-            return w * (q - p[i, 1])
-        return w * (q + p[i, 1]) if q < -p[i, 1] else 0.0
-    if code == codes.DISTURBANCE_TONE:
-        return w * math.cos(2.0 * math.pi * p[i, 1] * t + p[i, 2])
-    return 0.0
+@_inlined
+def load_sum(effects, p, ends, t, q):
+    """Torque of all effects on the load's side (Nm)."""
+    total = 0.0
+    for i in range(ends.memory, ends.load):
+        total += load_torque(effects[i], p, i, t, q)
+    return total
 
 
-@njit
-def all_torques(effects, p, z, x, q, v, u, t, user):
-    """Sums over all effects: smooth, slope, dry, dry slope, asymmetric, load, added inertia."""
-    smooth = slope = dry = dry_slope = asymmetric = load = inertia = 0.0
-    for i in range(effects.size):
-        code = effects[i]
-        if code == codes.CHANGE_INERTIA:
-            inertia += p[i, 0] if t > p[i, 1] else 0.0
-        elif codes.GRAVITY_IMBALANCE <= code <= codes.END_STOP or code == codes.DISTURBANCE_TONE:
-            load += load_torque(code, p, i, q, t)
-        else:
-            if code < 100:
-                a, b, c, d, e = static_torque(code, p, i, x, v)
-            else:
-                a, b, c, d, e = motor_torque(code, p, z, i, x, v, u, t, user)
-            smooth += a
-            slope += b
-            dry += c
-            dry_slope += d
-            asymmetric += e
-    return smooth, slope, dry, dry_slope, asymmetric, load, inertia
+@_inlined
+def added_inertia(p, ends, t):
+    """What changes of the inertia have added by the time t."""
+    total = 0.0
+    for i in range(ends.sensor, ends.inertia):
+        total += parameter_change(p[i, 0], p[i, 1], t, 1.0)
+    return total
 
 
-@njit
-def measured_position(effects, p, x, t, user):
-    """The sensor's reading before noise and lattice, and the coarsest lattice step."""
+@_inlined
+def advance_memories(effects, p, ends, z, dx, v):
+    """Move every effect with a memory along a path."""
+    for i in range(ends.own, ends.memory):
+        advance_hysteresis(effects[i], p, z, i, dx, v)
+
+
+@_inlined
+def read(effects, p, own, ends, t, x):
+    """The encoder's reading of the position x, before noise and lattice."""
     y = x
-    step = 0.0
-    for i in range(effects.size):
-        code = effects[i]
-        w = p[i, 0]
-        if code == codes.OUTPUT_OFFSET:
-            y += w
-        elif code == codes.OUTPUT_DRIFT:
-            y += w * t
-        elif code == codes.SENSOR_RECTIFICATION:
-            y += w * (abs(x) - x)
-        elif code == codes.ENCODER_ECCENTRICITY:
-            y += w * math.cos(p[i, 1] * x + p[i, 2])
-        elif code == codes.USER_OUTPUT:
-            y += user(int(p[i, 7]), p[i], t, x, 0.0, 0.0)
-        elif code == codes.QUANTIZATION:
-            step = max(step, w)
-    return y, step
+    for i in range(ends.load, ends.sensor):
+        if effects[i] == codes.USER_OUTPUT:
+            y += own(int(p[i, WHICH]), p[i], t, x, 0.0, 0.0)
+        else:
+            y += reading(effects[i], p, i, t, x)
+    return y

@@ -229,51 +229,33 @@ def _noise(axis: ServoAxis, noise: Any, random_state: Any, n: int) -> NDArray[np
 
 def _job(axis: ServoAxis, e: Experiment, noise: Any, random_state: Any) -> tuple[Any, ...]:
     """Everything the compiled run needs, in its order."""
-    from whsklearn.systems._servo_pack import pack
+    from whsklearn.systems._servo_kernel import N_SIGNALS, How, Signals
+    from whsklearn.systems._servo_pack import controller_of, pack
 
-    packed = pack(axis)
     n = e.reference.shape[1]
-    out = np.zeros((n, 7))
+    out = np.zeros((N_SIGNALS, n))
     if e.drive is not None:
-        out[:, 0] = e.drive
-    how = np.array(
-        [e.drive is None, axis.substeps, e.every, axis.sensor.side == "load", e.linear and e.drive is not None],
-        dtype=np.int64,
-    )
-    return (
-        out,
-        e.reference,
-        _noise(axis, noise, random_state, n),
-        e.disturbance,
-        packed.axis,
-        packed.drive,
-        packed.controller,
-        packed.effects,
-        packed.p,
-        packed.sensors,
-        packed.sp,
-        e.measured,
-        how,
-        1.0 / axis.sample_rate,
-        e.initial,
-        packed.user,
-    )
+        out[0] = e.drive
+    signals = Signals(e.reference, _noise(axis, noise, random_state, n), e.disturbance, e.measured)
+    closed = e.drive is None
+    how = How(1.0 / axis.sample_rate, int(axis.substeps), closed, int(e.every), linear=e.linear and not closed)
+    return out, pack(axis), controller_of(axis), signals, how, e.initial
 
 
 def _run(job: tuple[Any, ...]) -> Bunch:
-    """Run the compiled simulation and name its columns."""
+    """Run the compiled simulation and name its rows."""
     from whsklearn.systems import _servo_kernel as kernel
 
     kernel.run(*job)
-    out, reference, sample_time = job[0], job[1], job[13]
+    out, signals, how = job[0], job[3], job[4]
     return Bunch(
-        time=np.arange(len(out)) * sample_time,
-        reference=reference[0],
-        drive=out[:, kernel.DRIVE].copy(),
-        position=out[:, kernel.MEASURED].copy(),
-        true_position=out[:, kernel.POSITION].copy(),
-        velocity=out[:, kernel.VELOCITY].copy(),
-        torque=out[:, kernel.TORQUE].copy(),
-        load_position=out[:, kernel.LOAD].copy(),
-        load_velocity=out[:, kernel.LOAD_VELOCITY].copy(),
+        time=np.arange(out.shape[1]) * how.sample_time,
+        reference=signals.reference[0],
+        drive=out[kernel.DRIVE],
+        position=out[kernel.MEASURED],
+        true_position=out[kernel.POSITION],
+        velocity=out[kernel.VELOCITY],
+        torque=out[kernel.TORQUE],
+        load_position=out[kernel.LOAD],
+        load_velocity=out[kernel.LOAD_VELOCITY],
     )

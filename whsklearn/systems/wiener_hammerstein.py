@@ -6,12 +6,10 @@ from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numba import njit
 from sklearn.utils import Bunch
 
 from whsklearn.effects import Effect, FrictionLaw, StaticEffect, Viscous, as_law
-from whsklearn.effects.terms import term
-from whsklearn.systems.block_effects import packed, run_effects
+from whsklearn.systems.chain import Chain, packed, run
 from whsklearn.systems.stability import is_stable
 
 if TYPE_CHECKING:
@@ -37,9 +35,11 @@ class WienerHammersteinSystem:
         The static block; None is Example 5.1's law (4).  A Hammerstein system has
         ``a=[1], b=[]``, a Wiener system ``c=[1], d=[]``.
     effects : sequence of Effect
-        Further effects, each in its place: see `whsklearn.systems.block_effects`.
+        Further effects, each in its place: see `whsklearn.systems.chain_ports`.
     dt : float, default=1.0
         Sampling time, which effects with seconds or Hz in their numbers need.
+    direct : int, default=0
+        How many of the two blocks have a direct path, x(t) = u(t) + a_2 u(t-1) ...; which one, u and y cannot tell.
 
     Raises
     ------
@@ -64,11 +64,16 @@ class WienerHammersteinSystem:
         *,
         effects: Sequence[Effect] = (),
         dt: float = 1.0,
+        direct: int = 0,
     ):
         self.a, self.b, self.c, self.d = (np.array(v, dtype=float).reshape(-1) for v in (a, b, c, d))
         self.law = as_law(law)
-        self.effects, self.dt = tuple(effects), float(dt)
-        packed(self.effects)
+        self.effects, self.dt, self.direct = tuple(effects), float(dt), int(direct)
+        if self.direct not in (0, 1, 2):
+            raise ValueError(
+                f"direct is {direct!r}; expected how many of the two blocks have a direct path: 0, 1 or 2."
+            )
+        packed(self.effects)  # refuses what has no place
         for name, numerator in (("a", self.a), ("c", self.c)):
             if numerator.size == 0 or numerator[0] != 1.0:
                 raise ValueError(
@@ -125,44 +130,21 @@ class WienerHammersteinSystem:
         Returns
         -------
         Bunch
-            ``x``, ``v``, ``y``, each of shape (n,).
+            ``x``, ``v``, ``y``, each of shape (n,); with direct paths x and v are those of ``direct`` samples later.
         """
         u = np.ascontiguousarray(np.asarray(u, dtype=float).reshape(-1))
-        noise = np.zeros_like(u) if d is None else np.ascontiguousarray(d, dtype=float).reshape(-1)
+        noise = np.zeros_like(u) if d is None else np.array(d, dtype=float).reshape(-1)
         if noise.size != u.size:
             raise ValueError(f"d has {noise.size} samples and u has {u.size}; expected equal lengths.")
-        if self.effects:
-            x, v, y = run_effects(self.a, self.b, self.c, self.d, self.law, self.effects, u, noise, self.dt)
-            return Bunch(x=x, v=v, y=y)
-        x, v, y = _simulate(self.a, self.b, self.c, self.d, self.law.codes, self.law.shapes, self.law.weights, u, noise)
-        return Bunch(x=x, v=v, y=y)
+        dims = np.array([self.a.size, self.b.size, self.c.size, self.d.size, len(self.law)], dtype=np.int64)
+        chain = Chain(dims, self.law.codes, self.law.shapes, np.inf, self.dt)
+        theta = np.concatenate([self.a[1:], self.b, self.law.weights, self.c[1:], self.d])
+        later = np.zeros(self.direct)  # the pass has a delay in each block: it runs on, and what comes early is cut off
+        u, noise = np.concatenate([u, later]), np.concatenate([later, noise])
+        x, v, y = np.empty_like(u), np.empty_like(u), np.empty_like(u)
+        run(theta, chain, packed(self.effects), u, u, noise, True, x, v, y)
+        return Bunch(x=x[self.direct :], v=v[self.direct :], y=y[self.direct :])
 
     def simulate(self, u: ArrayLike, d: ArrayLike | None = None) -> NDArray[np.float64]:
         """The output y of shape (n,) alone; arguments as for `signals`."""
         return self.signals(u, d).y
-
-
-@njit(cache=True)
-def _simulate(a, b, c, d, codes, shapes, weights, u, noise):
-    """(1), the law and (2), sample by sample from rest."""
-    n = u.size
-    x = np.zeros(n)
-    v = np.zeros(n)
-    y = np.zeros(n)
-    for t in range(n):
-        s = 0.0
-        for i in range(min(a.size, t)):
-            s += a[i] * u[t - 1 - i]
-        for j in range(min(b.size, t)):
-            s -= b[j] * x[t - 1 - j]
-        x[t] = s
-        dx = s - (x[t - 1] if t > 0 else 0.0)
-        for k in range(codes.size):
-            v[t] += weights[k] * term(codes[k], shapes[k, 0], shapes[k, 1], shapes[k, 2], s, dx, np.inf)[0]
-        s = noise[t]
-        for m in range(min(c.size, t)):
-            s += c[m] * v[t - 1 - m]
-        for k in range(min(d.size, t)):
-            s -= d[k] * y[t - 1 - k]
-        y[t] = s
-    return x, v, y

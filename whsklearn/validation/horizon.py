@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from whsklearn.metrics import nmse, rmse
+from whsklearn.metrics.indices import nmse, rmse
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

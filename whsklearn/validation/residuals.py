@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from whsklearn._real import real_array
+from whsklearn._inputs import real_array
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray

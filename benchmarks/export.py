@@ -1,0 +1,125 @@
+"""Exported models against the library's own simulation: C99 (gcc), MuJoCo, FMI 2.0.
+
+    python -m benchmarks.export --samples 1000000
+
+(extra ``bench``, and a C compiler.) One axis for each effect replays the same drive: the largest difference of the C
+code from `ServoAxis.simulate_drive`, its CPU time a step, and the rms difference of MuJoCo's replay over the rms of
+the motion. ``--substeps`` sets the fine steps a sample, in both.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import shutil
+import subprocess
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+
+from whsklearn import ServoAxis, WienerHammersteinSystem
+from whsklearn.effects import CableSpring, Effect, effect_names, get_effect
+from whsklearn.export import export_model
+
+# sizes that can be seen where the default is too small or too large for an axis of 0.05 kg m2
+SIZES = {"saturation": 0.8, "compliance": 1e-2, "input_delay": 3e-3, "actuator_lag": 3e-3, "end_stop": 10.0}
+REPLAY = """
+#include "model.h"
+void replay(const double *u, double *y, long n)
+{
+    model_state s;
+    long i;
+    model_init(&s);
+    for (i = 0; i < n; ++i) y[i] = model_step(&s, u[i]);
+}
+"""
+
+
+def drive(n: int, rate: float = 1000.0) -> np.ndarray:
+    """Two sines and noise (Nm), which move and stop the axis."""
+    t = np.arange(n) / rate
+    noise = np.random.default_rng(0).standard_normal(n)
+    return 0.9 * np.sin(2 * np.pi * 0.3 * t) + 0.4 * np.sin(2 * np.pi * 3.1 * t + 1.0) + 0.1 * noise
+
+
+def run_c(model: Any, u: np.ndarray) -> tuple[np.ndarray, float]:
+    """(output, CPU seconds a step) of the C code."""
+    with tempfile.TemporaryDirectory() as folder:
+        export_model(model, to="c", out=folder)
+        Path(folder, "replay.c").write_text(REPLAY)
+        flags = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Werror", "-pedantic", "-shared", "-fPIC"]
+        subprocess.run(["gcc", *flags, "model.c", "replay.c", "-o", "model.so", "-lm"], cwd=folder, check=True)
+        library = ctypes.CDLL(str(Path(folder, "model.so")))
+    pointer = ctypes.POINTER(ctypes.c_double)
+    library.replay.argtypes = [pointer, pointer, ctypes.c_long]
+    y, times = np.empty_like(u), []
+    for _ in range(3):
+        began = time.process_time()
+        library.replay(u.ctypes.data_as(pointer), y.ctypes.data_as(pointer), u.size)
+        times.append(time.process_time() - began)
+    return y, min(times) / u.size
+
+
+def run_mujoco(axis: ServoAxis, u: np.ndarray) -> np.ndarray:
+    """Position of MuJoCo's replay of the exported MJCF."""
+    import mujoco
+
+    with tempfile.TemporaryDirectory() as folder:
+        model = mujoco.MjModel.from_xml_path(str(export_model(axis, to="mjcf", out=folder).paths[0]))
+    data = mujoco.MjData(model)
+    every = round(1.0 / axis.sample_rate / model.opt.timestep)
+    y = np.empty_like(u)
+    for k, value in enumerate(u):
+        y[k] = data.qpos[0]
+        data.ctrl[0] = value
+        mujoco.mj_step(model, data, every)
+    return y
+
+
+def axes(substeps: int) -> dict[str, ServoAxis]:
+    """The bare axis on a spring, so that a replay stays where it is, and one with each effect."""
+    base = ServoAxis(effects=[CableSpring(0.5)], substeps=substeps)
+    every: dict[str, ServoAxis] = {"no effect": base}
+    for name in effect_names():
+        effect: Effect = get_effect(name)()
+        every[name] = base.with_effect(effect.resized(SIZES[name]) if name in SIZES else effect)
+    return every
+
+
+@click.command(help=__doc__)
+@click.option("--samples", default=1_000_000, help="Of the C code's replay.")
+@click.option("--mujoco-samples", default=10_000, help="Of MuJoCo's; 0 leaves it out.")
+@click.option("--substeps", default=4, help="Fine steps a sample, of the axis and of its code.")
+@click.option("--only", default="", help="Only these effects, joined by commas.")
+def main(samples: int, mujoco_samples: int, substeps: int, only: str) -> None:
+    if shutil.which("gcc") is None:
+        raise click.ClickException("gcc is not there; install a C compiler.")
+    u = drive(samples)
+    click.echo(f"{'effect':<24}{'C - Python, largest':>20}{'ns a step':>12}{'MuJoCo, rms share':>20}")
+    worst, slowest = 0.0, 0.0
+    for name, axis in axes(substeps).items():
+        if only and name not in only.split(","):
+            continue
+        y, seconds = run_c(axis, u)
+        gap = float(np.max(np.abs(y - axis.simulate_drive(u, noise=False).position)))
+        worst, slowest = max(worst, gap), max(slowest, seconds)
+        share = ""
+        if mujoco_samples:
+            short = u[:mujoco_samples]
+            own = axis.simulate_drive(short, noise=False).true_position
+            share = f"{float(np.sqrt(np.mean((run_mujoco(axis, short) - own) ** 2)) / np.std(own)):.4f}"
+        click.echo(f"{name:<24}{gap:>20.1e}{1e9 * seconds:>12.0f}{share:>20}")
+    system = WienerHammersteinSystem.example()
+    y, seconds = run_c(system, u)
+    gap = float(np.max(np.abs(y - system.simulate(u))))
+    click.echo(f"{'Example 5.1':<24}{gap:>20.1e}{1e9 * seconds:>12.0f}")
+    click.echo(
+        f"\nLargest difference {max(worst, gap):.1e} over {samples} samples, slowest {1e9 * slowest:.0f} ns a step."
+    )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,113 @@
+"""Does `identify` recommend the right structure?  Drawn axes and chains, the library's servo, EMPS and KR300.
+
+    python benchmarks/which_structure.py [--count 20] [--seed 0] [--data FOLDER]
+
+The generator is ours, so its rate is a regression test, not a result; the real records have no class but one that
+is known of the rig: both are axes.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from scipy.signal import lfilter
+
+from whsklearn.datasets import make_servo_log
+from whsklearn.identification import Identification, identify
+from whsklearn.recursion.axis_free_run import AxisLog, free_run
+
+LAWS = {
+    "linear": lambda x: x,
+    "absolute": np.abs,
+    "relay": np.sign,
+    "quadratic": lambda x: x + x**2 / 2,
+    "saturation": lambda x: np.clip(x, -0.7, 0.7),
+    "dead zone": lambda x: np.sign(x) * np.maximum(np.abs(x) - 0.4, 0.0),
+    "cubic": lambda x: x + 0.5 * x**3,
+}
+
+
+def drawn_axis(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, float, str]:
+    """A stable axis driven in open loop by a slow torque that breaks its friction most of the time."""
+    dt, n = 0.002, 10_000
+    inertia, coulomb = np.exp(rng.uniform(np.log(0.01), np.log(1.0))), 0.0
+    viscous = inertia / rng.uniform(0.05, 0.5)
+    amplitude = 1.0
+    coulomb = rng.uniform(0.15, 0.4) * amplitude
+    u = amplitude * lfilter([1.0], [1.0, -0.985], rng.standard_normal(n))
+    u *= amplitude / np.std(u)
+    theta = np.array([inertia, viscous, coulomb, 0.05 * rng.standard_normal(), 0.0, 0.0])
+    log = AxisLog(u, u, u == u, np.array([0, n]), np.zeros(1), np.zeros(1), dt, np.empty(0))
+    if rng.random() < 0.5:
+        q = free_run(theta, log._replace(of_position=True))
+        return u, q + 2e-5 * np.std(q) * rng.standard_normal(n), dt, "axis"
+    v = free_run(theta, log)
+    return u, v + 0.01 * np.std(v) * rng.standard_normal(n), dt, "axis"
+
+
+def drawn_chain(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, float, str]:
+    """Two second-order blocks about one of seven laws, white drive, 2 % noise; a linear law makes it linear."""
+    n = 6_000
+    name = list(LAWS)[rng.integers(len(LAWS))]
+
+    def block(signal: np.ndarray) -> np.ndarray:
+        radius, angle = rng.uniform(0.3, 0.9), rng.uniform(0.1, 2.5)
+        out = lfilter([1.0, rng.uniform(-0.8, 0.8)], [1.0, -2 * radius * np.cos(angle), radius**2], signal)
+        return out / np.std(out)
+
+    u = rng.standard_normal(n)
+    y = block(LAWS[name](block(u)))
+    y = np.r_[0.0, y[:-1]]  # an output follows its input by a sample
+    return u, y + 0.02 * rng.standard_normal(n), 0.001, "linear" if name == "linear" else "wiener_hammerstein"
+
+
+def told(name: str, found: Identification, expected: str) -> tuple[bool, bool]:
+    """One line a record: (right class, never worse than ARX)."""
+    arx = min(c.score for c in found.models if c.kind == "arx")
+    kind = "linear" if found.recommended.kind in ("arx", "output_error") else found.recommended.kind
+    right, no_worse = kind == expected, found.recommended.score <= 1.075 * arx
+    ratio = found.recommended.score / arx
+    print(
+        f"{name:24}{expected:20}{found.recommended.name:28}{ratio:10.4f} of ARX  {'' if right else 'WRONG CLASS'}"
+        f"{'' if no_worse else ' WORSE THAN ARX'}",
+        flush=True,
+    )
+    return right, no_worse
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--count", type=int, default=20)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--data")
+    options = parser.parse_args()
+    results = []
+    for i in range(options.count):
+        rng = np.random.default_rng([options.seed, i])
+        u, y, dt, expected = (drawn_axis if i % 2 == 0 else drawn_chain)(rng)
+        results.append(told(f"drawn {i}", identify(u, y, dt=dt), expected))
+    right, no_worse = np.sum(results, axis=0)
+    print(f"right class {right} of {len(results)}, no worse than ARX {no_worse} of {len(results)}\n")
+    servo = make_servo_log([], random_state=0)
+    u, q = servo["torque_nm"].to_numpy(), servo["position_rad"].to_numpy()
+    found = identify(u, np.gradient(q, 1e-3), dt=1e-3)
+    told("library servo, velocity", found, "axis")
+    print(f"    free-run NMSE of the held-out velocity {found.recommended.test['nmse']:.3g}")
+    beside = Path(__file__).resolve().parents[2] / "shared" / "data"
+    folder = Path(options.data or os.environ.get("WHSKLEARN_DATA") or beside)
+    if (folder / "emps").is_dir():
+        a, b = (pd.read_csv(folder / "emps" / f"emps_{k}.csv") for k in ("train", "test"))
+        found = identify(a.drive_V, a.position_m, dt=1e-3, test=(b.drive_V, b.position_m))
+        told("EMPS", found, "axis")
+    if (folder / "kr300").is_dir():
+        a, b = (pd.read_csv(folder / "kr300" / f"kr300_axis1_{k}.csv") for k in "AB")
+        drive, out = "motor_torque_Nm", "motor_position_deg"
+        told("KR300", identify(a[drive], a[out], dt=4e-3, test=(b[drive], b[out])), "axis")
+
+
+if __name__ == "__main__":
+    main()

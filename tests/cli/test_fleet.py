@@ -1,0 +1,161 @@
+"""A fleet: every axis has its row, whatever fails or dies on the way, and the odd ones are named."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import time
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from click.testing import CliRunner
+from sklearn.base import BaseEstimator, RegressorMixin
+
+from whsklearn import RMILSRegressor, WienerHammersteinLags, WienerHammersteinSystem
+from whsklearn.cli.fleet import main, run_here, run_on_cluster, to_table
+from whsklearn.cli.fleet_axis import axes_of, identify_axes, outliers, read_axis
+from whsklearn.effects import reduced_law
+
+pytest.importorskip("pyarrow", reason="needs the extra parquet")
+QUICK = ["--no-track", "--estimator", "rls", "--in-process", "--workers", "1", "--time", "t"]
+MODEL = RMILSRegressor(WienerHammersteinLags(), p=1, n_starts=8, memory=256, random_state=0)
+
+
+def write_axis(folder: Path, name: str, coulomb: float, seed: int, parts: int = 1) -> None:
+    rng = np.random.default_rng(seed)
+    u = rng.normal(size=600)
+    system = WienerHammersteinSystem([1, 2.2], [1, 0.5], [1, 0.2], [0.15, 0.4], law=reduced_law(coulomb=coulomb))
+    frame = pd.DataFrame({"t": 0.01 * np.arange(600), "u": u, "y": system.simulate(u[:, None])})
+    frame["y"] += 0.02 * rng.normal(size=600)
+    home = folder / f"axis={name}"
+    home.mkdir()
+    size = len(frame) // parts
+    for i in range(parts):  # files not in the order of time
+        frame.iloc[(parts - 1 - i) * size : (parts - i) * size].to_parquet(home / f"part-{i}.parquet", index=False)
+
+
+@pytest.fixture(scope="module")
+def fleet(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("fleet")
+    for i in range(8):
+        write_axis(folder, f"ax{i:02d}", 0.7 if i != 5 else 1.4, i, parts=1 + i % 2)
+    broken = folder / "axis=broken"
+    broken.mkdir()
+    (broken / "part-0.parquet").write_bytes(b"PAR1 no more")
+    return folder
+
+
+def source(folder):
+    return {"folder": str(folder), "axis": "axis", "inputs": ["u"], "output": "y", "time_column": "t"}
+
+
+def test_the_job_writes_one_row_an_axis_and_names_the_odd_ones(fleet, tmp_path):
+    out = tmp_path / "fleet.parquet"
+    done = CliRunner().invoke(main, [str(fleet), "--out", str(out), *QUICK])
+    assert done.exit_code == 0, done.output
+    table = pd.read_parquet(out)
+    assert list(table["axis"]) == axes_of(fleet, "axis")
+    good = table[table["axis"] != "broken"]
+    assert (good["failure"] == "").all()
+    assert (good["rows"] == 600).all()
+    assert good["nmse"].max() < 0.05
+    assert good.set_index("axis").loc["ax05", "coulomb"] == pytest.approx(1.4, abs=0.25)
+    assert "cannot be read" in table.set_index("axis").loc["broken", "failure"]
+    assert {"broken", "ax05"} <= set(outliers(table)["axis"])
+    assert "broken" in done.output
+
+
+def test_the_fleet_is_recorded_with_a_child_for_each_outlier(fleet, mlflow_root):
+    import mlflow
+
+    args = [a for a in QUICK if a != "--no-track"]
+    done = CliRunner().invoke(main, [str(fleet), "--out", str(mlflow_root / "fleet.parquet"), *args])
+    assert done.exit_code == 0, done.output
+    client = mlflow.MlflowClient(os.environ["MLFLOW_TRACKING_URI"])
+    runs = client.search_runs([client.get_experiment_by_name("fleet").experiment_id])
+    (parent,) = [r for r in runs if "mlflow.parentRunId" not in r.data.tags]
+    children = {r.info.run_name for r in runs if r is not parent}
+    assert {"axis ax05", "axis broken"} <= children
+    assert parent.data.metrics["failed"] == 1.0
+    assert parent.data.metrics["outliers"] == len(children)
+
+
+def test_rows_are_put_in_the_order_of_time(fleet):
+    X, y = read_axis(fleet, "axis", "ax01", ["u"], "y", "t")
+    np.testing.assert_array_equal(X[:, 0], np.random.default_rng(1).normal(size=600))
+    assert y.shape == (600,)
+
+
+def test_processes_and_one_process_give_the_same(fleet):
+    names = axes_of(fleet, "axis")[:4]
+    alone = to_table(identify_axes(MODEL, names, source(fleet), 0.25), names)
+    batches = [names[:1], names[1:]]
+    shared = to_table([r for rows in run_here(MODEL, batches, source(fleet), 0.25, 2) for r in rows], names)
+    pd.testing.assert_frame_equal(alone.drop(columns="seconds"), shared.drop(columns="seconds"))
+
+
+class DiesOnce(RegressorMixin, BaseEstimator):
+    """Kills its own worker process the first time that it is fitted anywhere."""
+
+    def __init__(self, mark=""):
+        self.mark = mark
+
+    def fit(self, X, y):
+        try:
+            Path(self.mark).touch(exist_ok=False)
+        except FileExistsError:
+            time.sleep(0.1)
+        else:
+            os.kill(os.getpid(), signal.SIGKILL)
+        self.parameters_ = {"gain": float(X[:, 0] @ y / (X[:, 0] @ X[:, 0]))}
+        return self
+
+    def predict(self, X):
+        return self.parameters_["gain"] * X[:, 0]
+
+
+@pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning")
+def test_a_worker_that_is_killed_loses_no_axis(fleet, tmp_path):
+    pytest.importorskip("distributed", reason="needs the extra dask")
+    names = [n for n in axes_of(fleet, "axis") if n != "broken"]
+    batches = [names[i : i + 2] for i in range(0, len(names), 2)]
+    model = DiesOnce(str(tmp_path / "died"))
+    rows = [r for done in run_on_cluster(model, batches, source(fleet), 0.25, None, 2) for r in done]
+    assert (tmp_path / "died").exists()
+    table = to_table(rows, names)
+    assert list(table["axis"]) == names
+    assert (table["failure"] == "").all()
+
+
+def test_a_lost_axis_does_not_go_unnoticed():
+    with pytest.raises(ValueError, match="1 axes came back without a result, the first b"):
+        to_table([{"axis": "a", "rows": 1, "failure": "", "seconds": 0.1}], ["a", "b"])
+
+
+def test_failures_of_an_axis_are_a_row(tmp_path):
+    write_axis(tmp_path, "ok", 0.7, 0)
+    for name, frame in {
+        "text": pd.DataFrame({"t": [0.0, 1.0], "u": ["a", "b"], "y": [0.0, 1.0]}),
+        "short": pd.DataFrame({"t": [0.0, 1.0], "u": [0.0, 1.0], "y": [0.0, 1.0]}),
+        "missing": pd.DataFrame({"t": [0.0, 1.0], "u": [0.0, 1.0]}),
+        "twice": pd.DataFrame({"t": [0.0, 0.0], "u": [0.0, 1.0], "y": [0.0, 1.0]}),
+        "nan": pd.DataFrame({"t": np.arange(99.0), "u": np.nan, "y": 1.0}),
+    }.items():
+        (tmp_path / f"axis={name}").mkdir()
+        frame.to_parquet(tmp_path / f"axis={name}" / "part.parquet")
+    (tmp_path / "axis=empty").mkdir()
+    names = axes_of(tmp_path, "axis")
+    rows = {r["axis"]: r for r in identify_axes(MODEL, names, source(tmp_path), 0.25)}
+    assert rows.pop("ok")["failure"] == ""
+    said = {"text": "no numbers", "short": "samples?", "missing": "no column y", "twice": "stands twice", "nan": "NaN"}
+    for name, pattern in (said | {"empty": "no Parquet file"}).items():
+        assert re.search(pattern, rows[name]["failure"]), rows[name]
+
+
+def test_a_folder_without_axes_is_refused(tmp_path):
+    done = CliRunner().invoke(main, [str(tmp_path), *QUICK])
+    assert done.exit_code == 1
+    assert "holds no folder axis=NAME" in done.stderr

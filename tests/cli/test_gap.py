@@ -1,0 +1,88 @@
+"""The command line of the gap workflow: contract of the files, the sentence, clear errors."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from click.testing import CliRunner
+
+from tests.blind.servo import make_case
+from whsklearn.cli.gap import main
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory):
+    case = make_case("named", 12, effects=("gravity_imbalance",), size=0.08, seconds=12.0, rate=500.0)
+    path = tmp_path_factory.mktemp("log") / "axis.csv"
+    case.frame.to_csv(path, index=False)
+    return path
+
+
+def run(*arguments):
+    return CliRunner().invoke(main, [str(a) for a in arguments])
+
+
+def test_names_the_hidden_effect_and_writes_both_files(log, tmp_path):
+    result = run(
+        log, "--model", "servo", "--time", "time_s", "--reference", "reference_rad", "--drive", "torque_nm",
+        "--position", "position_rad", "--report", tmp_path / "report", "--no-track",
+    )  # fmt: skip
+    assert result.exit_code == 0, result.output
+    data = json.loads((tmp_path / "report" / "gap.json").read_text(encoding="utf-8"))
+    assert (data["verdict"], data["effects"][0]["name"]) == ("named", "gravity_imbalance")
+    assert "gravity imbalance" in result.output
+    assert (tmp_path / "report" / "gap.html").stat().st_size > 10_000
+
+
+def test_short_log_is_a_data_problem(log, tmp_path):
+    short = tmp_path / "short.csv"
+    short.write_text("\n".join(log.read_text().splitlines()[:100]), encoding="utf-8")
+    result = run(short, "--report", tmp_path, "--no-track")
+    assert result.exit_code == 3, result.output
+    assert json.loads((tmp_path / "gap.json").read_text(encoding="utf-8"))["verdict"] == "data_problem"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "message"),
+    [
+        (["--drive", "volts"], 2, "no column 'volts'"),
+        (["--columns", "0,1,2,3,4"], 1, "expected two"),
+        (["--unit", "position"], 1, "expected ROLE=UNIT"),
+        (["--law", "sticky"], 1, "'sticky'"),
+        (["--law", "cogging"], 1, "cannot stand in the base law"),
+    ],
+)
+def test_errors_are_one_sentence(log, tmp_path, arguments, status, message):
+    result = run(log, *arguments, "--report", tmp_path / "r", "--no-track")
+    assert result.exit_code == status
+    assert message in result.output
+    assert "Traceback" not in result.output
+
+
+def test_a_log_that_cannot_be_read_is_a_data_problem_with_a_report(tmp_path):
+    path = tmp_path / "empty.csv"
+    path.write_text("", encoding="utf-8")
+    done = run(path, "--no-track", "--report", tmp_path / "r")
+    assert done.exit_code == 3
+    assert "empty.csv is empty" in done.output
+    data = json.loads((tmp_path / "r" / "gap.json").read_text(encoding="utf-8"))
+    assert data["verdict"] == "data_problem"
+    assert "is empty" in data["next_experiment"]
+
+
+def test_a_report_folder_that_cannot_be_written_is_told_before_the_work(log, tmp_path):
+    (tmp_path / "taken").write_text("a file")
+    done = run(log, "--no-track", "--report", tmp_path / "taken" / "gap")
+    assert done.exit_code == 1
+    assert "Nothing can be written into" in done.output
+
+
+def test_columns_that_name_themselves_are_taken_and_said(log, tmp_path):
+    text = log.read_text().splitlines()
+    text[0] = text[0].replace("torque_nm", "motor_current_a").replace("position_rad", "joint_angle")
+    (tmp_path / "other.csv").write_text("\n".join(text[:200]))
+    done = run(tmp_path / "other.csv", "--no-track", "--report", tmp_path / "r")
+    assert "'motor_current_a' is taken for the drive" in done.output
+    assert "'joint_angle' is taken for the position" in done.output
+    assert done.exit_code == 3  # 200 samples are too few

@@ -1,0 +1,126 @@
+"""What every job's command line promises."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import click
+import pytest
+from click.testing import CliRunner
+
+from whsklearn.cli import COMMANDS
+from whsklearn.cli import main as whsklearn_command
+from whsklearn.cli.job import Ended, job, table, writable_file
+from whsklearn.cli.ui import page
+from whsklearn.logs import ColumnError, LogError
+
+JOBS = ["simulated_example", "reproduce", "turntable", "tune", "stream", "fleet", "close_gap"]
+
+
+@pytest.mark.parametrize("name", JOBS)
+def test_help_names_the_common_options(name):
+    command = importlib.import_module(f"pipelines.{name}").main
+    done = CliRunner().invoke(command, ["--help"])
+    assert done.exit_code == 0
+    assert {"--seed", "--no-track"} <= {word for line in done.output.splitlines() for word in line.split()}
+
+
+@pytest.mark.parametrize("error", [ValueError("bad p"), OSError("no such log"), ImportError("no extra")])
+def test_expected_errors_are_one_sentence(error):
+    @job
+    def main(**options):
+        """Fail."""
+        raise error
+
+    done = CliRunner().invoke(main)
+    assert done.exit_code == 1
+    assert done.output == f"Error: {error}\n"
+
+
+@pytest.mark.parametrize(
+    ("error", "status"), [(LogError("bad"), 3), (ColumnError("bad"), 2), (KeyboardInterrupt(), 130), (Ended(), 143)]
+)
+def test_the_exit_status_tells_the_kind_of_failure(error, status):
+    @job
+    def main(**options):
+        """Fail."""
+        raise error
+
+    assert CliRunner().invoke(main).exit_code == status
+
+
+def test_sigterm_is_an_interruption_that_closes_what_is_open():
+    closed = []
+
+    @job
+    def main(**options):
+        """Wait to be ended."""
+        try:
+            os.kill(os.getpid(), signal.SIGTERM)
+            time.sleep(5)
+        finally:
+            closed.append(True)
+
+    before = signal.getsignal(signal.SIGTERM)
+    assert CliRunner().invoke(main).exit_code == 143
+    assert closed
+    assert signal.getsignal(signal.SIGTERM) == before
+
+
+def test_an_output_is_looked_at_before_the_work(tmp_path):
+    assert writable_file(tmp_path / "new" / "table.csv").parent.is_dir()
+    with pytest.raises(OSError, match="is a folder"):
+        writable_file(tmp_path)
+    assert list((tmp_path / "new").iterdir()) == []
+
+
+def helped(*words):
+    """The output of a command's help, and the modules that it took."""
+    code = "import sys; from whsklearn.cli import main; main(sys.argv[1:], standalone_mode=False); print(sys.modules)"
+    return subprocess.run([sys.executable, "-c", code, *words, "--help"], capture_output=True, text=True, check=True)
+
+
+def test_the_command_lists_its_commands_without_importing_them():
+    done = helped()
+    assert all(name in done.stdout for name in ("gap", "tune", "stream", "export"))
+    assert "'numba'" not in done.stdout
+    assert "'sklearn'" not in done.stdout
+
+
+@pytest.mark.parametrize("name", [n for n in COMMANDS if importlib.util.find_spec(f"whsklearn.cli.{n}")])
+def test_every_command_has_help_with_an_example_and_needs_no_compiler_for_it(name):
+    done = helped(name)
+    assert "whsklearn " + name in done.stdout
+    assert "'numba'" not in done.stdout
+    assert "'pandas'" not in done.stdout
+
+
+def test_an_unknown_command_is_a_wrong_option():
+    assert CliRunner().invoke(whsklearn_command, ["cook"]).exit_code == 2
+
+
+def test_defects_are_not_hidden():
+    @job
+    def main(**options):
+        """Fail."""
+        raise ZeroDivisionError
+
+    assert isinstance(CliRunner().invoke(main).exception, ZeroDivisionError)
+    assert isinstance(main, click.Command)
+
+
+def test_wide_table_is_cut_in_its_first_column():
+    text = table(["name", *"abcdefgh"], [["x" * 200, *[0.123456] * 8]])
+    assert {len(line) for line in text.splitlines()} == {100}
+
+
+def test_page_opens_on_runs_not_on_traces():
+    address = page("http://127.0.0.1:5000", "3")
+    assert address.startswith("http://127.0.0.1:5000/#/experiments/3/runs?workflowType=machine_learning")
+    assert page("http://127.0.0.1:5000", None) == "http://127.0.0.1:5000"

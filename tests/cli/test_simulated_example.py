@@ -1,0 +1,63 @@
+"""The comparison: what it prints, what it records, and what it says to a log it cannot read."""
+
+from __future__ import annotations
+
+import numpy as np
+from click.testing import CliRunner
+
+from whsklearn.cli.linear import BestLinear, fit_arx
+from whsklearn.cli.simulated_example import main
+from whsklearn.metrics import nmse
+
+
+def run(*arguments):
+    return CliRunner().invoke(main, [str(a) for a in arguments])
+
+
+def test_comparison_is_printed_and_recorded(mlflow_root):
+    import mlflow
+
+    done = run("--samples", 300, "--seed", 1)
+    assert done.exit_code == 0, done.output
+    assert max(map(len, done.stdout.splitlines())) <= 100
+    client = mlflow.MlflowClient()
+    found = client.search_runs([e.experiment_id for e in client.search_experiments()])
+    children = {r.info.run_name: r for r in found if "mlflow.parentRunId" in r.data.tags}
+    (parent,) = (r for r in found if "mlflow.parentRunId" not in r.data.tags)
+    assert len(children) == 8
+    assert {"nmse", "mu_e", "rmse", "delta"} <= set(children["RMILS (full)"].data.metrics)
+    assert parent.data.metrics["nmse"] == min(r.data.metrics["nmse"] for r in children.values())
+    assert len(client.get_metric_history(children["RMILS (full)"].info.run_id, "path/b1")) == 30
+    files = {f.path for f in client.list_artifacts(parent.info.run_id)}
+    assert {"table.txt", "convergence_full.png", "validation.png"} <= files
+    (model,) = client.search_logged_models(
+        [parent.info.experiment_id], f"source_run_id = '{children['RMILS (full)'].info.run_id}'"
+    )
+    loaded = mlflow.sklearn.load_model(model.model_uri)
+    X = np.random.default_rng(0).normal(size=(50, 1))
+    before = loaded.predict(X)
+    assert np.isfinite(loaded.partial_fit(X, before).predict(X)).all()
+
+
+def test_wrong_orders_are_told_in_one_sentence():
+    done = run("--no-track", "--orders", "2,2")
+    assert done.exit_code == 1
+    assert "expected four whole numbers" in done.output
+    assert len([line for line in done.output.splitlines() if line.strip()]) == 1
+
+
+def test_server_that_is_down_is_told(monkeypatch):
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", "http://127.0.0.1:9")
+    done = run("--samples", 100)
+    assert done.exit_code == 1
+    assert "does not answer" in done.output
+
+
+def test_linear_yardstick_finds_a_linear_system():
+    from scipy.signal import lfilter
+
+    rng = np.random.default_rng(0)
+    X = rng.normal(size=(800, 1))
+    clean = lfilter([0, 1.0, 0.5], [1.0, -1.2, 0.5], X[:, 0])
+    y = clean + 0.3 * clean.std() * rng.normal(size=800)  # output noise: least squares of ARX is biased
+    assert nmse(clean, BestLinear().fit(X, y).predict(X)) < 0.005 < nmse(clean, fit_arx(X, y, 2, 2).predict(X))

@@ -1,0 +1,109 @@
+"""Each equation stands once: columns, compiled rows, the servo's pass and the chain give the same numbers."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import numpy as np
+import pytest
+from sklearn.utils import Bunch
+
+import whsklearn
+from whsklearn.effects import ParameterChange, effect_names, get_effect
+from whsklearn.systems import WienerHammersteinSystem
+from whsklearn.systems import servo_observer as ob
+
+PACKAGE = Path(whsklearn.__file__).parent
+TRANSCENDENTAL = {"cos", "sin", "exp", "expm1", "tanh", "sign", "clip", "hypot"}
+CHANGES = [ParameterChange(0.3, 1.0, p) for p in ("viscous", "coulomb", "gain")]
+BUILT_IN = [get_effect(n)() for n in effect_names() if get_effect(n).__module__.startswith("whsklearn.")]
+TORQUES = [e for e in BUILT_IN if e.port == "torque" and e.column_kind == "exact"]
+MEMORYLESS = [e for e in TORQUES if e.name not in ("presliding_hysteresis", "parameter_change")]
+
+
+def identity(effect):
+    return f"{effect.name}-{effect.options}" if effect.options else effect.name
+
+
+@pytest.fixture(scope="module")
+def signals():
+    t = np.arange(500) / 100.0
+    q = 1.7 * np.sin(2.0 * t)
+    v = np.where((t > 1.0) & (t < 1.2), 0.0, 3.4 * np.cos(2.0 * t))
+    return Bunch(time=t, position=q, velocity=v, acceleration=-6.8 * np.sin(2.0 * t), drive=np.cos(3.1 * t))
+
+
+@pytest.mark.parametrize("effect", [*MEMORYLESS, *CHANGES, get_effect("torque_ripple")()], ids=identity)
+def test_the_pass_applies_what_the_columns_say(effect, signals):
+    plant = ob.plant_of([effect], ob.bare_parts(1.0))
+    applied = ob.effect_torque(plant, signals.time, signals.position, signals.velocity, signals.drive)
+    np.testing.assert_allclose(applied, effect.contribution(signals), rtol=1e-12, atol=1e-15)
+
+
+@pytest.mark.parametrize("effect", [*MEMORYLESS, *CHANGES[:2], get_effect("presliding_hysteresis")()], ids=identity)
+def test_the_chain_adds_what_the_columns_say(effect):
+    """The law's block is feed-forward, so what an effect adds to v is its contribution at x and dx."""
+    dt = 0.01
+    parts = {"a": [1.0, 0.4], "b": [0.5], "c": [1.0], "d": [0.2], "law": "viscous"}
+    u = np.random.default_rng(0).normal(size=400)
+    base = WienerHammersteinSystem(**parts, dt=dt).signals(u)
+    more = WienerHammersteinSystem(**parts, dt=dt, effects=[effect]).signals(u)
+    dx = np.diff(base.x, prepend=0.0)
+    motion = Bunch(time=dt * np.arange(u.size), position=base.x, velocity=dx, acceleration=dx, drive=u)
+    np.testing.assert_allclose(more.v - base.v, effect.contribution(motion), rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize("effect", [e for e in BUILT_IN if e.port == "output"], ids=identity)
+def test_the_sensor_reads_what_the_columns_say(effect, signals):
+    plant = ob.plant_of([effect], ob.bare_parts(1.0))
+    out = ob.follow(plant, np.cos(3.0 * np.arange(300) / 100.0), np.zeros((2, 300)), ob.How(0.01, 2))
+    motion = Bunch(time=np.arange(300) * 0.01, position=out[ob.POSITION])
+    added = out[ob.MEASURED] - out[ob.POSITION]
+    if effect.column_kind == "none":
+        assert np.abs(added).max() <= effect.magnitude / 2 + 1e-12
+    else:
+        np.testing.assert_allclose(added, effect.contribution(motion), atol=1e-12)
+
+
+def test_every_effect_has_a_code_of_its_own():
+    given = [e.code for e in BUILT_IN if e.name != "parameter_change"] + [c.code for c in CHANGES]
+    assert len(set(given)) == len(given)
+    assert min(given) >= 0
+
+
+def kernels():
+    """Compiled functions of the package outside ``effects/``, with their files."""
+    for file in sorted(PACKAGE.rglob("*.py")):
+        if file.is_relative_to(PACKAGE / "effects"):
+            continue
+        for node in ast.walk(ast.parse(file.read_text())):
+            if isinstance(node, ast.FunctionDef) and any("njit" in ast.unparse(d) for d in node.decorator_list):
+                yield file.relative_to(PACKAGE), node
+
+
+def test_no_kernel_outside_the_effects_writes_an_equation_of_its_own():
+    """Waves, signs, exponentials and clips are what the equations are made of: no simulator holds one."""
+    simulators = ("systems", "gap")
+    found = [
+        f"{file}: {node.name} calls {ast.unparse(call.func)}"
+        for file, node in kernels()
+        if file.parts[0] in simulators
+        for call in ast.walk(node)
+        if isinstance(call, ast.Call) and ast.unparse(call.func).split(".")[-1] in TRANSCENDENTAL
+    ]
+    assert not found
+
+
+def test_no_other_module_numbers_the_effects():
+    names = {n for n in vars(__import__("whsklearn.effects.codes", fromlist=["x"])) if n.isupper()}
+    again = [
+        f"{file.relative_to(PACKAGE)}: {target.id}"
+        for file in sorted(PACKAGE.rglob("*.py"))
+        if file.name != "codes.py"
+        for node in ast.walk(ast.parse(file.read_text()))
+        if isinstance(node, ast.Assign)
+        for target in ast.walk(node.targets[0])
+        if isinstance(target, ast.Name) and target.id in names - {"N_NUMBERS", "N_SHAPE", "TANH"}
+    ]
+    assert not again

@@ -1,0 +1,125 @@
+"""The whole line on hidden effects, on records in which nothing is missing, and on bad input."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from tests.blind import wiener_hammerstein as blind
+from whsklearn.gap import GapFinder
+
+
+def diagnose(case, **options):
+    return GapFinder("wiener-hammerstein", **options).fit(case.frame, **blind.COLUMNS)
+
+
+def noise_of(case):
+    """What noise alone adds to the output, by the generator's own equations."""
+    s = {k: np.array(v) for k, v in case.system.items()}
+    rows = np.array([[p.get("size", 0.0), p.get("shape", 0.0), p.get("phase", 0.0), 0.0] for p in case.parameters])
+    kinds = np.array([blind.NUMBER[e] for e in case.truth])
+    u, y = (case.frame[k].to_numpy() for k in ("u", "y"))
+    dt = float(case.frame["time_s"].iloc[1])
+    blocks = (s["a"], s["b"], s["c"], s["d"], s["law"])
+    return y - blind.run(*blocks, kinds, rows, u, np.zeros(u.size), dt, np.zeros(1))
+
+
+@pytest.fixture(scope="module")
+def drag():
+    return diagnose(blind.make_case("named", 11, effects=("quadratic_drag",), size=0.15, noise=30.0, n=1500))
+
+
+def test_a_hidden_drag_is_named_with_its_size(drag):
+    assert drag.verdict_ == "named"
+    assert [e.name for e in drag.effects_] == ["quadratic_drag"]
+    case = blind.make_case("named", 11, effects=("quadratic_drag",), size=0.15, noise=30.0, n=1500)
+    found = drag.effects_[0]
+    assert found.effect.labelled()["coefficient"] == pytest.approx(case.parameters[0]["size"], rel=0.15)
+    assert found.standard_errors["coefficient"] > 0.0
+
+
+def test_the_repaired_model_simulates_better(drag):
+    case = blind.make_case("named", 11, effects=("quadratic_drag",), size=0.15, noise=30.0, n=1500)
+    d = drag.diagnosis_
+    assert d.after["rmse"] < d.before["rmse"]
+    noise = noise_of(case)[d.pictures["held"]]
+    floor = float(np.sqrt(np.mean(noise**2)))
+    assert d.floor == pytest.approx(floor, rel=0.1)
+    assert 1.0 - (d.after["rmse"] - floor) / (d.before["rmse"] - floor) > 0.8
+    y_hat = drag.model_.simulate(case.frame["u"])
+    assert 1.4826 * np.median(np.abs(case.frame["y"] - y_hat)) < 1.2 * d.after["rmse"]
+
+
+def test_the_file_holds_what_other_programs_read(drag):
+    out = json.loads(json.dumps(drag.diagnosis_.as_dict(), allow_nan=False))
+    assert set(out) == {"verdict", "effects", "candidates", "where", "before", "after", "noise_floor_rmse", "closure",
+                        "next_experiment", "seconds", "file", "units", "version", "test"}  # fmt: skip
+    assert {c["status"] for c in out["candidates"]} <= {"named", "ruled_out", "alias", "not_testable"}
+    assert {c["name"] for c in out["candidates"]} >= {"dead_zone", "cogging", "backlash", "output_offset"}
+
+
+def test_rounding_is_told_beside_another_effect():
+    case = blind.make_case("pair", 21, effects=("hardening_spring", "quantization"), size=0.05, noise=35.0, n=1500)
+    finder = diagnose(case)
+    assert {e.name for e in finder.effects_} == {"hardening_spring", "quantization"}
+    told = next(e for e in finder.effects_ if e.name == "quantization")
+    assert told.effect.labelled()["step"] == pytest.approx(case.parameters[1]["size"], rel=1e-6)
+    y = finder.model_.simulate(case.frame["u"])  # the repaired model rounds too
+    np.testing.assert_allclose(y, told.effect.parameters["step"] * np.round(y / told.effect.parameters["step"]))
+
+
+def test_a_strong_saturation_does_not_leave_the_blocks_bent():
+    # clipped that hard, the model without it ends with zeros in the wrong blocks
+    case = blind.make_case("named", 16006, effects=("saturation",))
+    finder = diagnose(case)
+    assert finder.verdict_ == "named"
+    assert [e.name for e in finder.effects_] == ["saturation"]
+    assert finder.diagnosis_.after["rmse"] < 1.1 * np.std(noise_of(case))  # the noise of the record, by its generator
+
+
+def test_of_two_names_that_no_record_can_tell_apart_the_simpler_is_first():
+    case = blind.make_case("named", 16025, effects=("gravity_imbalance",))  # a cogging of order one
+    finder = diagnose(case)
+    assert finder.verdict_ == "named"
+    assert finder.effects_[0].name == "gravity_imbalance"
+    assert "cogging" in finder.effects_[0].aliases
+
+
+@pytest.mark.parametrize("kind", ["none", "coloured"])
+def test_silence_where_nothing_is_missing(kind):
+    finder = diagnose(blind.make_case(kind, 4, noise=25.0, n=1500))
+    assert finder.verdict_ in ("no_gap", "coloured_noise")
+    assert finder.effects_ == []
+
+
+@pytest.mark.parametrize(
+    ("u", "y", "code"),
+    [
+        (np.ones(1000), np.random.default_rng(0).normal(size=1000), "data-no-drive"),
+        (np.random.default_rng(0).normal(size=1000), np.zeros(1000), "data-not-moving"),
+        (np.random.default_rng(0).normal(size=100), np.random.default_rng(1).normal(size=100), "data-too-short"),
+        (np.r_[np.nan, np.random.default_rng(0).normal(size=999)], np.arange(1000.0), "data-not-finite"),
+    ],
+)
+def test_bad_records_end_in_a_data_problem(u, y, code):
+    finder = GapFinder("wiener-hammerstein").fit(u, y)
+    assert finder.verdict_ == "data_problem"
+    assert code in [p.code for p in finder.diagnosis_.problems]
+
+
+def test_of_a_long_record_a_stretch_is_searched_and_all_of_it_fitted(monkeypatch):
+    from whsklearn.gap.plants import chain
+
+    monkeypatch.setattr(chain, "LONG", 1500)
+    monkeypatch.setattr(chain, "STRETCH", 1000)
+    case = blind.make_case("named", 11, effects=("quadratic_drag",), size=0.15, noise=30.0, n=2000)
+    long = diagnose(case)
+    assert [e.name for e in long.effects_] == ["quadratic_drag"]
+    monkeypatch.undo()
+    whole = diagnose(case)
+    one, other = long.effects_[0], whole.effects_[0]
+    spread = other.standard_errors["coefficient"]
+    assert one.parameters["coefficient"] == pytest.approx(other.parameters["coefficient"], abs=spread)
+    assert one.standard_errors["coefficient"] == pytest.approx(spread, rel=0.1)

@@ -1,0 +1,67 @@
+"""An effect of a user's own in a chain: simulated at its port, searched, named, handed back."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from whsklearn import WienerHammersteinSystem
+from whsklearn.effects import Effect, Quantity
+from whsklearn.effects import base as catalogue
+from whsklearn.gap import GapFinder
+
+BLOCKS = {"a": [1.0, 2.2], "b": [1.0, 0.5], "c": [1.0, 0.2], "d": [0.15, 0.4]}
+
+
+@pytest.fixture
+def bump():
+    """An effect that is in the catalogue for one test."""
+
+    @dataclass(frozen=True)
+    class Bump(Effect):
+        torque: float = 0.1
+        centre: float = 0.0
+        width: float = 1.0
+        name: ClassVar[str] = "bump"
+        place: ClassVar[str] = "position"
+        equation: ClassVar[str] = "c exp(-((q - q0)/w)^2)"
+        size: ClassVar[str] = "torque"
+        quantities: ClassVar[dict[str, Quantity]] = {
+            "torque": Quantity("Nm", -10.0, 10.0),
+            "centre": Quantity("rad", -20.0, 20.0, span=(-1.0, 1.0)),
+            "width": Quantity("rad", 0.01, 20.0, log=True, span=(0.05, 0.5)),
+        }
+
+        @staticmethod
+        def evaluate(p, time, position, velocity, drive):
+            return p[0] * math.exp(-(((position - p[1]) / p[2]) ** 2))
+
+    yield Bump
+    catalogue._REGISTRY.pop("bump")
+
+
+def test_it_is_added_behind_the_first_block(bump):
+    u = np.random.default_rng(0).normal(size=200)
+    with_it = WienerHammersteinSystem(**BLOCKS, effects=[bump(0.5, 1.0, 0.8)])
+    plain = WienerHammersteinSystem(**BLOCKS).signals(u)
+    got = with_it.signals(u)
+    np.testing.assert_allclose(got.x, plain.x)
+    np.testing.assert_allclose(got.v - plain.v, 0.5 * np.exp(-(((plain.x - 1.0) / 0.8) ** 2)), atol=1e-12)
+
+
+def test_it_is_named_where_it_is_and_not_where_it_is_not(bump):
+    rng = np.random.default_rng(1)
+    u = rng.normal(size=1500)
+    hidden = WienerHammersteinSystem(**BLOCKS, effects=[bump(0.6, 2.0, 1.5)])
+    y = hidden.simulate(u, 0.02 * rng.normal(size=u.size))
+    finder = GapFinder("wiener-hammerstein", n_twins=0).fit(pd.DataFrame({"u": u, "y": y}))
+    assert (finder.verdict_, [e.name for e in finder.effects_]) == ("named", ["bump"])
+    assert finder.effects_[0].effect.labelled()["torque"] == pytest.approx(0.6, rel=0.1)
+    assert [e.name for e in finder.model_.effects] == ["bump"]
+    y = WienerHammersteinSystem(**BLOCKS).simulate(u, 0.02 * rng.normal(size=u.size))
+    assert GapFinder("wiener-hammerstein", n_twins=0).fit(pd.DataFrame({"u": u, "y": y})).verdict_ == "no_gap"

@@ -1,0 +1,93 @@
+"""The inverse view: numbers of a known axis, large effects found, columns and signs as they must be."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from whsklearn.effects import GravityImbalance
+from whsklearn.gap import GapFinder
+from whsklearn.gap.axis_model import Term
+from whsklearn.gap.candidates import candidate
+from whsklearn.gap.plants import inverse_dynamics as ols
+from whsklearn.gap.plants.servo_start import motion, start_of
+from whsklearn.gap.proof import closure
+from whsklearn.gap.record import ServoRecord
+from whsklearn.systems import ServoAxis
+
+RATE, SECONDS = 500.0, 14.0
+TIME = np.arange(int(RATE * SECONDS)) / RATE
+REFERENCE = 1.4 * np.sin(1.7 * TIME) + 0.5 * np.sin(5.1 * TIME + 1) + 0.2 * np.sin(12.3 * TIME)
+
+
+def log_of(effects=(), law="viscous", **law_numbers):
+    axis = ServoAxis(inertia=0.05, law=law, effects=effects, sample_rate=RATE)
+    return axis.simulate(reference=REFERENCE, random_state=1)
+
+
+@pytest.fixture(scope="module")
+def plain():
+    r = log_of()
+    return ServoRecord(r.time, r.drive, r.position)
+
+
+def test_inertia_of_a_complete_model_is_the_true_one(plain):
+    view, model = start_of(plain, ("viscous",), 0.004)
+    assert model.inertia == pytest.approx(0.05, rel=0.03)
+    assert view.rms(view.gap(model)) < 0.02 * model.scene.torque
+
+
+def test_a_large_hidden_effect_is_found_first_and_the_base_numbers_stay_physical():
+    r = log_of([GravityImbalance(1.5, 0.3)])
+    frame = pd.DataFrame({"time_s": r.time, "torque_nm": r.drive, "position_rad": r.position})
+    finder = GapFinder("servo", law="viscous", n_twins=0).fit(frame)
+    assert finder.effects_[0].name == "gravity_imbalance"
+    assert finder.effects_[0].effect.amplitude == pytest.approx(1.5, rel=0.05)
+    assert finder.model_.inertia == pytest.approx(0.05, rel=0.1)
+    assert finder.diagnosis_.closure > 0.8
+
+
+def test_friction_never_turns_negative(plain):
+    pushed = ServoRecord(plain.time, plain.drive - 0.3 * np.gradient(plain.position, plain.time), plain.position)
+    _, model = start_of(pushed, ("viscous", "coulomb"), 0.004)
+    assert min(t.q[0] for t in model.terms) >= 0.0
+
+
+def test_added_columns_never_worsen_the_fit(plain):
+    view, model = start_of(plain, ("viscous",), 0.004)
+    before = view.rms(view.gap(model))
+    for name in ("coulomb", "gravity_imbalance", "cable_spring"):
+        kind = candidate(name)
+        shape = kind.starts(model.scene)[0]
+        grown = view.fit(model.with_term(Term(kind, (*([0.0] * kind.linear), *shape))))
+        assert view.rms(view.gap(grown)) <= before + 1e-4 * model.scene.torque  # the ridge
+
+
+def test_block_solutions_are_those_of_least_squares():
+    rng = np.random.default_rng(0)
+    x = rng.standard_normal((600, 3))
+    y = x @ [1.0, -2.0, 0.5] + 0.01 * rng.standard_normal(600)
+    block = np.arange(600) // 60
+    b = ols.blocks_of(x, y, block)
+    sizes, free = ols.solve(b, 600, np.zeros(3, dtype=bool))
+    assert sizes == pytest.approx([1.0, -2.0, 0.5], abs=5e-3)
+    rss, fits = ols.held_out(b, 600, free)
+    left = y - np.einsum("ij,ij->i", x, fits[block])
+    assert rss == pytest.approx([np.sum(left[block == i] ** 2) for i in range(10)], rel=1e-6)
+    held, used = ols.solve(b, 600, np.array([False, True, False]))
+    assert held[1] == 0.0
+    assert not used[1]
+
+
+@pytest.mark.parametrize("rate", [50.0, 1000.0, 10_000.0])
+def test_smoothed_motion_has_no_phantom_spring(rate):
+    t = np.arange(int(4 * rate)) / rate
+    _, _, a = motion(np.full(t.size, 100.0), 1 / rate, min(8.0, 0.04 * rate))
+    assert np.abs(a).max() < 1e-6
+    _, _, a = motion(0.5 * t**2, 1 / rate, min(8.0, 0.04 * rate))
+    assert a[t.size // 3 : -t.size // 3] == pytest.approx(1.0, abs=1e-6)
+
+
+def test_a_run_that_is_worse_has_negative_closure_even_at_the_floor():
+    assert closure(1.0, 50.0, 1.0) < 0.0

@@ -1,0 +1,91 @@
+"""Which structure a record asks for."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from whsklearn.identification import identify
+from whsklearn.models import AxisModel
+from whsklearn.recursion.axis_free_run import AxisLog, free_run, sensitivities
+
+RNG = np.random.default_rng(0)
+TRUTH = np.array([0.05, 0.1, 0.3, 0.02, 0.0, 0.0])
+
+
+def slow_drive(n, seed):
+    return 1.2 * lfilter([0.1], [1.0, -0.98], np.random.default_rng(seed).standard_normal(n)) * 2.0
+
+
+def axis_log(u, dt=0.005, knots=()):
+    n = u.size
+    return AxisLog(
+        u, np.zeros(n), np.ones(n, bool), np.array([0, n]), np.zeros(1), np.zeros(1), dt, np.array(knots, dtype=float)
+    )
+
+
+@pytest.fixture(scope="module")
+def axis_record():
+    u = slow_drive(4000, 1)
+    log = axis_log(u)
+    return u, free_run(TRUTH, log), free_run(TRUTH, log._replace(of_position=True))
+
+
+@pytest.mark.parametrize("of_position", [False, True])
+def test_the_free_run_of_an_axis_has_exact_sensitivities(of_position):
+    theta = np.array([0.05, 0.12, 0.1, 0.01, 0.05, 0.02, 0.1])
+    log = axis_log(slow_drive(400, 2), 0.01, (0.3,))._replace(of_position=of_position, v0=np.array([0.1]))
+    rows = sensitivities(theta, log)[1]
+    for i in range(theta.size):
+        step = np.zeros(theta.size)
+        step[i] = 1e-6
+        differences = (free_run(theta + step, log) - free_run(theta - step, log)) / 2e-6
+        np.testing.assert_allclose(rows[i], differences, atol=1e-5 * np.abs(differences).max())
+
+
+def test_below_its_dry_friction_an_axis_stands():
+    assert not free_run(TRUTH, axis_log(np.full(200, 0.25))).any()
+    assert free_run(TRUTH, axis_log(np.full(200, 0.35)))[-1] > 0
+
+
+@pytest.mark.parametrize("logged", ["velocity", "position"])
+def test_an_axis_is_recommended_for_an_axis(axis_record, logged):
+    u, velocity, position = axis_record
+    y = velocity if logged == "velocity" else position
+    y = y + (1e-2 if logged == "velocity" else 1e-5) * RNG.standard_normal(y.size)
+    found = identify(u, y, dt=0.005, logged="auto" if logged == "position" else "velocity")
+    assert found.train.logged == logged
+    assert found.recommended.name == "axis, viscous and Coulomb", found.reason
+    assert isinstance(found.model, AxisModel)
+    assert found.model.inertia == pytest.approx(0.05, rel=0.02)
+    assert found.model.parameters["coulomb"] == pytest.approx(0.3, rel=0.02)
+    arx = min(c.score for c in found.models if c.kind == "arx")
+    assert found.recommended.score < 0.5 * arx
+
+
+def test_a_linear_system_is_no_chain():
+    u = RNG.standard_normal(290)
+    y = lfilter([0.0, 0.5, 0.2], [1.0, -1.2, 0.5], u) + 0.02 * RNG.standard_normal(290)
+    found = identify(u, y)
+    assert found.recommended.kind in ("arx", "output_error"), found.reason
+    assert found.recommended.test["nmse"] < 0.01
+
+
+def test_an_output_that_does_not_follow_is_told():
+    u, y = RNG.standard_normal((2, 250))
+    assert "next to nothing" in identify(u, y).reason
+
+
+@pytest.mark.parametrize(
+    ("u", "y", "message"),
+    [
+        (np.ones(200), RNG.standard_normal(200), "input never changes"),
+        (RNG.standard_normal(200), np.full(200, np.nan), "not finite"),
+        (RNG.standard_normal(200), RNG.standard_normal(199), "as many"),
+        (RNG.standard_normal(20), RNG.standard_normal(20), "100 at least"),
+    ],
+)
+def test_what_cannot_be_identified_is_refused(u, y, message):
+    with pytest.raises(ValueError, match=message):
+        identify(u, y)

@@ -1,0 +1,224 @@
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from whsklearn.datasets import load_turntable, make_servo_log
+from whsklearn.logs import LogWarning, check_log, load_log
+
+RATE = 200.0
+NAMES = {"time": "time_s", "drive": "torque_nm", "position": "position_rad"}
+
+
+def table(n=2000, seed=0):
+    t = np.arange(n) / RATE
+    rng = np.random.default_rng(seed)
+    return {
+        "time_s": t,
+        "torque_nm": np.sin(3 * t) + 0.01 * rng.normal(size=n),
+        "position_rad": np.cos(2 * t) + 1e-6 * rng.normal(size=n),
+    }
+
+
+@pytest.fixture
+def write(tmp_path):
+    def to_file(columns, name="axis.csv", **options):
+        path = tmp_path / name
+        frame = pd.DataFrame(columns)
+        frame.to_parquet(path) if path.suffix == ".parquet" else frame.to_csv(path, index=False, **options)
+        return path
+
+    return to_file
+
+
+def test_a_clean_log_comes_back_as_it_is(write):
+    columns = table()
+    log = load_log(write(columns), **NAMES)
+    assert log.report.ok
+    assert log.report.codes == ()
+    assert np.allclose(log.X[:, 0], columns["torque_nm"], rtol=0, atol=1e-12)
+    assert np.allclose(log.y, columns["position_rad"], rtol=0, atol=1e-12)
+    assert log.sample_rate == pytest.approx(RATE)
+    assert log.units == {"time": "s", "drive": "Nm", "position": "rad"}
+    assert log.report.quantum is None
+
+
+def test_parquet_semicolons_and_the_other_names(write):
+    pytest.importorskip("pyarrow")
+    columns = table(300)
+    a = load_log(write(columns, "axis.parquet"), time="time_s", input="torque_nm", output="position_rad")
+    b = load_log(write(columns, "german.csv", sep=";", decimal=","), **NAMES)
+    X, y = load_log(write(columns), **NAMES, return_X_y=True)
+    assert np.allclose(a.X, b.X)
+    assert np.allclose(a.X, X)
+    assert np.allclose(a.y, y)
+
+
+def test_units_may_be_stated_and_milliseconds_become_seconds(write):
+    columns = table(300)
+    file = write({"clock_ms": columns["time_s"] * 1e3, "u": columns["torque_nm"], "y": columns["position_rad"]})
+    log = load_log(file, time="clock_ms", input="u", output="y", units={"drive": "V"})
+    assert log.units == {"time": "s", "drive": "V", "position": "as logged"}
+    assert log.sample_rate == pytest.approx(RATE)
+
+
+def test_stamps_may_be_dates(write):
+    columns = table(400)
+    dates = pd.Timestamp("2024-05-01 12:00:00") + pd.to_timedelta(np.round(columns["time_s"] * 1e6), unit="us")
+    for name in ("axis.csv", "axis.parquet"):
+        if name.endswith("parquet"):
+            pytest.importorskip("pyarrow")
+        log = load_log(write({**columns, "stamp": dates}, name), **{**NAMES, "time": "stamp"})
+        assert log.sample_rate == pytest.approx(RATE)
+        assert log.time[-1] == pytest.approx(columns["time_s"][-1])
+    with pytest.raises(ValueError, match=r"'word' is not numeric and no dates either: row 0 holds 'noon'"):
+        load_log(write({**columns, "word": ["noon"] * 400}), **{**NAMES, "time": "word"})
+
+
+@pytest.mark.parametrize("off", [0.02, -0.3])
+def test_irregular_sampling_is_refused_with_the_row_and_resampled_on_request(write, off):
+    columns = table()
+    columns["time_s"] = columns["time_s"].copy()
+    columns["time_s"][700] += off / RATE
+    file = write(columns)
+    with pytest.raises(ValueError, match=r"sampling is irregular. Row 70[01] .*1% allowed.*resample=True"):
+        load_log(file, **NAMES, resample=False)
+    with pytest.warns(LogWarning):
+        log = load_log(file, **NAMES)
+    assert set(log.report.codes) == {"LOG001", "LOG011"}
+    assert np.allclose(np.diff(log.time), 1 / RATE)
+    assert np.allclose(log.y, np.cos(2 * log.time), atol=5e-3)
+
+
+def test_jitter_within_one_percent_passes_and_is_reported(write):
+    columns = table()
+    columns["time_s"] = columns["time_s"] + 0.004 / RATE * np.sin(np.arange(2000.0))
+    log = load_log(write(columns), **NAMES)
+    assert 0.003 < log.report.jitter < 0.01
+
+
+def test_gaps_doubles_and_backward_stamps_are_found_and_mended(write):
+    columns = {k: v.copy() for k, v in table().items()}
+    keep = np.r_[0:500, 503:1000, 1200:2000]
+    columns = {k: v[keep] for k, v in columns.items()}
+    columns["time_s"][100] = columns["time_s"][99]
+    columns["time_s"][300] = columns["time_s"][297]
+    file = write(columns)
+    with pytest.raises(ValueError, match=r"time runs backwards. From row 299 to row 300"):
+        load_log(file, **NAMES, resample=False)
+    with pytest.warns(LogWarning):
+        log = load_log(file, **NAMES)
+    assert {"LOG002", "LOG003", "LOG004"} <= set(log.report.codes)
+    assert set(log.groups) == {0, 1}  # the gap of 200 samples parts the log, that of 3 is bridged
+    assert np.sum(log.groups == 0) == pytest.approx(1000, abs=1)
+    missing = next(f for f in log.report.findings if f.code == "LOG002")
+    assert missing.value == pytest.approx(203, abs=8)
+
+
+def test_missing_values_are_refused_with_the_row_and_dropped_on_request(write):
+    columns = table()
+    columns["torque_nm"][[40, 41]] = np.nan
+    file = write(columns)
+    with pytest.raises(ValueError, match=r"'torque_nm' has no finite value at row 40 \(no number; 2 such rows"):
+        load_log(file, **NAMES, resample=False)
+    with pytest.warns(LogWarning):
+        log = load_log(file, **NAMES)
+    assert "LOG010" in log.report.codes
+    assert len(log.y) == 2000
+
+
+def test_a_column_without_any_number_is_told(write):
+    columns = {**table(50), "torque_nm": np.full(50, np.inf)}
+    with pytest.raises(ValueError, match="Only 0 rows hold a number"):
+        load_log(write(columns), **NAMES)
+
+
+def test_columns_that_are_missing_or_no_numbers_are_told(write):
+    columns = table(50)
+    with pytest.raises(ValueError, match=r"no column 'tau' for drive; it has: time_s, torque_nm, position_rad"):
+        load_log(write(columns), time="time_s", drive="tau", position="position_rad")
+    words = {**columns, "torque_nm": [*map(str, columns["torque_nm"][:-1]), "off"]}
+    with pytest.raises(ValueError, match=r"'torque_nm' of axis.csv is not numeric: row 49 holds 'off'"):
+        load_log(write(words), **NAMES)
+    with pytest.raises(ValueError, match="neither of input and drive"):
+        load_log(write(columns), time="time_s", position="position_rad")
+    with pytest.raises(ValueError, match="both of output and position"):
+        load_log(write(columns), time="time_s", drive="torque_nm", position="position_rad", output="position_rad")
+    with pytest.raises(FileNotFoundError, match="no file"):
+        load_log("nowhere.csv", **NAMES)
+
+
+def test_files_that_are_no_log_are_told(tmp_path):
+    (tmp_path / "empty.csv").write_text("")
+    with pytest.raises(ValueError, match="is empty"):
+        load_log(tmp_path / "empty.csv", **NAMES)
+    (tmp_path / "short.csv").write_text("time_s,torque_nm,position_rad\n0,1,2\n")
+    with pytest.raises(ValueError, match="has 1 rows"):
+        load_log(tmp_path / "short.csv", **NAMES)
+    (tmp_path / "ragged.csv").write_text("time_s,torque_nm,position_rad\n0,1,2\n1,2,3,4,5\n")
+    with pytest.raises(ValueError, match="no readable CSV"):
+        load_log(tmp_path / "ragged.csv", **NAMES)
+    (tmp_path / "still.csv").write_text("time_s,torque_nm,position_rad\n" + "0,1,2\n" * 9)
+    with pytest.raises(ValueError, match="time stamp is repeated"):
+        load_log(tmp_path / "still.csv", **NAMES, resample=False)
+    with pytest.raises(ValueError, match="only 1 stamps increase"):
+        load_log(tmp_path / "still.csv", **NAMES)
+
+
+def test_clipping_is_found_and_turning_points_are_not():
+    c = table()
+    clean = check_log(c["time_s"], {"drive": c["torque_nm"], "position": c["position_rad"]})
+    clipped = check_log(c["time_s"], {"drive": np.clip(c["torque_nm"], -0.7, 0.7), "position": c["position_rad"]})
+    encoder = np.round(c["position_rad"] / 1e-3) * 1e-3  # flat at its turning points by the lattice alone
+    lattice = check_log(c["time_s"], {"drive": c["torque_nm"], "position": encoder})
+    assert "LOG005" in clipped.codes
+    assert "LOG005" not in clean.codes
+    assert "LOG005" not in lattice.codes
+
+
+@pytest.mark.parametrize("quantum", [2 * np.pi / 800, 1e-4, 2 * np.pi / 2**20])
+def test_the_lattice_of_the_position_is_measured(quantum):
+    c = table(8000)
+    position = np.round(np.cos(0.1 * c["time_s"]) / quantum) * quantum
+    report = check_log(c["time_s"], {"drive": c["torque_nm"], "position": position})
+    assert report.quantum == pytest.approx(quantum, rel=1e-6)
+    assert "LOG007" in report.codes
+    assert report.ok
+
+
+def test_repeated_rows_are_found_and_a_rest_is_not():
+    c = table()
+    held = np.arange(2000) // 2 * 2
+    twice = check_log(c["time_s"], {"drive": c["torque_nm"][held], "position": c["position_rad"][held]})
+    rest = np.minimum(np.arange(2000), 1500)
+    idle = check_log(c["time_s"], {"drive": c["torque_nm"][rest], "position": c["position_rad"][rest]})
+    assert "LOG006" in twice.codes
+    assert "LOG006" not in idle.codes
+
+
+def test_what_the_library_simulates_is_a_clean_log():
+    for frame in (load_turntable(), make_servo_log(reference="staircase", duration=10.0, resolution=1e-4)):
+        signals = {"drive": frame["torque_nm"].to_numpy(), "position": frame["position_rad"].to_numpy()}
+        report = check_log(frame["time_s"].to_numpy(), signals)
+        assert report.ok, str(report)
+
+
+def test_a_drive_of_zeros_and_an_axis_that_stands_still_are_told():
+    c = table()
+    zero = np.zeros(2000)
+    assert "LOG008" in check_log(c["time_s"], {"drive": zero, "position": c["position_rad"]}).codes
+    assert "LOG009" in check_log(c["time_s"], {"drive": c["torque_nm"], "position": zero + 3}).codes
+    only = check_log(c["time_s"], {"drive": c["torque_nm"]})
+    assert set(only.not_applicable) == {"LOG007", "LOG009"}
+
+
+def test_a_report_reads_as_text_html_and_json():
+    c = table()
+    report = check_log(c["time_s"], {"drive": np.zeros(2000), "position": c["position_rad"]})
+    assert "LOG008 error: The drive is zero throughout." in str(report)
+    assert "<li>LOG008" in report._repr_html_()
+    assert json.loads(json.dumps(report.to_dict()))["findings"][0]["title"] == "The drive is zero throughout"
+    assert str(check_log(c["time_s"], {"drive": c["torque_nm"], "position": c["position_rad"]})) == "Nothing to remark."

@@ -1,0 +1,45 @@
+"""Slips are found on an axis that has one, and on no axis that has none."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from sklearn.utils import Bunch
+
+from whsklearn.datasets import make_servo_log
+from whsklearn.effects import Cogging, GravityImbalance
+from whsklearn.logs.slips import slips_in
+
+
+def log(effects=(), seed=0, **changes):
+    frame = make_servo_log(list(effects), duration=12.0, random_state=seed)
+    u, y, t = (frame[c].to_numpy() for c in ("torque_nm", "position_rad", "time_s"))
+    made = Bunch(time=t, X=u[:, None], y=y, units={"time": "s", "position": "rad"}, command=None)
+    made.update(changes)
+    return made
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize(
+    "effects", [(), (Cogging(0.3, 12.0),), (GravityImbalance(1.5),)], ids=["plain", "cogging", "pendulum"]
+)
+def test_a_sound_log_has_none(effects, seed):
+    assert slips_in(log(effects, seed)) == []
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_each_slip_is_named_with_the_option_that_mends_it(seed):
+    good = log(seed=seed)
+    dt = good.time[1] - good.time[0]
+    for changes, option in (
+        ({"X": -good.X}, "--invert-drive"),
+        ({"y": np.gradient(good.y, dt)}, "--velocity"),
+        ({"y": np.degrees(good.y)}, "position=deg"),
+        ({"time": 1e3 * good.time}, "time=ms"),
+        ({"time": 1e-6 * good.time}, "time=s"),
+        ({"units": {"position": "rad/s"}}, "--velocity"),
+    ):
+        found = slips_in(log(seed=seed, **changes))
+        assert found, option
+        assert option in found[0].option
+        assert str(found[0]).count(".") >= 1

@@ -1,0 +1,116 @@
+"""A page re-run in parts: the same whatever the parts, and nobody waits for it."""
+
+from __future__ import annotations
+
+import copy
+
+import numpy as np
+import pytest
+
+from whsklearn import WienerHammersteinSystem
+from whsklearn.datasets import make_wiener_hammerstein
+from whsklearn.recursion import multistart
+from whsklearn.recursion.background_refit import BackgroundRefit
+
+MEMORY = 120
+SYSTEM = WienerHammersteinSystem.example()
+LAW = SYSTEM.law
+
+
+def reading(**settings):
+    dims = np.array([2, 2, 2, 2, len(LAW)], dtype=np.int64)
+    defaults = {"p": 4, "p0": 100.0, "forgetting": 0.999, "n_starts": 4, "memory": MEMORY, "frozen": False, "seed": 0}
+    return multistart.Reading(dims=dims, codes=LAW.codes, shapes=LAW.shapes, **defaults | settings)
+
+
+def record(n=600, begins=(0, 310, 311)):
+    X, y = make_wiener_hammerstein(n, snr_db=30, random_state=0)
+    restart = np.zeros(n, dtype=bool)
+    restart[list(begins)] = True
+    return X, y, restart
+
+
+def assert_same(a, b):
+    for name in a:
+        np.testing.assert_array_equal(a[name], b[name], err_msg=name)
+
+
+@pytest.fixture(scope="module")
+def whole():
+    state = multistart.initial_state(reading())
+    multistart.run(state, reading(), *record())
+    return state
+
+
+def test_sample_by_sample_with_work_carried_on_it_is_the_same_to_the_bit(whole):
+    state, page = multistart.initial_state(reading()), None
+    for row in zip(*(np.split(v, 600) for v in record()), strict=True):
+        page = multistart.run(state, reading(), *row, page)
+    assert_same(state, whole)
+
+
+def test_work_that_is_lost_is_done_again(whole):
+    """As after a restart from a checkpoint, which does not hold it."""
+    state, page = multistart.initial_state(reading()), None
+    for i, row in enumerate(zip(*(np.split(v, 600) for v in record()), strict=True)):
+        if i % 17 == 0:
+            state, page = copy.deepcopy(state), None
+        page = multistart.run(state, reading(), *row, page)
+    assert_same(state, whole)
+
+
+def test_work_for_another_state_is_not_taken():
+    X, y, restart = record()
+    a, b = multistart.initial_state(reading()), multistart.initial_state(reading())
+    page = multistart.run(a, reading(), X[:270], y[:270], restart[:270])
+    assert isinstance(page, BackgroundRefit)
+    multistart.run(b, reading(), X[:270], -y[:270], restart[:270])
+    expected = copy.deepcopy(b)
+    multistart.run(expected, reading(), X[270:], -y[270:], restart[270:])
+    multistart.run(b, reading(), X[270:], -y[270:], restart[270:], page)
+    assert_same(b, expected)
+
+
+def test_the_work_is_done_before_the_half_page_is_over():
+    """Else the sample that turns the page waits for the rest of it."""
+    X, y, restart = record(begins=(0,))
+    state, page, left = multistart.initial_state(reading()), None, []
+    for row in zip(*(np.split(v, 600) for v in (X, y, restart)), strict=True):
+        if state["blocks"] and state["fill"] == MEMORY + MEMORY // 2 - 1:
+            left.append(state["fill"] - MEMORY - page._caught_up)
+        page = multistart.run(state, reading(), *row, page)
+    assert len(left) >= 3
+    assert max(left) <= 1
+
+
+def test_a_re_run_asked_for_on_the_way_turns_the_page_first():
+    X, y, restart = record()
+    state = multistart.initial_state(reading())
+    page = multistart.run(state, reading(), X[:270], y[:270], restart[:270])
+    assert (state["blocks"], state["fill"]) == (1, 150)
+    with_work, without = copy.deepcopy(state), copy.deepcopy(state)
+    multistart.consolidate(state, reading(), page)
+    multistart.consolidate(without, reading())
+    assert (state["blocks"], state["fill"]) == (2, 30)
+    assert_same(state, without)
+    multistart.run(with_work, reading(), X[270:], y[270:], restart[270:])
+    assert np.isfinite(with_work["theta"]).all()
+
+
+@pytest.mark.parametrize("level", [0.0, 3.0])
+def test_pages_of_rest_leave_estimate_and_covariance_as_they_were(level):
+    """Whatever level the axis rests at, once it is at rest: no wind-up, no false certainty."""
+    X, y, restart = record(begins=(0,))
+    r = reading()
+    state = multistart.initial_state(r)
+    multistart.run(state, r, X, y, restart)
+
+    def rest(n):
+        nothing = np.zeros(n, dtype=bool)
+        multistart.run(state, r, np.full((n, 1), level / 10), np.full(n, level), nothing)
+
+    rest(2 * MEMORY)  # the page of the last motion is turned
+    before = copy.deepcopy(state)
+    rest(100 * MEMORY)
+    for name in ("theta", "ud", "loss", "prior_information", "ceiling"):
+        np.testing.assert_array_equal(state[name], before[name], err_msg=name)

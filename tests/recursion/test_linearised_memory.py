@@ -1,0 +1,80 @@
+"""The memory linearised with its signs frozen."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+
+from whsklearn import WienerHammersteinSystem
+from whsklearn.datasets import make_wiener_hammerstein
+from whsklearn.recursion.linearised_memory import Record, deviation, empty_rows, jumps, linearise, listed
+from whsklearn.recursion.predictor import record_errors, state_size
+
+EXAMPLE = WienerHammersteinSystem.example()
+DIMS = np.array([2, 2, 2, 2, 3])
+LAW = DIMS, EXAMPLE.law.codes, EXAMPLE.law.shapes
+TRUTH = np.concatenate([EXAMPLE.a[1:], EXAMPLE.b, EXAMPLE.law.weights, EXAMPLE.c[1:], EXAMPLE.d])
+N, HISTORY = 300, 2
+
+
+@pytest.fixture(scope="module")
+def record():
+    X, y = make_wiener_hammerstein(N, snr_db=20, random_state=0)
+    restart = np.zeros(N, dtype=bool)
+    restart[[0, 140]] = True
+    u = np.concatenate([np.zeros((HISTORY, 1)), X])
+    return Record(u, np.concatenate([np.zeros(HISTORY), y]), restart, HISTORY, N)
+
+
+def linearised(record, theta, parts=(0, N)):
+    rows = empty_rows(N, theta.size, 3)
+    past = np.zeros(state_size(DIMS) + 4)
+    for first, stop in itertools.pairwise(parts):
+        linearise(theta, *LAW, past, record, first, stop, rows)
+    return rows
+
+
+def test_errors_are_those_of_the_true_sign_and_gradients_those_of_the_smooth_part(record):
+    rows = linearised(record, TRUTH)
+    errors = np.empty(N)
+    record_errors(
+        TRUTH, *LAW, np.inf, record.u[HISTORY:], record.y[HISTORY:], record.restart, errors, np.empty((0, TRUTH.size))
+    )
+    np.testing.assert_allclose(rows.psi[:, -1], errors, atol=1e-12)
+    step = 1e-7
+    for k in range(TRUTH.size):
+        moved = linearised(record, TRUTH + step * np.eye(TRUTH.size)[k])
+        same = np.sign(moved.motion[:, 1]) == np.sign(rows.motion[:, 1])
+        assert same.all()
+        np.testing.assert_allclose((rows.psi[:, -1] - moved.psi[:, -1]) / step, rows.psi[:, k], atol=1e-4)
+        if k < 3:
+            slope = (moved.motion[:, 1] - rows.motion[:, 1]) / step
+            np.testing.assert_allclose(slope, rows.gradient[:, k], atol=1e-4)
+
+
+def test_parts_make_no_difference(record):
+    whole, cut = linearised(record, TRUTH), linearised(record, TRUTH, (0, 1, 100, 257, N))
+    for a, b in zip(whole, cut, strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def test_a_sign_enters_the_rows_after_it_but_for_those_of_another_experiment(record):
+    rows = linearised(record, TRUTH)
+    signs = listed(rows, record, np.array([10, 138, 139, N - 1]), LAW, np.ones(N), first=1000)
+    assert signs.at.tolist() == [[1011, 1012], [1139, -1], [-1, -1], [-1, -1]]
+    np.testing.assert_array_equal(signs.rows[0], rows.psi[11:13])
+    assert not signs.rows[1, 1].any()
+    assert signs.height[0].tolist() == [0.0, 1.0, 0.0]  # of the three terms only Coulomb friction jumps
+
+
+def test_which_terms_jump():
+    assert jumps(EXAMPLE.law.codes).tolist() == [False, True, False]
+
+
+def test_deviation_is_the_root_of_the_quadratic_form():
+    g = np.array([[1.0, 2.0], [0.0, 3.0]])
+    covariance = np.array([[1.0, 0.5], [0.5, 2.0]])
+    expected = np.sqrt(np.diag(g @ covariance @ g.T))
+    np.testing.assert_allclose(deviation(g, covariance), expected)

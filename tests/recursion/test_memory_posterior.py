@@ -1,0 +1,86 @@
+"""The posterior of a stream: pages, chunks, and what a page leaves."""
+
+from __future__ import annotations
+
+import copy
+
+import numpy as np
+import pytest
+
+from whsklearn import RMILSRegressor, WienerHammersteinLags, WienerHammersteinSystem
+from whsklearn.datasets import make_wiener_hammerstein
+from whsklearn.recursion.linearised_memory import Signs
+from whsklearn.recursion.memory_posterior import has_posterior, initial_past, moved, packed, unpacked
+from whsklearn.recursion.reading import Reading
+
+LAW = WienerHammersteinSystem.example().law
+READING = Reading(
+    dims=np.array([2, 2, 2, 2, 3]), codes=LAW.codes, shapes=LAW.shapes, p=4, p0=1e6, forgetting=1.0, n_starts=4,
+    memory=256, frozen=False, seed=0,
+)  # fmt: skip
+
+
+def fitted(n, chunks=1, **options):
+    X, y = make_wiener_hammerstein(n, snr_db=20, random_state=1)
+    model = RMILSRegressor(WienerHammersteinLags(), n_starts=8, random_state=0, **options)
+    for part in np.array_split(np.arange(n), chunks):
+        model.partial_fit(X[part], y[part])
+    return model
+
+
+def test_moved_is_the_matrix_of_the_moved_rows():
+    rows = np.random.default_rng(0).standard_normal((30, 4))
+    delta = np.array([0.3, -0.1, 0.2])
+    after = rows.copy()
+    after[:, -1] -= rows[:, :-1] @ delta
+    np.testing.assert_allclose(moved(rows.T @ rows, delta), after.T @ after)
+
+
+def test_the_state_keeps_signs_as_they_are():
+    state, rng = initial_past(READING), np.random.default_rng(0)
+    signs = Signs(
+        rng.standard_normal(5), np.array([1.0, -1, 1, 1, -1]), np.ones(5), rng.standard_normal((5, 3)),
+        rng.standard_normal((5, 3)), rng.standard_normal((5, 2, 10)), np.arange(10).reshape(5, 2),
+    )  # fmt: skip
+    for a, b in zip(signs, unpacked(packed(signs, state), READING), strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def test_only_a_law_that_jumps_behind_an_unknown_block_has_signs_in_doubt():
+    assert has_posterior(READING)
+    assert not has_posterior(Reading(**{**vars(READING), "memory": 0}))
+    assert not has_posterior(Reading(**{**vars(READING), "codes": np.zeros(3, dtype=int)}))
+    assert not has_posterior(Reading(**{**vars(READING), "dims": np.array([1, 0, 2, 2, 3])}))
+
+
+@pytest.mark.parametrize("n", [150, 700])
+def test_asking_changes_nothing_and_chunks_make_no_difference(n):
+    whole, cut = fitted(n, memory=200), fitted(n, chunks=n, memory=200)
+    before = copy.deepcopy(whole.state_)
+    np.testing.assert_array_equal(whole.theta_, cut.theta_)
+    np.testing.assert_array_equal(whole.covariance_, cut.covariance_)
+    for name, value in before.items():
+        np.testing.assert_array_equal(whole.state_[name], value, err_msg=name)
+
+
+def test_pages_lose_next_to_nothing():
+    """2,000 samples in pages of 400 say what they say in one."""
+    paged, whole = fitted(2000, memory=400), fitted(2000, memory=4000)
+    errors = whole.standard_errors_
+    assert paged.state_["blocks"] >= 4
+    assert (np.abs(paged.theta_ - whole.theta_) / errors).max() < 1.0
+    np.testing.assert_allclose(paged.standard_errors_, errors, rtol=0.4)
+
+
+def test_the_expected_output_is_the_simulation_where_the_parameters_are_known():
+    model = fitted(400)
+    X, _ = make_wiener_hammerstein(300, snr_db=None, random_state=5)
+    expected, simulated = model.predict(X), model.predict(X, output="simulation")
+    assert np.abs(expected - simulated).max() > 0.01
+    model._stream._known[1].covariance[:] *= 1e-20
+    np.testing.assert_allclose(model.predict(X), simulated, atol=1e-9)
+
+
+def test_an_unknown_output_is_refused():
+    with pytest.raises(ValueError, match="output is 'mean', expected one of 'expected', 'simulation'"):
+        fitted(100).predict([[0.0]], output="mean")

@@ -1,0 +1,217 @@
+"""The record: what a run holds, how it ends, and what happens where there is no MLflow or no server."""
+
+from __future__ import annotations
+
+import os
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from sklearn.linear_model import Ridge
+from sklearn.model_selection import GridSearchCV, TimeSeriesSplit
+
+from whsklearn import tracking
+from whsklearn.tracking import TrackingError, open_tracker, store
+
+
+@pytest.fixture
+def tracker(mlflow_root: Path) -> tracking.Tracker:
+    return open_tracker("test", tags={"data": "made up"})
+
+
+def runs(tracker: tracking.Tracker) -> dict:
+    found = tracker.client.search_runs([tracker.experiment_id])
+    return {r.info.run_name: r for r in found}
+
+
+def test_run_holds_what_was_logged(tracker):
+    with tracker.run("parent") as parent, parent.child("child", tags={"reading": "full"}) as child:
+        child.log_params({"p": 4})
+        child.log_metrics({"nmse": 0.5})
+        parent.log_metrics({"nmse": 0.25})
+    parent, child = runs(tracker)["parent"], runs(tracker)["child"]
+    assert child.data.tags["mlflow.parentRunId"] == parent.info.run_id
+    assert child.data.tags["reading"] == "full"
+    assert child.data.tags["data"] == "made up"
+    assert child.data.tags["version"]
+    assert child.data.params == {"p": "4"}
+    assert (parent.data.metrics["nmse"], child.data.metrics["nmse"]) == (0.25, 0.5)
+    assert parent.info.status == child.info.status == "FINISHED"
+
+
+def test_failed_run_says_why_and_keeps_what_it_had(tracker):
+    def job(run):
+        run.log_metrics({"nmse": 1.0})
+        raise ValueError("the log is too short\nand a second line")
+
+    with pytest.raises(ValueError, match="too short"), tracker.run("bad") as run:
+        job(run)
+    bad = runs(tracker)["bad"]
+    assert bad.info.status == "FAILED"
+    assert bad.data.tags["reason"] == "ValueError: the log is too short"
+    assert bad.data.metrics == {"nmse": 1.0}
+
+
+def test_interrupted_run_is_killed(tracker):
+    with pytest.raises(KeyboardInterrupt), tracker.run("stopped"):
+        raise KeyboardInterrupt
+    assert runs(tracker)["stopped"].info.status == "KILLED"
+
+
+def test_paths_are_stepped_and_thinned(tracker):
+    path = np.linspace(0.0, 1.0, 5000)
+    with tracker.run("paths") as run:
+        run.log_paths({"x_hat(k-2)": path, "b[1]": path[:7]}, points=100)
+    history = tracker.client.get_metric_history(run.id, "x_hat_k-2")
+    assert len(history) == 100
+    assert [m.value for m in history] == [path[m.step] for m in history]
+    assert history[-1].step == 4999  # the final value is never thinned away
+    assert len(tracker.client.get_metric_history(run.id, "b_1")) == 7
+
+
+def test_what_is_not_finite_becomes_a_tag(tracker):
+    with tracker.run("broken") as run:
+        run.log_metrics({"nmse": float("nan"), "rmse": float("inf"), "mu_e": 0.0})
+    broken = runs(tracker)["broken"]
+    assert broken.data.metrics == {"mu_e": 0.0}
+    assert broken.data.tags["not_finite"]
+
+
+def test_input_is_logged_as_a_data_set(tracker):
+    X = np.arange(10.0)[:, None]
+    with tracker.run("input") as run:
+        run.log_input(X, X[:, 0], "ramp")
+    (entry,) = runs(tracker)["input"].inputs.dataset_inputs
+    assert entry.dataset.name == "ramp"
+    assert entry.dataset.digest
+
+
+def test_model_comes_back_by_its_alias(tracker):
+    import mlflow
+
+    X = np.linspace(-1, 1, 30)[:, None]
+    model = Ridge().fit(X, X[:, 0])
+    with tracker.run("model") as run:
+        run.log_model(model, X, registered_name="axis", alias="champion")
+        assert run.tracker.client.get_run(run.id).info.status == "RUNNING"
+    again = mlflow.sklearn.load_model("models:/axis@champion")
+    np.testing.assert_array_equal(again.predict(X), model.predict(X))
+    signature = mlflow.models.get_model_info("models:/axis@champion").signature
+    assert signature.inputs.inputs[0].shape == (-1, 1)
+
+
+def test_globals_of_mlflow_are_left_alone(tracker, monkeypatch):
+    import mlflow
+
+    with tracker.run("model") as run:
+        before = dict(os.environ), mlflow.get_tracking_uri()
+        run.log_model(Ridge().fit([[0.0], [1.0]], [0.0, 1.0]), [[0.0], [1.0]])
+        assert (dict(os.environ), mlflow.get_tracking_uri()) == before
+    assert mlflow.active_run() is None
+
+
+def test_search_gets_a_child_for_each_candidate(tracker):
+    X = np.random.default_rng(0).normal(size=(60, 3))
+    scoring = {"neg_nmse": "neg_mean_squared_error", "r2": "r2"}
+    search = GridSearchCV(Ridge(), {"alpha": [0.1, 1, 10]}, scoring=scoring, refit="neg_nmse", cv=TimeSeriesSplit(4))
+    search.fit(X, X @ [1.0, 2.0, 3.0])
+    with tracker.run("search") as parent:
+        tracking.log_candidates(parent, search.cv_results_)
+    children = [r for r in runs(tracker).values() if "mlflow.parentRunId" in r.data.tags]
+    assert {r.data.params["alpha"] for r in children} == {"0.1", "1", "10"}
+    for run in children:
+        folds = tracker.client.get_metric_history(run.info.run_id, "fold/nmse")
+        assert [m.step for m in folds] == [0, 1, 2, 3]
+        assert np.mean([m.value for m in folds]) == pytest.approx(run.data.metrics["nmse"])
+        assert run.data.metrics["nmse"] > 0  # scikit-learn's sign is turned back
+        assert run.data.metrics["r2"] > 0
+
+
+def test_only_candidates_not_yet_recorded_are_logged(tracker):
+    results = {"params": [{"p": 1}, {"p": 2}], "mean_test_score": [1, 2], "std_test_score": [0, 0]}
+    results |= {"split0_test_score": [1, 2], "mean_fit_time": [0.1, 0.1]}
+    with tracker.run("search") as parent:
+        tracking.log_candidates(parent, results, first=1)
+    assert set(runs(tracker)) == {"search", "p=2"}
+
+
+def test_environment_wins_over_the_default(monkeypatch, tmp_path):
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", "http://a.team.example")
+    assert tracking.tracking_uri(tmp_path) == "http://a.team.example"
+    monkeypatch.delenv("MLFLOW_TRACKING_URI")
+    assert tracking.tracking_uri(tmp_path) == f"sqlite:///{tmp_path}/mlruns/mlflow.db"
+
+
+def test_default_store_keeps_all_beneath_mlruns(migrated_database, tmp_path, monkeypatch):
+    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
+    monkeypatch.setattr(store, "initialise", lambda path: path.write_bytes(migrated_database.read_bytes()))
+    (tmp_path / "mlruns").mkdir()
+    tracker = open_tracker("here", root=tmp_path)
+    with tracker.run("one") as run:
+        run.log_text("hello", "note.txt")
+    assert len(list((tmp_path / "mlruns" / "artifacts").rglob("note.txt"))) == 1
+    assert tracking.latest_experiment(tmp_path) == tracker.experiment_id
+
+
+def test_server_that_is_down_is_told_at_once(monkeypatch):
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", f"http://me:secret@127.0.0.1:{port}")
+    start = time.monotonic()
+    with pytest.raises(TrackingError, match=r"does not answer .* --no-track") as caught:
+        open_tracker("x")
+    assert time.monotonic() - start < 30  # MLflow's own retries take minutes
+    assert "secret" not in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_refused_store_is_told_in_one_sentence(monkeypatch, tmp_path):
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{tmp_path / 'broken.db'}")
+    (tmp_path / "broken.db").write_text("this is no database, whatever its name says" * 50)
+    with pytest.raises(TrackingError, match="cannot be opened") as caught:
+        open_tracker("x")
+    assert "\n" not in str(caught.value)
+
+
+def test_without_tracking_nothing_is_needed_and_nothing_written(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setitem(sys.modules, "mlflow", None)  # makes `import mlflow` raise
+    tracker = open_tracker("x", enabled=False)
+    with tracker.run("a") as run, run.child("b") as child:
+        child.log_params({"p": 1})
+        child.log_metrics({"nmse": 1.0})
+        child.log_tags({"a": 1})
+        child.log_input([[0.0]], [0.0], "d")
+        assert child.log_model(object(), [[0.0]]) == ""
+    assert not list(tmp_path.iterdir())
+
+
+def test_missing_mlflow_names_the_extra(monkeypatch):
+    monkeypatch.setitem(sys.modules, "mlflow", None)
+    with pytest.raises(ImportError, match=r"whsklearn\[mlflow\]"):
+        open_tracker("x")
+
+
+def test_library_imports_neither_mlflow_nor_matplotlib():
+    code = (
+        "import sys, whsklearn, whsklearn.tracking, whsklearn.plot; print({'mlflow', 'matplotlib'} & set(sys.modules))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "set()"
+
+
+def test_an_address_of_the_environment_is_not_pinned_by_a_logged_model(mlflow_root, monkeypatch):
+    import mlflow
+
+    from whsklearn import RLSRegressor
+
+    X, y = np.eye(20, 2), np.arange(20.0)
+    with open_tracker("pinned").run("one") as run:
+        run.log_model(RLSRegressor().fit(X, y), X)
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", "sqlite:///elsewhere.db")
+    assert mlflow.get_tracking_uri() == "sqlite:///elsewhere.db"

@@ -1,1 +1,0 @@
-"""One file a display; `whsklearn.plot` is their public face."""

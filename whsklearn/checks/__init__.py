@@ -1,0 +1,12 @@
+"""Contracts of effects and of streams, for your own and for ours."""
+
+from whsklearn.checks.effects import EffectContractError, check_effect
+from whsklearn.checks.streaming import check_streaming, state_difference, streaming_checks
+
+__all__ = [
+    "EffectContractError",
+    "check_effect",
+    "check_streaming",
+    "state_difference",
+    "streaming_checks",
+]

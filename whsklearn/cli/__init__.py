@@ -1,0 +1,56 @@
+"""The command ``whsklearn``; a command's module is imported when it is called, so that ``--help`` is quick."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+
+import click
+
+COMMANDS = {
+    "identify": "Find the model of an axis from its log: linear, Wiener-Hammerstein or physics.",
+    "gap": "Find, name and close the gap between a model and a log.",
+    "tune": "Search innovation length, covariance, forgetting, orders and laws.",
+    "stream": "Identify row by row, day and night, with alarms and checkpoints.",
+    "fleet": "Identify every axis of a folder and tell which stand apart.",
+    "simulate": "Run a model file with the drive of a log.",
+    "export": "Write a model for MuJoCo, URDF, Isaac Lab, C99, PLCs or FMI.",
+    "ui": "Show the recorded runs in a browser.",
+    "demo": "Identify a simulated example, then find an effect hidden in a log.",
+}
+WIDTH = 100
+
+
+class Lazy(click.Group):
+    """A group whose commands are modules of this package, imported on use."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """In the order in which one would try them."""
+        return [name for name in COMMANDS if importlib.util.find_spec(f"{__name__}.{name}")]
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """The command ``main`` of the module of its name."""
+        if cmd_name not in self.list_commands(ctx):
+            return None
+        command = importlib.import_module(f"{__name__}.{cmd_name}").main
+        assert isinstance(command, click.Command)
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Names and lines, without importing what they stand for."""
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, COMMANDS[name]) for name in self.list_commands(ctx)])
+
+
+@click.command(cls=Lazy, context_settings={"max_content_width": WIDTH})
+@click.version_option(package_name="whsklearn")
+def main() -> None:
+    """Identify servo axes from their logs, and find what a model misses.
+
+    \b
+    whsklearn demo
+    whsklearn gap axis.csv --drive torque_nm --position position_rad --report gap
+    whsklearn identify axis.csv --input torque_nm --output position_rad --out model
+
+    Exit status: 0 a result, 2 a wrong option, 3 a log that cannot be used, 1 any other failure.
+    """  # noqa: D301 - click reads the backspace

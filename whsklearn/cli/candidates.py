@@ -1,0 +1,50 @@
+"""The estimators that the jobs compare, in the order of the tables."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from whsklearn import (
+    DifferentialEvolutionRegressor,
+    MILSRegressor,
+    MultiInnovationGradientRegressor,
+    PEMRegressor,
+    RLSRegressor,
+    RMILSRegressor,
+    WienerHammersteinLags,
+)
+from whsklearn.cli.comparison import Candidate
+
+PUBLISHED: dict[str, Any] = {
+    "gradient": "pseudolinear",
+    "theta0": 0.01,
+    "P0": 1e6,
+}  # the article's start, theta(0) = 1/100
+
+
+def candidates(
+    lags: WienerHammersteinLags,
+    *,
+    p: int = 4,
+    seed: int = 0,
+    evolution: bool = False,
+    published: dict[str, Any] | None = None,
+) -> list[Candidate]:
+    """Both readings of RLS, MILS and RMILS, the gradient scheme, and the batch fit as the yardstick."""
+    old: dict[str, Any] = {**PUBLISHED, **(published or {})}
+    common: dict[str, Any] = {"lags": lags, "random_state": seed}
+    found = [
+        Candidate("RLS", RLSRegressor(**common, **old), "pseudolinear"),
+        Candidate("MILS", MILSRegressor(**common, p=p, **old), "pseudolinear"),
+        Candidate("RMILS", RMILSRegressor(**common, p=p, **old), "pseudolinear"),
+        Candidate("gradient", MultiInnovationGradientRegressor(lags=lags, p=p, theta0=old["theta0"]), "pseudolinear"),
+        Candidate("RLS", RLSRegressor(**common), "full"),
+        Candidate("MILS", MILSRegressor(**common, p=p), "full"),
+        Candidate("RMILS", RMILSRegressor(**common, p=p), "full"),
+        Candidate("PEM", PEMRegressor(**common), "batch", stream=False),
+    ]
+    if evolution:
+        found.append(
+            Candidate("differential evolution", DifferentialEvolutionRegressor(**common), "batch", stream=False)
+        )
+    return found

@@ -1,0 +1,180 @@
+"""One comparison for all jobs: fit each candidate, run it freely on records it has not seen, record it."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from sklearn.base import clone
+from tqdm import tqdm
+
+from whsklearn.cli.job import table, wrapped
+from whsklearn.metrics import mu_e, nmse, parameter_error, rmse
+from whsklearn.plot import flat_parameters, parameter_paths
+from whsklearn.tracking import Run, estimator_params
+
+WARM_UP = 400  # samples: beyond the 320 at which a stream's first models take over, so that all kernels have run
+
+
+@dataclass(frozen=True)
+class Record:
+    """An input of shape (n, 1) and an output of shape (n,), with a name."""
+
+    name: str
+    X: NDArray[np.float64]
+    y: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """An estimator to be compared; ``stream`` says that its parameters move sample by sample."""
+
+    name: str
+    model: Any
+    reading: str = "-"
+    stream: bool = True
+
+
+@dataclass
+class Outcome:
+    """What became of a candidate."""
+
+    candidate: Candidate
+    seconds: float = 0.0
+    indices: dict[str, float] = field(default_factory=dict)
+    fitted: Any = None
+    predictions: list[NDArray[np.float64]] = field(default_factory=list)
+    paths: tuple[NDArray[np.int64], dict[str, NDArray[np.float64]]] | None = None
+    failure: str = ""
+
+
+def compare(
+    candidates: Sequence[Candidate],
+    train: Record,
+    test: Sequence[Record],
+    *,
+    parent: Run,
+    theta: NDArray[np.float64] | None = None,
+    every: int = 10,
+    skip: int = 0,
+) -> list[Outcome]:
+    """Fit, judge and record every candidate; one that fails is told and leaves the others alone."""
+    compile_once(candidates, train)
+    outcomes = []
+    bar = tqdm(candidates, desc="fitting", unit="model")
+    for candidate in bar:
+        bar.set_postfix_str(f"{candidate.name} {candidate.reading}")
+        outcome = Outcome(candidate)
+        try:
+            tags = {"reading": candidate.reading, "data": train.name, "estimator": type(candidate.model).__name__}
+            with parent.child(f"{candidate.name} ({candidate.reading})", tags=tags) as run:
+                _fit_and_judge(outcome, train, test, theta, every, skip)
+                _record(outcome, run, train)
+        except ValueError as error:
+            outcome.failure = str(error).splitlines()[0]
+        outcomes.append(outcome)
+    if all(o.failure for o in outcomes):
+        raise ValueError(f"No candidate could be fitted to {train.name}; the first said: {outcomes[0].failure}")
+    best = min((o for o in outcomes if not o.failure), key=lambda o: o.indices["nmse"])
+    parent.log_metrics(best.indices)  # so that the page, sorted by a metric, shows the parent in its place
+    parent.log_tags({"best": f"{best.candidate.name} ({best.candidate.reading})"})
+    return outcomes
+
+
+def compile_once(candidates: Sequence[Candidate], train: Record) -> None:
+    """Fit every candidate to a few samples, so that no estimator's seconds hold the compilation of its kernels.
+
+    A machine's first run compiles for some tens of seconds and keeps the result; later runs pass through in one.
+    """
+    bar = tqdm(candidates, desc="compiling (once on a machine)", unit="model", leave=False)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # a few samples are no record to judge by
+        for candidate in bar:
+            with contextlib.suppress(ValueError):
+                few = clone(candidate.model).fit(train.X[:WARM_UP], train.y[:WARM_UP])
+                few.predict(train.X[:WARM_UP])
+
+
+def _fit_and_judge(
+    outcome: Outcome,
+    train: Record,
+    test: Sequence[Record],
+    theta: NDArray[np.float64] | None,
+    every: int,
+    skip: int,
+) -> None:
+    model = outcome.candidate.model
+    start = time.perf_counter()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # interim estimates of a poor candidate may overflow
+        outcome.fitted = model.fit(train.X, train.y)
+        outcome.seconds = time.perf_counter() - start
+        outcome.predictions = [np.asarray(outcome.fitted.predict(r.X), dtype=float) for r in test]
+        scores = {"nmse": nmse, "mu_e": mu_e, "rmse": rmse}
+        for name, index in scores.items():
+            pairs = zip(test, outcome.predictions, strict=True)
+            outcome.indices[name] = float(np.mean([index(r.y, y_hat, skip=skip) for r, y_hat in pairs]))
+        if theta is not None and hasattr(outcome.fitted, "theta_"):
+            outcome.indices["delta"] = parameter_error(outcome.fitted.theta_, theta)
+        if outcome.candidate.stream:
+            outcome.paths = parameter_paths(model, train.X, train.y, every=every)
+
+
+def _record(outcome: Outcome, run: Run, train: Record) -> None:
+    """Params, metrics, paths and model of one candidate."""
+    fitted = outcome.fitted
+    run.log_params(estimator_params(fitted))
+    run.log_metrics({**outcome.indices, "fit_seconds": outcome.seconds})
+    run.log_input(train.X, train.y, train.name)
+    if outcome.paths is not None:
+        steps, paths = outcome.paths
+        run.log_paths({f"path/{k}": v for k, v in paths.items()}, steps)
+    elif hasattr(fitted, "parameters_"):
+        run.log_metrics({f"path/{k}": v for k, v in flat_parameters(fitted.parameters_).items()})
+    if type(fitted).__module__.startswith("whsklearn."):  # a yardstick of the jobs cannot be loaded elsewhere
+        run.log_model(fitted, train.X)
+
+
+def results_table(outcomes: Sequence[Outcome], title: str) -> str:
+    """Candidates by rows, indices by columns, failures told below."""
+    names = [k for k in ("nmse", "mu_e", "rmse", "delta") if any(k in o.indices for o in outcomes)]
+    rows = [
+        [o.candidate.name, o.candidate.reading, *(o.indices.get(k) for k in names), o.seconds or None] for o in outcomes
+    ]
+    text = table(["estimator", "reading", *names, "seconds"], rows, title=title)
+    told = [
+        f"{o.candidate.name} ({o.candidate.reading}) could not be fitted: {o.failure}" for o in outcomes if o.failure
+    ]
+    return "\n".join([text, *told])
+
+
+def by_name(outcomes: Sequence[Outcome], **wanted: str) -> Mapping[str, Outcome]:
+    """Outcomes that did not fail, by ``name, reading``."""
+    chosen = [o for o in outcomes if not o.failure]
+    for key, value in wanted.items():
+        chosen = [o for o in chosen if getattr(o.candidate, key) == value]
+    return {f"{o.candidate.name}, {o.candidate.reading}": o for o in chosen}
+
+
+def verdict(outcomes: Sequence[Outcome]) -> str:
+    """Whether the nonlinear model earns its keep on this record."""
+    linear = next((o for o in outcomes if o.candidate.reading == "linear" and not o.failure), None)
+    others = [o for o in outcomes if o.candidate.reading != "linear" and not o.failure]
+    if linear is None or not others:
+        return "Too little could be fitted to compare with a linear model."
+    best = min(others, key=lambda o: o.indices["nmse"])
+    ratio = best.indices["nmse"] / linear.indices["nmse"]
+    name = f"{best.candidate.name} ({best.candidate.reading})"
+    if ratio < 1:
+        return f"{name} leaves {ratio:.2g} of the best linear model's mean squared error in free run."
+    return wrapped(
+        f"Warning: in free run {name} has {ratio:.2g} times the mean squared error of the best linear model. These "
+        "estimators minimise the one-step error, with these orders and this law; whether the record is that of a "
+        "Wiener-Hammerstein system, of a linear one or of an axis, `whsklearn identify` tells."
+    )

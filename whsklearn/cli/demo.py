@@ -1,0 +1,36 @@
+"""The library shown in a minute: identification of the article's example, then a hidden effect found in a log."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from whsklearn.cli.job import writable_folder
+
+
+@click.command(context_settings={"show_default": True, "max_content_width": 100})
+@click.option("--seed", type=click.IntRange(min=0), default=0, help="Seed of everything random.")
+@click.option("--track/--no-track", default=True, help="Record the runs in MLflow, or leave the record out.")
+@click.option("--out", type=click.Path(file_okay=False), default="reports", help="Folder for the log and the report.")
+@click.pass_context
+def main(ctx: click.Context, seed: int, track: bool, out: str) -> None:
+    """Identify the simulated example with every estimator, then hide cogging in a log and find it.
+
+    Example: whsklearn demo --no-track
+    """
+    from whsklearn.cli import gap, hidden_effect, simulated_example
+
+    try:
+        folder = writable_folder(out)
+    except OSError as error:
+        raise click.ClickException(str(error)) from None
+    log, report = str(folder / "hidden.csv"), str(folder / "gap")
+    ctx.invoke(simulated_example.main, seed=seed, track=track)
+    ctx.invoke(hidden_effect.main, seed=seed, out=log)
+    ctx.invoke(gap.main, log_file=log, report=report, seed=seed, track=track)
+    click.echo(f"Open {Path(report, 'gap.html')}; whsklearn --help lists the commands.")
+
+
+if __name__ == "__main__":
+    main()

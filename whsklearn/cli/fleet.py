@@ -1,0 +1,169 @@
+"""Identify every axis of a fleet: one model each, one table of all, the outliers in MLflow."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+from tqdm import tqdm
+
+from whsklearn.cli.job import job, say_where, table, tracker_for, writable_file
+from whsklearn.cli.stream import ESTIMATORS, build_model
+
+if TYPE_CHECKING:
+    from whsklearn.cli.fleet_axis import Row
+    from whsklearn.tracking import Run
+
+MOST_CHILDREN = 50
+
+
+@job
+@click.argument("folder", type=click.Path(exists=True, file_okay=False, path_type=Path))
+@click.option("--axis", default="axis", help="Partition key: the folder holds AXIS=NAME/*.parquet.")
+@click.option("--input", "inputs", multiple=True, default=["u"], help="Input column; several times for several.")
+@click.option("--output", default="y", help="Output column.")
+@click.option("--time", "time_column", default=None, help="Time column; rows are put in its order.")
+@click.option("--estimator", type=click.Choice(sorted(ESTIMATORS)), default="rmils", help="What learns.")
+@click.option("--orders", default="2,2,2,2", help="n_a, n_b, n_c, n_d of the Wiener-Hammerstein model.")
+@click.option("--law", default="reduced", help="Friction law: names joined by commas.")
+@click.option("--p", type=int, default=4, help="Innovation length.")
+@click.option("--forgetting", type=float, default=1.0, help="Forgetting factor.")
+@click.option("--test-share", type=click.FloatRange(0, 0.9), default=0.25, help="Last part of a log, kept for judging.")
+@click.option("--in-process", is_flag=True, help="No cluster: this machine's cores, by joblib.")
+@click.option("--scheduler", default=None, help="Address of a Dask scheduler; a local cluster if left out.")
+@click.option("--workers", type=click.IntRange(1), default=2, help="Processes here.")
+@click.option("--batch", type=click.IntRange(1), default=10, help="Axes of one task.")
+@click.option("--out", type=click.Path(dir_okay=False, path_type=Path), default=Path("fleet.parquet"), help="Table.")
+def main(
+    folder: Path, axis: str, inputs: tuple[str, ...], output: str, time_column: str | None, estimator: str,
+    orders: str, law: str, p: int, forgetting: float, test_share: float, in_process: bool, scheduler: str | None,
+    workers: int, batch: int, out: Path, seed: int, track: bool,
+) -> None:  # fmt: skip
+    """Identify every axis of FOLDER, a Parquet folder partitioned by axis, and write one table of all.
+
+    Example: whsklearn fleet logs/ --input torque_nm --output velocity_rad_s --out fleet.parquet
+    """
+    from whsklearn.cli.fleet_axis import axes_of, outliers
+    from whsklearn.state import atomic_write
+
+    writable_file(out)
+    names = axes_of(folder, axis)
+    model = build_model(estimator, orders, law, p, forgetting, seed)
+    source: dict[str, Any] = {"folder": str(folder.resolve()), "axis": axis, "inputs": list(inputs), "output": output}
+    source["time_column"] = time_column
+    batches = [names[i : i + batch] for i in range(0, len(names), batch)]
+    began = time.perf_counter()
+    with tqdm(total=len(names), unit="axis", desc="fleet") as bar:
+        rows: list[Row] = []
+        results = (
+            run_here(model, batches, source, test_share, workers)
+            if in_process
+            else run_on_cluster(model, batches, source, test_share, scheduler, workers)
+        )
+        for done in results:
+            rows += done
+            bar.update(len(done))
+    seconds = time.perf_counter() - began
+    found = to_table(rows, names)
+    buffer = io.BytesIO()
+    found.to_parquet(buffer, index=False)
+    atomic_write(out, buffer.getvalue())
+    apart = outliers(found)
+    tracker = tracker_for("fleet", track)
+    with tracker.run(folder.name) as run:
+        record(run, found, apart, model, out, seconds, workers)
+    click.echo(summary(found, apart, out, seconds))
+    say_where(tracker)
+
+
+def run_here(
+    model: Any, batches: list[list[str]], source: dict[str, Any], test_share: float, workers: int
+) -> Iterator[list[Row]]:
+    """Results of each batch as they are ready, from this machine's cores."""
+    from joblib import Parallel, delayed
+
+    from whsklearn.cli.fleet_axis import identify_axes
+
+    parallel = Parallel(n_jobs=workers, return_as="generator_unordered")
+    yield from parallel(delayed(identify_axes)(model, names, source, test_share) for names in batches)
+
+
+def run_on_cluster(
+    model: Any, batches: list[list[str]], source: dict[str, Any], test_share: float, scheduler: str | None, workers: int
+) -> Iterator[list[Row]]:
+    """Results of each batch as they are ready, from a Dask cluster; the work of a lost worker is done anew."""
+    import dask
+    from distributed import Client, LocalCluster, as_completed
+
+    from whsklearn.cli.fleet_axis import identify_axes
+
+    settings = {"distributed.scheduler.allowed-failures": 20, "distributed.worker.daemon": False}
+    with contextlib.ExitStack() as stack:
+        stack.enter_context(dask.config.set(settings))
+        if scheduler is None:
+            cluster = LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=":0")
+            client = stack.enter_context(Client(stack.enter_context(cluster)))
+        else:
+            client = stack.enter_context(Client(scheduler, timeout="20s"))
+        futures = client.map(
+            identify_axes, [model] * len(batches), batches, source=source, test_share=test_share, pure=False, retries=3
+        )
+        for future in as_completed(futures):
+            yield future.result()
+            future.release()
+
+
+def to_table(rows: list[Row], names: list[str]) -> Any:
+    """One row an axis, in the order of names, whatever order the work was done in."""
+    import pandas as pd
+
+    found = pd.DataFrame(rows).drop_duplicates("axis").set_index("axis")
+    lost = sorted(set(names) - set(found.index))
+    if lost:
+        raise ValueError(f"{len(lost)} axes came back without a result, the first {lost[0]}; run again.")
+    first = ["rows", "failure", "seconds", "nmse", "mu_e", "rmse"]
+    found = found.reindex(columns=[*first, *[c for c in found.columns if c not in first]])
+    return found.loc[names].reset_index()
+
+
+def record(run: Run, found: Any, apart: Any, model: Any, out: Path, seconds: float, workers: int) -> None:
+    """One run for the fleet, a child for each outlier."""
+    from whsklearn.tracking import estimator_params
+
+    run.log_params(estimator_params(model) | {"axes": len(found), "workers": workers})
+    quantiles = found[["nmse", "rmse"]].astype(float).quantile([0.5, 0.95])
+    metrics = {f"{c}_{round(100 * q)}": quantiles.at[q, c] for q in (0.5, 0.95) for c in ("nmse", "rmse")}
+    counts = {"failed": float((found["failure"] != "").sum()), "outliers": float(len(apart)), "seconds": seconds}
+    run.log_metrics({k: float(v) for k, v in metrics.items() if v == v} | counts)
+    run.log_artifact(out)
+    for _, row in apart.head(MOST_CHILDREN).iterrows():
+        with run.child(
+            f"axis {row['axis']}", tags={"axis": str(row["axis"]), "status": "outlier", "why": row["why"]}
+        ) as child:
+            values = row.drop(["axis", "failure", "why"]).astype(float)
+            child.log_metrics({k: float(v) for k, v in values.items() if v == v})
+
+
+def summary(found: Any, apart: Any, out: Path, seconds: float) -> str:
+    """What a person wants to read at the end."""
+    failed = int((found["failure"] != "").sum())
+    lines = [
+        f"{len(found)} axes, {int(found['rows'].sum())} rows in {seconds:.1f} s "
+        f"({1e3 * found['seconds'].sum() / len(found):.1f} ms of work an axis); {failed} failed; table in {out}.",
+    ]
+    if len(apart):
+        shown = [
+            [r["axis"], r["nmse"] if r["nmse"] == r["nmse"] else None, r["why"][:60]]
+            for _, r in apart.head(10).iterrows()
+        ]
+        lines += ["", table(["outlier", "nmse", "why"], shown)]
+    return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    main()

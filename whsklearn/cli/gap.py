@@ -1,0 +1,268 @@
+"""Close the gap: find what a model lacks against a log, name it, add it, and prove that the gap has closed.
+
+Writes ``gap.html`` (for a person), ``gap.json`` (for programs) and ``repaired.json`` (the model with what was
+missing) into the report folder and records the diagnosis in MLflow: a parent run, and a child run for every round.
+"""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+from tqdm import tqdm
+
+from whsklearn.cli.job import UNUSABLE, job, say_where, tracker_for, wrapped, writable_folder
+from whsklearn.cli.records import longest, note, read, reading_options, roles_of
+
+if TYPE_CHECKING:
+    from whsklearn.logs.errors import LogError
+
+if TYPE_CHECKING:
+    from sklearn.utils import Bunch
+
+    from whsklearn.gap import GapFinder
+
+USUAL = {"time": "time_s", "drive": "torque_nm", "position": "position_rad"}
+
+
+def orders_of(_context: Any, _option: Any, text: str | None) -> tuple[int, int, int, int] | None:
+    """Four whole numbers of a text such as 3,3,3,3."""
+    if text is None:
+        return None
+    parts = [p.strip() for p in text.split(",")]
+    if len(parts) != 4 or not all(p.isdigit() for p in parts):
+        raise click.BadParameter(f"{text!r}; expected four whole numbers n_a,n_b,n_c,n_d such as 3,3,3,3.")
+    return tuple(int(p) for p in parts)  # type: ignore[return-value]
+
+
+@job
+@click.argument("log_file", metavar="LOG", type=click.Path(exists=True))
+@click.option(
+    "--model",
+    "kind",
+    type=click.Choice(["servo", "wiener-hammerstein"]),
+    default="servo",
+    help="Kind of the base model.",
+)
+@click.option("--time", "time_column", help="Column of the time; by its name if left out.")
+@click.option("--reference", help="Column of the reference (servo); may be left out.")
+@click.option("--drive", help="Column of the drive: torque, force, current, voltage (servo).")
+@click.option("--position", help="Column of the measured position; _deg, _mm and the like tell the unit (servo).")
+@click.option("--velocity", help="Column of the velocity, where no position is logged (servo).")
+@click.option("--command", help="Column of a position servo's command, where no drive is logged.")
+@click.option("--input", "input_column", default="u", help="Column of the input (Wiener-Hammerstein).")
+@click.option("--output", "output_column", default="y", help="Column of the output (Wiener-Hammerstein).")
+@reading_options
+@click.option(
+    "--law",
+    default=None,
+    help="Terms of the base model's law, joined by commas: friction such as viscous,coulomb; for Wiener-Hammerstein "
+    "also linear, offset, polynomial (or polynomial:5), piecewise_linear (or piecewise_linear:12 for 12 kinks).",
+)
+@click.option(
+    "--orders", default=None, callback=orders_of, help="Orders n_a,n_b,n_c,n_d of the base model (Wiener-Hammerstein)."
+)
+@click.option(
+    "--direct", type=click.IntRange(0, 2), default=0, help="Blocks with a direct path, 0 to 2 (Wiener-Hammerstein)."
+)
+@click.option(
+    "--tolerance", type=float, default=0.004, help="Smallest effect worth a name, share of the rms drive or output."
+)
+@click.option("--max-effects", type=click.IntRange(min=1, max=5), default=3, help="Effects added at the most.")
+@click.option("--simulator", type=click.Path(exists=True, dir_okay=False), help="A MuJoCo model.xml or an FMU.")
+@click.option("--joint", help="Joint of the simulator.")
+@click.option("--test", "second", type=click.Path(exists=True), help="Another log of the axis, to test the result on.")
+@click.option("--report", "report", type=click.Path(file_okay=False), default="gap", help="Folder for the report.")
+def main(**options: Any) -> None:
+    """Find, name and close the gap between a model and LOG.
+
+    LOG is a CSV of any dialect, Parquet, MAT, HDF5, TDMS, MDF4, MCAP, a ROS bag or a LeRobot folder.
+
+    \b
+    whsklearn gap axis.csv --time time_s --drive torque_nm --position position_rad --report gap
+    whsklearn gap robot.mcap --drive /joint_states.effort.elbow --position /joint_states.position.elbow
+    """  # noqa: D301 - click reads the backspace
+    from whsklearn.logs.errors import ColumnError, LogError
+
+    folder = writable_folder(options["report"])
+    try:
+        log = longest(read_log(options))
+    except ColumnError:
+        raise
+    except LogError as error:
+        data_problem(error, folder)
+        raise
+    finder, page = diagnose(options, log, folder)
+    d = finder.diagnosis_
+    click.echo(wrapped(f"{d.verdict}: {d.sentence}"))
+    if d.interrupted:
+        click.echo("Interrupted: the report holds the rounds that were finished.")
+    click.echo(f"Report: {page}")
+    if d.verdict == "data_problem":
+        raise SystemExit(UNUSABLE)
+
+
+def diagnose(options: dict[str, Any], log: Bunch, folder: Path) -> tuple[GapFinder, Path]:
+    """Run the finder on a log, write the report, record both."""
+    from whsklearn.gap import GapFinder
+    from whsklearn.gap.finder import STEPS
+    from whsklearn.logs.slips import slips_in
+
+    record, columns = as_record(options, log)
+    for slip in slips_in(log) if options["kind"] == "servo" else []:
+        note(str(slip))
+        log.notes = (*log.notes, str(slip))
+    tracker = tracker_for("close_gap", options["track"], data=Path(options["log_file"]).stem)
+    with tracker.run(f"gap of {Path(options['log_file']).name}") as parent, tqdm(total=len(STEPS), leave=False) as bar:
+        parent.log_params({k: v for k, v in options.items() if v not in (None, (), False)})
+        parent.log_input(log.X, log.y, Path(options["log_file"]).stem)
+
+        def progress(step: str) -> None:
+            bar.set_description(step)
+            bar.update(1)
+
+        finder = GapFinder(
+            options["kind"] if options["simulator"] is None else simulator_of(options),
+            law=options["law"],
+            orders=options["orders"],
+            direct=options["direct"],
+            max_effects=options["max_effects"],
+            tolerance=options["tolerance"],
+            random_state=options["seed"],
+            progress=progress,
+        )
+        finder.fit(record, **columns)
+        d = finder.diagnosis_
+        d.file, d.units = log.name, dict(log.units)
+        d.notes = [origin(log), *log.notes, *d.notes]
+        if options["second"] and d.verdict != "data_problem":
+            test(options, finder)
+        page = finder.report(folder)
+        track(parent, finder, folder)
+    say_where(tracker)
+    return finder, page
+
+
+def test(options: dict[str, Any], finder: GapFinder) -> None:
+    """The free run of the repaired model on the second log, into the diagnosis and onto the terminal."""
+    from whsklearn.gap.second_record import on_second_record
+
+    second = longest(read_log({**options, "log_file": options["second"]}))
+    record, columns = as_record(options, second)
+    d = finder.diagnosis_
+    d.test = on_second_record(finder, record, **columns)
+    told = ", ".join(f"{r['before']:.3g} to {r['after']:.3g} over {r['horizon']:g} s" for r in d.test)
+    text = f"On {second.name}, of which nothing was fitted, the free run's RMSE goes from {told}."
+    d.notes.insert(1, text)
+    tqdm.write(wrapped(text))
+
+
+def origin(log: Bunch) -> str:
+    """File, columns, span, rate, date and version in one sentence."""
+    from whsklearn import __version__
+
+    columns = ", ".join(f"{r} from {c!r} in {log.units.get(r, '')}" for r, c in log.columns.items())
+    today = datetime.now(UTC).date().isoformat()
+    return (
+        f"{log.name}: {columns}; {log.y.size} samples over {log.time[-1] - log.time[0]:.4g} s at "
+        f"{log.sample_rate:.6g} Hz; diagnosed on {today} by whsklearn {__version__}."
+    )
+
+
+def read_log(options: dict[str, Any]) -> Bunch:
+    """The columns that the options name, or that name themselves."""
+    from whsklearn.logs import open_source
+    from whsklearn.logs.roles import by_number
+
+    source = open_source(options["log_file"])
+    servo = options["kind"] == "servo"
+    if options["columns"]:
+        given: dict[str, str | None] = {**by_number(options["columns"], chain=not servo)}
+    elif servo:
+        given = {r: options[r] for r in ("drive", "position", "velocity", "reference", "command")}
+        given["time"] = options["time_column"]
+    else:
+        given = {"drive": options["input_column"], "position": options["output_column"], "time": options["time_column"]}
+    needed = [r for r in ("drive", "position") if servo]
+    if given.get("command"):
+        needed.remove("drive")
+    if given.get("velocity") and not given.get("position"):
+        needed.remove("position")
+    if servo and options["rate"] is None and not options["columns"] and source.header and not _own_clock(source):
+        needed.append("time")
+    return read(options["log_file"], options, **roles_of(source, given, tuple(needed), USUAL))
+
+
+def _own_clock(source: Any) -> bool:
+    """Whether the format brings stamps of its own, so that no column of time is needed."""
+    return Path(source.name).suffix.lower() in (".mcap", ".bag", ".mf4", ".mdf", ".tdms", "")
+
+
+def as_record(options: dict[str, Any], log: Bunch) -> tuple[Any, dict[str, Any]]:
+    """The log as the kind of model takes it, motions in rad or m, and the names of its columns."""
+    import pandas as pd
+
+    from whsklearn.gap.record import ServoRecord
+    from whsklearn.logs.units import UNKNOWN, factor_of
+
+    if options["kind"] != "servo":
+        frame = pd.DataFrame({"time": log.time, "u": log.X[:, 0], "y": log.y})
+        return frame, {"input": "u", "output": "y", "time": "time"}
+    factor, unit = factor_of(log.units["position"])
+    unit = "rad" if unit == UNKNOWN else unit
+    position = log.y * factor
+    reference = None if log.reference is None else log.reference * factor
+    drive, drive_unit = log.X[:, 0], log.units.get("drive", UNKNOWN)
+    if log.command is not None:
+        reference = log.command * factor_of(log.units.get("command", log.units["position"]))[0]
+        drive, drive_unit = reference - position, unit
+        text = "No drive is logged: command minus position stands for it, and sizes are per unit of the loop's gain."
+        note(text)
+        log.notes = (*log.notes, text)
+    return ServoRecord(
+        log.time, drive, position, reference, ("drive" if drive_unit == UNKNOWN else drive_unit, unit)
+    ), {}
+
+
+def simulator_of(options: dict[str, Any]) -> Any:
+    """The simulator that the options name, behind the three methods that the finder asks for."""
+    from whsklearn import simulators
+
+    path = Path(options["simulator"])
+    if path.suffix.lower() == ".fmu":
+        return simulators.FMUSimulator(path)
+    if not options["joint"]:
+        raise ValueError("--simulator needs --joint, the name of the joint that was logged.")
+    return simulators.MuJoCoSimulator(path, joint=options["joint"])
+
+
+def data_problem(error: LogError, folder: Path) -> None:
+    """A report that says why the log cannot be used."""
+    from whsklearn.gap.data_check import Problem
+    from whsklearn.gap.finder import data_problem as unusable
+    from whsklearn.gap.report import write_report
+
+    write_report(unusable([Problem("data-unreadable", "The log cannot be used", str(error))]), folder)
+
+
+def track(parent: Any, finder: GapFinder, folder: Path) -> None:
+    """The parent run's metrics before and after, a child run for each round, and the report."""
+    d = finder.diagnosis_
+    parent.log_tags({"verdict": d.verdict, "effects": ", ".join(e.name for e in d.effects)})
+    for step, values in enumerate((d.before, d.after)):
+        parent.log_metrics({k: v for k, v in values.items() if k in ("nmse", "mu_e", "rmse")}, step=step)
+    if d.rounds:
+        parent.log_metrics({"missing_share": float(d.rounds[0].get("gap_share", 0.0))})
+    parent.log_metrics({"closure": d.closure, "noise_floor_rmse": d.floor, "seconds": d.seconds})
+    for r in d.rounds:
+        with parent.child(f"round {r['number']}: {r['taken']}") as child:
+            child.log_metrics({"gap": r["gap"], "delta_bic": r["delta_bic"], "tried": float(r["tried"])})
+    for name in ("gap.html", "gap.json", "repaired.json", "repaired.xml"):
+        if (folder / name).exists():
+            parent.log_artifact(folder / name)
+
+
+if __name__ == "__main__":
+    main()

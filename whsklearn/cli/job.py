@@ -1,0 +1,177 @@
+"""What every job's command line shares: options, one-sentence errors, tables that fit 100 columns."""
+
+from __future__ import annotations
+
+import functools
+import os
+import signal
+import textwrap
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from whsklearn.cli import WIDTH
+
+if TYPE_CHECKING:
+    from whsklearn.tracking import Tracker
+
+USAGE, UNUSABLE, ENDED, INTERRUPTED = 2, 3, 143, 130  # beside 0 for a result and 1 for any other failure
+
+
+class WrongOption(click.ClickException):
+    """An option that does not fit the log, a column that is not there above all."""
+
+    exit_code = USAGE
+
+
+class UnusableLog(click.ClickException):
+    """A log of which nothing can be learnt."""
+
+    exit_code = UNUSABLE
+
+
+class Ended(KeyboardInterrupt):
+    """SIGTERM: as Ctrl-C, so that runs are closed and temporary files removed."""
+
+
+def job(function: Callable[..., None]) -> click.Command:
+    """A click command with ``--seed`` and ``--no-track`` whose expected errors are one clear sentence."""
+
+    @click.command(help=function.__doc__, context_settings={"show_default": True, "max_content_width": WIDTH})
+    @click.option("--seed", type=click.IntRange(min=0), default=0, help="Seed of everything random.")
+    @click.option("--track/--no-track", default=True, help="Record the runs in MLflow, or leave the record out.")
+    @functools.wraps(function)
+    def command(**kwargs: Any) -> None:
+        guarded(function, **kwargs)
+
+    return command
+
+
+def guarded(function: Callable[..., None], **kwargs: Any) -> None:
+    """Run a job; expected errors become one sentence and an exit status."""
+    from whsklearn.logs.errors import ColumnError, LogError
+
+    before = _end_as_interrupt()
+    try:
+        function(**kwargs)
+    except LogError as error:
+        raise (WrongOption if isinstance(error, ColumnError) else UnusableLog)(str(error)) from error
+    except (ValueError, ImportError, OSError) as error:
+        raise click.ClickException(str(error)) from error
+    except RuntimeError as error:
+        if type(error).__name__ != "TrackingError":  # not imported for this: it costs a quarter of a second
+            raise
+        raise click.ClickException(str(error)) from error
+    except KeyboardInterrupt as error:
+        click.echo("Interrupted; what was finished is kept.", err=True)
+        raise SystemExit(ENDED if isinstance(error, Ended) else INTERRUPTED) from None
+    finally:
+        if before is not None:
+            signal.signal(signal.SIGTERM, before)
+
+
+def _end_as_interrupt() -> Any:
+    """Let SIGTERM raise in the main thread; the handler before, or None where there can be no handler."""
+
+    def end(number: int, frame: Any) -> None:
+        raise Ended
+
+    try:
+        return signal.signal(signal.SIGTERM, end)
+    except ValueError:  # not in the main thread
+        return None
+
+
+def root() -> Path:
+    """The folder that holds ``mlruns/``: the checkout, or where the command was called."""
+    checkout = Path(__file__).resolve().parents[2]
+    return checkout if (checkout / "pyproject.toml").is_file() else Path.cwd()
+
+
+def writable_folder(path: str | os.PathLike[str]) -> Path:
+    """The folder, made if it is not there, after a file could be written into it: said before the work, not after.
+
+    Raises
+    ------
+    OSError
+        If nothing can be written there.
+    """
+    folder = Path(path)
+    probe = folder / f".whsklearn-{os.getpid()}"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        probe.write_bytes(b"")
+        probe.unlink()
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise OSError(f"Nothing can be written into {folder} ({reason}); name another folder.") from None
+    return folder
+
+
+def writable_file(path: str | os.PathLike[str]) -> Path:
+    """The path of a file to write, after its folder was found writable.
+
+    Raises
+    ------
+    OSError
+        If it is a folder, or nothing can be written there.
+    """
+    file = Path(path)
+    if file.is_dir():
+        raise OSError(f"{file} is a folder; name a file.")
+    writable_folder(file.parent)
+    return file
+
+
+def tracker_for(experiment: str, track: bool, **tags: str) -> Tracker:
+    """The record of a job, beneath the checkout's mlruns/ unless the environment names another."""
+    from whsklearn.tracking import open_tracker
+
+    if track:
+        click.echo("Opening the record of runs (the first time takes some seconds) ...", err=True)
+    return open_tracker(experiment, root=root(), enabled=track, tags=tags)
+
+
+def say_where(tracker: Tracker) -> None:
+    """Tell where the runs can be seen."""
+    if tracker.client is not None:
+        click.echo("\nRecorded in MLflow; `whsklearn ui` shows the runs.")
+
+
+def wrapped(text: str) -> str:
+    """The text in lines of 100 columns."""
+    return textwrap.fill(text, WIDTH)
+
+
+def table(header: Sequence[str], rows: Iterable[Sequence[Any]], *, title: str = "") -> str:
+    """A plain table, first column left, the others right, cut to 100 columns.
+
+    Examples
+    --------
+    >>> print(table(["model", "NMSE"], [["PEM", 0.01234], ["RLS", None]]))
+    model    NMSE
+    -------------
+    PEM    0.0123
+    RLS         -
+    """
+    cells = [list(header), *[[cell(v) for v in row] for row in rows]]
+    widths = [max(len(r[i]) for r in cells) for i in range(len(header))]
+    spare = WIDTH - sum(widths) - 2 * (len(widths) - 1)
+    widths[0] += min(0, spare)
+    lines = [
+        "  ".join([r[0][: widths[0]].ljust(widths[0]), *(v.rjust(w) for v, w in zip(r[1:], widths[1:], strict=True))])
+        for r in cells
+    ]
+    rule = "-" * min(WIDTH, max(map(len, lines)))
+    return "\n".join([*([title, ""] if title else []), lines[0], rule, *lines[1:]])
+
+
+def cell(value: Any) -> str:
+    """A number in three significant digits, a dash for what is missing."""
+    if value is None:
+        return "-"
+    if isinstance(value, float):
+        return f"{value:.3g}" if 1e-3 <= abs(value) < 1e5 or value == 0 else f"{value:.2e}"
+    return str(value)

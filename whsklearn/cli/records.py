@@ -1,0 +1,160 @@
+"""A user's log as a job takes it: the options that name its columns, the reading, the notes on the terminal."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from sklearn.utils import Bunch
+
+    from whsklearn.cli.comparison import Record
+    from whsklearn.logs.source import Source
+
+_QUIET = ("LOG005", "LOG006", "LOG007")  # in the report; on the terminal they would be said of nearly every log
+_SIGNALS = ("X", "y", "time", "reference", "command", "groups", "frame")
+
+
+def reading_options(function: Callable[..., Any]) -> Callable[..., Any]:
+    """``--columns``, ``--unit``, ``--rate`` and ``--invert-drive``: how a log is to be taken."""
+    options = [
+        click.option("--columns", help="Columns by number from 0 or name: time,drive,position; two: no time."),
+        click.option("--unit", "units", multiple=True, metavar="ROLE=UNIT", help="Such as position=deg; repeatable."),
+        click.option("--rate", type=click.FloatRange(min=0, min_open=True), help="Samples a second, without --time."),
+        click.option("--invert-drive", is_flag=True, help="Change the sign of the drive."),
+    ]
+    for option in reversed(options):
+        function = option(function)
+    return function
+
+
+def log_options(function: Callable[..., Any]) -> Callable[..., Any]:
+    """``--log``, ``--input``, ``--output``, ``--time`` and how the log is to be taken."""
+    options = [
+        click.option("--log", "log_file", type=click.Path(exists=True), help="A log: CSV, Parquet, MAT, MCAP, ..."),
+        click.option("--input", "input_column", help="Column of the log that drives the axis."),
+        click.option("--output", "output_column", help="Column of the log that answers."),
+        click.option("--time", "time_column", help="Column of time stamps; if given, the sampling is checked."),
+    ]
+    function = reading_options(function)
+    for option in reversed(options):
+        function = option(function)
+    return function
+
+
+def units_of(given: tuple[str, ...]) -> dict[str, str]:
+    """Units by role from ``position=deg``."""
+    out = {}
+    for text in given:
+        role, sign, unit = text.partition("=")
+        if not (role and sign and unit):
+            raise ValueError(f"--unit is {text!r}; expected ROLE=UNIT such as position=deg.")
+        out[role.strip()] = unit.strip()
+    return out
+
+
+def roles_of(
+    source: Source, given: Mapping[str, str | None], needed: tuple[str, ...], usual: Mapping[str, str]
+) -> dict[str, str]:
+    """The column of every role: as given, by its usual name, or the one whose name says so, with a note.
+
+    Raises
+    ------
+    ColumnError
+        If a needed role has none, or several columns say so.
+    """
+    from whsklearn.logs.errors import ColumnError
+    from whsklearn.logs.roles import guess
+
+    roles = {r: source.resolve(c, r) for r, c in given.items() if c is not None}
+    for role in needed:
+        if role in roles:
+            continue
+        found = usual[role] if usual.get(role) in source.names else guess(source, role)
+        if found is None:
+            option = {"drive": "--drive", "position": "--position"}.get(role, f"--{role}")
+            raise ColumnError(
+                f"{source.name} has no column that is surely the {role}; it has: {', '.join(source.names[:30])}. "
+                f"Name it with {option}, or by number with --columns."
+            )
+        if found != usual.get(role):
+            note(f"Column {found!r} is taken for the {role}.")
+        roles[role] = found
+    return roles
+
+
+def read(path: str | Path, options: Mapping[str, Any], **columns: Any) -> Bunch:
+    """The log, its drive turned round if that is asked for, with its notes on the terminal."""
+    from whsklearn.logs import load_log
+    from whsklearn.logs.errors import LogWarning
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", LogWarning)
+        log = load_log(path, **columns, units=units_of(options.get("units", ())), sample_rate=options.get("rate"))
+    for finding in log.report.findings:
+        if finding.code not in _QUIET:
+            note(f"{finding.title}. {finding.explanation}")
+    if options.get("invert_drive"):
+        log.X = -log.X
+        log.notes = (*log.notes, "The sign of the drive was changed.")
+    return log
+
+
+def note(text: str) -> None:
+    """A remark on the terminal, beside the result."""
+    click.echo(f"Note: {text}", err=True)
+
+
+def longest(log: Bunch) -> Bunch:
+    """The longest segment of a log; a note if there are others."""
+    import numpy as np
+    from sklearn.utils import Bunch
+
+    counts = np.bincount(log.groups)
+    if counts.size == 1:
+        return log
+    rows = log.groups == int(counts.argmax())
+    text = (
+        f"{rows.sum()} of {rows.size} samples, the longest of {counts.size} segments from "
+        f"{log.time[rows][0]:.6g} to {log.time[rows][-1]:.6g} s, are used."
+    )
+    note(text)
+    cut = {k: v[rows] if k in _SIGNALS and v is not None else v for k, v in log.items()}
+    return Bunch(**{**cut, "notes": (*log.notes, text)})
+
+
+def record_of(options: dict[str, Any], file: str | None = None) -> Record:
+    """The record that the options of `log_options` name, or the same columns of another `file`."""
+    import numpy as np
+
+    from whsklearn.cli.comparison import Record
+    from whsklearn.logs.errors import LogError
+    from whsklearn.logs.roles import by_number
+
+    if options.get("columns"):
+        columns: dict[str, Any] = by_number(options["columns"], chain=True)
+    elif options["input_column"] and options["output_column"]:
+        columns = {"drive": options["input_column"], "position": options["output_column"]}
+        columns |= {"time": options["time_column"]}
+    else:
+        raise ValueError("--log needs --input and --output, the names of the columns that drive and that answer.")
+    log = read(file or options["log_file"], options, **columns)
+    for role, values in (("drive", log.X), ("position", log.y)):
+        if np.ptp(values) == 0:
+            raise LogError(
+                f"{log.name}: {log.columns[role]} never changes; give a log in which the axis is driven and moves."
+            )
+    part = longest(log)
+    return Record(Path(log.name).stem, part.X, part.y)
+
+
+def orders_of(text: str) -> dict[str, Any]:
+    """The four orders from ``2,2,2,2``."""
+    parts = text.split(",")
+    if len(parts) != 4 or not all(p.strip().isdigit() for p in parts):
+        raise ValueError(f"--orders is {text!r}; expected four whole numbers n_a,n_b,n_c,n_d such as 2,2,2,2.")
+    return dict(zip(("n_a", "n_b", "n_c", "n_d"), map(int, parts), strict=True))

@@ -1,0 +1,86 @@
+"""Identify an axis from rows as they come, day and night: estimates, predictions, alarms.
+
+Rows come from a CSV file, from the same file as it grows (``--follow``), or as JSON lines on stdin (``-``).
+What was learnt is kept in a checkpoint that is replaced in one step; started again, by hand or
+after a crash, the stream goes on where the checkpoint stands.
+
+Records are JSON lines: ``estimate``, ``prediction``, ``alarm``, ``change``, ``bad_row``.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import click
+
+from whsklearn.cli.job import job
+
+ESTIMATORS = {"rls": "RLSRegressor", "mils": "MILSRegressor", "rmils": "RMILSRegressor"}
+
+
+@job
+@click.argument("source")
+@click.option("--input", "inputs", multiple=True, default=["u"], help="Input column; several times for several.")
+@click.option("--output", default="y", help="Output column.")
+@click.option("--time", "time_column", default=None, help="Time column; its values must increase.")
+@click.option("--max-step", type=float, default=math.inf, help="A longer pause in time begins a new experiment.")
+@click.option("--follow", is_flag=True, help="Wait for rows that are appended to the file.")
+@click.option("--estimator", type=click.Choice(sorted(ESTIMATORS)), default="rmils", help="What learns.")
+@click.option("--orders", default="2,2,2,2", help="n_a, n_b, n_c, n_d of the Wiener-Hammerstein model.")
+@click.option("--law", default="reduced", help="Friction law: names joined by commas.")
+@click.option("--p", type=int, default=4, help="Innovation length.")
+@click.option("--forgetting", type=float, default=1.0, help="Forgetting factor.")
+@click.option("--every", type=click.IntRange(1), default=1000, help="Rows between estimates.")
+@click.option("--predictions/--no-predictions", default=False, help="Write the one-step prediction of every row.")
+@click.option("--smallest-change", type=float, default=5.0, help="Per cent; lesser changes are not reported.")
+@click.option("--alarm-interval", type=float, default=1e6, help="Rows between false alarms, on average, at least.")
+@click.option("--bad-rows", type=click.Choice(["skip", "refuse"]), default="skip", help="Report and go on, or stop.")
+@click.option("--gap", type=click.Choice(["hold", "restart"]), default="hold", help="In place of a bad row.")
+@click.option("--most-held", type=click.IntRange(0), default=10, help="Bad rows in a row that are held, not more.")
+@click.option("--disk-full", type=click.Choice(["go-on", "stop"]), default="go-on", help="If no checkpoint fits.")
+@click.option(
+    "--out", type=click.Path(dir_okay=False, path_type=Path), default=None, help="Records; stdout if left out."
+)
+@click.option("--checkpoint", type=click.Path(dir_okay=False, path_type=Path), default=None, help="[SOURCE.whs]")
+@click.option("--checkpoint-every", type=float, default=5.0, help="Seconds between checkpoints.")
+@click.option("--fresh", is_flag=True, help="Begin anew even if there is a checkpoint.")
+def main(
+    source: str, inputs: tuple[str, ...], output: str, time_column: str | None, max_step: float, follow: bool,
+    estimator: str, orders: str, law: str, p: int, forgetting: float, every: int, predictions: bool,
+    smallest_change: float, alarm_interval: float, bad_rows: str, gap: str, most_held: int, disk_full: str,
+    out: Path | None, checkpoint: Path | None, checkpoint_every: float, fresh: bool, seed: int, track: bool,
+) -> None:  # fmt: skip
+    """Identify from SOURCE, a CSV file or - for JSON lines on stdin, row by row; resumes by itself.
+
+    Example: whsklearn stream axis.csv --input torque_nm --output velocity_rad_s --follow --out records.jsonl
+    """
+    from whsklearn.cli.stream_job import Files, run_stream
+    from whsklearn.cli.stream_loop import Options
+
+    columns = [*([time_column] if time_column else []), *inputs, output]
+    kept = checkpoint or Path("stdin.whs" if source == "-" else f"{source}.whs")
+    model = build_model(estimator, orders, law, p, forgetting, seed)
+    options = Options(every, predictions, bad_rows == "refuse", gap == "restart", max_step, smallest_change, most_held)
+    files = Files(source, out, kept, follow, fresh, checkpoint_every, disk_full == "stop")
+    run_stream(model, columns, options, files, alarm_interval=alarm_interval, timed=bool(time_column), track=track)
+
+
+def build_model(estimator: str, orders: str, law: str, p: int, forgetting: float, seed: int) -> Any:
+    """The estimator that the options ask for."""
+    from whsklearn import estimators
+    from whsklearn.lags import WienerHammersteinLags
+
+    try:
+        n_a, n_b, n_c, n_d = (int(n) for n in orders.split(","))
+    except ValueError:
+        raise ValueError(f"--orders is {orders!r}, expected four whole numbers such as 2,2,2,2.") from None
+    cls = getattr(estimators, ESTIMATORS[estimator])
+    wanted = {"p": p, "forgetting": forgetting, "random_state": seed}
+    lags = WienerHammersteinLags(n_a=n_a, n_b=n_b, n_c=n_c, n_d=n_d, law=None if law == "reduced" else law)
+    return cls(lags=lags).set_params(**{k: v for k, v in wanted.items() if k in cls().get_params()})
+
+
+if __name__ == "__main__":
+    main()

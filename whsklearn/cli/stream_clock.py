@@ -1,0 +1,193 @@
+"""The time policy of a stream: which rows are in order, and what those that are not must be.
+
+Rows are taken at their time stamps, and a stamp can be wrong.  A row that goes on where the last one was is learnt
+at once.  One that leaps ahead or falls back waits for the `WAIT` rows after it, and they tell what it was:
+
+==================  ==================================================  ==========================================
+the row             the rows after it                                   so it is
+==================  ==================================================  ==========================================
+leaps ahead         go on from it                                       a pause: learnt
+leaps ahead         fill the hole before it                             out of order: learnt in the order of time
+leaps ahead         go on from the row before it                        an outlier of the clock: one bad row
+falls back          go on from it                                       a restart of the clock: a new experiment
+falls back          go on from the row before it                        late: one bad row
+was there before                                                        sent again: passed over
+==================  ==================================================  ==========================================
+
+What a row is depends on rows alone, not on the blocks in which they come or on restarts of the process.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+WAIT = 3  # rows that tell what the one before them was; one more lets two bad stamps in a row pass for a pause
+LEAP = 1.5  # steps; a lost row makes two of one
+STEPS = 9  # the typical step is the median of so many
+HEAD = 256  # rows of a clock's beginning that are remembered, to tell a restart from rows sent again
+TAIL = 4096  # and of the latest
+
+
+class Verdict(NamedTuple):
+    """What a row is: ``row``, ``bad``, ``restart`` or ``repeated``, with its line number and a reason."""
+
+    what: str
+    line: int
+    row: list[float]
+    reason: str = ""
+
+
+@dataclass
+class Clock:
+    """Takes rows whose first value is the time, gives verdicts in the order in which rows are to be learnt."""
+
+    last: float = float("-inf")
+    steps: list[float] = field(default_factory=list)
+    ahead: list[list[Any]] = field(default_factory=list)  # [line, row, rows since that are later, rows since]
+    back: list[list[Any]] = field(default_factory=list)  # [line, row]
+    head: dict[float, int] = field(default_factory=dict)
+    tail: dict[float, int] = field(default_factory=dict)
+    repeating: bool = False
+    missing: int = 0  # bad rows since the last one in order: so many steps more are no leap
+
+    def take(self, line: int, row: list[float]) -> Iterator[Verdict]:
+        """The verdicts that one more row makes possible."""
+        now = row[0]
+        if now <= self.last:
+            yield from self._fallen_back(line, row)
+            return
+        self.repeating = False
+        yield from self._late()
+        if any(row == other[1] for other in self.ahead):
+            yield Verdict("repeated", line, row, f"time {now:.17g} was sent before")
+            return
+        for other in self.ahead:
+            other[2] += now > other[1][0]
+            other[3] += 1
+        if self._leaps(now):
+            self.ahead.append([line, row, 0, 0])
+        else:
+            yield self._in_order(line, row)
+        yield from self._drain()
+        while self.ahead and self.ahead[0][3] >= WAIT:
+            yield from self._decide()
+
+    def lost(self) -> Iterator[Verdict]:
+        """The verdicts that a line which is no row makes possible."""
+        yield from self._late()
+        self.missing += 1
+
+    def take_strictly(self, line: int, row: list[float]) -> Verdict:
+        """The verdict at once, for a stream that ends before its first bad row."""
+        if row[0] > self.last:
+            return self._in_order(line, row)
+        if self._was_there(row):
+            return Verdict("repeated", line, row, f"time {row[0]:.17g} was sent before")
+        return Verdict("bad", line, row, f"time {row[0]:.17g} does not come after {self.last:.17g}")
+
+    def get_state(self) -> dict[str, Any]:
+        """All of it, in types that a state file holds."""
+        from numpy import array, float64, int64
+
+        state = {k: getattr(self, k) for k in ("last", "steps", "ahead", "back", "repeating", "missing")}
+        for name in ("head", "tail"):
+            seen = getattr(self, name)
+            state[name] = [array(list(seen), dtype=float64), array(list(seen.values()), dtype=int64)]
+        return state
+
+    def set_state(self, state: dict[str, Any]) -> None:
+        """Go on from what `get_state` gave."""
+        for name, value in state.items():
+            if name in ("head", "tail"):
+                value = dict(zip(value[0].tolist(), value[1].tolist(), strict=True))
+            setattr(self, name, value)
+
+    # -- in order ------------------------------------------------------------------------
+
+    def _leaps(self, now: float) -> bool:
+        """Whether there is room for another row before this one."""
+        if len(self.steps) < 3:
+            return False
+        return now - self.last > (LEAP + self.missing) * sorted(self.steps)[len(self.steps) // 2]
+
+    def _in_order(self, line: int, row: list[float]) -> Verdict:
+        """Remember a row as the last one."""
+        now, mark = row[0], hash(tuple(row))
+        if self.last > float("-inf") and not self.missing:
+            self.steps = [*self.steps[1 - STEPS :], now - self.last]
+        self.last, self.missing = now, 0
+        if len(self.head) < HEAD:
+            self.head[now] = mark
+        self.tail[now] = mark
+        if len(self.tail) > TAIL:
+            del self.tail[next(iter(self.tail))]
+        return Verdict("row", line, row)
+
+    def _drain(self) -> Iterator[Verdict]:
+        """Rows that waited and now go on from the last one."""
+        while self.ahead:
+            first = min(self.ahead, key=lambda other: other[1][0])
+            if first[1][0] > self.last and self._leaps(first[1][0]):
+                return
+            self.ahead.remove(first)
+            if first[1][0] > self.last:
+                yield self._in_order(first[0], first[1])
+            else:
+                yield Verdict("bad", first[0], first[1], f"time {first[1][0]:.17g} stands twice")
+
+    def _decide(self) -> Iterator[Verdict]:
+        """The row that has waited longest was a pause if most rows since come after it, else an outlier."""
+        line, row, later, since = self.ahead.pop(0)
+        if 2 * later <= since:
+            self.missing += 1
+            yield Verdict(
+                "bad", line, row, f"time {row[0]:.17g} is an outlier of the clock, which is at {self.last:.17g}"
+            )
+            yield from self._drain()
+            return
+        before = [other for other in self.ahead if other[1][0] < row[0]]
+        for other in sorted([*before, [line, row]], key=lambda other: other[1][0]):
+            yield self._in_order(other[0], other[1])
+        self.ahead = [other for other in self.ahead if other not in before]
+        yield from self._drain()
+
+    # -- fallen back ---------------------------------------------------------------------
+
+    def _fallen_back(self, line: int, row: list[float]) -> Iterator[Verdict]:
+        """A row sent again, or the first of a clock that restarted, or a late one."""
+        if self._was_there(row):
+            self.repeating = True
+            yield Verdict(
+                "repeated", line, row, f"time {row[0]:.17g} was sent before, the stream is at {self.last:.17g}"
+            )
+            return
+        if self.back and row[0] <= self.back[-1][1][0]:
+            yield from self._late()
+        self.back.append([line, row])
+        if len(self.back) <= WAIT:
+            return
+        for other in self.ahead:
+            yield Verdict("bad", other[0], other[1], f"time {other[1][0]:.17g} is an outlier of the clock")
+        back = self.back
+        self.last, self.ahead, self.back, self.head, self.tail = float("-inf"), [], [], {}, {}
+        first = back[0]
+        yield Verdict("restart", first[0], first[1], f"the clock began again at {first[1][0]:.17g}")
+        for number, other in back:
+            yield self._in_order(number, other)
+
+    def _was_there(self, row: list[float]) -> bool:
+        """Whether a row was learnt before: known by its numbers, or between rows that are remembered no more."""
+        now, mark = row[0], hash(tuple(row))
+        if self.head.get(now) == mark or self.tail.get(now) == mark:
+            return True
+        head_ends, tail_begins = next(reversed(self.head)), next(iter(self.tail))
+        return head_ends < now < tail_begins
+
+    def _late(self) -> Iterator[Verdict]:
+        """Rows that fell back and did not go on."""
+        for line, row in self.back:
+            self.missing += 1
+            yield Verdict("bad", line, row, f"time {row[0]:.17g} does not come after {self.last:.17g}")
+        self.back = []

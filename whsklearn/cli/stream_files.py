@@ -1,0 +1,80 @@
+"""The files of a stream, kept apart: its source, its records, its checkpoint, and who may write them."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+from filelock import FileLock, Timeout
+
+from whsklearn.state import check_writable, read_kind
+
+PRINTED = 1 << 16  # bytes at the beginning and before the place reached that tell a source from another
+
+
+def check_files(source: str, out: Path | None, kept: Path, fresh: bool) -> None:
+    """Refuse what would destroy a file of the user's, or fail later.
+
+    Raises
+    ------
+    ValueError
+        If two of the files are one, a checkpoint would replace a file that is none, or one cannot be written.
+    """
+    named = {"the source": Path(source) if source != "-" else None, "--out": out, "--checkpoint": kept}
+    files = {name: path for name, path in named.items() if path is not None}
+    for name, path in files.items():
+        for other, second in files.items():
+            if name < other and _same(path, second):
+                raise ValueError(f"{name} and {other} are one file, {path}; give each a file of its own.")
+    for path in files.values():
+        if path in (out, kept) and not _is_device(path):
+            check_writable(path)
+    if kept.exists() and fresh:
+        try:
+            read_kind(kept)
+        except ValueError as error:
+            raise ValueError(f"{error} --fresh replaces checkpoints only; give another --checkpoint.") from None
+
+
+@contextlib.contextmanager
+def alone(*paths: Path | None) -> Iterator[None]:
+    """Hold locks on files for as long as the stream runs; the system lets go of them when it is killed.
+
+    Raises
+    ------
+    ValueError
+        If another stream holds one.
+    """
+    with contextlib.ExitStack() as stack:
+        for path in paths:
+            if path is None or _is_device(path):
+                continue
+            real = Path(os.path.realpath(path))
+            try:
+                stack.enter_context(FileLock(real.with_name(f".{real.name[:200]}.lock"), timeout=0))
+            except Timeout:
+                raise ValueError(f"{path} is in use by another stream; stop that one, or give another file.") from None
+        yield
+
+
+def fingerprint(source: str, offset: int) -> str:
+    """What was read of a file, by its first bytes and the last ones before ``offset``; empty for a pipe."""
+    if source == "-" or not offset:
+        return ""
+    with open(source, "rb") as file:
+        head = file.read(min(PRINTED, offset))
+        file.seek(max(0, offset - PRINTED))
+        return hashlib.sha256(head + file.read(min(PRINTED, offset))).hexdigest()
+
+
+def _same(a: Path, b: Path) -> bool:
+    """Whether two names are of one file, whether it exists or not."""
+    return (a.exists() and b.exists() and a.samefile(b)) or os.path.realpath(a) == os.path.realpath(b)
+
+
+def _is_device(path: Path) -> bool:
+    """Whether a path is something like /dev/null."""
+    return path.exists() and not path.is_file() and not path.is_dir()

@@ -1,0 +1,313 @@
+"""The loop of a stream, apart from files and signals: rows in, records out, state to carry.
+
+Nothing here depends on how rows arrive in blocks: records are made at fixed row counts, so a stream that was
+stopped, or killed and resumed from its checkpoint, writes what an undisturbed one writes.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from whsklearn.change import ChangeAlarm, compare_parameters, forgetting_after, set_forgetting
+from whsklearn.cli.stream_clock import Clock, Verdict
+from whsklearn.cli.stream_innovations import BLOCK, Innovations
+from whsklearn.cli.stream_rows import BadRow
+from whsklearn.plot import flat_parameters
+
+Record = dict[str, Any]
+PAST = 50.0  # samples that all rows before an alarm may count for
+ADAPTING_ROWS = 200 * BLOCK  # after an alarm; then the forgetting has settled to within 5e-5
+DRIFT_LEVEL = 0.01  # probability that a drift is ever reported though there is none
+
+
+@dataclass(frozen=True)
+class Options:
+    """What a stream does with its rows."""
+
+    every: int = 1000
+    predictions: bool = False
+    refuse: bool = False
+    restart_after_gap: bool = False
+    max_step: float = np.inf
+    smallest_change: float = 5.0  # per cent
+    most_held: int = 10  # rows in a row in whose place the last sample is learnt again
+
+
+class Refused(ValueError):
+    """A bad row in a stream that refuses them."""
+
+
+@dataclass
+class Carried:
+    """What the loop itself carries, all of it numbers, so that a checkpoint can hold it."""
+
+    rows: int = 0
+    bad: int = 0
+    experiment: int = 0
+    time: float = -np.inf
+    repeated: int = 0
+    repeated_run: int = 0
+    held: int = 0
+    times: list[float] = field(default_factory=list)
+    last: list[float] = field(default_factory=list)
+    squares: float = 0.0
+    counted: int = 0
+    alarms: int = 0
+    alarm_row: int = -1
+    adapting: int = 0
+    looks: int = 0
+    reference: dict[str, Any] = field(default_factory=dict)
+
+
+class Stream:
+    """A model that learns from rows, watched by an alarm.
+
+    Parameters
+    ----------
+    model : estimator
+        With ``partial_fit``, ``predict_ahead`` and ``get_state``.
+    alarm : ChangeAlarm
+    options : Options
+    emit : callable
+        Takes each record, a dict with the keys ``kind`` and ``row``.
+    timed : bool
+        Whether a row's first value is its time.
+    """
+
+    def __init__(
+        self, model: Any, alarm: ChangeAlarm, options: Options, emit: Callable[[Record], None], timed: bool = False
+    ):
+        self.model, self.alarm, self.options, self.emit, self.timed = model, alarm, options, emit, timed
+        self.forgetting = model.forgetting
+        self.innovations = Innovations(model)
+        self.carried = Carried()
+        self.clock = Clock()
+        self._rows: list[list[float]] = []
+        self._experiments: list[int] = []
+        self._numbers: list[int] = []
+        self.taken = 0  # lines of the last call of feed that were dealt with
+
+    def feed(self, lines: Sequence[bytes], parse: Callable[[bytes], list[float]], first: int) -> None:
+        """Take lines, the first of which has the number ``first``.
+
+        Raises
+        ------
+        Refused
+            At the first bad row, if bad rows are refused; the rows before it are learnt.
+        """
+        self.taken, self._first = len(lines), first
+        for number, line in enumerate(lines, first):
+            if not line.strip():
+                continue
+            try:
+                row = parse(line)
+            except BadRow as reason:
+                for verdict in self.clock.lost():
+                    self._act(verdict)
+                self._act(Verdict("bad", number, [], str(reason)))
+                continue
+            if not self.timed:
+                self._act(Verdict("row", number, row))
+            elif self.options.refuse:
+                self._act(self.clock.take_strictly(number, row))
+            else:
+                for verdict in self.clock.take(number, row):
+                    self._act(verdict)
+        self._learn_taken()
+
+    def _act(self, verdict: Verdict) -> None:
+        """Do with a row what its verdict asks for."""
+        what, number, row, reason = verdict
+        if what == "row":
+            self._take(row, number)
+            self.carried.held = 0
+            return
+        self._learn_taken()  # so that records stand where they belong, however rows arrive
+        if what == "bad" and self.options.refuse:
+            self.taken = number - self._first
+            raise Refused(f"line {number}: {reason}; correct it, or skip bad rows.")
+        if what == "bad":
+            self._bad(number, reason)
+            if row:
+                self._warn("clock_outlier", number, reason)
+        elif what == "restart":
+            self.carried.experiment += 1
+            self.carried.time = -np.inf
+            self._warn("clock_restart", number, reason)
+        elif what == "repeated":
+            self.carried.repeated += 1
+            if self.carried.repeated_run == 0:
+                self._warn("repeated_rows", number, f"{reason}; such rows are passed over")
+            self.carried.repeated_run += 1
+
+    def _take(self, row: list[float], number: int) -> None:
+        """A row to be learnt; a pause longer than ``max_step`` begins a new experiment."""
+        if self.timed:
+            if row[0] - self.carried.time > self.options.max_step and self.carried.time > -np.inf:
+                self.carried.experiment += 1
+            self.carried.time = row[0]
+        self.carried.last, self.carried.repeated_run = row, 0
+        self._rows.append(row)
+        self._experiments.append(self.carried.experiment)
+        self._numbers.append(number)
+
+    def _learn_taken(self) -> None:
+        """Learn the rows taken so far."""
+        if self._rows:
+            rows, experiments, numbers = self._rows, self._experiments, self._numbers
+            self._rows, self._experiments, self._numbers = [], [], []
+            self._learn(np.array(rows), np.array(experiments), numbers)
+
+    def _bad(self, number: int, reason: str) -> None:
+        """Report a row that is passed over; the last sample takes its place, but not for ever."""
+        self.carried.bad += 1
+        self.emit({"kind": "bad_row", "line": number, "row": self.carried.rows, "reason": reason})
+        if self.options.restart_after_gap:
+            self.carried.experiment += 1
+        elif self.carried.last:
+            self.carried.held += 1
+            if self.carried.held <= self.options.most_held:
+                self._take(list(self.carried.last), number)
+            elif self.carried.held == self.options.most_held + 1:
+                self.carried.experiment += 1
+                said = (
+                    f"more than {self.options.most_held} bad rows in a row; no more are held, a new experiment begins"
+                )
+                self._warn("held_rows", number, said)
+
+    def _warn(self, cause: str, number: int, reason: str) -> None:
+        """An alarm about the rows themselves."""
+        self.emit({"kind": "alarm", "cause": cause, "row": self.carried.rows, "line": number, "reason": reason})
+
+    def _learn(self, rows: NDArray[np.float64], experiments: NDArray[np.int64], numbers: list[int]) -> None:
+        """Learn from rows in pieces that end where an estimate is due."""
+        start = 0
+        while start < len(rows):
+            every, rows_now = self.options.every, self.carried.rows
+            due = min(every - rows_now % every, BLOCK - rows_now % BLOCK)
+            piece = slice(start, min(start + due, len(rows)))
+            try:
+                self._learn_piece(rows[piece], experiments[piece])
+            except ValueError as error:
+                if len(rows[piece]) > 1:  # find out which row is refused
+                    piece = slice(start, start + 1)
+                try:
+                    self._learn_piece(rows[piece], experiments[piece])
+                except ValueError:
+                    if self.options.refuse:
+                        self.taken = numbers[start] - self._first
+                        raise Refused(f"line {numbers[start]}: {error}") from None
+                    self._unlearnable(numbers[start], str(error))
+            if self.carried.rows % self.options.every == 0:
+                self._estimate()
+            start = piece.stop
+
+    def _unlearnable(self, number: int, reason: str) -> None:
+        """Report a row that the model refuses."""
+        self.carried.bad += 1
+        self.emit({"kind": "bad_row", "line": number, "row": self.carried.rows, "reason": reason})
+
+    def _learn_piece(self, rows: NDArray[np.float64], experiments: NDArray[np.int64]) -> None:
+        """One partial_fit; at a block's end, what its innovations say."""
+        timed = int(self.timed)
+        X, y = np.ascontiguousarray(rows[:, timed:-1]), np.ascontiguousarray(rows[:, -1])
+        if self.carried.rows and experiments[0] == experiments[-1] == self.innovations.experiments[-1]:
+            self.model.partial_fit(X, y)  # the same experiment goes on: the fast path
+        else:
+            self.model.partial_fit(X, y, groups=experiments)
+        self.carried.rows += len(rows)
+        self.innovations.learnt(rows[:, timed:], experiments)
+        self.carried.times = (self.carried.times + rows[:, 0].tolist())[-BLOCK:] if timed else []
+        if self.carried.rows % BLOCK == 0:
+            y = self.innovations.rows[-BLOCK:, -1]
+            self._watch(y, self.innovations.of_block())
+
+    def _watch(self, y: NDArray[np.float64], e: NDArray[np.float64]) -> None:
+        """Predictions, alarm and spread of the block that is complete."""
+        first = self.carried.rows - len(e) + 1
+        if self.options.predictions:
+            for i, (value, error) in enumerate(zip(y.tolist(), e.tolist(), strict=True)):
+                self.emit(self._record("prediction", first + i) | {"y": value, "y_hat": value - error})
+        if self.carried.adapting:
+            self._adapt(max(self.carried.adapting - BLOCK, 0))
+        e = e[np.isfinite(e)]  # the first block has none
+        self.carried.squares += float(np.sum(e * e))
+        self.carried.counted += len(e)
+        for i in self.alarm.update(e).tolist():
+            self.carried.alarm_row = first + i
+            self.carried.alarms += 1
+            self.model.forget_past(PAST)
+            self._adapt(ADAPTING_ROWS)
+            self.emit(self._record("alarm", first + i) | {"cause": "change", "interval": self.alarm.interval})
+
+    def _adapt(self, rows: int) -> None:
+        """Forget as is right with so many rows to go until all is settled."""
+        self.carried.adapting = rows
+        wanted = forgetting_after(ADAPTING_ROWS - rows, self.forgetting) if rows else self.forgetting
+        if self.model.forgetting != wanted:
+            set_forgetting(self.model, wanted)
+
+    def resume(
+        self, carried: Carried, model: dict[str, Any], innovations: dict[str, Any], clock: dict[str, Any]
+    ) -> None:
+        """Go on from what was carried."""
+        self.carried = carried
+        self.clock.set_state(clock)
+        if carried.rows:
+            self.model.set_state(model)
+            self.innovations.set_state(innovations)
+        if carried.adapting:
+            self._adapt(carried.adapting)
+
+    def _record(self, kind: str, row: int) -> Record:
+        """The head of a record of one of the last rows."""
+        times = self.carried.times
+        return {"kind": kind, "row": row} | ({"time": times[row - self.carried.rows - 1]} if times else {})
+
+    def _estimate(self) -> None:
+        """Emit the present estimate, and what changed since the reference was taken."""
+        c = self.carried
+        if c.alarm_row >= 0 and self.alarm.watching_:  # time to say what changed: all that came since speaks together
+            self.model.consolidate()
+        values, errors = estimates(self.model)
+        names = list(values)
+        self.emit(
+            self._record("estimate", c.rows)
+            | {"innovation_rmse": (c.squares / c.counted) ** 0.5 if c.counted else None, "bad_rows": c.bad}
+            | {"parameters": values, "standard_errors": errors}
+        )
+        c.squares, c.counted = 0.0, 0
+        if not self.alarm.watching_:
+            return  # settling after the start or an alarm
+        after, variances = list(values.values()), [errors[n] ** 2 for n in names]
+        if not np.all(np.isfinite(variances)):
+            return
+        if c.reference:
+            c.looks += 1
+            level = DRIFT_LEVEL * 6 / (np.pi * c.looks) ** 2 if c.alarm_row < 0 else DRIFT_LEVEL
+            before = c.reference
+            changes = compare_parameters(names, before["values"], before["variances"], after, variances, level)
+            least = self.options.smallest_change
+            said = [str(change) for change in changes if change.significant and abs(change.percent) >= least]
+            if said or c.alarm_row >= 0:
+                since = {"since_row": before["row"], "alarm_row": c.alarm_row if c.alarm_row >= 0 else None}
+                self.emit(self._record("change", c.rows) | since | {"changes": said})
+            if not said and c.alarm_row < 0:
+                return  # the reference stays
+        c.reference = {"values": after, "variances": variances, "row": c.rows}
+        c.alarm_row, c.looks = -1, 0
+
+
+def estimates(model: Any) -> tuple[dict[str, float], dict[str, float]]:
+    """Parameters and standard errors by name; what is not told yet is null in the record, at every estimate anew."""
+    values = flat_parameters(model.parameters_)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Some standard errors are NaN")
+        errors = flat_parameters(model.parameter_standard_errors_)
+    return values, {name: errors.get(name, float("nan")) for name in values}

@@ -1,0 +1,231 @@
+"""Where a stream's rows come from: a CSV file, the same file as it grows, or JSON lines on stdin.
+
+Sources hand out whole lines with their numbers and remember the byte that follows the last
+one, so a stream can go on there.  Parsers turn a line into floats or say in a few words
+why it is none.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import select
+import time
+from collections.abc import Sequence
+from math import isfinite
+from pathlib import Path
+from typing import BinaryIO
+
+BLOCK = 1 << 16
+LONGEST = 1 << 20  # bytes of one line; what is longer is no row
+TOO_LONG = b"\0"
+POLL_SECONDS = 0.2
+
+
+class BadRow(ValueError):
+    """A line that is no row; the message says why."""
+
+
+class LineSource:
+    """Whole lines from a file descriptor.
+
+    Parameters
+    ----------
+    offset, number : int
+        Bytes and lines that were taken before.
+    follow : bool
+        Wait for more at the end of the file instead of ending.
+    open_end : bool
+        Whether a last line without an end is a line: half a number is a number too, half a JSON object is none.
+
+    Attributes
+    ----------
+    offset, number : int
+        Bytes and lines handed out, so where the next line begins.
+    restarted : bool
+        Set when the source began anew; whoever notices takes it back.
+    left : bytes
+        A last line without an end that was not taken.
+    """
+
+    def __init__(
+        self, file: BinaryIO, *, offset: int = 0, number: int = 0, follow: bool = False, open_end: bool = False
+    ):
+        self.file, self.follow = file, follow
+        self.offset, self.number = offset, number
+        self.restarted = False
+        self._rest, self._dropped = b"", 0
+        self._ended = self._open_end = False
+        self._takes_open_end, self.left = open_end, b""
+        if offset:
+            file.seek(offset)
+
+    def hand_back(self, lines: list[bytes]) -> None:
+        """Say that the last lines handed out were not taken, so that they are where to go on."""
+        unended = bool(lines) and self._ended and self._open_end
+        self.offset -= sum(map(len, lines)) + len(lines) - unended
+        self.number -= len(lines)
+
+    def close(self) -> None:
+        """Close the file."""
+        self.file.close()
+
+    def read(self) -> list[bytes] | None:
+        """The lines that have come since; [] if none came for a moment, None at the end."""
+        if self._ended:
+            return None
+        block = self._block()
+        if block is None:
+            return []
+        if not block:
+            if self.follow:
+                time.sleep(POLL_SECONDS)
+                return []
+            self._ended, self._open_end = True, bool(self._rest)
+            if not self._takes_open_end:
+                self.left, self._rest = self._rest, b""
+            lines, self._rest = ([self._rest] if self._rest else []), b""
+            return self._taken(lines, sum(map(len, lines)))
+        *lines, rest = (self._rest + block).split(b"\n")
+        taken = self._taken(lines, sum(map(len, lines)) + len(lines))
+        if len(rest) > LONGEST:  # keep a mark that no parser takes in its stead
+            self._dropped += len(rest) - len(TOO_LONG)
+            rest = TOO_LONG
+        self._rest = rest
+        return taken
+
+    def _taken(self, lines: list[bytes], size: int) -> list[bytes]:
+        """Count lines as handed out."""
+        if lines:
+            size, self._dropped = size + self._dropped, 0
+        self.offset += size
+        self.number += len(lines)
+        return lines
+
+    def _block(self) -> bytes | None:
+        """Some bytes, b"" at the end, None if nothing came in time."""
+        return self.file.read(BLOCK)
+
+
+class FollowedFile(LineSource):
+    """A file that grows; when it was replaced or cut, it is read from its new beginning."""
+
+    def __init__(self, path: Path, *, offset: int = 0, number: int = 0):
+        self.path = path
+        super().__init__(open(path, "rb"), offset=offset, number=number, follow=True)
+
+    def _block(self) -> bytes | None:
+        """What was appended; the beginning of the new file if there is one."""
+        block = self.file.read(BLOCK)
+        if block:
+            return block
+        try:
+            now = os.stat(self.path)
+        except FileNotFoundError:
+            return b""  # between being moved away and made anew
+        old = os.fstat(self.file.fileno())
+        if (now.st_ino, now.st_dev) != (old.st_ino, old.st_dev) or now.st_size < self.file.tell():
+            self.file.close()
+            self.file = open(self.path, "rb")
+            self._rest, self.offset, self.number, self.restarted = b"", 0, 0, True
+        return b""
+
+
+class PipedLines(LineSource):
+    """Lines from a pipe or a terminal, without waiting on them for longer than a moment."""
+
+    def _block(self) -> bytes | None:
+        """What is there now."""
+        ready, _, _ = select.select([self.file], [], [], POLL_SECONDS)
+        return os.read(self.file.fileno(), BLOCK) if ready else None
+
+
+class CsvParser:
+    """Numbers from the named columns of a CSV line.
+
+    Parameters
+    ----------
+    header : bytes
+        The first line of the file.
+    columns : sequence of str
+        The columns wanted, in order.
+
+    Raises
+    ------
+    ValueError
+        If a column is missing or stands twice.
+    """
+
+    def __init__(self, header: bytes, columns: Sequence[str]):
+        text = header.decode("utf-8-sig", errors="replace").strip("\r\n")
+        self.delimiter = max(",;\t", key=text.count)
+        names = [name.strip().strip('"') for name in text.split(self.delimiter)]
+        for name in columns:
+            if names.count(name) != 1:
+                raise ValueError(
+                    f"Column {name!r} stands {names.count(name)} times in the header; expected once, "
+                    f"among: {', '.join(names)[:300]}."
+                )
+        self.n_fields = len(names)
+        self._at = [(names.index(name), name) for name in columns]
+        self._split = self.delimiter.encode()
+
+    def __call__(self, line: bytes) -> list[float]:
+        """The values of one line; BadRow if it has none."""
+        fields = line.split(self._split)
+        if len(fields) != self.n_fields:
+            raise BadRow(f"{len(fields)} fields, expected {self.n_fields}")
+        row = []
+        for i, name in self._at:
+            field = fields[i]
+            try:
+                value = float(field)
+            except ValueError:
+                value = _number(field, name)
+            if not isfinite(value) or b"_" in field:  # Python reads 1_000 as a number, no logger writes it
+                raise BadRow(f"{name} is {_short(field.strip())!r}, no finite number")
+            row.append(value)
+        return row
+
+
+class JsonParser:
+    """Numbers from the named members of a line that is a JSON object."""
+
+    def __init__(self, columns: Sequence[str]):
+        self._names = list(columns)
+
+    def __call__(self, line: bytes) -> list[float]:
+        """The values of one line; BadRow if it has none."""
+        try:
+            record = json.loads(line)
+        except (ValueError, RecursionError):
+            raise BadRow(f"no JSON: {_short(line)}") from None
+        if not isinstance(record, dict):
+            raise BadRow(f"a JSON {type(record).__name__}, expected an object")
+        row = []
+        for name in self._names:
+            value = record.get(name)
+            if isinstance(value, bool) or not isinstance(value, int | float):
+                raise BadRow(f"{name} is {_short(json.dumps(value).encode())}, expected a number")
+            try:
+                row.append(float(value))
+            except OverflowError:
+                raise BadRow(f"{name} is too large") from None
+            if not isfinite(row[-1]):
+                raise BadRow(f"{name} is {value}")
+        return row
+
+
+def _number(field: bytes, name: str) -> float:
+    """A float from a field that may be quoted."""
+    text = field.strip().strip(b'"')
+    try:
+        return float(text)
+    except ValueError:
+        raise BadRow(f"{name} is {_short(text)!r}, no number") from None
+
+
+def _short(text: bytes) -> str:
+    """The beginning of a text, for a message."""
+    shown = text[:40].decode("utf-8", errors="replace")
+    return shown if len(text) <= 40 else shown + "..."

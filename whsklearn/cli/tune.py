@@ -1,0 +1,224 @@
+"""Search the settings of an estimator: every candidate a run, the best model registered.
+
+Workers, on this machine or on a Dask cluster, compute; this process records, so that an interrupted
+search keeps the runs of the candidates that it finished.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import click
+from tqdm import tqdm
+
+from whsklearn.cli.job import job, say_where, table, tracker_for
+from whsklearn.cli.records import log_options, orders_of, record_of
+
+if TYPE_CHECKING:
+    from whsklearn.cli.comparison import Record
+
+
+@job
+@log_options
+@click.option(
+    "--samples",
+    type=click.IntRange(min=100),
+    default=1000,
+    help="Samples of the simulated example, if no log is given.",
+)
+@click.option("--p", "lengths", default="1,2,4,8", help="Innovation lengths to try.")
+@click.option("--P0", "variances", default="default", help="Initial covariance scales to try, or 'default'.")
+@click.option("--forgetting", "factors", default="default", help="Forgetting factors to try, or 'default'.")
+@click.option("--orders", multiple=True, default=("2,2,2,2",), help="Orders n_a,n_b,n_c,n_d; repeat to try several.")
+@click.option("--law", "laws", multiple=True, help="Friction laws as names joined by commas; repeat to try several.")
+@click.option(
+    "--search", "kind", type=click.Choice(["grid", "random", "halving"]), default="grid", help="How to search."
+)
+@click.option("--candidates", type=click.IntRange(min=1), default=20, help="Candidates of a random search.")
+@click.option("--folds", type=click.IntRange(min=2), default=4, help="Folds; each is tested on what comes after it.")
+@click.option("--jobs", type=int, default=-1, help="Worker processes; -1 for one a core.")
+@click.option("--backend", type=click.Choice(["local", "dask"]), default="local", help="Where the workers are.")
+@click.option("--scheduler", help="Address of a Dask scheduler; a cluster of two local workers if left out.")
+@click.option("--register", "registered", default="tuned", help="Name to register the best model under, as @champion.")
+def main(**options: Any) -> None:
+    """Search innovation length, covariance, forgetting, orders and laws with time-safe folds.
+
+    Example: whsklearn tune --log axis.csv --input torque_nm --output velocity_rad_s --p 1,2,4,8
+    """
+    from whsklearn import RMILSRegressor, WienerHammersteinLags
+
+    record = record_of(options) if options["log_file"] else example(options["samples"], options["seed"])
+    grid = grid_of(options)
+    estimator = RMILSRegressor(lags=WienerHammersteinLags(), random_state=options["seed"])
+    tracker = tracker_for("tune", options["track"], data=record.name, estimator="RMILSRegressor")
+    with (
+        workers(options["backend"], options["scheduler"]),
+        tracker.run(f"{options['kind']} on {record.name}") as parent,
+    ):
+        parent.log_params({k: v for k, v in options.items() if v not in (None, (), False)})
+        parent.log_input(record.X, record.y, record.name)
+        search = build_search(options, estimator, grid, record)
+        run_search(search, record, parent, total=count(options, grid), varied=varied_names(grid))
+        results = by_our_names(search.cv_results_)
+        click.echo("\n" + leaders(results))
+        for score, sign in (("neg_nmse", -1.0), ("neg_rmse", -1.0), ("mu_e", 1.0)):
+            if f"mean_test_{score}" in results:
+                value = sign * results[f"mean_test_{score}"][search.best_index_]
+                parent.log_metrics({score.removeprefix("neg_"): value})
+        parent.log_tags({f"best_{k}": v for k, v in search.best_params_.items()})
+        parent.log_model(search.best_estimator_, record.X, registered_name=options["registered"], alias="champion")
+    if options["track"]:
+        click.echo(f"\nThe best model, fitted to the whole record, is models:/{options['registered']}@champion.")
+    say_where(tracker)
+
+
+def example(samples: int, seed: int) -> Record:
+    """Example 5.1 as a record."""
+    from whsklearn.cli.comparison import Record
+    from whsklearn.datasets import make_wiener_hammerstein
+
+    return Record("example-5.1", *make_wiener_hammerstein(samples, snr_db=7.462, random_state=seed))
+
+
+def grid_of(options: dict[str, Any]) -> list[dict[str, list[Any]]]:
+    """One grid for each combination of orders and law, because orders move together."""
+    free: dict[str, list[Any]] = {"p": numbers(options["lengths"], "--p", int)}
+    for name, key in (("P0", "variances"), ("forgetting", "factors")):
+        if options[key] != "default":
+            free[name] = numbers(options[key], f"--{name}", float)
+    laws = options["laws"] or (None,)
+    grids = []
+    for text, law in itertools.product(options["orders"], laws):
+        fixed = {f"lags__{k}": [v] for k, v in orders_of(text).items()}
+        grids.append({**free, **fixed, "lags__law": [law]})
+    return grids
+
+
+def numbers(text: str, option: str, kind: type) -> list[Any]:
+    """Numbers from ``1,2,4``."""
+    try:
+        return [kind(v) for v in text.split(",")]
+    except ValueError:
+        raise ValueError(f"{option} is {text!r}; expected numbers joined by commas, such as 1,2,4.") from None
+
+
+def count(options: dict[str, Any], grid: list[dict[str, list[Any]]]) -> int:
+    """How many candidates the search will try; halving tries some of them more than once."""
+    import numpy as np
+
+    whole = sum(int(np.prod([len(v) for v in g.values()])) for g in grid)
+    return min(options["candidates"], whole) if options["kind"] == "random" else whole
+
+
+def build_search(options: dict[str, Any], estimator: Any, grid: list[dict[str, list[Any]]], record: Record) -> Any:
+    """The search, its folds and its scores: the free run, without its first samples after each restart."""
+    import numpy as np
+    from sklearn.base import clone
+    from sklearn.metrics import make_scorer
+    from sklearn.model_selection import GridSearchCV, RandomizedSearchCV
+
+    from whsklearn.cli.recorded_search import recorded
+    from whsklearn.metrics import free_run_scorer, mu_e, nmse, rmse
+    from whsklearn.validation import memory_length, time_series_split
+
+    orders = [{k: v[0] for k, v in g.items() if k.startswith("lags__")} for g in grid]
+    widest = max((clone(estimator).set_params(p=max(grid[0]["p"]), **o) for o in orders), key=memory_length)
+    least = record.y.size // (4 if options["kind"] == "halving" else 1)  # samples of the shortest search
+    skip = min(50, least // (4 * (options["folds"] + 1)))
+    scoring = {"neg_nmse": free_run_scorer(nmse, skip=skip), "neg_rmse": free_run_scorer(rmse, skip=skip)}
+    scoring["mu_e"] = make_scorer(mu_e, skip=skip)
+    common = {"scoring": scoring, "refit": "neg_nmse", "cv": time_series_split(widest, options["folds"])}
+    common |= {"n_jobs": options["jobs"], "error_score": np.nan}
+    if options["kind"] == "random":
+        return recorded(RandomizedSearchCV)(
+            estimator, grid, n_iter=count(options, grid), random_state=options["seed"], **common
+        )
+    if options["kind"] == "halving":
+        from sklearn.experimental import enable_halving_search_cv  # noqa: F401
+        from sklearn.model_selection import HalvingGridSearchCV
+
+        common |= {"scoring": scoring["neg_nmse"], "refit": True, "min_resources": least}
+        return recorded(HalvingGridSearchCV)(estimator, grid, random_state=options["seed"], **common)
+    return recorded(GridSearchCV)(estimator, grid, **common)
+
+
+def varied_names(grid: list[dict[str, list[Any]]]) -> list[str]:
+    """The parameters that the search varies, the innovation length first: what tells one run from another."""
+    values: dict[str, set[str]] = {}
+    for part in grid:
+        for name, choices in part.items():
+            values.setdefault(name, set()).update(map(str, choices))
+    return [k for k, v in values.items() if len(v) > 1]
+
+
+def run_search(search: Any, record: Record, parent: Any, total: int, varied: list[str]) -> None:
+    """Fit, and record each chunk of candidates as it comes in."""
+    from whsklearn.tracking import log_candidates
+
+    done = 0
+    with tqdm(total=total, desc="candidates", unit="fit") as bar:
+
+        def record_chunk(results: dict[str, Any]) -> None:
+            nonlocal done
+            tags = {"reading": "full", "estimator": type(search.estimator).__name__}
+            log_candidates(parent, by_our_names(results), first=done, tags=tags, varied=varied)
+            bar.update(len(results["params"]) - done)
+            done = len(results["params"])
+
+        search.on_results = record_chunk
+        search.fit(record.X, record.y)
+
+
+def by_our_names(results: dict[str, Any]) -> dict[str, Any]:
+    """The results with halving's one ``score`` under the name of what it is."""
+    return {k.replace("_test_score", "_test_neg_nmse"): v for k, v in results.items()}
+
+
+@contextlib.contextmanager
+def workers(backend: str, scheduler: str | None) -> Iterator[None]:
+    """Compute on this machine's processes, or on a Dask cluster through joblib."""
+    if backend == "local":
+        yield
+        return
+    try:
+        from distributed import Client, LocalCluster
+    except ImportError as error:
+        raise ImportError("Dask is not installed; install it with `pip install 'whsklearn[dask]'`.") from error
+    from joblib import parallel_config
+
+    with contextlib.ExitStack() as stack:
+        if scheduler is None:
+            local = LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None)
+            scheduler = stack.enter_context(local).scheduler_address
+        try:
+            client = stack.enter_context(Client(scheduler, timeout=10))
+        except (OSError, TimeoutError) as error:
+            raise OSError(
+                f"The Dask scheduler at {scheduler} does not answer; start it, or leave --scheduler out."
+            ) from error
+        click.echo(f"Dask: {len(client.scheduler_info()['workers'])} workers at {scheduler}.", err=True)
+        stack.enter_context(parallel_config(backend="dask"))
+        yield
+
+
+def leaders(results: dict[str, Any], n: int = 8) -> str:
+    """The best candidates as a table."""
+    import numpy as np
+
+    key = "mean_test_neg_nmse"
+    order = np.argsort(-np.nan_to_num(results[key], nan=-np.inf))[:n]
+    varied = [k for k in results["params"][0] if len({str(p[k]) for p in results["params"]}) > 1] or ["p"]
+    rows = [
+        [i + 1, *(results["params"][c][k] for k in varied), float(-results[key][c]), float(results["mean_fit_time"][c])]
+        for i, c in enumerate(order)
+    ]
+    return table(
+        ["", *(k.removeprefix("lags__") for k in varied), "NMSE", "seconds"], rows, title=f"The best {len(rows)}"
+    )
+
+
+if __name__ == "__main__":
+    main()

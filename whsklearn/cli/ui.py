@@ -1,0 +1,116 @@
+"""Show the recorded runs in a browser."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+import webbrowser
+
+import click
+
+from whsklearn.cli.job import root
+
+_START_SECONDS = 120
+
+
+def page(base: str, experiment_id: str | None) -> str:
+    """The address of the runs of an experiment, in the view for models rather than for chat traces."""
+    from whsklearn.tracking.runs import VIEW
+
+    if experiment_id is None:
+        return base
+    return f"{base}/#/experiments/{experiment_id}/runs?workflowType=machine_learning&viewStateShareKey={VIEW}"
+
+
+def free_port(wanted: int) -> int:
+    """`wanted` if it is free, else any other."""
+    for port in (wanted, 0):
+        with socket.socket() as probe, contextlib.suppress(OSError):
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            probe.bind(("127.0.0.1", port))
+            return probe.getsockname()[1]
+    raise OSError("No free port on 127.0.0.1; close a program that listens there.")
+
+
+def serve(store: str, port: int) -> subprocess.Popen[bytes]:
+    """Start MLflow's page on a local store; the settings save it half a minute and a gigabyte."""
+    command = [sys.executable, "-m", "mlflow", "server", "--backend-store-uri", store]
+    command += ["--default-artifact-root", str(root() / "mlruns" / "artifacts")]
+    command += ["--host", "127.0.0.1", "--port", str(port), "--workers", "1"]
+    quiet = {"MLFLOW_DISABLE_TELEMETRY": "true", "MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false"}
+    return subprocess.Popen(
+        command,
+        env={**os.environ, **quiet},
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,  # its workers are ended with it, see `stop`
+    )
+
+
+def stop(server: subprocess.Popen[bytes]) -> None:
+    """End the page and its workers."""
+    with contextlib.suppress(ProcessLookupError):
+        os.killpg(server.pid, signal.SIGTERM)
+    server.wait()
+
+
+def wait_for(server: subprocess.Popen[bytes], port: int) -> None:
+    """Return when the page answers; raise if it never does."""
+    deadline = time.monotonic() + _START_SECONDS
+    while time.monotonic() < deadline:
+        if server.poll() is not None:
+            raise OSError(f"MLflow's page ended at once with code {server.returncode}; is the store whole?")
+        with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", port), timeout=1):
+            return
+        time.sleep(0.2)
+    stop(server)
+    raise OSError(f"MLflow's page did not answer within {_START_SECONDS} s.")
+
+
+@click.command(context_settings={"show_default": True})
+@click.option("--port", default=5000, help="Port to listen on; another one is taken if it is not free.")
+@click.option("--browser/--no-browser", default=True, help="Open a browser, or print the address only.")
+def main(port: int, browser: bool) -> None:
+    """Show the recorded runs in a browser, until interrupted.
+
+    Example: whsklearn ui --port 5001
+    """
+    from whsklearn import tracking
+
+    store = tracking.tracking_uri(root())
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # so that being ended ends the page too
+    try:
+        tracker = tracking.open_tracker("simulated_example", root=root())
+        experiment = tracking.latest_experiment(root()) or tracker.experiment_id
+        if store.startswith(("http://", "https://")):
+            _announce(page(store.rstrip("/"), experiment), browser)
+            return
+        port = free_port(port)
+        click.echo("Starting MLflow's page (about 10 s) ...", err=True)
+        server = serve(store, port)
+        wait_for(server, port)
+    except (OSError, ImportError, tracking.TrackingError) as error:
+        raise click.ClickException(str(error)) from error
+    try:
+        _announce(page(f"http://127.0.0.1:{port}", experiment), browser)
+        click.echo("Stop it with Ctrl-C.")
+        server.wait()
+    except KeyboardInterrupt:
+        click.echo("")
+    finally:
+        stop(server)
+
+
+def _announce(address: str, browser: bool) -> None:
+    click.echo(f"The runs: {address}")
+    if browser and (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY") or sys.platform != "linux"):
+        webbrowser.open(address)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,91 @@
+"""Effects of one's own, compiled: functions of a record's signals that kernels call by their address."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any
+
+import numba
+import numpy as np
+from numba import types
+from numba.core.errors import NumbaError
+
+from whsklearn._numba import njit
+from whsklearn.effects.codes import N_NUMBERS
+
+_settings: Any = numba.config  # its attributes are made at run time
+WHICH = N_NUMBERS - 1  # the slot of a row that says which function is its own
+SIGNATURE = types.float64(
+    types.int64, types.float64[::1], types.float64, types.float64, types.float64, types.float64
+)  # which, numbers, time, position, velocity, drive
+
+
+def _none(which, p, time, position, velocity, drive):
+    return 0.0
+
+
+@lru_cache(maxsize=128)
+def compiled(cls: Any) -> Any:
+    """The compiled ``evaluate`` of a subclass of `Effect`, to be called by Numba.
+
+    Raises
+    ------
+    ValueError
+        If the class has none, or if it is not written with numbers and the math module only.
+    """
+    if cls.evaluate is None:
+        raise ValueError(
+            f"{cls.__name__} cannot be simulated; give it a static method evaluate(p, time, position, velocity, drive)."
+        )
+    if _settings.DISABLE_JIT:
+        return cls.evaluate
+    function = numba.njit(cls.evaluate, error_model="numpy")
+    try:
+        function.compile(SIGNATURE.args[1:])
+    except NumbaError as error:
+        raise ValueError(
+            f"{cls.__name__}.evaluate cannot be compiled; write it with numbers and the math module only. ({error})"
+        ) from error
+    return function
+
+
+@lru_cache(maxsize=128)
+def address_of(classes: tuple[Any, ...]) -> Any:
+    """One function for several classes, whose type is the same whatever it calls, so that no kernel compiles anew.
+
+    It is called as ``f(which, p, time, position, velocity, drive)``.
+    """
+    function = _dispatched(tuple(compiled(c) for c in classes))
+    if _settings.DISABLE_JIT:
+        return function
+    return numba.cfunc(SIGNATURE, error_model="numpy")(function)
+
+
+def _dispatched(functions: tuple[Any, ...]) -> Any:
+    """A function that calls the ``which``-th of several."""
+    if not functions:
+        return _none
+    first = functions[0]
+    if len(functions) == 1:
+
+        def only(which, p, time, position, velocity, drive):
+            return first(p, time, position, velocity, drive)
+
+        return only
+    rest = numba.njit(_dispatched(functions[1:]), error_model="numpy")
+
+    def either(which, p, time, position, velocity, drive):
+        if which == 0:
+            return first(p, time, position, velocity, drive)
+        return rest(which - 1, p, time, position, velocity, drive)
+
+    return either
+
+
+@njit(nogil=True, error_model="numpy")
+def own_values_along(function, p, time, position, velocity, drive):
+    """An effect of one's own along a record; ``p`` of shape (n_numbers,), every signal of shape (n,)."""
+    out = np.empty(position.size)
+    for k in range(position.size):
+        out[k] = function(0, p, time[k], position[k], velocity[k], drive[k])
+    return out

@@ -1,0 +1,139 @@
+"""Effects by their code: what a row of numbers asks of the drive, or adds to the reading, at one instant.
+
+This is the only place that goes from a code to an equation outside the static terms of
+`whsklearn.effects.terms`; integrators, the chain, regressor columns and screenings call it.  A row is
+`Effect.row`: the size and then the shape, or for a phased effect its cosine and sine weight and then the shape.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from whsklearn._numba import njit
+from whsklearn.effects import codes
+from whsklearn.effects.drive import dead_zone, saturation, torque_ripple
+from whsklearn.effects.friction import coulomb, viscous
+from whsklearn.effects.hysteresis import N_STATES, advance_hysteresis, hysteresis_torque
+from whsklearn.effects.position import cable_spring, cogging, end_stop, gravity_imbalance, hardening_spring
+from whsklearn.effects.sensor import encoder_eccentricity, output_drift, quantized, sensor_rectification
+from whsklearn.effects.signs import smooth_sign
+from whsklearn.effects.terms import directed_term
+from whsklearn.effects.timed import disturbance_tone, parameter_change
+from whsklearn.effects.varying_friction import friction_drift, load_friction, position_friction
+
+
+@njit(cache=False, forceinline=True, error_model="numpy")
+def motor_torque(code, p, i, t, q, v, s, ds, u):
+    """Torque of row i that acts on the motor's side (Nm), and its slope by velocity.
+
+    ``s`` stands for sign(v) and ``ds`` for its slope: +1 or -1 in motion, either of them just off rest.
+    What acts on the drive before the motor (dead zone, saturation, timing) is no torque here.
+    """
+    w = p[i, 0]
+    if code == codes.VISCOUS:  # the two that every axis has come first, without a call
+        value, _, slope = viscous(v)
+        return w * value, w * slope
+    if code == codes.COULOMB:
+        value, _, slope = coulomb(s, ds)
+        return w * value, w * slope
+    if code == codes.POSITION_FRICTION:
+        value, _, slope = position_friction(w, p[i, 1], p[i, 2], q, s, ds)
+        return value, slope
+    if code <= codes.SPEED_HINGE:
+        value, _, slope = directed_term(code, p[i, 1], p[i, 2], p[i, 3], q, v, s, ds)
+        return w * value, w * slope
+    if code == codes.COGGING:
+        return cogging(w, p[i, 1], p[i, 2], q), 0.0
+    if code == codes.INPUT_OFFSET:
+        return w, 0.0
+    if code == codes.LOAD_FRICTION:
+        value, slope = load_friction(u, s, ds)
+        return w * value, w * slope
+    if code == codes.FRICTION_DRIFT:
+        value, slope = friction_drift(p[i, 1], t, s, ds)
+        return w * value, w * slope
+    if code == codes.TORQUE_RIPPLE:
+        return torque_ripple(w, p[i, 1], p[i, 2], q, u), 0.0
+    if code == codes.CHANGE_VISCOUS:
+        return parameter_change(w, p[i, 1], t, v), parameter_change(w, p[i, 1], t, 1.0)
+    if code == codes.CHANGE_COULOMB:
+        return parameter_change(w, p[i, 1], t, s), parameter_change(w, p[i, 1], t, ds)
+    if code == codes.CHANGE_GAIN:
+        return parameter_change(w, p[i, 1], t, -u), 0.0
+    return 0.0, 0.0
+
+
+@njit(error_model="numpy")
+def load_torque(code, p, i, t, q):
+    """Torque of row i that acts on the load's side (Nm), a function of the load's position and of time."""
+    w = p[i, 0]
+    if code == codes.GRAVITY_IMBALANCE:
+        return gravity_imbalance(w, p[i, 1], q)
+    if code == codes.CABLE_SPRING:
+        return cable_spring(w, p[i, 1], q)
+    if code == codes.HARDENING_SPRING:
+        return hardening_spring(w, p[i, 1], q)
+    if code == codes.END_STOP:
+        return end_stop(w, p[i, 1], q)
+    if code == codes.DISTURBANCE_TONE:
+        return disturbance_tone(w, p[i, 1], p[i, 2], t)
+    return 0.0
+
+
+@njit(error_model="numpy")
+def reading(code, p, i, t, q):
+    """What row i adds to the reading of the position q (rad); a lattice is what is left after rounding."""
+    w = p[i, 0]
+    if code == codes.OUTPUT_OFFSET:
+        return w
+    if code == codes.OUTPUT_DRIFT:
+        return output_drift(w, t)
+    if code == codes.SENSOR_RECTIFICATION:
+        return sensor_rectification(w, q)
+    if code == codes.ENCODER_ECCENTRICITY:
+        return encoder_eccentricity(w, p[i, 1], p[i, 2], q)
+    if code == codes.QUANTIZATION:
+        return quantized(w, q) - q
+    return 0.0
+
+
+@njit(error_model="numpy")
+def on_load(code):
+    """Whether a code is a torque on the load's side."""
+    return codes.GRAVITY_IMBALANCE <= code <= codes.DISTURBANCE_TONE
+
+
+@njit(error_model="numpy")
+def has_memory(code):
+    """Whether a code is a torque with a memory of the path."""
+    return codes.DAHL <= code <= codes.BOUC_WEN
+
+
+@njit(nogil=True, error_model="numpy")
+def values_along(code, p, time, position, velocity, acceleration, drive, kappa):
+    """Any effect but one of one's own along a record: what it asks of the drive (Nm), or adds to the reading (rad).
+
+    ``p`` has shape (1, 8); every signal has shape (n,).  sign(v) has the sharpness ``kappa``.
+    """
+    out = np.empty(position.size)
+    z = np.zeros((1, N_STATES))
+    for k in range(position.size):
+        t, q, v, u = time[k], position[k], velocity[k], drive[k]
+        if has_memory(code):
+            if k > 0:
+                advance_hysteresis(code, p, z, 0, q - position[k - 1], v)
+            out[k] = p[0, 0] * hysteresis_torque(code, p, z, 0, v)[0]
+        elif on_load(code):
+            out[k] = load_torque(code, p, 0, t, q)
+        elif code == codes.DEAD_ZONE:
+            out[k] = dead_zone(p[0, 0], u)
+        elif code == codes.SATURATION:
+            out[k] = saturation(p[0, 0], u)
+        elif code == codes.CHANGE_INERTIA:
+            out[k] = parameter_change(p[0, 0], p[0, 1], t, acceleration[k])
+        elif codes.OUTPUT_OFFSET <= code <= codes.QUANTIZATION:
+            out[k] = reading(code, p, 0, t, q)
+        else:
+            s, ds = smooth_sign(v, kappa)
+            out[k] = motor_torque(code, p, 0, t, q, v, s, ds, u)[0]
+    return out

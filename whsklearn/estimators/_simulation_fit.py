@@ -1,0 +1,172 @@
+"""Between the chain of a simulation-error fit and the natural parameters of a `WienerHammersteinLags`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from whsklearn.effects import FrictionLaw, Hinge, NaturalSpline, Power, StaticEffect
+from whsklearn.estimators import _model as wh
+from whsklearn.lags.wiener_hammerstein import WienerHammersteinLags
+from whsklearn.recursion.block_split import Orders
+from whsklearn.recursion.simulation_error import Chain, Fitted, refine, sensitivities
+from whsklearn.recursion.simulation_search import UNKNOWN, Structure, record, search
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from whsklearn.recursion.best_linear import IOData
+
+    Array = NDArray[np.float64]
+
+LARGEST_LINEAR = 8  # total order of the best linear model; beyond it poles and zeros cancel, and blocks are padded
+BATCHES = 60  # of the scores, for a covariance that does not take the error for white
+
+
+class SimulationFit(NamedTuple):
+    """Orders, law and delays as found, the natural vector, its covariance, and the sum of squared errors."""
+
+    lags: dict[str, Any]
+    natural: Array
+    covariance: Array
+    cost: float
+
+
+def scale_free(law: FrictionLaw) -> bool:
+    """Whether the law of any multiple of x is one of the same kind: then the scale of x is a choice."""
+    return all(isinstance(t, (Power, Hinge, NaturalSpline)) for t in law.terms)
+
+
+def structures_for(lags: WienerHammersteinLags) -> tuple[Structure, ...]:
+    """What to search for, given the orders."""
+    na, nb, nc, nd = (int(n) for n in lags.dims()[:4])
+    poles, zeros = nb + nd, na + nc - 2
+    surplus = max(poles - LARGEST_LINEAR, zeros - LARGEST_LINEAR, 0)
+    orders = [(max(poles - k, 0), max(zeros - k, 0)) for k in range(surplus, max(poles, zeros) + 1)]
+    return (Structure(tuple(dict.fromkeys(orders)), Orders(na - 1, nb, nc - 1, nd), exact=True),)
+
+
+def from_record(
+    lags: WienerHammersteinLags | None,
+    law: FrictionLaw,
+    u: Array,
+    y: Array,
+    restart: NDArray[np.bool_],
+    start: Array | None,
+) -> SimulationFit:
+    """Fit a record.
+
+    Parameters
+    ----------
+    lags : WienerHammersteinLags or None
+        Orders; None searches for them.
+    law : FrictionLaw
+        The static block.
+    u, y, restart : ndarray of shape (n, m), (n,), (n,)
+        The record.
+    start : ndarray or None
+        A natural vector to begin with; None divides the best linear model.
+    """
+    delays = (0, 0) if lags is None else tuple(int(d) for d in lags.delays)
+    late, data = sum(delays), record(u, y, restart)
+    if late:
+        lagged, answer, again, _ = wh.shifted(u, y, restart, -late)
+        data = record(lagged, answer, again)
+        ends = data.bounds[1:]
+        for k in range(late):
+            data.counts[ends - 1 - k] = False  # the answers that come after an experiment's last measurement
+    if start is not None and lags is not None:
+        fitted = refine(to_chain(start, _dims(lags, u.shape[1]), u.shape[1], law), data, 60, free=scale_free(law))
+    else:
+        fitted = search(data, law, UNKNOWN if lags is None else structures_for(lags))
+    return described(fitted, data, delays, normed=scale_free(law))
+
+
+def described(fitted: Fitted, data: IOData, delays: tuple[int, ...], *, normed: bool) -> SimulationFit:
+    """A fitted chain in natural parameters, a[0] = c[0] = 1."""
+    chain = monic(fitted.chain) if normed else fitted.chain
+    orders = {"n_a": chain.b1.shape[1], "n_b": chain.a1.size - 1, "n_c": chain.b2.size, "n_d": chain.a2.size - 1}
+    natural, at = natural_of(chain)
+    covariance = _covariance(sensitivities(chain, data)[1][at] * data.counts, fitted.error, int(data.counts.sum()))
+    lags = {**orders, "law": chain.law.reweighted(chain.weights), "delays": tuple(delays)}
+    return SimulationFit(lags, natural, covariance, fitted.cost)
+
+
+def natural_of(chain: Chain) -> tuple[Array, NDArray[np.int64]]:
+    """The natural vector of a monic chain, and which of its sensitivities stands where."""
+    m, na = chain.b1.shape
+    nb, nc, nd = chain.a1.size - 1, chain.b2.size, chain.a2.size - 1
+    cuts = np.cumsum([m * na, nb, nc, nd, chain.weights.size])
+    b1, a1, b2, a2, w = np.split(np.arange(cuts[-1]), cuts[:-1])
+    at = np.concatenate([b1.reshape(m, na).T.ravel()[1:], a1, w, b2[1:], a2])
+    return np.concatenate([chain.linear_part, chain.weights])[at], at
+
+
+def to_chain(natural: Array, dims: NDArray[np.int64], n_inputs: int, law: FrictionLaw) -> Chain:
+    """The chain of a natural vector; poles outside the circle are drawn inside."""
+    na, nb, nc, _, nw = (int(i) for i in dims)
+    a, b, w, c, d = np.split(natural, np.cumsum([na - 1, nb, nw, nc - 1]))
+    one = np.ones(1)
+    b1 = np.ascontiguousarray(np.concatenate([one, a]).reshape(-1, n_inputs).T)
+    a1, a2 = (np.concatenate([one, wh.inside(v)]) for v in (b, d))
+    return Chain(b1, a1, np.concatenate([one, c]), a2, law, w.copy())
+
+
+def monic(chain: Chain) -> Chain:
+    """The same chain with b1[0] = b2[0] = 1: x in the unit of the paper, all gain in the law."""
+    first, second = _away_from_zero(chain.b1), _away_from_zero(chain.b2)
+    law, weights = rescaled(chain.law, chain.weights, first)
+    b1, b2 = chain.b1 / first, chain.b2 / second
+    b1[0, 0] = b2[0] = 1.0
+    return chain._replace(b1=b1, b2=b2, law=law, weights=weights * second)
+
+
+def rescaled(law: FrictionLaw, weights: Array, factor: float) -> tuple[FrictionLaw, Array]:
+    """Terms and weights of law(factor x), for a factor of either sign."""
+    terms: list[StaticEffect] = []
+    splines = [t for t in law.terms if isinstance(t, NaturalSpline)]
+    knots = np.array([t.knot for t in splines] + ([splines[0].last_but_one, splines[0].last] if splines else []))
+    knots = np.sort(knots / factor)
+    k = 0
+    for t in law.terms:
+        if isinstance(t, NaturalSpline):
+            terms.append(NaturalSpline(1.0, float(knots[k]), float(knots[-2]), float(knots[-1])))
+            k += 1
+        else:
+            terms.append(Hinge(1.0, t.knot / factor) if isinstance(t, Hinge) else t)
+    new = FrictionLaw(terms)
+    kinks = np.concatenate([knots, [t.knot for t in new.terms if isinstance(t, Hinge)], [0.0]])
+    wide = np.ptp(kinks) or 2.0 / abs(factor)
+    grid = np.linspace(kinks.min() - 0.2 * wide, kinks.max() + 0.2 * wide, 16 * len(law) + 1)
+    columns = new.regressors(grid, 0.0)
+    size = np.maximum(np.abs(columns).max(axis=0), 1e-300)
+    values = law.regressors(factor * grid, 0.0) @ weights
+    return new, np.linalg.lstsq(columns / size, values, rcond=None)[0] / size
+
+
+def _away_from_zero(numerator: Array) -> float:
+    """The leading coefficient; one that vanishes is as small as it may be for the division to stay a number."""
+    first, least = float(numerator.flat[0]), 1e-9 * float(np.abs(numerator).max())
+    return first if abs(first) > least else (np.copysign(least, first) or 1.0)
+
+
+def _dims(lags: WienerHammersteinLags, m: int) -> NDArray[np.int64]:
+    dims = lags.dims()
+    dims[0] *= m
+    return dims
+
+
+def _covariance(rows: Array, error: Array, n: int) -> Array:
+    """(J J')^-1 S (J J')^-1, S from the sums of J e over batches of the record.
+
+    What a free run leaves is seldom white, and then sigma^2 (J J')^-1 says too little; of a white error
+    the two have the same mean.  Ljung 1999, (9.26).
+    """
+    scale = np.maximum(np.linalg.norm(rows, axis=1), 1e-150)
+    unit = rows / scale[:, None]
+    inverse = np.linalg.pinv(unit @ unit.T, rcond=1e-13, hermitian=True)
+    edges = np.linspace(0, error.size, BATCHES + 1).astype(int)[:-1]
+    scores = np.add.reduceat(unit * error, edges, axis=1) if error.size >= BATCHES else unit * error
+    correction = n / max(n - rows.shape[0], 1)
+    return correction * (inverse @ (scores @ scores.T) @ inverse) / np.outer(scale, scale)

@@ -1,0 +1,10 @@
+"""Models out: MJCF, URDF, Isaac Lab, C99, Structured Text, FMI 2.0, scipy.signal, python-control.
+
+What a format cannot hold comes back as a list of `Loss`, each with its size, and stands as a comment in the file.
+"""
+
+from whsklearn.export.files import FORMATS, Export, export_model
+from whsklearn.export.linear import to_control, to_dlti
+from whsklearn.export.losses import Loss
+
+__all__ = ["FORMATS", "Export", "Loss", "export_model", "to_control", "to_dlti"]

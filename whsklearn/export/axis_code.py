@@ -1,0 +1,190 @@
+"""A servo axis as code that replays a drive: the integrator and the effects' equations, specialised to its numbers."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass, field
+from typing import Any
+
+from whsklearn.effects import codes
+from whsklearn.effects.sensor import quantized
+from whsklearn.effects.signs import smooth_sign
+from whsklearn.export.languages import Language
+from whsklearn.export.specialise import Specialiser
+from whsklearn.export.statements import Memory, OneOf, Symbol
+from whsklearn.systems._servo_drive import Chain, chain_of, effective
+from whsklearn.systems._servo_kernel import lattice_of
+from whsklearn.systems._servo_pack import pack
+from whsklearn.systems._servo_step import Body, body_of, fine_step
+from whsklearn.systems._servo_torques import Ends, arranged, load_sum, motor_sum, read
+from whsklearn.systems.servo import ServoAxis
+
+STATES = ("position", "velocity", "load_position", "load_velocity")
+
+
+@dataclass
+class Part:
+    """Statements, their variables and the expression of the result."""
+
+    lines: list[str]
+    variables: dict[str, str]
+    result: str = ""
+
+
+@dataclass
+class AxisCode:
+    """What a template needs of an axis.
+
+    Attributes
+    ----------
+    reading, substep : Part
+        From the state to the measured position; one fine step under the drive ``u`` at the time ``t``.
+    states : dict of str to int
+        Name and length of what is kept from sample to sample.
+    older, newer, share : list
+        For each fine step which past samples hold (0 is the newest), and the share of the older one.
+    """
+
+    reading: Part
+    substep: Part
+    states: dict[str, int]
+    dt: float
+    substeps: int
+    older: list[int]
+    newer: list[int]
+    share: list[float]
+    lags: bool
+    timed_reading: bool
+    timed_substep: bool
+    history: int = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.history = max(self.older) + 1
+
+
+def _driven(effects, p, own, ends, z, state, body, chain, lags, held, t, h):  # type: ignore[no-untyped-def]
+    """From the held drive to the torque, and one fine step under it."""
+    u, first, second = effective(chain, held, lags[0], lags[1], h)
+    if chain.lag > 0.0:
+        lags[0] = first
+    if chain.second_lag > 0.0:
+        lags[1] = second
+    before = (state[0], state[1], state[2], state[3])
+    x, v, q, w = fine_step(effects, p, own, ends, z, body, before, u, t, h)
+    state[0] = x
+    state[1] = v
+    state[2] = q
+    state[3] = w
+
+
+def _read(effects, p, own, ends, position, t, lattice):  # type: ignore[no-untyped-def]
+    """The encoder's reading without its noise."""
+    return quantized(lattice, read(effects, p, own, ends, t, position))
+
+
+def axis_code(axis: ServoAxis, language: Language, state: Any, *, velocity: bool = False) -> AxisCode:
+    """Specialise the integrator to one axis.
+
+    Parameters
+    ----------
+    axis : ServoAxis
+    language : Language
+    state : callable
+        ``state(name, index)``: how the language reads a number that is kept between samples.
+    velocity : bool
+        Answer with the velocity instead of the encoder's reading.
+    """
+    plant = pack(axis)
+    effects, p, ends = _arranged(plant.codes, plant.p)
+    own = _own(axis)
+    body, chain = Body(*map(float, body_of(plant))), Chain(*map(float, chain_of(plant)))
+    two = body.share > 0.0
+    lattice = float(lattice_of(plant)[0])
+    dt = 1.0 / axis.sample_rate
+    h = dt / axis.substeps
+    memory: dict[tuple[int, int], int] = {}
+
+    def mechanical(i: int) -> str:
+        return state(STATES[i], -1) if two or i < 2 else ""
+
+    def hysteresis(i: int, k: int) -> str:
+        return state("memory", memory.setdefault((i, k), len(memory)))
+
+    work = Specialiser(language)
+    work.call(
+        _driven, effects, p, own, ends, Memory(hysteresis), Memory(mechanical), body, chain,
+        Memory(lambda i: state("lag", i)), Symbol("u"), Symbol("t"), h,
+    )  # fmt: skip
+    seeing = Specialiser(language, "r_")
+    seen = state(STATES[2 if two and axis.sensor.side == "load" else 0], -1)
+    y = (
+        Symbol(state("velocity", -1))
+        if velocity
+        else seeing.call(_read, effects, p, own, ends, Symbol(seen), Symbol("t"), lattice)
+    )
+    older, newer, share = _holds(chain.delay / h, axis.substeps)
+    states = dict.fromkeys(STATES[: 4 if two else 2], 0)
+    if memory:
+        states["memory"] = len(memory)
+    if chain.lag > 0.0 or chain.second_lag > 0.0:
+        states["lag"] = 2
+    reading = Part(*seeing.finish(y), seeing.text(y))
+    substep = Part(*work.finish())
+    return AxisCode(
+        reading, substep, states, dt, axis.substeps,
+        older, newer, share, chain.lag > 0.0 or chain.second_lag > 0.0, _timed(reading), _timed(substep),
+    )  # fmt: skip
+
+
+def _timed(part: Part) -> bool:
+    """Whether the time ``t`` is in it."""
+    return any(re.search(r"\bt\b", line) for line in [*part.lines, part.result])
+
+
+def _own(axis: ServoAxis) -> OneOf:
+    """The functions of effects of one's own, in the order in which `pack` numbers them."""
+    classes = dict.fromkeys(type(e) for e in axis.effects if e.evaluate is not None and e.magnitude != e.neutral)
+    return OneOf(tuple(c.evaluate for c in classes if c.evaluate is not None))
+
+
+def _arranged(effects: Any, p: Any) -> tuple[Any, Any, Ends]:
+    """Rows in the integrator's order, and where each kind of them ends."""
+    effects, p, ends = arranged(effects, p)
+    return effects, p, Ends(*map(int, ends))
+
+
+def _holds(delay: float, substeps: int) -> tuple[list[int], list[int], list[float]]:
+    """Which samples hold in each fine step under a delay in fine steps, as the simulator's own hold has it."""
+    older, newer, share = [], [], []
+    for j in range(substeps):
+        start = (j - delay) / substeps
+        i, k = math.floor(start + 1e-9), math.floor(start + 1.0 / substeps - 1e-9)
+        older.append(-i)
+        newer.append(-k)
+        share.append(1.0 if i == k else (k - start) * substeps)
+    return older, newer, share
+
+
+def torque_code(axis: ServoAxis, language: Language) -> Part:
+    """The torque that friction and what depends on position ask for, as a function of ``position`` and ``velocity``."""
+    plant = pack(axis)
+    keep = [i for i, code in enumerate(plant.codes) if compensated(int(code))]
+    effects, p, ends = _arranged(plant.codes[keep], plant.p[keep])
+    work = Specialiser(language)
+    kappa = 1.0 / axis.smoothing if axis.friction == "tanh" else math.inf
+    result = work.call(_static_torque, effects, p, _own(axis), ends, Symbol("position"), Symbol("velocity"), kappa)
+    return Part(*work.finish(result), work.text(result))
+
+
+def _static_torque(effects, p, own, ends, position, velocity, kappa):  # type: ignore[no-untyped-def]
+    s, ds = smooth_sign(velocity, kappa)
+    torque, _slope = motor_sum(effects, p, own, ends, 0, 0.0, position, velocity, s, ds, 0.0)
+    return torque + load_sum(effects, p, ends, 0.0, position)
+
+
+def compensated(code: int) -> bool:
+    """Whether an effect is a function of position and velocity alone."""
+    timed = (codes.DISTURBANCE_TONE, codes.FRICTION_DRIFT, codes.LOAD_FRICTION, codes.TORQUE_RIPPLE)
+    memory = codes.DAHL <= code <= codes.BOUC_WEN
+    return not memory and code not in timed and not codes.CHANGE_INERTIA <= code <= codes.CHANGE_GAIN

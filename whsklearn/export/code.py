@@ -1,0 +1,127 @@
+"""C99 and Structured Text: a model that replays a drive, and a compensator."""
+
+from __future__ import annotations
+
+import re
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import jinja2
+
+from whsklearn.export.axis_code import axis_code, compensated, torque_code
+from whsklearn.export.chain_code import chain_code
+from whsklearn.export.languages import C, StructuredText
+from whsklearn.export.losses import Loss, left_out, lost_parts, size_of
+from whsklearn.export.model import Exported
+
+_NOT_STEADY = "the compensator knows position and velocity only"
+
+
+def render(template: str, **names: Any) -> str:
+    """One of the package's templates with its names filled in."""
+    env = jinja2.Environment(
+        loader=jinja2.PackageLoader("whsklearn.export"), undefined=jinja2.StrictUndefined, keep_trailing_newline=True
+    )
+    return env.get_template(template).render(version=_version(), **names)
+
+
+def identifier(text: str) -> str:
+    """A name that C and Structured Text accept."""
+    name = re.sub(r"\W", "_", text)
+    return name if name[:1].isalpha() else f"model_{name}"
+
+
+def code_losses(model: Exported, what: str) -> list[Loss]:
+    """What the code of a model or a compensator leaves out."""
+    out = [Loss(e.name, size_of(e), "effects of a chain are not exported") for e in model.chain_effects]
+    if model.axis is None:
+        return out
+    out += lost_parts(model.axis, timing=True, transmission=True, limit=True)
+    if what == "compensator":
+        out += left_out(model.axis, _steady, _NOT_STEADY)
+    return out
+
+
+def _steady(effect: Any) -> bool:
+    if effect.place in ("sensor", "transmission", "drive"):
+        return effect.name == "input_offset"
+    return compensated(effect.code) if effect.code >= 0 else effect.port == "torque"
+
+
+def c_files(model: Exported, name: str, what: str = "model", real: str = "double") -> dict[str, str]:
+    """Header and source by file name.
+
+    Parameters
+    ----------
+    model : Exported
+    name : str
+        Begins the names of all functions, and names the files.
+    what : {"model", "compensator"}
+        The compensator is the function NAME_torque alone.
+    real : {"double", "float"}
+    """
+    lang = C(real)
+
+    def state(field: str, index: int) -> str:
+        return f"s->{field}" if index < 0 else f"s->{field}[{index}]"
+
+    names: dict[str, Any] = {"name": name, "real": real, "lang": lang, "code": None, "chain": None, "torque": None}
+    names |= {"states": None, "counters": [], "title": _title(model, what), "header": f"{name}.h"}
+    names |= {"losses": code_losses(model, what), "guard": f"{name.upper()}_H", "output": model.logged.capitalize()}
+    names["drive_unit"] = f" ({model.units['input']})" if model.units.get("input") else ""
+    if what == "compensator":
+        names["torque"] = torque_code(model.need_axis("A compensator"), lang)
+    elif model.axis is not None:
+        code = axis_code(model.axis, lang, state, velocity=model.logged == "velocity")
+        names["code"], names["states"] = code, dict(code.states)
+        names["counters"] = ["samples"]
+        if code.history > 1:
+            names["states"]["history"] = code.history
+            names["counters"] = ["samples", "newest"]
+    elif model.chain is not None:
+        names["chain"] = chain_code(model.chain, lang, state)
+        names["states"] = names["chain"].states or {"unused": 0}
+    return {f"{name}.h": render("model.h.j2", **names), f"{name}.c": render("model.c.j2", **names)}
+
+
+def st_file(model: Exported, name: str, what: str = "model") -> str:
+    """A function block NAME (or a function NAME_torque) in Structured Text."""
+    lang = StructuredText()
+
+    def state(field: str, index: int) -> str:
+        return field if index < 0 else f"{field}[{index}]"
+
+    names: dict[str, Any] = {"name": name, "lang": lang, "code": None, "chain": None, "torque": None}
+    names |= {"title": _title(model, what), "losses": code_losses(model, what)}
+    if what == "compensator":
+        names["torque"] = torque_code(model.need_axis("A compensator"), lang)
+    elif model.axis is not None:
+        names["code"] = axis_code(model.axis, lang, state, velocity=model.logged == "velocity")
+    elif model.chain is not None:
+        names["chain"] = chain_code(model.chain, lang, state)
+    return render("model.st.j2", **names)
+
+
+def write_c(model: Exported, out: Path, what: str, real: str) -> tuple[list[Path], list[Loss]]:
+    """Write header and source: ``out`` is a folder (files ``model.h`` and ``model.c``) or the path of the source."""
+    folder, stem = (out.parent, out.stem) if out.suffix in (".c", ".h") else (out, "model")
+    folder.mkdir(parents=True, exist_ok=True)
+    paths = []
+    for file, text in c_files(model, identifier(stem), what, real).items():
+        path = folder / file
+        path.write_text(text, encoding="utf-8")
+        paths.append(path)
+    return paths, code_losses(model, what)
+
+
+def _title(model: Exported, what: str) -> str:
+    kind = "servo axis" if model.axis is not None else "Wiener-Hammerstein chain"
+    return f"{'Compensator' if what == 'compensator' else 'Free run'} of an identified {kind}."
+
+
+def _version() -> str:
+    try:
+        return version("whsklearn")
+    except PackageNotFoundError:
+        return "of a checkout"

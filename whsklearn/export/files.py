@@ -1,0 +1,104 @@
+"""`export_model`: one call from a model to the files of a format."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from whsklearn.export.code import code_losses as _code_losses
+from whsklearn.export.code import identifier, st_file, write_c
+from whsklearn.export.fmu import write_fmu
+from whsklearn.export.losses import Loss
+from whsklearn.export.mjcf import mjcf
+from whsklearn.export.model import as_exported
+from whsklearn.export.robots import isaac, urdf, write_text
+
+if TYPE_CHECKING:
+    import os
+
+FORMATS = {
+    "mjcf": "MuJoCo, model.xml",
+    "urdf": "robot description with <dynamics>, model.urdf",
+    "isaac": "Isaac Lab actuator configuration, actuator.py",
+    "c": "C99 without heap, model.h and model.c",
+    "st": "IEC 61131-3 Structured Text, model.st",
+    "fmu": "FMI 2.0 co-simulation with sources, model.fmu",
+}
+
+
+@dataclass(frozen=True)
+class Export:
+    """What was written.
+
+    Attributes
+    ----------
+    paths : list of Path
+    losses : list of Loss
+        What the format does not hold, with its size.
+    """
+
+    paths: list[Path] = field(default_factory=list)
+    losses: list[Loss] = field(default_factory=list)
+
+
+def export_model(
+    model: Any, *, to: str, out: str | os.PathLike[str], what: str = "model", real: str = "double"
+) -> Export:
+    """Write a model in a format of another tool.
+
+    Parameters
+    ----------
+    model : path, ServoAxis, WienerHammersteinSystem or identified model
+        A path is a file that ``identify`` or ``gap`` wrote (``model.json``, ``repaired.json``).
+    to : str
+        A key of `FORMATS`.
+    out : path
+        A folder, or the path of the file.
+    what : {"model", "compensator"}
+        ``c`` and ``st`` also write a feed-forward torque from position and velocity.
+    real : {"double", "float"}
+        Numbers of the C code.
+
+    Returns
+    -------
+    Export
+        The paths, and what the format cannot hold.
+
+    Raises
+    ------
+    ValueError
+        If the format is unknown, or cannot hold this kind of model at all.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from whsklearn import ServoAxis
+    >>> from whsklearn.effects import TorqueRipple
+    >>> from whsklearn.export import export_model
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     done = export_model(ServoAxis(effects=[TorqueRipple(0.02, 6.0)]), to="mjcf", out=folder)
+    ...     done.paths[0].name, str(done.losses[0])
+    ('model.xml', 'torque_ripple (amplitude 0.02, order 6, phase 0 rad): MuJoCo has nothing like it')
+    """
+    if to not in FORMATS:
+        raise ValueError(f"to is {to!r}, expected one of: {', '.join(FORMATS)}.")
+    if what not in ("model", "compensator"):
+        raise ValueError(f"what is {what!r}, expected 'model' or 'compensator'.")
+    if what == "compensator" and to not in ("c", "st"):
+        raise ValueError(f"A compensator is code: export it to c or st, not to {to}.")
+    if real not in ("double", "float"):
+        raise ValueError(f"real is {real!r}, expected 'double' or 'float'.")
+    exported, path = as_exported(model), Path(out)
+    if to == "c":
+        return Export(*write_c(exported, path, what, real))
+    if to == "fmu":
+        written, losses = write_fmu(exported, path)
+        return Export([written], losses)
+    if to == "st":
+        name = identifier(path.stem if path.suffix else "model")
+        text, losses = st_file(exported, name, what), _code_losses(exported, what)
+        return Export([write_text(text, path, "model.st")], losses)
+    write, file = {"mjcf": (mjcf, "model.xml"), "urdf": (urdf, "model.urdf"), "isaac": (isaac, "actuator.py")}[to]
+    text, losses = write(exported)
+    return Export([write_text(text, path, file)], losses)

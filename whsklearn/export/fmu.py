@@ -1,0 +1,77 @@
+"""FMI 2.0 for co-simulation: a source FMU around the C code, with a binary where a compiler is at hand."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+import tempfile
+import uuid
+import zipfile
+from pathlib import Path
+
+from whsklearn.export.code import c_files, code_losses, identifier, render
+from whsklearn.export.losses import Loss
+from whsklearn.export.model import Exported
+
+_COMPILER = ("gcc", "cc", "clang")
+
+
+def write_fmu(model: Exported, out: Path) -> tuple[Path, list[Loss]]:
+    """Write ``out`` (an .fmu): sources, description, and a Linux binary if there is a C compiler.
+
+    The input is ``drive``, the output ``y``; one step is one sample. ``y`` of an axis is its position at the end of
+    the step; that of a chain belongs to the sample in which the input acted.
+
+    Returns
+    -------
+    path : Path
+    losses : list of Loss
+        With one more if no binary could be made.
+    """
+    path = out if out.suffix == ".fmu" else out / "model.fmu"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    name = identifier(path.stem)
+    files = c_files(model, "model")
+    losses = code_losses(model, "model")
+    dt = 1.0 / model.axis.sample_rate if model.axis is not None else (model.chain.dt if model.chain else 1.0)
+    reading = ""
+    if model.axis is not None:
+        reading = (
+            "reading(&c->state, c->state.samples * c->dt)" if "double t)" in _reading(files) else "reading(&c->state)"
+        )
+    guid = "{" + str(uuid.uuid5(uuid.NAMESPACE_OID, "".join(files.values()))) + "}"  # the same model, the same file
+    names = {"name": name, "guid": guid, "dt": repr(dt), "units": model.units, "losses": losses, "reading": reading}
+    source = render("fmi2.c.j2", **names)
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("modelDescription.xml", render("modelDescription.xml.j2", **names))
+        for file, text in {**files, "fmi2.c": source}.items():
+            archive.writestr(f"sources/{file}", text)
+        binary = _binary({**files, "fmi2.c": source})
+        if binary is not None:
+            archive.writestr(f"binaries/linux64/{name}.so", binary)
+        else:
+            losses.append(Loss("binary", "linux64", "no C compiler found here; fmpy compiles the sources"))
+    return path, losses
+
+
+def _reading(files: dict[str, str]) -> str:
+    """The line that declares the reading."""
+    return next(line for line in files["model.c"].splitlines() if " reading(" in line)
+
+
+def _binary(files: dict[str, str]) -> bytes | None:
+    """A shared library of the sources, or None without a compiler."""
+    compiler = next((c for c in _COMPILER if shutil.which(c)), None)
+    if compiler is None or not sys.platform.startswith("linux"):
+        return None
+    with tempfile.TemporaryDirectory() as folder:
+        for file, text in files.items():
+            Path(folder, file).write_text(text, encoding="utf-8")
+        done = subprocess.run(
+            [compiler, "-std=c99", "-O2", "-shared", "-fPIC", "-o", "model.so", "fmi2.c", "-lm"],
+            cwd=folder, capture_output=True, text=True, check=False,
+        )  # fmt: skip
+        if done.returncode:
+            raise RuntimeError(f"{compiler} does not compile the FMU's sources: {done.stderr.strip()[:500]}")
+        return Path(folder, "model.so").read_bytes()

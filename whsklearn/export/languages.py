@@ -1,0 +1,160 @@
+"""How a language writes numbers, operators and functions: C99 and IEC 61131-3 Structured Text."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Protocol
+
+
+class Language(Protocol):
+    """What `whsklearn.export.specialise.Specialiser` asks of a language."""
+
+    @property
+    def operators(self) -> dict[str, str]:
+        """Operator by the name of its syntax node: ``Add``, ``LtE``, ``And``, ..."""
+        ...
+
+    def number(self, value: float) -> str:
+        """A literal."""
+        ...
+
+    def truth(self, value: bool) -> str:
+        """True or false."""
+        ...
+
+    def negated(self, text: str) -> str:
+        """Logical not."""
+        ...
+
+    def assign(self, name: str, text: str) -> str:
+        """One assignment."""
+        ...
+
+    def branch(self, test: str, yes: list[str], no: list[str], pad: str) -> list[str]:
+        """An if with its else."""
+        ...
+
+    def function(self, name: str, arguments: list[str]) -> str:
+        """A call; ``name`` as in `math`, or one of ``abs min max int``."""
+        ...
+
+
+_ARITHMETIC = {"Add": "+", "Sub": "-", "Mult": "*", "Div": "/", "Lt": "<", "LtE": "<=", "Gt": ">", "GtE": ">="}
+
+
+@dataclass(frozen=True)
+class C:
+    """C99; ``real`` is ``double`` or ``float``.
+
+    Examples
+    --------
+    >>> from whsklearn.export.languages import C
+    >>> C().number(0.1), C("float").function("abs", ["x"])
+    ('0.1', 'fabsf(x)')
+    """
+
+    real: str = "double"
+    operators: dict[str, str] = field(
+        default_factory=lambda: {**_ARITHMETIC, "Eq": "==", "NotEq": "!=", "And": "&&", "Or": "||"}
+    )
+
+    def number(self, value: float) -> str:
+        """The shortest text that reads back as the same number."""
+        if math.isinf(value):
+            return "INFINITY" if value > 0 else "(-INFINITY)"
+        text = repr(float(value)) + ("f" if self.real == "float" else "")
+        return f"({text})" if value < 0 else text
+
+    def truth(self, value: bool) -> str:
+        """1 or 0."""
+        return str(int(value))
+
+    def negated(self, text: str) -> str:
+        """Logical not."""
+        return f"(!{text})"
+
+    def assign(self, name: str, text: str) -> str:
+        """One assignment."""
+        return f"{name} = {text.removeprefix('(').removesuffix(')') if _wrapped(text) else text};"
+
+    def branch(self, test: str, yes: list[str], no: list[str], pad: str) -> list[str]:
+        """An if with its else, empty sides left out."""
+        test = test if _wrapped(test) else f"({test})"
+        if not yes:
+            return [f"{pad}if (!{test}) {{", *no, f"{pad}}}"]
+        return [f"{pad}if {test} {{", *yes, *([f"{pad}}} else {{", *no] if no else []), f"{pad}}}"]
+
+    def function(self, name: str, arguments: list[str]) -> str:
+        """A call of math.h."""
+        name = {"abs": "fabs", "min": "fmin", "max": "fmax", "int": "trunc"}.get(name, name)
+        return f"{name}{'f' if self.real == 'float' else ''}({', '.join(arguments)})"
+
+
+@dataclass(frozen=True)
+class StructuredText:
+    """IEC 61131-3 Structured Text with LREAL numbers.
+
+    Examples
+    --------
+    >>> from whsklearn.export.languages import StructuredText
+    >>> StructuredText().assign("y", "(a + b)")
+    'y := a + b;'
+    """
+
+    operators: dict[str, str] = field(
+        default_factory=lambda: {**_ARITHMETIC, "Eq": "=", "NotEq": "<>", "And": "AND", "Or": "OR"}
+    )
+
+    def number(self, value: float) -> str:
+        """A real literal; IEC 61131-3 has no infinity."""
+        if math.isinf(value):
+            return "1.0E308" if value > 0 else "(-1.0E308)"
+        mantissa, _, exponent = repr(float(value)).partition("e")
+        mantissa += "" if "." in mantissa else ".0"
+        text = mantissa + (f"E{int(exponent)}" if exponent else "")
+        return f"({text})" if value < 0 else text
+
+    def truth(self, value: bool) -> str:
+        """TRUE or FALSE."""
+        return "TRUE" if value else "FALSE"
+
+    def negated(self, text: str) -> str:
+        """Logical not."""
+        return f"(NOT {text})"
+
+    def assign(self, name: str, text: str) -> str:
+        """One assignment."""
+        return f"{name} := {text.removeprefix('(').removesuffix(')') if _wrapped(text) else text};"
+
+    def branch(self, test: str, yes: list[str], no: list[str], pad: str) -> list[str]:
+        """An IF with its ELSE, empty sides left out."""
+        if not yes:
+            return [f"{pad}IF NOT {test} THEN", *no, f"{pad}END_IF;"]
+        return [f"{pad}IF {test} THEN", *yes, *([f"{pad}ELSE", *no] if no else []), f"{pad}END_IF;"]
+
+    def function(self, name: str, arguments: list[str]) -> str:
+        """A standard function, or what is made of them where the standard has none."""
+        a = arguments[0]
+        if name == "tanh":
+            return f"(1.0 - 2.0 / (EXP(2.0 * {a}) + 1.0))"
+        if name == "copysign":
+            return f"SEL({arguments[1]} < 0.0, ABS({a}), -ABS({a}))"
+        if name == "floor":
+            return f"(LINT_TO_LREAL(TRUNC_LINT({a})) - SEL({a} < LINT_TO_LREAL(TRUNC_LINT({a})), 0.0, 1.0))"
+        if name == "int":
+            return f"LINT_TO_LREAL(TRUNC_LINT({a}))"
+        name = {"log": "LN", "pow": "EXPT"}.get(name, name.upper())
+        return f"{name}({', '.join(arguments)})"
+
+
+def _wrapped(text: str) -> bool:
+    """Whether one pair of brackets encloses all of it."""
+    if not (text.startswith("(") and text.endswith(")")):
+        return False
+    depth = 0
+    for k, c in enumerate(text):
+        depth += (c == "(") - (c == ")")
+        if depth == 0 and k < len(text) - 1:
+            return False
+    return True

@@ -1,0 +1,91 @@
+"""The linear part of a model: `scipy.signal.dlti`, and python-control's transfer function."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from whsklearn.export.losses import Loss, left_out, lost_parts, parts_of, size_of
+from whsklearn.export.model import Exported, as_exported
+from whsklearn.export.robots import total
+
+_LINEAR = ("viscous", "cable_spring")
+
+
+def to_dlti(model: Any) -> tuple[Any, list[Loss]]:
+    """The linear part in discrete time, and what it leaves out.
+
+    Parameters
+    ----------
+    model : path, ServoAxis, WienerHammersteinSystem or identified model
+
+    Returns
+    -------
+    system : scipy.signal.dlti
+        From drive to position (exact under a held drive), or from input to output.
+    losses : list of Loss
+
+    Examples
+    --------
+    >>> from whsklearn import ServoAxis
+    >>> from whsklearn.export import to_dlti
+    >>> system, losses = to_dlti(ServoAxis(inertia=0.05))
+    >>> [str(x) for x in losses]
+    ['coulomb (torque 0.3 Nm): it is not linear']
+    >>> system.dt
+    0.001
+    """
+    from scipy.signal import dlti
+
+    numerator, denominator, dt, losses = _transfer(as_exported(model))
+    return dlti(numerator, denominator, dt=dt), losses
+
+
+def to_control(model: Any) -> tuple[Any, list[Loss]]:
+    """As `to_dlti`, for python-control (extra ``control``).
+
+    Raises
+    ------
+    ImportError
+        If it is not installed.
+    """
+    try:
+        import control
+    except ImportError:
+        raise ImportError("python-control is not installed; pip install 'whsklearn[control]'.") from None
+    numerator, denominator, dt, losses = _transfer(as_exported(model))
+    return control.tf(numerator, denominator, dt), losses
+
+
+def _transfer(model: Exported) -> tuple[Any, Any, float, list[Loss]]:
+    if model.chain is not None:
+        held = ("power", "viscous")
+        terms = model.chain.law.terms if model.chain.law else ()
+        losses = [Loss(t.name, size_of(t), "it is not linear") for t in terms if not _linear_term(t, held)]
+        losses += [Loss(e.name, size_of(e), "effects of a chain are not exported") for e in model.chain_effects]
+        if model.chain.offset:
+            losses.append(Loss("offset", f"{model.chain.offset:.6g}", "it is not linear"))
+        numerator, denominator = model.chain.linear()
+        if not np.any(numerator):
+            raise ValueError("The chain's law has no linear term, so it has no linear part; export it to c instead.")
+        leading = np.flatnonzero(numerator)[0]  # in powers of z: a delay is a lower degree of the numerator
+        width = max(numerator.size, denominator.size)
+        wide = [np.pad(p, (0, width - p.size)) for p in (numerator, denominator)]
+        return wide[0][leading:], wide[1], model.chain.dt, losses
+    from scipy.signal import cont2discrete
+
+    axis = model.need_axis("A linear system")
+    effects = parts_of(axis)
+    losses = left_out(axis, lambda e: e.name in _LINEAR, "it is not linear")
+    losses += lost_parts(axis, timing=False, transmission=False, limit=False)
+    springs = [e for e in effects if e.name == "cable_spring" and e.shape["centre"]]
+    losses += [Loss(e.name, f"centre {e.shape['centre']:.6g} rad", "held with its centre at zero") for e in springs]
+    dt = 1.0 / axis.sample_rate
+    over = [axis.inertia, total(effects, "viscous"), total(effects, "cable_spring")]
+    numerator, denominator, _ = cont2discrete(([1.0], over), dt)
+    return np.trim_zeros(np.ravel(numerator), "f"), denominator, dt, losses
+
+
+def _linear_term(term: Any, held: tuple[str, ...]) -> bool:
+    return term.name in held and term.shape.get("degree", 1.0) == 1.0

@@ -1,0 +1,77 @@
+"""What a format cannot hold, and how large it is: told, never dropped in silence."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from whsklearn.effects import Effect
+from whsklearn.systems.servo import ServoAxis
+
+
+@dataclass(frozen=True)
+class Loss:
+    """One thing that is not in the exported file.
+
+    Attributes
+    ----------
+    name : str
+        Of the effect or the part.
+    size : str
+        Its numbers with their units.
+    reason : str
+        Why it is not there, or what stands in its place.
+    """
+
+    name: str
+    size: str
+    reason: str
+
+    def __str__(self) -> str:
+        return f"{self.name} ({self.size}): {self.reason}"
+
+
+def size_of(effect: Effect) -> str:
+    """All numbers of an effect with their units.
+
+    Examples
+    --------
+    >>> from whsklearn.effects import Cogging
+    >>> from whsklearn.export.losses import size_of
+    >>> size_of(Cogging(0.05, 12.0))
+    'amplitude 0.05 Nm, order 12, phase 0 rad'
+    """
+    parts = []
+    for name, value in {effect.size: effect.magnitude, **effect.shape}.items():
+        unit = effect.quantities[name].unit if name in effect.quantities else ""
+        parts.append(f"{name} {value:.6g}{'' if unit in ('', '1') else ' ' + unit}")
+    return ", ".join(parts)
+
+
+def parts_of(axis: ServoAxis) -> list[Effect]:
+    """The law's terms and the effects that are not of neutral size."""
+    return [*axis.law.terms, *(e for e in axis.effects if e.magnitude != e.neutral)]
+
+
+def left_out(axis: ServoAxis, held: Callable[[Effect], bool], reason: str) -> list[Loss]:
+    """A loss for each term or effect that is not held."""
+    return [Loss(e.name, size_of(e), reason) for e in parts_of(axis) if not held(e)]
+
+
+def lost_parts(axis: ServoAxis, *, timing: bool, transmission: bool, limit: bool) -> list[Loss]:
+    """Losses among drive, transmission and sensor; an argument says whether the format holds it."""
+    out = []
+    if not timing and axis.drive.delay:
+        out.append(Loss("drive delay", f"{axis.drive.delay:.6g} s", "the format has no dead time"))
+    if not timing and axis.drive.lag:
+        out.append(Loss("drive lag", f"{axis.drive.lag:.6g} s", "the format has no actuator dynamics"))
+    if not limit and axis.drive.limit < float("inf"):
+        out.append(Loss("drive limit", f"{axis.drive.limit:.6g} Nm", "the format has no limit"))
+    if not transmission and axis.transmission is not None:
+        t = axis.transmission
+        out.append(
+            Loss("transmission", f"stiffness {t.stiffness:.6g} Nm/rad, gap {t.gap:.6g} rad", "the format has one mass")
+        )
+    if axis.sensor.noise:
+        out.append(Loss("sensor noise", f"{axis.sensor.noise:.6g} rad", "the exported model is free of noise"))
+    return out

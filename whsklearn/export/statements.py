@@ -1,0 +1,103 @@
+"""Statements that `whsklearn.export.specialise.Specialiser` writes: kept as values until it is known who needs them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from whsklearn.export.languages import Language
+
+
+class Symbol(NamedTuple):
+    """An expression that is known only when the code runs; ``kind`` is ``real`` or ``bool``.
+
+    A product with a constant keeps its ``factor`` and what it multiplies, so that the next one joins it.
+    """
+
+    text: str
+    kind: str = "real"
+    factor: float = 1.0
+    base: str = ""
+
+
+class Set(NamedTuple):
+    """An assignment; ``kept`` if the name is of the state and outlives the code."""
+
+    name: str
+    text: str
+    kept: bool = False
+
+
+class If(NamedTuple):
+    """Two ways."""
+
+    test: str
+    yes: list[Any]
+    no: list[Any]
+
+
+@dataclass(frozen=True)
+class Memory:
+    """An array of the generated code's state: element (i, j) is called ``name(i, j)``, empty if nobody reads it."""
+
+    name: Callable[..., str]
+
+
+@dataclass(frozen=True)
+class OneOf:
+    """Effects of one's own: called with the number of the function first, as compiled kernels do."""
+
+    functions: tuple[Callable[..., float], ...]
+
+
+def identifiers(text: str) -> set[str]:
+    """Every name in an expression."""
+    return set(re.findall(r"[A-Za-z_]\w*", text))
+
+
+def used(statements: list[Any]) -> set[str]:
+    """Every name that some expression reads."""
+    out: set[str] = set()
+    for s in statements:
+        if isinstance(s, Set):
+            out |= identifiers(s.text)
+        else:
+            out |= identifiers(s.test) | used(s.yes) | used(s.no)
+    return out
+
+
+def _pruned(statements: list[Any], used: set[str]) -> list[Any]:
+    """Without assignments that nobody reads and without empty ifs."""
+    out: list[Any] = []
+    for s in statements:
+        if isinstance(s, Set):
+            if s.kept or s.name in used:
+                out.append(s)
+        else:
+            yes, no = _pruned(s.yes, used), _pruned(s.no, used)
+            if yes or no:
+                out.append(If(s.test, yes, no))
+    return out
+
+
+def needed_only(statements: list[Any], needed: set[str]) -> list[Any]:
+    """The statements without what neither the state nor ``needed`` depends on."""
+    while True:
+        fewer = _pruned(statements, needed | used(statements))
+        if fewer == statements:
+            return statements
+        statements = fewer
+
+
+def rendered(statements: list[Any], language: Language, pad: str = "") -> list[str]:
+    """Lines of code."""
+    out: list[str] = []
+    for s in statements:
+        if isinstance(s, Set):
+            out.append(pad + language.assign(s.name, s.text))
+        else:
+            yes, no = (rendered(side, language, pad + "    ") for side in (s.yes, s.no))
+            out.extend(language.branch(s.test, yes, no, pad))
+    return out

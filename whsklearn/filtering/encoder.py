@@ -1,0 +1,121 @@
+"""How much of a position is the encoder's noise, and the cut-off at which the acceleration is not.
+
+Differentiated twice, white noise of variance s^2 at the rate fs leaves an acceleration of variance
+
+    2 s^2 / fs  int (A(f) D(f))^2 df,    A the zero-phase filter, D the second central difference,
+
+which grows with the fifth power of the cut-off.  In least squares it makes the inertia too small by
+its share of the acceleration's variance, however long the record.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from whsklearn.filtering.records import motion, zero_phase
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+__all__ = ["encoder_noise", "motion_cutoff"]
+
+WIDEST = 0.1  # of the sampling rate: beyond it the central difference is no derivative
+TOLERATED = 1e-4  # share of noise in the acceleration's variance, so by how much the inertia comes out too small
+STEPS_PER_DECADE = 12
+FEWEST_PERIODS = 8.0  # of the cut-off in a record, at least
+
+
+def encoder_noise(position: ArrayLike, sample_rate: float) -> float:
+    """Standard deviation of the measurement noise of a position, in its unit.
+
+    Parameters
+    ----------
+    position : array-like of shape (n,)
+    sample_rate : float
+        In Hz.
+
+    Returns
+    -------
+    float
+        What is seen above a tenth of the sampling rate, where no axis moves, taken for white; on a lattice of step q
+        at least q / sqrt(12), since a slow axis stays on one count for long and shows less.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> t = np.arange(4000) / 2000
+    >>> counts = np.round(np.sin(3 * t) * 4096 / (2 * np.pi)) * 2 * np.pi / 4096
+    >>> bool(abs(encoder_noise(counts, 2000) / (2 * np.pi / 4096 / 12**0.5) - 1) < 0.3)
+    True
+    """
+    q = np.asarray(position, dtype=float)
+    cutoff = WIDEST * sample_rate
+    left = q - zero_phase(q, sample_rate, cutoff)
+    f = np.linspace(0.0, 0.5, 512)
+    share = np.mean((1.0 - _amplitude(f, WIDEST, 4)) ** 2)
+    seen = 1.4826 * float(np.median(np.abs(left))) / np.sqrt(share)
+    return max(seen, _step(q) / np.sqrt(12.0))
+
+
+def motion_cutoff(position: ArrayLike, sample_rate: float, order: int = 4) -> float:
+    """Highest cut-off, in Hz, at which noise makes up no more than `TOLERATED` of the acceleration's variance.
+
+    Where none is low enough, the one with the least share; a tenth of the sampling rate without noise.
+
+    Parameters
+    ----------
+    position, sample_rate
+        As for `encoder_noise`.
+    order : int, default=4
+        Of the zero-phase Butterworth filter.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> t = np.arange(20000) / 2000
+    >>> q = np.sin(3 * t) + 0.2 * np.sin(20 * t)
+    >>> motion_cutoff(q, 2000)
+    200.0
+    >>> counts = np.round(q * 4096 / (2 * np.pi)) * 2 * np.pi / 4096
+    >>> 10 < motion_cutoff(counts, 2000) < 40
+    True
+    """
+    q = np.asarray(position, dtype=float)
+    noise = encoder_noise(q, sample_rate)
+    widest = WIDEST * sample_rate
+    lowest = min(FEWEST_PERIODS * sample_rate / q.size, widest)
+    count = 1 + int(STEPS_PER_DECADE * np.log10(widest / lowest))
+    cutoffs = widest / 10.0 ** (np.arange(count) / STEPS_PER_DECADE)
+    best, least = widest, np.inf
+    for cutoff in cutoffs:
+        edge = min(int(sample_rate / cutoff), q.size // 4)
+        moved = motion(q, sample_rate, cutoff, order).acceleration[edge : q.size - edge]
+        of_noise = noise**2 * _acceleration_gain(sample_rate, cutoff, order)
+        share = of_noise / max(float(np.var(moved)) - of_noise, 1e-3 * of_noise, 1e-300)
+        if share <= TOLERATED:
+            return float(cutoff)
+        if share < least:
+            best, least = float(cutoff), share
+    return best
+
+
+def _amplitude(f: NDArray[np.float64], cutoff: float, order: int) -> NDArray[np.float64]:
+    """Of the Butterworth filter run both ways; frequencies in units of the sampling rate."""
+    return 1.0 / (1.0 + (np.tan(np.pi * np.minimum(f, 0.4999)) / np.tan(np.pi * cutoff)) ** (2 * order))
+
+
+def _acceleration_gain(sample_rate: float, cutoff: float, order: int) -> float:
+    """Variance of the acceleration for white noise of variance one."""
+    f = np.linspace(0.0, min(4.0 * cutoff / sample_rate, 0.5), 512)
+    twice = (np.sin(2.0 * np.pi * f) * sample_rate) ** 2
+    return float(2.0 * np.trapezoid((_amplitude(f, cutoff / sample_rate, order) * twice) ** 2, f))
+
+
+def _step(q: NDArray[np.float64]) -> float:
+    """Step of the lattice that a position lies on; 0 where it lies on none."""
+    levels = np.unique(q)
+    if levels.size < 3 or 2 * levels.size > q.size:
+        return 0.0
+    return float(np.median(np.diff(levels)))

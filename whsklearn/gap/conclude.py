@@ -1,0 +1,153 @@
+"""From what the search found to a `Diagnosis`: proof, verdict, effects with errors and rivals, tables, places."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from whsklearn.gap import evidence as rules
+from whsklearn.gap import localisation, parameter_drift
+from whsklearn.gap.aliases import rivals_of
+from whsklearn.gap.candidate_table import candidate_table
+from whsklearn.gap.diagnosis import Diagnosis, NamedEffect, families
+from whsklearn.gap.proof import closure, prove
+from whsklearn.gap.search import Found
+from whsklearn.gap.standard_errors import labelled_errors
+from whsklearn.gap.verdict import verdict_of
+from whsklearn.gap.words import next_experiment, summary
+
+
+def conclude(plant: Any, found: Found, rng: np.random.Generator, say: Callable[[str], None]) -> Diagnosis:
+    """The diagnosis; ``found.model`` is left at the model that is handed back."""
+    say("prove")
+    diagnosis, rows = _judged(plant, found, rng)
+    diagnosis.horizons = [{k: v for k, v in r.items() if k not in ("first", "last")} for r in rows]
+    headline = next(r for r in rows if r["horizon"] == plant.headline)
+    diagnosis.before, diagnosis.after = headline["first"].as_dict(), headline["last"].as_dict()
+    diagnosis.floor, diagnosis.closure = headline["floor"], headline["closure"]
+    view = plant.judging(found.base)
+    diagnosis.need = view.limits.need(view.compare([found.base], 0)[0].n_effective, 0.0)
+    diagnosis.interrupted = found.interrupted
+    diagnosis.candidates = candidate_table(found, diagnosis)
+    say("locate")
+    _located(plant, found, diagnosis, rng)
+    diagnosis.rounds = [
+        {"number": r.number, "gap": r.gap, "gap_share": r.gap / plant.scale, "tried": len(r.looks),
+         "taken": r.taken.name if r.taken else "nothing",
+         "delta_bic": r.taken.delta_bic if r.taken else (r.evidence[0].delta_bic if r.evidence else 0.0)}
+        for r in found.rounds
+    ]  # fmt: skip
+    diagnosis.residual_tests = plant.residual_tests(found.base, found.model)
+    first, last = plant.parameters(found.base), plant.parameters(found.model)
+    diagnosis.base_parameters = [{"name": k, "before": v, "after": last[k]} for k, v in first.items()]
+    diagnosis.next_experiment = next_experiment(diagnosis)
+    for e in diagnosis.effects:
+        e.units = plant.units
+    diagnosis.notes = plant.notes(found.base, found.model)
+    diagnosis.pictures = plant.pictures(found.base, found.model)
+    diagnosis.horizon_unit = plant.horizon_unit
+    before, after, floor = (x / plant.scale for x in plant.figures(found.base, found.model))
+    diagnosis.figures = (before, after, floor)
+    diagnosis.sentence = summary(diagnosis, plant)
+    return diagnosis
+
+
+def _judged(plant: Any, found: Found, rng: np.random.Generator) -> tuple[Diagnosis, list[dict[str, Any]]]:
+    """Verdict, effects and the rows of the proof, which agree with each other.
+
+    While the repaired model runs worse than the base model at the headline horizon, its last effect is taken back.
+    """
+    shortfall = plant.falls_short(found.base, found.model)
+    if shortfall:
+        _give_back(found)
+    while True:
+        if found.taken:
+            found.model = plant.settle(found.model)
+        rows = prove(plant, found.base, found.model, rng)
+        headline = next(r for r in rows if r["horizon"] == plant.headline)
+        if not found.taken or headline["closure"] >= 0.0:
+            break
+        last = len(found.taken) - 1
+        found.model = found.views[last].fit(found.model.without(len(found.model.terms) - 1))
+        found.drop(last)
+        if not found.taken:
+            found.model = found.base
+    if shortfall:
+        return Diagnosis("unknown", "", shortfall=shortfall), rows
+    seen = plant.read_off(found.model)
+    if seen and not found.taken:
+        return Diagnosis("named", "", effects=seen), rows
+    verdict, *beside = _verdict(plant, found, rows, rng)
+    diagnosis = Diagnosis(verdict, "")
+    if verdict in ("named", "ambiguous", "partial"):
+        diagnosis.effects = _effects(plant, found, *beside) + seen
+    elif found.taken:  # nothing earned a name: the base model is handed back, and its figures
+        _give_back(found)
+        rows = prove(plant, found.base, found.base, rng)
+    return diagnosis, rows
+
+
+def _give_back(found: Found) -> None:
+    """Leave the base model."""
+    found.model = found.base
+    while found.taken:
+        found.drop(0)
+
+
+def _verdict(
+    plant: Any, found: Found, rows: list[dict[str, Any]], rng: np.random.Generator
+) -> tuple[str, list, list, list]:
+    """(verdict, rivals of every effect, share of draws in which it beats the next, names that are the same)."""
+    view = plant.judging(found.base)
+    gap, floor = view.rms(view.gap(found.base)), view.floor(found.base)
+    quiet = view.quiet(found.base, plant.tolerance * plant.scale)
+    if not found.taken:
+        follows = 0.0 if quiet else plant.follows(found.base)
+        verdict = verdict_of([], 0.0, [], quiet=bool(quiet), follows=follows)
+        if verdict == "no_gap" and _blind_share(found) > 0.5:
+            verdict = "not_testable"
+        return verdict, [], [], []
+    after, floor = view.rms(view.gap(found.model)), min(floor, view.floor(found.model))
+    left = after / max(floor, plant.tolerance * plant.scale)
+    headline = next(r for r in rows if r["horizon"] == plant.headline)
+    total = closure(gap, after, floor)
+    if view.limits.run_counts or view.demand(found.model) > 0.0:  # knocks a sample early or late are no path
+        total = max(total, headline["closure"])
+    still = plant.follows(found.model)
+    rivals, shares, same = rivals_of(plant, found, rng)
+    names = list(dict.fromkeys(t.name for t in found.model.terms[found.model.n_base :]))
+    verdict = verdict_of(names, total, rivals, quiet=bool(quiet), follows=1.0, left=left, still=still)
+    return verdict, rivals, shares, same
+
+
+def _blind_share(found: Found) -> float:
+    """Share of the catalogue that this record could not show at two percent of the rms drive."""
+    dark = [k.expected < rules.VISIBLE for k in found.looks if np.isfinite(k.expected)]
+    return float(np.mean(dark)) if dark else 0.0
+
+
+def _effects(plant: Any, found: Found, rivals: list, shares: list, same: list) -> list[NamedEffect]:
+    fit = plant.linearised(found.model)
+    out = []
+    for i, (taken, others, share, equal) in enumerate(zip(found.taken, rivals, shares, same, strict=True)):
+        index = found.model.n_base + i
+        effect = found.model.terms[index].effect
+        aliases = list(dict.fromkeys([*plant.aliases(effect.name), *equal, *others]))
+        out.append(NamedEffect(
+            effect, labelled_errors(fit, index), taken.delta_bic, share, min(max(taken.closure, -1.0), 1.0), aliases
+        ))  # fmt: skip
+    return families(out)
+
+
+def _located(plant: Any, found: Found, diagnosis: Diagnosis, rng: np.random.Generator) -> None:
+    """Where the gap lives, and which constant of the base model moves along the record."""
+    signals, gap = plant.signals(found.base), plant.judged_gap(found.base)
+    diagnosis.where = localisation.locate(signals, gap, rng)
+    diagnosis.where_sentence = localisation.sentence(diagnosis.where) if diagnosis.verdict != "no_gap" else ""
+    diagnosis.restless = parameter_drift.drift(plant, found.base, rng)
+    moves = parameter_drift.sentence(diagnosis.restless) if diagnosis.where_sentence else ""
+    if moves:
+        stays = diagnosis.where_sentence == localisation.NOWHERE
+        diagnosis.where_sentence = moves if stays else f"{diagnosis.where_sentence} {moves}"

@@ -1,0 +1,148 @@
+"""The data check: what would make any diagnosis worthless is said before one is made."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from whsklearn.gap.record import ServoRecord, lattice
+
+SHORTEST = 3.0  # s: a third of it is lost to restarts and filters, and the rest must hold several reversals
+HOLE = 5.5  # typical steps: five samples lost are a kick of several percent of the drive in any derivative
+FEWEST = 300  # samples
+FLAT = 0.02  # share of samples at an extreme that is worth a word
+AT_SPEED = 0.3  # of the rms speed: an axis that comes to rest creeps over its last samples
+STEPS = 2.0  # of the encoder a sample: an axis that creeps to rest makes one now and then
+FEWEST_CHANGES = 4  # of the drive: a torque step has two
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A finding on the data.
+
+    Attributes
+    ----------
+    code : str
+        Stable code, ``data-...``.
+    title, explanation : str
+        What is wrong, and what to do.
+    fatal : bool
+        Whether a diagnosis is out of the question.
+    """
+
+    code: str
+    title: str
+    explanation: str
+    fatal: bool = True
+
+
+def check_servo(record: ServoRecord) -> list[Problem]:
+    """Problems of a servo log, the fatal ones first.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> t = np.arange(8000) / 1000
+    >>> [p.code for p in check_servo(ServoRecord(t, np.zeros(8000), np.zeros(8000)))]
+    ['data-not-moving']
+    """
+    shape = _shape_problems(record)
+    if shape:
+        return shape
+    out = _motion_problems(record) or _value_problems(record)
+    return sorted(out, key=lambda p: not p.fatal)
+
+
+def _shape_problems(r: ServoRecord) -> list[Problem]:
+    n = len(r)
+    bad = [name for name in ("time", "drive", "position") if not np.all(np.isfinite(getattr(r, name)))]
+    if bad:
+        text = f"Column for {', '.join(bad)} holds values that are missing or not finite; repair or cut them."
+        return [Problem("data-not-finite", "Missing values", text)]
+    if n > 1 and np.any(np.diff(r.time) <= 0):
+        text = "Time does not increase; sort the log, or pass one experiment at a time."
+        return [Problem("data-time-order", "Time runs backwards", text)]
+    if n < FEWEST or r.time[-1] - r.time[0] < SHORTEST:
+        span = r.time[-1] - r.time[0] if n else 0.0
+        text = f"{n} samples over {span:.1f} s; at least {FEWEST} samples and {SHORTEST:.0f} s are needed. Log longer."
+        return [Problem("data-too-short", "Record too short", text)]
+    steps = np.diff(r.time)
+    typical = float(np.median(steps))
+    longest = int(np.argmax(steps))
+    if steps[longest] > HOLE * typical:
+        text = (
+            f"{1e3 * steps[longest]:.3g} ms pass after {r.time[longest]:.6g} s where {1e3 * typical:.3g} ms are usual: "
+            "samples are missing. Read the file by load_log, which mends or cuts, or pass one unbroken part."
+        )
+        return [Problem("data-uneven-time", "A hole in time", text)]
+    if np.mean(np.abs(steps - typical) > 0.5 * typical) > 0.01:
+        text = f"More than 1 % of the steps differ by half from the typical {1e3 * typical:.3g} ms; resample evenly."
+        return [Problem("data-uneven-time", "Uneven sampling", text)]
+    if typical > 0.05:
+        text = f"One sample every {typical:.3g} s; an axis needs at least 20 a second. Is the time column in seconds?"
+        return [Problem("data-time-unit", "Sampling too slow", text)]
+    return []
+
+
+def _motion_problems(r: ServoRecord) -> list[Problem]:
+    travel = np.ptp(r.position)
+    if travel == 0 or np.mean(np.abs(np.diff(r.position)) > 0) < 0.002:
+        text = "The position does not change; pick the measured position, or a record in which the axis moves."
+        return [Problem("data-not-moving", "The axis does not move", text)]
+    if np.ptp(r.drive) == 0:
+        return [Problem("data-no-drive", "The drive is constant", "The drive column never changes; pick the drive.")]
+    if np.count_nonzero(np.diff(r.drive)) < FEWEST_CHANGES:
+        text = f"The drive changes fewer than {FEWEST_CHANGES} times; pick the drive that was applied."
+        return [Problem("data-no-drive", "The drive hardly changes", text)]
+    return []
+
+
+def _value_problems(r: ServoRecord) -> list[Problem]:
+    out = []
+    share = flat_share(r.drive)
+    if share > FLAT:
+        text = (
+            f"The drive stands at its extreme for {100 * share:.0f} % of the record. If that is the limit of the "
+            "amplifier, the log is as it should be; if the logger cut it off, log with a wider range."
+        )
+        out.append(Problem("data-drive-at-limit", "The drive reaches a limit", text, fatal=False))
+    share = flat_share(r.position)
+    if share > FLAT:
+        cut = cut_at_speed(r.position)
+        text = f"The position stands at its extreme for {100 * share:.0f} % of the record"
+        text += (
+            " and gets there at full speed: it is clipped in the log. Log with a wider range, or pass the part that "
+            "is not clipped." if cut else ": the axis rests there, or lies on a stop."
+        )  # fmt: skip
+        title = "The position is clipped" if cut else "The position rests at its extreme"
+        out.append(Problem("data-clipped-position" if cut else "data-rest-at-extreme", title, text, fatal=cut))
+    jumps = np.abs(np.diff(r.position, 2))
+    scale = np.quantile(jumps, 0.999) + 1e-300
+    spikes = int(np.sum(jumps > 60 * scale))
+    if spikes > 2:
+        text = (
+            f"{spikes} samples of the position jump far beyond the rest: outliers or a wrapped angle. Unwrap or repair."
+        )
+        out.append(Problem("data-spikes", "Jumps in the position", text))
+    return out
+
+
+def cut_at_speed(x: np.ndarray) -> bool:
+    """Whether most runs at an extreme begin at speed, as no axis that comes to rest does."""
+    speed = np.abs(np.diff(x))
+    typical = float(np.sqrt(np.mean(speed[speed > 0] ** 2)))
+    at = (x == x.max()) | (x == x.min())
+    begins = np.flatnonzero(at[1:] & ~at[:-1] & np.append(at[2:], False))
+    before = [speed[max(0, i - 4) : i].mean() for i in begins if i >= 4]
+    return bool(before) and float(np.median(before)) > max(AT_SPEED * typical, STEPS * lattice(x))
+
+
+def flat_share(x: np.ndarray) -> float:
+    """Share of samples that stand exactly at the largest or the smallest value, in runs of three and more."""
+    total = 0
+    for extreme in (x.max(), x.min()):
+        at = x == extreme
+        runs = at[2:] & at[1:-1] & at[:-2]
+        total += int(runs.sum())
+    return total / x.size

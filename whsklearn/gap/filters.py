@@ -1,0 +1,182 @@
+"""Smoothing and differentiation by one Gaussian, the filter from innovations to missing torque, and whitening.
+
+Missing torque = J (p^2 + l1 p + l2) e (`whsklearn.systems.servo_observer`); the derivatives are those of a Gaussian,
+so the filter is smooth, symmetric (no phase) and has the width where encoder noise, which grows
+with the square of frequency, is still small against the drive.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[Any]
+
+
+HALF_WIDTH = (
+    6.0  # sigma: cut at 4, a second derivative does not sum to zero and is a phantom spring of -24 1/s2 at 1 kHz
+)
+CUTOFF_SIGMA = 0.833  # 2 pi fc sigma of a Gaussian that is 3 dB down at fc
+
+
+def gaussian_derivatives(sigma: float, dt: float) -> tuple[Array, Array, Array]:
+    """Kernels that smooth, differentiate once and differentiate twice, exact on polynomials up to degree two.
+
+    Parameters
+    ----------
+    sigma : float
+        Width of the Gaussian in s.
+    dt : float
+        Sampling time in s.
+
+    Returns
+    -------
+    g, g1, g2 : ndarray of shape (2 m + 1,)
+        For convolution: sum g = 1; sum g1 = 0 and -sum k dt g1 = 1; sum g2 = 0 and sum (k dt)^2 g2 / 2 = 1.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> g, g1, g2 = gaussian_derivatives(0.004, 0.001)
+    >>> t = np.arange(200) * 0.001
+    >>> bool(np.allclose(np.convolve(t**2 / 2 + 100.0, g2, mode="valid"), 1.0, atol=1e-6))
+    True
+    """
+    half = max(3, int(np.ceil(HALF_WIDTH * sigma / dt)))
+    t = np.arange(-half, half + 1) * dt
+    g = np.exp(-0.5 * (t / sigma) ** 2)
+    g /= g.sum()
+    g1 = -t * g
+    g1 /= -float(t @ g1)
+    g2 = (t**2 / sigma**2 - 1.0) * g
+    g2 -= g * g2.sum()
+    g2 /= 0.5 * float((t**2) @ g2)
+    return g, g1, g2
+
+
+@dataclass(frozen=True)
+class ResidualFilter:
+    """The filter, its rate and the samples it is used on.
+
+    Attributes
+    ----------
+    taps : ndarray
+        Impulse response from e to missing torque.
+    smooth : ndarray
+        Impulse response of the smoothing alone, for torque columns.
+    every : int
+        Decimation.
+    gains : tuple of float
+        Corrections of position and velocity by one innovation.
+    cutoff : float
+        Hz.
+    """
+
+    taps: Array
+    smooth: Array
+    every: int
+    gains: tuple[float, float]
+    cutoff: float
+    dt: float
+
+    def torque(self, innovation: Array) -> Array:
+        """Missing torque, decimated; shape (n // every,)."""
+        return filtered(innovation, self.taps, self.every)
+
+    def blur(self, torque: Array) -> Array:
+        """A torque seen through the same smoothing, decimated; shape (n // every, ...)."""
+        return filtered(torque, self.smooth, self.every)
+
+    def pick(self, signal: Array) -> Array:
+        """The samples that the decimation keeps."""
+        return signal[:: self.every][: -(-signal.shape[0] // self.every)]
+
+    @property
+    def noise_gain(self) -> float:
+        """Standard deviation of missing torque for white position noise of one unit."""
+        return float(np.sqrt(np.sum(self.taps**2)))
+
+    @property
+    def half_width(self) -> int:
+        """Samples either side that an output draws on."""
+        return self.taps.size // 2
+
+
+def filtered(x: Array, taps: Array, every: int) -> Array:
+    """``x`` (n, ...) through a symmetric kernel without phase, decimated; edges repeat the first and last sample."""
+    from scipy.signal import upfirdn
+
+    # full[m] = sum_j taps[j] padded[m - j]; output i wants m = i * every + taps.size - 1, and
+    # upfirdn keeps the multiples of ``every``, so the front is padded up to one
+    half = taps.size // 2
+    extra = -(taps.size - 1) % every
+    edges = [(half, half)] + [(0, 0)] * (x.ndim - 1)
+    front = [(extra, 0)] + [(0, 0)] * (x.ndim - 1)
+    padded = np.pad(np.pad(x, edges, mode="edge"), front)
+    skip = (taps.size - 1 + extra) // every
+    return upfirdn(taps, padded, 1, every, axis=0)[skip : skip + -(-x.shape[0] // every)]
+
+
+def residual_filter(
+    dt: float, inertia: float, noise: float, torque: float, *, tracking: float, goal: float = 0.004
+) -> ResidualFilter:
+    """The filter whose floor from white position noise is ``goal`` times the rms drive, within 4 and 40 Hz.
+
+    Parameters
+    ----------
+    dt, inertia, noise, torque : float
+        Sampling time, inertia, standard deviation of position noise, rms drive.
+    tracking : float
+        Bandwidth of the observer, Hz.
+    """
+    w = 2 * np.pi * tracking
+    gains = (2 * w * dt, w * w * dt)
+    best = None
+    highest = min(30.0, 0.08 / dt)
+    for cutoff in np.geomspace(highest, min(3.0, 0.5 * highest), 16):
+        g, first, second = gaussian_derivatives(CUTOFF_SIGMA / (2 * np.pi * cutoff), dt)
+        taps = inertia * (second + gains[0] / dt * first + gains[1] / dt * g)
+        every = max(1, int(1.0 / (5.0 * cutoff * dt)))
+        best = ResidualFilter(taps, g, every, gains, float(cutoff), dt)
+        if best.noise_gain * noise <= goal * torque:
+            break
+    assert best is not None
+    return best
+
+
+def autoregression(x: Array, order: int, white: float) -> Array:
+    """Coefficients [1, a1, ...] that whiten ``x`` (Yule-Walker) plus a white part of variance ``white``."""
+    x = x - x.mean()
+    n = x.size
+    return solve_whitening(np.array([x[: n - i] @ x[i:] for i in range(order + 1)]) / n, white)
+
+
+def solve_whitening(covariance: Array, white: float) -> Array:
+    """The whitening polynomial of an autocovariance with a white part added (Yule-Walker)."""
+    from scipy.linalg import solve_toeplitz
+
+    r = covariance.copy()
+    r[0] = r[0] * 1.0001 + white
+    return np.concatenate([[1.0], solve_toeplitz(r[:-1], -r[1:])])
+
+
+def whiten(d: Array, ar: Array) -> Array:
+    """``d`` filtered by the whitening polynomial, along the first axis."""
+    from scipy.signal import lfilter
+
+    return lfilter(ar, [1.0], d, axis=0)
+
+
+def whiteness(e: Array, name: str, lags: int = 20) -> dict[str, Any]:
+    """Ljung and Box's test (1978, Biometrika 65(2)) of a whitened residual, as a row of the report."""
+    from scipy.stats import chi2
+
+    e = e - e.mean()
+    n = e.size
+    r = np.array([e[k:] @ e[: n - k] for k in range(1, lags + 1)]) / max(float(e @ e), 1e-300)
+    q = n * (n + 2) * float(np.sum(r**2 / (n - np.arange(1, lags + 1))))
+    return {"test": f"Ljung-Box, {lags} lags, {name}", "statistic": q, "p_value": float(chi2.sf(q, lags)),
+            "largest": float(np.abs(r).max()), "band": 1.96 / np.sqrt(n)}  # fmt: skip

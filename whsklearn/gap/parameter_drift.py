@@ -1,0 +1,82 @@
+"""Parameter drift: which constant of the base model moves along the record, and with which signal.
+
+The base model is identified along the record by recursive least squares with forgetting (`RLSRegressor`), as
+Young's state-dependent parameters are looked for (Young 2011, Recursive Estimation and Time-Series Analysis,
+ch. 11): where something is missing, the nearest constant moves with the signal that the missing effect depends on.
+It tells where to look and names nothing.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from whsklearn.gap.localisation import dependence
+
+Array = NDArray[Any]
+MEMORY = 1.0  # s
+TELLING = 0.1  # share of the gap that a constant must take up to be spoken of
+LEVEL = 0.02  # of the p-value
+SETTLED = 3.0  # memories before the path counts
+
+
+def paths(plant: Any, model: Any) -> tuple[dict[str, tuple[float, Array, float]], slice, float]:
+    """(name -> (constant, its change along the record, share of the gap that this takes up), samples, seconds each).
+
+    One constant at a time is let go, on the missing torque and the motion that the observer tracked: viscous and dry
+    friction together cannot be told apart within a second, and smoothed derivatives would bias them.
+    """
+    from whsklearn.estimators.rls import RLSRegressor
+
+    columns, gap, step = plant.regressors(model)
+    at = slice(min(int(SETTLED * MEMORY / step), gap.size // 2), None)
+    out = {}
+    for name, (value, x) in columns.items():
+        scale = float(np.sqrt(np.mean(x**2))) + 1e-300
+        rows = np.ascontiguousarray((x / scale)[:, None])
+        # a prior worth one sample of the usual size keeps the constant where the axis shows nothing of it
+        recursion = RLSRegressor(forgetting=float(np.exp(-step / MEMORY)), P0=1.0)
+        change = np.empty(gap.size)
+        for i in range(gap.size):
+            change[i] = recursion.partial_fit(rows[i : i + 1], gap[i : i + 1]).theta_[0]
+        left = gap[at] - (change * rows[:, 0])[at]
+        taken = 1.0 - float(left @ left) / max(float(gap[at] @ gap[at]), 1e-300)
+        out[name] = (value, change[at] / scale, taken)
+    return out, at, step
+
+
+def drift(plant: Any, model: Any, rng: np.random.Generator) -> list[dict]:
+    """For every constant: its mean, how far it moves, and the signal that it follows most; the most restless first."""
+    constants, at, step = paths(plant, model)
+    if not constants:
+        return []
+    signals = plant.signals(model)
+    n = next(iter(constants.values()))[1].size
+    n_blocks = int(np.clip(n * step / (2 * MEMORY), 5, 30))
+    out = []
+    for name, (value, change, taken) in constants.items():
+        row: dict[str, Any] = {
+            "name": name, "mean": value, "spread": float(np.std(change)) / max(abs(value), 1e-300), "taken": taken,
+            "follows": "", "share": 0.0, "p_value": 1.0,
+        }  # fmt: skip
+        for signal, (x, _) in signals.items():
+            share, p = dependence(x[at], change, rng, along_time=signal == "time", n_blocks=n_blocks)
+            if p < LEVEL and share > row["share"]:
+                row |= {"follows": signal, "share": share, "p_value": p}
+        out.append(row)
+    return sorted(out, key=lambda r: -r["taken"])
+
+
+def sentence(rows: list[dict]) -> str:
+    """The most restless constant in words; empty if none follows a signal."""
+    telling = [r for r in rows[:1] if r["follows"] and r["share"] > 0.1 and r["taken"] > TELLING]
+    if not telling:
+        return ""
+    r = telling[0]
+    name = r["name"].replace("_", " ")
+    return (
+        f"Identified with a memory of {MEMORY:.0f} s, {name} drifts: it moves by "
+        f"{100 * r['spread']:.1f} % of itself, {100 * r['share']:.0f} % of that with {r['follows']}."
+    )

@@ -1,0 +1,335 @@
+"""What the engine asks of a plant, and nothing else.
+
+A `Plant` is one record under one kind of model.  It owns all physics: how a model is fitted, what it leaves
+unexplained (the *gap*), which effects may be missing and how each is tried.  The engine (`search`, `evidence`,
+`surrogate`, `verdict`, `proof`, `finder`) owns all decisions: it names no effect and asks for no kind of model.
+
+A plant offers one or more `View` of its gap, coarse to fine; the engine searches each in turn (``view``), starting
+from the model that the one before ended with.  A servo axis has two: inverse dynamics on the measured motion (linear,
+holds however much is missing) and an observer on the simulated motion (accurate when little is missing).  A plant with
+one way of looking is its own view: ``view`` returns ``self`` first and then None.
+
+How to write a plant
+--------------------
+1. A frozen model class with ``terms`` (base model's first), ``n_base`` and ``without(index)``; each term has
+   ``name`` and ``effect`` (the library's own `whsklearn.effects.Effect`).
+2. ``look``: rank candidates cheaply (a linear look is enough) and give each as a `Look`; ``refine`` fits one jointly
+   with the model.  ``compare`` turns a set of models into `Judged` errors, whitened or weighted as the plant sees fit.
+3. ``simulate``: the free run that proves.  Everything else has a meaning of its own in `Plant`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from whsklearn.gap.evidence import Limits
+
+Array = NDArray[Any]
+
+
+class Term(Protocol):
+    """One effect in a model, with its numbers."""
+
+    @property
+    def name(self) -> str:
+        """Canonical name of the effect."""
+
+    @property
+    def effect(self) -> Any:
+        """The library's `Effect` with these numbers."""
+
+
+class Model(Protocol):
+    """A value: what a plant fits, simulates and extends."""
+
+    @property
+    def terms(self) -> tuple[Any, ...]:
+        """Effects, those of the base model first."""
+
+    @property
+    def n_base(self) -> int:
+        """How many leading terms are the base model's."""
+
+    def without(self, index: int) -> Any:
+        """The model without its term ``index`` (not refitted)."""
+
+    def with_terms(self, terms: tuple[Any, ...]) -> Any:
+        """The model with these terms in place of its own."""
+
+
+@dataclass(frozen=True)
+class Look:
+    """A candidate at its best start, seen cheaply.
+
+    Attributes
+    ----------
+    name : str
+        Canonical name.
+    gain : float
+        Share of the sum of squares that a linear look expects to go, 0 to 1; ranks candidates and scores surrogates.
+    start : object
+        What ``refine`` starts from; the engine only hands it back.
+    n_numbers : int
+        Free numbers that the candidate adds, shape included.
+    n_looks : int
+        Places at which it was looked for (orders, frequencies, starts).
+    expected : float
+        Delta BIC that an effect of two percent of the drive would have; small: the record cannot show it.
+    elementary : bool
+        A law so common that it goes first when nothing alone explains the gap.
+    costly : bool
+        Shows little in a linear look; refined only while nothing else closes the gap.
+    reason : str
+        Why it is out before it is refined; empty if it is not.
+    """
+
+    name: str
+    gain: float
+    start: Any = None
+    n_numbers: int = 1
+    n_looks: int = 1
+    expected: float = np.inf
+    elementary: bool = False
+    costly: bool = False
+    reason: str = ""
+
+
+class Judged(NamedTuple):
+    """Errors of one model as evidence is computed from them.
+
+    Attributes
+    ----------
+    errors : ndarray of shape (n,)
+        Whitened errors for delta BIC: of the fitted samples, or cross-validated ones.
+    held : ndarray of shape (m,)
+        Errors on samples not fitted.
+    block : ndarray of int, shape (m,)
+        Block of each held-out sample.
+    n_effective : float
+        Independent samples in ``errors``.
+    """
+
+    errors: Array
+    held: Array
+    block: NDArray[np.intp]
+    n_effective: float
+
+
+class View(Protocol):
+    """One way to weigh what a model lacks."""
+
+    limits: Limits
+
+    def fit(self, model: Any) -> Any:
+        """The model with all its free numbers refitted."""
+
+    def gap(self, model: Any) -> Array:
+        """What the model lacks at every judged sample, shape (n,), in the unit of drive or output."""
+
+    def rms(self, gap: Array) -> float:
+        """Rms of a gap over the samples that are judged."""
+
+    def floor(self, model: Any) -> float:
+        """Rms of the gap that noise alone gives this model in this view."""
+
+    def quiet(self, model: Any, least: float) -> bool:
+        """Whether noise, and the gap ``least`` that is worth no name, explain what a model lacks."""
+
+    def explained(self, before: Any, after: Any) -> float:
+        """Rms of what the last effect of ``after`` does, in the unit of `Plant.scale`."""
+
+    def alike(self, a: Any, b: Any) -> bool:
+        """Whether no such record tells the last effects of two models apart."""
+
+    def look(self, model: Any) -> list[Look]:
+        """All candidates on top of a fitted model, the most promising first."""
+
+    def refine(self, model: Any, look: Look) -> Any:
+        """The model with the candidate added as its last term, fitted jointly."""
+
+    def compare(self, models: Sequence[Any], best: int) -> list[Judged]:
+        """Errors of several models under one weighting, chosen for what ``models[best]`` leaves over."""
+
+    def objection(self, model: Any, index: int) -> str:
+        """What is unphysical in the numbers of a term; empty if nothing."""
+
+    def demand(self, model: Any) -> float:
+        """Least share of the gap's rms that a further effect must explain (0: no more than the tolerance)."""
+
+    def replaceable(self, model: Any, index: int) -> bool:
+        """Whether other candidates may be tried in the place of a term."""
+
+    def family(self, model: Any) -> Iterable[Trial]:
+        """Further members of the last term's family (orders of a wave), each earned; empty for most effects."""
+
+    def surrogate(self, model: Any, rng: np.random.Generator) -> Any:
+        """The same view of a record that the model itself made in the same experiment: nothing is missing in it."""
+
+
+class Plant(Protocol):
+    """One record under one kind of model.
+
+    Attributes
+    ----------
+    units : tuple of str
+        Of drive (or input) and position (or output); empty where the log has none.
+    gap_word, whole : str
+        What the gap is called ("missing torque") and what it is a share of ("drive").
+    tolerance : float
+        Smallest effect worth a name, rms as a share of ``scale``.
+    scale : float
+        Rms of the drive (servo) or of the output (chain).
+    horizons : tuple of float
+        Of the free runs that prove, in ``horizon_unit`` (``s`` or ``samples``); ``headline`` is the one of the first
+        line.
+    """
+
+    units: tuple[str, str]
+    gap_word: str
+    whole: str
+    tolerance: float
+    scale: float
+    horizons: tuple[float, ...]
+    headline: float
+    horizon_unit: str
+
+    def check(self) -> list[Any]:
+        """Problems of the data (`whsklearn.gap.data_check.Problem`), called before anything else."""
+
+    def base(self, rng: np.random.Generator) -> Any:
+        """The base model, fitted."""
+
+    def view(self, model: Any, after: Any | None) -> Any | None:
+        """The view in which to search on from ``model`` after the one given (None: the first); None: no further."""
+
+    def judging(self, base: Any) -> Any:
+        """The view whose gap and floor decide the verdict on the whole record."""
+
+    def surrogate(self, model: Any, rng: np.random.Generator) -> Any:
+        """A plant whose record the model itself made in the same experiment: nothing is missing in it."""
+
+    def simulate(self, model: Any, horizon: float) -> Array:
+        """Free run from the drive alone, restarted every ``horizon`` seconds; shape (n,)."""
+
+    def measured(self, *models: Any) -> tuple[Array, NDArray[np.bool_]]:
+        """(measured output of shape (n,), mask of the held-out samples on which these models can be compared)."""
+
+    def falls_short(self, base: Any, model: Any) -> str:
+        """Sentence on what the base model itself lacks (order, shape of a law), where that and no effect is the gap."""
+
+    def settle(self, model: Any) -> Any:
+        """The repaired model's numbers for simulation: a joint refit from several starts, the better kept."""
+
+    def follows(self, model: Any) -> float:
+        """Cross-validated share of the gap that nameless functions of the motion explain."""
+
+    def read_off(self, model: Any) -> list[Any]:
+        """Effects read off the record itself (`NamedEffect`) beside those of a model: a coarse grid, a folded sign."""
+
+    def as_given(self, base: Any) -> tuple[Any, Any]:
+        """(plant, base model) of the record as it was given; ``(self, base)`` unless the plant repaired a reading."""
+
+    def aliases(self, name: str) -> tuple[str, ...]:
+        """Names that no record of this kind can tell from ``name``."""
+
+    def commoner(self, name: str) -> tuple[str, ...]:
+        """Names preferred to ``name`` where both explain the record about as well."""
+
+    def linearised(self, model: Any) -> Linearised:
+        """The fit's vector, residual and derivatives at the model, for standard errors."""
+
+    def parameters(self, model: Any) -> dict[str, float]:
+        """The base model's numbers by name."""
+
+    def figures(self, base: Any, model: Any) -> tuple[float, float, float]:
+        """(gap before, gap after, floor) of the first line, in the unit of drive or output."""
+
+    def judged_gap(self, model: Any) -> Array:
+        """The gap at the samples of `signals`, for localisation."""
+
+    def signals(self, model: Any) -> dict[str, tuple[Array, str]]:
+        """Name -> (signal at the judged samples, unit): what the gap may follow."""
+
+    def regressors(self, model: Any) -> tuple[dict[str, tuple[float, Array]], Array, float]:
+        """(name -> (number, its column at the judged samples), gap, seconds a sample), for parameter drift."""
+
+    def residual_tests(self, base: Any, model: Any) -> list[dict[str, Any]]:
+        """Rows of the table of residual tests."""
+
+    def notes(self, base: Any, model: Any) -> list[str]:
+        """Remarks on how the record was used."""
+
+    def pictures(self, base: Any, model: Any) -> dict[str, Any]:
+        """Series that the page draws (`whsklearn.gap.pictures`)."""
+
+    def system(self, model: Any) -> Any:
+        """The model as the library's own object."""
+
+
+class ViewDefaults:
+    """What a view does unless its plant knows better."""
+
+    def quiet(self: Any, model: Any, least: float) -> bool:
+        """Whether the gap is no larger than its floor and ``least`` together."""
+        return bool(self.rms(self.gap(model)) ** 2 <= (self.limits.quiet * self.floor(model)) ** 2 + least**2)
+
+    def explained(self: Any, before: Any, after: Any) -> float:
+        """Rms of the gap that is gone."""
+        return float(np.sqrt(max(self.rms(self.gap(before)) ** 2 - self.rms(self.gap(after)) ** 2, 0.0)))
+
+    def family(self, model: Any) -> Iterable[Trial]:
+        """None: further orders are candidates like any other."""
+        return ()
+
+    def alike(self, a: Any, b: Any) -> bool:
+        """No two effects are one and the same but for `Plant.aliases`."""
+        return False
+
+
+class PlantDefaults:
+    """What a plant does unless it knows better."""
+
+    horizon_unit = "s"
+
+    def falls_short(self, base: Any, model: Any) -> str:
+        """Nothing: the base model has no order that could be too low."""
+        return ""
+
+
+class Linearised(NamedTuple):
+    """A fitted vector with its residual and derivatives.
+
+    Attributes
+    ----------
+    x, low, high : ndarray of shape (p,)
+    residual : ndarray of shape (n,)
+    jacobian : ndarray of shape (n, p)
+    rebuild : callable
+        x -> model.
+    """
+
+    x: Array
+    low: Array
+    high: Array
+    residual: Array
+    jacobian: Array
+    rebuild: Any
+
+
+@dataclass
+class Trial:
+    """A look that was refined."""
+
+    look: Look
+    model: Any
+    reasons: list[str] = field(default_factory=list)
+
+    @property
+    def name(self) -> str:
+        """Canonical name."""
+        return self.look.name

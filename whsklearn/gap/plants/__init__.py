@@ -1,0 +1,96 @@
+"""Plants: what the engine diagnoses, a servo axis, a Wiener-Hammerstein chain, a simulator of the user's own."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+Array = NDArray[Any]
+
+
+def make_plant(
+    model: Any, log: Any, y: Any, *, law: str | None, tolerance: float, columns: dict[str, Any],
+    orders: tuple[int, ...] | None = None, direct: int = 0,
+) -> Any:  # fmt: skip
+    """The plant for a kind of model; ``orders`` and ``direct`` are those of a chain.
+
+    Raises
+    ------
+    ValueError
+        If the kind is not known.
+    """
+    from whsklearn.systems.servo import ServoAxis
+    from whsklearn.systems.wiener_hammerstein import WienerHammersteinSystem
+
+    if isinstance(model, ServoAxis) or model == "servo":
+        from whsklearn.gap.plants.servo import servo_plant
+
+        return servo_plant(model, log, law=law, tolerance=tolerance, columns=columns)
+    if isinstance(model, WienerHammersteinSystem) or model == "wiener-hammerstein":
+        return _chain(
+            model, *_input_output(log, y, columns), law, tolerance, sampling_time(log, columns), orders, direct
+        )
+    if all(hasattr(model, name) for name in ("simulate", "refit", "with_effect")):
+        from whsklearn.gap.plants.simulator import simulator_plant
+
+        return simulator_plant(model, log, tolerance=tolerance, columns=columns)
+    raise ValueError(
+        f"model is {model!r}; expected 'servo', 'wiener-hammerstein', a ServoAxis, a WienerHammersteinSystem, or an "
+        "object with simulate, refit and with_effect."
+    )
+
+
+def _chain(model: Any, u: Array, y: Array, law: Any, tolerance: float, dt: float, orders: Any, direct: int) -> Any:
+    """The plant of a chain; a system gives orders, direct paths and law where they are not given."""
+    from whsklearn.gap.plants.chain import ChainPlant
+    from whsklearn.gap.plants.chain_law import law_choice
+
+    system = None if isinstance(model, str) else model
+    if system is not None:
+        orders = orders or tuple(v.size for v in (system.a, system.b, system.c, system.d))
+        law, direct = law if law is not None else system.law, direct or system.direct
+    orders = tuple(int(n) for n in orders or (2, 2, 2, 2))
+    if len(orders) != 4 or min(orders[0], orders[2]) < 1 or min(orders) < 0:
+        raise ValueError(f"orders are {orders}; expected n_a, n_b, n_c, n_d with n_a and n_c at least 1.")
+    if direct not in (0, 1, 2):
+        raise ValueError(f"direct is {direct}; expected how many of the two blocks have a direct path: 0, 1 or 2.")
+    return ChainPlant(
+        u, y, law_choice(law), orders=orders, direct=direct, tolerance=tolerance, dt=dt, given_model=system
+    )
+
+
+def sampling_time(log: Any, columns: dict[str, Any]) -> float:
+    """Mean step of an increasing time column (``time_s`` where none is named); 1 where there is none."""
+    if not isinstance(log, pd.DataFrame):
+        return 1.0
+    name = columns.get("time") or "time_s"
+    if name not in log.columns:
+        return 1.0
+    time = pd.to_numeric(log[name], errors="coerce").to_numpy(dtype=float)
+    steps = np.diff(time)
+    if time.size < 2 or not np.all(np.isfinite(steps)) or np.any(steps <= 0):
+        return 1.0
+    return float((time[-1] - time[0]) / (time.size - 1))
+
+
+def _input_output(log: Any, y: Any, columns: dict[str, Any]) -> tuple[Array, Array]:
+    """u and y, shape (n,) each, from a frame with named columns or from arrays."""
+    if y is not None:
+        u, v = np.asarray(log, dtype=float), np.asarray(y, dtype=float).reshape(-1)
+        if u.ndim == 2 and u.shape[1] != 1:
+            raise ValueError(f"The input has {u.shape[1]} columns; the gap workflow takes one input and one output.")
+        if u.size != v.size:
+            raise ValueError(f"{u.size} samples of the input and {v.size} of the output; give as many of each.")
+        return u.reshape(-1), v
+    frame = pd.DataFrame(log)
+    picked = []
+    for role in ("input", "output"):
+        column = columns.get(role) or {"input": "u", "output": "y"}[role]
+        if column not in frame.columns:
+            have = ", ".join(map(str, frame.columns))
+            raise ValueError(f"The log has no column {column!r} for the {role}; it has {have}. Name the right one.")
+        picked.append(pd.to_numeric(frame[column], errors="coerce").to_numpy(dtype=float))
+    return picked[0], picked[1]

@@ -1,0 +1,331 @@
+"""What may be missing between u and y: the catalogue's effects as the compiled chain takes them.
+
+A candidate is a code, a few numbers and what is known of each: how many leading ones the output is
+linear in, which are found by a scan, their ranges and where a search starts, in the units of the log.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from whsklearn.effects import codes as k
+from whsklearn.effects import effect_names, get_effect
+from whsklearn.effects import terms as s
+from whsklearn.effects.scales import Scales as EffectScales
+from whsklearn.systems.chain_probes import DEAD_ZONE_X, SATURATION_X, TONE_U
+
+
+@dataclass(frozen=True)
+class Scales:
+    """Sizes of the signals of the fitted base model, from which starts and ranges follow."""
+
+    u: float  # rms
+    u_peak: float
+    x: float
+    x_peak: float
+    dx: float
+    v: float
+    y: float
+    n: int
+    dt: float
+
+    @property
+    def seconds(self) -> float:
+        """Length of the record."""
+        return self.n * self.dt
+
+
+Numbers = tuple[float, ...]
+Range = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One effect in one variant.
+
+    Attributes
+    ----------
+    name, code : str, int
+        Canonical name and what the compiled chain calls it.
+    fields : tuple of str
+        What the numbers are; waves have ``cosine`` and ``sine`` first.
+    linear : int
+        How many leading numbers the output is linear in for a fixed rest: 1, 2, or 0 where the size
+        itself is a shape (a threshold, a delay).
+    shapes : callable
+        Scales -> list of tuples of the other numbers, where a search starts.
+    ranges : callable
+        Scales -> one (low, high) for each of them, spanned in ratios where low > 0.
+    unit : callable
+        Scales -> a small size for the derivative by the linear numbers.
+    free : tuple of bool
+        Whether each of them is fitted after the scan; all by default.
+    scanned : int
+        Independent places that the scan looks at, a factor on the odds; 1 if none.
+    positive : bool
+        Whether a physical size is positive.
+    options : dict
+        Text fields.
+    own : type, optional
+        The class of an effect of one's own.
+    """
+
+    name: str
+    code: int
+    fields: tuple[str, ...]
+    linear: int = 1
+    shapes: Callable[[Scales], list[Numbers]] = lambda _: [()]
+    ranges: Callable[[Scales], list[Range]] = lambda _: []
+    unit: Callable[[Scales], float] = lambda z: 1e-3 * z.v
+    free: tuple[bool, ...] = ()
+    scanned: int = 1
+    positive: bool = False
+    options: dict[str, str] = field(default_factory=dict)
+    variant: str = ""
+    own: type | None = None
+
+    @property
+    def label(self) -> str:
+        """Name with the variant."""
+        extra = self.variant or ",".join(self.options.values())
+        return f"{self.name}[{extra}]" if extra else self.name
+
+    @property
+    def n_numbers(self) -> int:
+        """How many numbers the compiled chain takes."""
+        return len(self.fields)
+
+    @property
+    def n_estimated(self) -> int:
+        """Numbers the data must give: those of the joint fit and those of a scan."""
+        return sum(self.is_free(i) or self.scanned > 1 for i in range(self.n_numbers))
+
+    def is_free(self, i: int) -> bool:
+        """Whether number i takes part in the joint fit."""
+        j = i - self.linear
+        return j < 0 or not self.free or self.free[j]
+
+
+def _grid(*axes: Iterable[float]) -> list[Numbers]:
+    return [tuple(map(float, p)) for p in itertools.product(*axes)]
+
+
+def _ratios(low: float, high: float, n: int) -> list[float]:
+    return [float(v) for v in np.geomspace(low, high, n)]
+
+
+def _orders(z: Scales) -> list[Numbers]:
+    return _grid(np.arange(0.4, 12.0, 0.45) / max(z.x, 1e-300))
+
+
+def _order_range(z: Scales) -> list[Range]:
+    return [(0.25 / max(z.x, 1e-300), 20.0 / max(z.x, 1e-300))]
+
+
+def _times(z: Scales) -> list[Numbers]:
+    return _grid(np.linspace(0.08, 0.92, 43) * z.seconds)
+
+
+def _tones(z: Scales) -> list[Numbers]:
+    n = min(z.n, 4000)
+    return _grid(np.arange(4, int(0.99 * n)) * 0.5 / (n * z.dt))
+
+
+def _lags(z: Scales) -> list[Numbers]:
+    return _grid(z.dt * np.array([0.2, 0.45, 1.0, 3.0]))
+
+
+CATALOGUE: tuple[Candidate, ...] = (
+    Candidate("viscous", s.VISCOUS, ("coefficient",)),
+    Candidate("coulomb", s.COULOMB, ("torque",)),
+    Candidate("asymmetric_coulomb", s.ASYMMETRIC_COULOMB, ("torque",)),
+    Candidate("asymmetric_viscous", s.ASYMMETRIC_VISCOUS, ("coefficient",)),
+    Candidate(
+        "stribeck", s.STRIBECK_EXP, ("torque", "velocity", "exponent"),
+        shapes=lambda z: _grid(z.dx * np.array([0.05, 0.1, 0.2, 0.4, 0.8, 1.5]), [2.0]),
+        ranges=lambda z: [(0.01 * z.dx, 2.0 * z.dx), (0.5, 2.5)], free=(True, False),
+    ),
+    Candidate(
+        "stribeck", s.STRIBECK_EXP, ("torque", "velocity", "exponent"), variant="exponent 1",
+        shapes=lambda z: _grid(z.dx * np.array([0.05, 0.1, 0.2, 0.4, 0.8, 1.5]), [1.0]),
+        ranges=lambda z: [(0.01 * z.dx, 2.0 * z.dx), (0.5, 2.5)], free=(True, False),
+    ),
+    Candidate("quadratic_drag", s.QUADRATIC_DRAG, ("coefficient",), unit=lambda z: 1e-3 * z.v / z.dx**2),
+    Candidate("load_friction", k.LOAD_FRICTION, ("coefficient",), unit=lambda z: 1e-3 * z.v / z.u),
+    Candidate(
+        "position_friction", s.POSITION_FRICTION, ("cosine", "sine", "order"), linear=2,
+        shapes=_orders, ranges=_order_range, scanned=20,
+    ),
+    Candidate(
+        "presliding_hysteresis", k.DAHL, ("torque", "distance"),
+        shapes=lambda z: _grid(z.dx * np.array([0.05, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2, 6.4])),
+        ranges=lambda z: [(0.02 * z.dx, 20.0 * z.dx)],
+    ),
+    Candidate(
+        "friction_drift", k.FRICTION_DRIFT, ("torque", "time_constant"),
+        shapes=lambda z: _grid(z.seconds * np.array([0.05, 0.15, 0.4, 1.0, 3.0])),
+        ranges=lambda z: [(0.02 * z.seconds, 10.0 * z.seconds)],
+    ),
+    Candidate("input_offset", k.INPUT_OFFSET, ("torque",), unit=lambda z: 1e-3 * z.u),
+    Candidate(
+        "dead_zone", k.DEAD_ZONE, ("width",), linear=0, positive=True,
+        shapes=lambda z: _grid(z.u * np.array([0.02, 0.05, 0.1, 0.2, 0.4, 0.8])),
+        ranges=lambda z: [(1e-3 * z.u, 0.95 * z.u_peak)],
+    ),
+    Candidate(
+        "saturation", k.SATURATION, ("limit",), linear=0, positive=True,
+        shapes=lambda z: _grid(z.u_peak * np.array([0.95, 0.87, 0.78, 0.66, 0.52, 0.35])),
+        ranges=lambda z: [(0.1 * z.u_peak, 0.999 * z.u_peak)],
+    ),
+    Candidate(
+        "input_delay", k.INPUT_DELAY, ("delay",), linear=0, positive=True,
+        shapes=lambda z: _grid(z.dt * np.array([0.1, 0.4, 1.0, 2.0, 4.0])),
+        ranges=lambda z: [(1e-3 * z.dt, 50.0 * z.dt)],
+    ),
+    Candidate(
+        "actuator_lag", k.ACTUATOR_LAG, ("time_constant",), linear=0, positive=True, shapes=_lags,
+        ranges=lambda z: [(0.05 * z.dt, 200.0 * z.dt)],
+    ),
+    Candidate(
+        "torque_ripple", k.TORQUE_RIPPLE, ("cosine", "sine", "order"), linear=2, shapes=_orders,
+        ranges=_order_range, unit=lambda _: 1e-3, scanned=20,
+    ),
+    Candidate(
+        "backlash", k.BACKLASH, ("gap",), linear=0, positive=True,
+        shapes=lambda z: _grid(z.x * np.array([0.02, 0.05, 0.1, 0.2, 0.4, 0.8])),
+        ranges=lambda z: [(1e-3 * z.x, 1.5 * z.x_peak)],
+    ),
+    Candidate(
+        "flexible_coupling", k.FLEXIBLE_COUPLING, ("frequency", "damping_ratio"), linear=0, positive=True,
+        shapes=lambda z: _grid(np.array([0.04, 0.09, 0.16, 0.25, 0.38]) / z.dt, [0.1]),
+        ranges=lambda z: [(0.005 / z.dt, 0.49 / z.dt), (0.002, 0.95)],
+    ),
+    Candidate(
+        "cogging", k.COGGING, ("cosine", "sine", "order"), linear=2, shapes=_orders, ranges=_order_range, scanned=20,
+    ),
+    Candidate("gravity_imbalance", k.GRAVITY_IMBALANCE, ("cosine", "sine"), linear=2),
+    Candidate(
+        "cable_spring", k.CABLE_SPRING, ("stiffness", "centre"), shapes=lambda _: [(0.0,)], free=(False,),
+        ranges=lambda z: [(-z.x_peak, z.x_peak)], unit=lambda z: 1e-3 * z.v / z.x,
+    ),
+    Candidate(
+        "hardening_spring", k.HARDENING_SPRING, ("stiffness", "centre"), shapes=lambda _: [(0.0,)], free=(False,),
+        ranges=lambda z: [(-z.x_peak, z.x_peak)], unit=lambda z: 1e-3 * z.v / z.x**3,
+    ),
+    Candidate(
+        "end_stop", k.END_STOP, ("stiffness", "angle"),
+        shapes=lambda z: _grid(z.x_peak * np.array([0.9, 0.8, 0.7, 0.6, 0.5, 0.35, 0.2])),
+        ranges=lambda z: [(0.05 * z.x_peak, 0.98 * z.x_peak)], unit=lambda z: 1e-3 * z.v / z.x, positive=True,
+    ),
+    Candidate("output_offset", k.OUTPUT_OFFSET, ("offset",), unit=lambda z: 1e-3 * z.y),
+    Candidate("output_drift", k.OUTPUT_DRIFT, ("rate",), unit=lambda z: 1e-3 * z.y / z.seconds),
+    Candidate(
+        "sensor_rectification", k.SENSOR_RECTIFICATION, ("fraction",), linear=0, positive=True,
+        shapes=lambda _: _grid([0.03, 0.15, 0.35, 0.8]), ranges=lambda _: [(1e-3, 1.0)],
+    ),
+    Candidate(
+        "encoder_eccentricity", k.ENCODER_ECCENTRICITY, ("cosine", "sine", "order"), linear=2,
+        shapes=lambda z: _grid(np.arange(0.4, 8.0, 0.45) / z.y), ranges=lambda z: [(0.25 / z.y, 15.0 / z.y)],
+        unit=lambda z: 1e-4 * z.y, scanned=20,
+    ),
+    Candidate(
+        "disturbance_tone", k.DISTURBANCE_TONE, ("cosine", "sine", "frequency"), linear=2, shapes=_tones,
+        ranges=lambda z: [(0.5 / z.seconds, 0.5 / z.dt)], scanned=2000,
+    ),
+    Candidate(
+        "disturbance_tone", TONE_U, ("cosine", "sine", "frequency"), linear=2, shapes=_tones, variant="at the input",
+        ranges=lambda z: [(0.5 / z.seconds, 0.5 / z.dt)], unit=lambda z: 1e-3 * z.u, scanned=2000,
+    ),
+    *(
+        Candidate(
+            "parameter_change", code, ("change", "time"), shapes=_times, free=(False,), scanned=40,
+            ranges=lambda z: [(0.02 * z.seconds, 0.98 * z.seconds)], unit=unit, options={"parameter": parameter},
+        )
+        for parameter, code, unit in (
+            ("inertia", k.CHANGE_INERTIA, lambda z: 1e-3 * z.v / z.dx),
+            ("viscous", k.CHANGE_VISCOUS, lambda z: 1e-3 * z.v / z.dx),
+            ("coulomb", k.CHANGE_COULOMB, lambda z: 1e-3 * z.v),
+            ("gain", k.CHANGE_GAIN, lambda z: 1e-3),
+        )
+    ),
+)  # fmt: skip
+
+
+BETWEEN = "between the blocks"
+# where the law is a line in x, what bends it has the names that it has before L1
+BENDS: tuple[Candidate, ...] = (
+    Candidate(
+        "saturation", SATURATION_X, ("limit",), linear=0, positive=True, variant=BETWEEN,
+        shapes=lambda z: _grid(z.x_peak * np.array([0.95, 0.87, 0.78, 0.66, 0.52, 0.35])),
+        ranges=lambda z: [(0.1 * z.x_peak, 0.999 * z.x_peak)],
+    ),
+    Candidate(
+        "dead_zone", DEAD_ZONE_X, ("width",), linear=0, positive=True, variant=BETWEEN,
+        shapes=lambda z: _grid(z.x * np.array([0.02, 0.05, 0.1, 0.2, 0.4, 0.8])),
+        ranges=lambda z: [(1e-3 * z.x, 0.95 * z.x_peak)],
+    ),
+)  # fmt: skip
+
+
+def catalogue_for(law_codes: Iterable[int], *, bends: bool = False) -> list[Candidate]:
+    """All candidates but those that the law already holds; effects of one's own are among them.
+
+    ``bends``: also those of x, for a law that is a line in it.
+    """
+    held = {int(c) for c in law_codes}
+    known = [c for c in CATALOGUE if not (c.code in (s.VISCOUS, s.COULOMB, s.QUADRATIC_DRAG) and c.code in held)]
+    return known + own_candidates() + (list(BENDS) if bends else [])
+
+
+def own_candidates() -> list[Candidate]:
+    """Every effect that a user has written, with ranges and starts from its own quantities."""
+    classes: list[Any] = [get_effect(name) for name in effect_names()]
+    return [_own_candidate(cls) for cls in classes if cls.evaluate is not None]
+
+
+def _own_candidate(cls: Any) -> Candidate:
+    def unit(z: Scales) -> float:
+        return 1e-3 * (z.y if cls.port == "output" else z.v)
+
+    return Candidate(
+        cls.name, cls.code, (cls.size, *cls.searched()), own=cls, unit=unit,
+        shapes=lambda z: cls.starts(as_effects_see(z)), ranges=lambda z: cls.bounds(as_effects_see(z)),
+        positive=cls.quantities[cls.size].positive,
+    )  # fmt: skip
+
+
+def as_effects_see(z: Scales) -> EffectScales:
+    """The scales of a chain by the names of an axis: x is its position, x(t) - x(t-1) its velocity, v its torque."""
+    return EffectScales(
+        torque=z.v, peak=3.0 * z.v, speed=z.dx, reach=z.x_peak, duration=z.seconds, sample_time=z.dt,
+        resonance=0.25 / z.dt,
+    )  # fmt: skip
+
+
+def effect_of(candidate: Candidate, numbers: Iterable[float]) -> tuple[str, dict[str, float]]:
+    """(equation, named parameters) of the catalogue's effect with these numbers; waves as amplitude and phase."""
+    cls: Any = get_effect(candidate.name)
+    q = [float(v) for v in numbers]
+    named: dict[str, Any] = {}
+    rest = list(zip(candidate.fields, q, strict=False))
+    if candidate.linear == 2:
+        named["amplitude"] = math.hypot(q[0], q[1])
+        named["phase"] = math.atan2(-q[1], q[0])
+        rest = rest[2:]
+        if candidate.name == "position_friction":
+            named["torque"] = named.pop("amplitude")
+    named.update(rest)
+    if candidate.name == "sensor_rectification":
+        named["fraction"] = min(named["fraction"], 1.0)
+    equation = str(cls.equation)
+    if candidate.name == "flexible_coupling":
+        equation = "two more poles between L1 and the law, gain one, natural frequency f, damping zeta"
+    elif candidate.name == "backlash":
+        equation = "x_l = play of x, gap b"
+    return equation, named

@@ -1,0 +1,266 @@
+"""A servo axis as a plant: drive in, position out, the controller need not be known.
+
+Two views: inverse dynamics while much is missing, an observer once little is; free runs prove.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from whsklearn.gap.axis_model import AxisModel
+from whsklearn.gap.candidates import ALIASES, COMMONER, candidate
+from whsklearn.gap.data_check import Problem, check_servo
+from whsklearn.gap.filters import whiteness
+from whsklearn.gap.plant import Linearised, PlantDefaults
+from whsklearn.gap.plants import servo_free_run
+from whsklearn.gap.plants.servo_inverse import InverseView, best_view
+from whsklearn.gap.plants.servo_nameless import explainable
+from whsklearn.gap.plants.servo_observer import ObserverView
+from whsklearn.gap.plants.servo_pictures import pictures, signals
+from whsklearn.gap.plants.servo_start import observer_view, start_of
+from whsklearn.gap.record import ServoRecord
+
+Array = NDArray[Any]
+LARGE_GAP = 0.2  # of the variation of the drive: above, a wrong model carries the observer's estimate along and hides
+# what it lacks; blind records with effects of up to 15 % of the drive are named by the observer without error
+WIDER = 1.25  # cut-off over the one before for a second pass of inverse dynamics
+
+
+class ServoPlant(PlantDefaults):
+    """A rigid axis whose drive and position are logged.
+
+    Parameters
+    ----------
+    record : ServoRecord
+    law : tuple of str
+        Friction terms of the base model.
+    given_model : object
+        What is handed back if nothing can be diagnosed.
+    tolerance : float
+        Smallest effect worth a name, rms as a share of the rms drive.
+    """
+
+    inverse: InverseView
+    observer: ObserverView
+    whole = "drive"
+    horizons = (0.1, 0.5, 2.0)
+    headline = 0.5
+
+    def __init__(self, record: ServoRecord, law: tuple[str, ...], given_model: Any, tolerance: float):
+        self.record, self.law, self.given_model, self.tolerance = record, law, given_model, tolerance
+        self.units = record.units
+        self.gap_word = {"Nm": "missing torque", "N": "missing force"}.get(record.units[0], "missing drive")
+        self.scale = float(np.sqrt(np.mean(record.drive**2))) if len(record) else 0.0
+        self._folded: tuple[ObserverView, AxisModel] | None = None
+
+    def check(self) -> list[Problem]:
+        """See `whsklearn.gap.data_check.check_servo`."""
+        return check_servo(self.record)
+
+    # --- models and views -------------------------------------------------------------------
+    def base(self, rng: np.random.Generator) -> AxisModel:
+        """The base model, fitted; a reading whose sign was lost is unfolded first."""
+        from whsklearn.gap.plants.servo_sensors import unfold
+
+        base = self._open(self.record)
+        straight = unfold(self.record.position, self.record.dt)
+        if straight is not None:
+            given = self.record, self.inverse, self.observer, base
+            unfolded = self._open(dataclasses.replace(self.record, position=straight))
+            if servo_free_run.misfit(self.observer, unfolded) < 0.1 * servo_free_run.misfit(given[2], base):
+                self._folded = (given[2], base)
+                return unfolded
+            self.record, self.inverse, self.observer, base = given
+        return base
+
+    def _open(self, record: ServoRecord) -> AxisModel:
+        """Both views of a record, and its base model fitted in the one that is to be trusted."""
+        self.record = record
+        self.inverse, base = start_of(record, self.law, self.tolerance)
+        self.observer = observer_view(record, base.scene, self.inverse.start, tolerance=self.tolerance)
+        return base if self.large(base) else self.observer.fit(base)
+
+    def large(self, model: AxisModel) -> bool:
+        """Whether so much is missing that only inverse dynamics shows it."""
+        return self.inverse.rms(self.inverse.gap(model)) > LARGE_GAP * float(np.std(self.record.drive))
+
+    def view(self, model: AxisModel, after: Any | None) -> Any | None:
+        """Inverse dynamics while much is missing, again behind the filter that its gap allows, then the observer."""
+        if after is self.observer:
+            return None
+        if after is None and self.large(model):
+            return self.inverse
+        if isinstance(after, InverseView) and model.added and self.large(model):
+            other = best_view(after, model, self.tolerance)
+            if other.cutoff > WIDER * after.cutoff:
+                self.inverse = other
+                return self.inverse
+        if model.added and self.large(model):
+            return None
+        if isinstance(after, InverseView) and model.added:  # the inertia beside what was missing is the true one
+            scene = dataclasses.replace(model.scene, inertia=model.inertia)
+            self.observer = observer_view(self.record, scene, after.start, tolerance=self.tolerance)
+        return self.observer
+
+    def judging(self, base: AxisModel) -> Any:
+        """Inverse dynamics if the base model lacks much, the observer otherwise."""
+        return self.view(base, None)
+
+    def surrogate(self, model: AxisModel, rng: np.random.Generator) -> ServoPlant:
+        """The plant of a record that the model itself made in the same experiment."""
+        view = self.observer.surrogate(model, rng)
+        other = ServoPlant(view.record, self.law, None, self.tolerance)
+        other.observer = view
+        return other
+
+    def settle(self, model: AxisModel) -> AxisModel:
+        """The numbers for simulation: the model as found, or refitted by the observer, whichever runs freely better."""
+        if not self.large(model):
+            return model
+        return min((model, self.observer.fit(model)), key=lambda m: servo_free_run.train_error(self.observer, m, 0.5))
+
+    def follows(self, model: AxisModel) -> float:
+        """Share of the gap that nameless functions of the motion predict; 0 beside a play.
+
+        The knocks of a play come a sample early or late: torque for an instant, and no path.
+        """
+        return 0.0 if model.has_play else explainable(self.inverse if self.large(model) else self.observer, model)
+
+    def read_off(self, model: AxisModel) -> list[Any]:
+        """A coarse encoder, a folded sensor: what no missing torque shows; looked for where that shows nothing."""
+        from whsklearn.effects import get_effect
+        from whsklearn.gap.diagnosis import NamedEffect
+        from whsklearn.gap.plants.servo_sensors import coarse_encoder
+
+        if model.added:
+            return []
+        if self._folded is not None:
+            effect = get_effect("sensor_rectification")(fraction=1.0)  # type: ignore[call-arg]
+            return [NamedEffect(effect, {}, float(len(self.record)), 0.99, 1.0)]
+        return coarse_encoder(self.observer, model)
+
+    def aliases(self, name: str) -> tuple[str, ...]:
+        """Names that no record of drive and position can tell from ``name``."""
+        return ALIASES.get(name, ())
+
+    def commoner(self, name: str) -> tuple[str, ...]:
+        """Names preferred to ``name`` on a tie."""
+        return COMMONER.get(name, ())
+
+    def linearised(self, model: AxisModel) -> Linearised:
+        """Of the observer's whitened training residual."""
+        return (self.inverse if self.large(model) else self.observer).linearised(model)
+
+    def as_given(self, base: AxisModel) -> tuple[ServoPlant, AxisModel]:
+        """The record as it was given, before a folded reading was unfolded, and its base model."""
+        if self._folded is None:
+            return self, base
+        observer, model = self._folded
+        other = ServoPlant(observer.record, self.law, None, self.tolerance)
+        other.observer = observer
+        return other, model
+
+    # --- proof --------------------------------------------------------------------------------
+    def simulate(self, model: AxisModel, horizon: float) -> Array:
+        """See `whsklearn.gap.plants.servo_free_run.free_run`."""
+        return servo_free_run.free_run(self.observer, model, horizon)
+
+    def measured(self, *models: AxisModel) -> tuple[Array, NDArray[np.bool_]]:
+        """Position and the mask of held-out samples without the edges."""
+        return self.observer.record.position, servo_free_run.held_out(self.observer)
+
+    def figures(self, base: AxisModel, model: AxisModel) -> tuple[float, float, float]:
+        """(gap before, after, floor) of inverse dynamics, in the unit of the drive: what an engineer would compute."""
+        view = self.inverse
+        return view.rms(view.gap(base)), view.rms(view.gap(model)), view.floor(model)
+
+    # --- report -------------------------------------------------------------------------------
+    def judged_gap(self, model: AxisModel) -> Array:
+        """The gap of inverse dynamics at the samples of `signals`."""
+        return self.inverse.gap(model)
+
+    def signals(self, model: AxisModel) -> dict[str, tuple[Array, str]]:
+        """Name -> (measured signal at the judged samples, unit)."""
+        return signals(self.inverse, self.units)
+
+    def regressors(self, model: AxisModel) -> tuple[dict[str, tuple[float, Array]], Array, float]:
+        """(name -> (number of the base model, its column at the judged samples), gap, seconds a sample)."""
+        view = self.inverse
+        numbers = {"inertia": model.inertia} | {t.name: t.q[0] for t in model.terms[: model.n_base]}
+        columns, _ = view.columns(model, view.torque(model))
+        named = zip(numbers.items(), columns.T, strict=False)
+        return {k: (v, x[view.at]) for (k, v), x in named}, view.gap(model), view.step
+
+    def residual_tests(self, base: AxisModel, model: AxisModel) -> list[dict[str, Any]]:
+        """Whiteness of what is left, before and after."""
+        self.observer.weigh(0.0)
+        return [
+            whiteness(self.observer.whitened(self.observer.gap(m), on="all"), name)
+            for name, m in (("before", base), ("after", model))
+        ]
+
+    def parameters(self, model: AxisModel) -> dict[str, float]:
+        """The base model's numbers."""
+        rows = {"inertia": model.inertia}
+        rows |= {t.name: t.q[0] for t in model.terms[: model.n_base]}
+        return rows | {"age of the drive (samples)": model.timing}
+
+    def notes(self, base: AxisModel, model: AxisModel) -> list[str]:
+        """Remarks on how the record was used."""
+        view = self.observer
+        return [
+            f"Position noise {view.noise:.3g} {self.units[1]} (from sixth differences); the gap is seen "
+            f"up to {view.filter.cutoff:.1f} Hz, where that noise makes {100 * view.floor() / self.scale:.2f} % "
+            "of the rms drive.",
+            "The drive is replayed and the model held near the measurement by an observer, so no controller is needed.",
+            "60 % of the record in five stretches is used for fitting, the 40 % between them for judging.",
+        ]
+
+    def pictures(self, base: AxisModel, model: AxisModel) -> dict[str, Any]:
+        """Series that the page draws."""
+        runs = {
+            "before": servo_free_run.free_run(self.observer, base, self.headline),
+            "after": servo_free_run.free_run(self.observer, model, self.headline),
+        }
+        return pictures(self.inverse, base, model, self.units, self.gap_word) | {
+            "runs": runs, "held": servo_free_run.held_out(self.observer),
+        }  # fmt: skip
+
+    def system(self, model: AxisModel) -> Any:
+        """The repaired `ServoAxis`."""
+        from whsklearn.systems.servo import ServoAxis
+        from whsklearn.systems.servo_parts import Drive
+
+        return ServoAxis(
+            inertia=model.inertia,
+            law=[t.effect for t in model.terms[: model.n_base]],  # type: ignore[arg-type]
+            effects=tuple(t.effect for t in model.added),
+            drive=Drive(delay=max(0.0, model.timing) * model.scene.dt),
+            sample_rate=1.0 / model.scene.dt,
+        )
+
+
+def servo_plant(model: Any, log: Any, *, law: str | None, tolerance: float, columns: dict[str, Any]) -> ServoPlant:
+    """The plant of a log; ``model`` is ``"servo"`` or a `ServoAxis`, whose law is then the base model's."""
+    given = None if isinstance(model, str) else model
+    if given is not None and law is None:
+        law = ",".join(t.name for t in given.law.terms)
+    record = log if isinstance(log, ServoRecord) else ServoRecord.from_frame(pd.DataFrame(log), **columns)
+    names = law_names(law, "viscous,coulomb")
+    return ServoPlant(record, names, given, tolerance)
+
+
+def law_names(law: str | None, default: str) -> tuple[str, ...]:
+    """Names of a law given as text."""
+    names = tuple(n.strip() for n in (default if law is None else law).split(",") if n.strip())
+    if not names:
+        raise ValueError("The friction law is empty; name at least one term, such as viscous.")
+    for name in names:
+        if candidate(name).linear != 1:
+            raise ValueError(f"{name!r} cannot stand in the base law of an axis; expected friction such as coulomb.")
+    return names

@@ -1,0 +1,38 @@
+"""Torque columns of a candidate on given signals, by the catalogue's own equation."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from whsklearn.gap.candidates import Candidate
+
+Array = NDArray[Any]
+
+
+class Signals(NamedTuple):
+    """What an effect's columns are made of, shape (n,) each.
+
+    ``drive`` is the torque that the model predicts wherever an effect acts on the drive: the measured one would let
+    such an effect explain the drive by itself.  ``kappa`` (s/rad) softens sign(v) to tanh(kappa v); None: the sign.
+    """
+
+    time: Array
+    position: Array
+    velocity: Array
+    acceleration: Array
+    drive: Array
+    kappa: float | None = None
+
+
+def unit_effect(kind: Candidate, shape: tuple[float, ...]) -> Any:
+    """The candidate's effect at size one (a wave at phase zero)."""
+    size = (1.0,) if kind.linear == 0 else (1.0,) + (0.0,) * (kind.linear - 1)
+    return kind.effect(np.array([*size, *shape]) if kind.linear else np.array(shape))
+
+
+def effect_columns(kind: Candidate, shape: tuple[float, ...], signals: Signals) -> Array:
+    """Torque a unit of size at this shape, shape (n, 1) or (n, 2) for a cosine and a sine."""
+    return unit_effect(kind, shape).columns(signals)

@@ -1,0 +1,350 @@
+"""The robust view of a servo axis: inverse dynamics on the measured motion, cross-validated over ten blocks.
+
+torque = J a + sum of effects holds on the measured motion however much is missing, so it finds large effects that
+the observer view no longer shows.  Every column is blurred as the drive is: G tau(q, v), not tau(G q, G v).
+Timing is always a nuisance column, the derivative of the predicted torque; effects of the drive act on the torque
+that the model predicts, or they would explain the drive by itself.  Effects that change the drive as a whole (delay,
+lag, limit, dead zone) have no honest column: they are left to the observer.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from whsklearn.effects import codes as k
+from whsklearn.gap import evidence as rules
+from whsklearn.gap.axis_model import AxisModel, Term
+from whsklearn.gap.candidates import CATALOGUE, Candidate, Scene, candidate
+from whsklearn.gap.evidence import weigh
+from whsklearn.gap.filters import CUTOFF_SIGMA, filtered, gaussian_derivatives
+from whsklearn.gap.plant import Judged, Linearised, Look, Trial, ViewDefaults
+from whsklearn.gap.plants import inverse_dynamics as ols
+from whsklearn.gap.plants import servo_two_mass as two_mass
+from whsklearn.gap.plants.servo_columns import Signals, effect_columns
+from whsklearn.gap.plants.servo_observer import BESIDE_A_PLAY, negative_damping
+from whsklearn.gap.plants.servo_screening import TWO_MASS, usable_kinds
+from whsklearn.gap.record import ServoRecord, lattice, noise_level
+
+Array = NDArray[Any]
+PER_CUTOFF = 5.0  # samples a period of the cut-off that decimation keeps
+LATEST = 1.5  # samples of age of the drive that are bookkeeping: hold alone gives 0.5, a logger one more
+NOISY = 3.0  # standard deviations of the velocity's noise below which its sign is not known
+SLOW = 0.01  # of the rms velocity, the same for records without noise
+DRIVE_KNOWN = 0.35  # share of the rms drive that the model may leave for its predicted torque to stand for the drive
+FAMILIES = ("cogging", "torque_ripple", "position_friction")
+ORDER_NEED = 20.0  # of cross-validated evidence for one more order of a family (three numbers)
+MOST_ORDERS = 12
+WHOLE = 1.1  # times the gain of the best whole order that a fractional one must have
+KEPT = 40  # columns remembered: a polish moves one shape and leaves the others
+DRIVEN = ("load_friction", "torque_ripple")  # effects whose columns are made of the predicted torque
+STEEPEST_ERROR = 0.3  # rad a rad
+HIGHEST_CUTOFF, LOWEST_CUTOFF = 0.08, 2.0  # of the sampling rate; Hz: where the search of the filter starts and ends
+LARGEST_FLOOR = 0.1  # of the rms drive that noise may make behind any filter
+DRIVE_NOISE = (
+    2.5  # times the noise of the acceleration: twins leave 0.0037 to 0.0047 of the drive where the formula says
+)
+# 0.0015 to 0.0019, since the controller puts the encoder's noise into the drive as well
+BLIND_SHARE = 0.03  # of the time, in motion, in which noise may hide the direction: each reversal costs friction
+
+OF_THE_GAP = 0.2  # of the gap that noise may make
+
+
+class InverseView(ViewDefaults):
+    """One record behind one Gaussian.
+
+    Parameters
+    ----------
+    record : ServoRecord
+    scene : Scene
+    cutoff : float
+        Of the Gaussian, Hz.
+    start : tuple of ndarray
+        Smoothed position and velocity, from which a surrogate starts.
+    """
+
+    limits = rules.CROSS_VALIDATED
+
+    def __init__(self, record: ServoRecord, scene: Scene, cutoff: float, start: tuple[Array, Array]):
+        self.record, self.scene, self.cutoff, self.start = record, scene, cutoff, start
+        dt, y, u = scene.dt, record.position, record.drive
+        self.quantum = lattice(y)
+        self.noise = max(noise_level(y), 0.2 * self.quantum)
+        sigma = CUTOFF_SIGMA / (2 * np.pi * cutoff)
+        self.g, _, g2 = gaussian_derivatives(sigma, dt)
+        self.every = max(1, int(1.0 / (PER_CUTOFF * cutoff * dt)))
+        fine = gaussian_derivatives(CUTOFF_SIGMA / (2 * np.pi * min(2 * cutoff, 0.1 / dt)), dt)
+        centre = float(np.mean(y))
+        q, v, a = (filtered(y - centre, kernel, 1) for kernel in fine)
+        self.time = np.arange(y.size) * dt
+        self.motion = Signals(self.time, q + centre, v, a, u)
+        self.slowest = max(NOISY * self.noise * float(np.linalg.norm(fine[1])), SLOW * scene.speed)
+        self.motion = self.motion._replace(kappa=2.0 / self.slowest)
+        self.acceleration = filtered(y - centre, g2, self.every)
+        self.drive = self.blur(u)
+        self.usable = self._usable(sigma)
+        self.at = np.flatnonzero(self.usable)
+        self.block = (np.arange(self.at.size) * ols.N_BLOCKS // self.at.size).astype(np.intp)
+        self.step = self.every * dt
+        self.n_effective = self.at.size * min(1.0, 2 * cutoff * self.step)
+        self._floors: dict[Any, float] = {}
+        self._columns: dict[Any, Array] = {}
+
+    def _usable(self, sigma: float) -> NDArray[np.bool_]:
+        """Decimated samples away from the ends and from rests longer than two sigma, where friction is open."""
+        dt, n = self.scene.dt, len(self.record)
+        still = np.abs(self.motion.velocity) < self.slowest
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], still.astype(np.int8), [0]])))
+        keep = np.ones(n, dtype=bool)
+        for a, b in zip(edges[::2], edges[1::2], strict=True):
+            if (b - a) * dt > 2 * sigma:
+                keep[a:b] = False
+        half = self.g.size // 2
+        keep[:half] = keep[n - half :] = False
+        out = keep[:: self.every]
+        return out if out.sum() >= 10 * ols.N_BLOCKS else np.ones_like(out)
+
+    # --- columns ---------------------------------------------------------------------------
+    def blur(self, x: Array) -> Array:
+        """Behind the Gaussian, filtered."""
+        return filtered(x, self.g, self.every)
+
+    def columns(self, model: AxisModel, torque: Array | None = None) -> tuple[Array, NDArray[np.bool_]]:
+        """(columns of inertia and every linear number of the terms, which of them are positive)."""
+        parts, positive = [self.acceleration], [True]
+        for t in model.terms:
+            c = self.term_columns(model, t, torque)
+            parts += list(c.T)
+            positive += [(t.kind.positive and t.kind.linear == 1) or t.kind.code in TWO_MASS] * c.shape[1]
+        return np.column_stack(parts), np.array(positive)
+
+    def term_columns(self, model: AxisModel, t: Term, torque: Array | None) -> Array:
+        """Columns of one term, shape (n, number of its linear numbers)."""
+        if t.kind.code in TWO_MASS:
+            return two_mass.columns(self, model, t)
+        if t.kind.linear == 0:
+            return np.empty((self.acceleration.size, 0))
+        if t.name in DRIVEN or t.kind.code in (k.CHANGE_GAIN, k.ENCODER_ECCENTRICITY):
+            return self._new_columns(model, t, torque)
+        key = (t.kind.label, t.q[t.kind.linear :])
+        if key not in self._columns:
+            if len(self._columns) > KEPT:
+                self._columns.pop(next(iter(self._columns)))
+            self._columns[key] = self._new_columns(model, t, torque)
+        return self._columns[key]
+
+    def _new_columns(self, model: AxisModel, t: Term, torque: Array | None) -> Array:
+        if t.kind.code == k.ENCODER_ECCENTRICITY:  # J a and B v are taken off a reading that is ahead by the error
+            waves = effect_columns(t.kind, t.q[t.kind.linear :], self.motion)
+            _, _, g2 = gaussian_derivatives(CUTOFF_SIGMA / (2 * np.pi * self.cutoff), self.scene.dt)
+            return -model.inertia * filtered(waves, g2, self.every)
+        s = self.motion if torque is None else self.motion._replace(drive=torque)
+        return self.blur(effect_columns(t.kind, t.q[t.kind.linear :], s))
+
+    # --- the protocol ------------------------------------------------------------------------
+    def solved(self, model: AxisModel) -> tuple[AxisModel, Array, Array, Array, NDArray[np.bool_]]:
+        """(model with its sizes, columns with timing last, target, sizes, columns in force), at the model's shapes."""
+        target, torque = self.drive, self.torque(model) if self._driven(model) else None
+        x, positive = self.columns(model, torque)
+        at, n = self.at, self.at.size
+        sizes, free = ols.solve(ols.blocks_of(x[at], target[at], self.block), n, positive)
+        rate = ols.slope(x @ sizes, self.step)
+        full, positive = np.column_stack([x, rate]), np.append(positive, False)
+        sizes, free = ols.solve(ols.blocks_of(full[at], target[at], self.block), n, positive)
+        latest = LATEST * self.scene.dt
+        if abs(sizes[-1]) > latest:
+            timing = float(np.clip(sizes[-1], -latest, latest))
+            sizes, free = ols.solve(ols.blocks_of(x[at], (target - timing * rate)[at], self.block), n, positive[:-1])
+            target, full, free = target - timing * rate, full[:, :-1], free
+            sizes_all = np.append(sizes, timing)
+        else:
+            sizes_all = sizes
+        return self.with_sizes(model, sizes_all), full, target, sizes, free
+
+    def with_sizes(self, model: AxisModel, sizes: Array) -> AxisModel:
+        """The model with inertia, linear numbers and timing as solved."""
+        if any(t.kind.code in TWO_MASS for t in model.terms):
+            return two_mass.with_sizes(self, model, sizes)
+        terms, i = [], 1
+        for t in model.terms:
+            terms.append(dataclasses.replace(t, q=(*map(float, sizes[i : i + t.kind.linear]), *t.q[t.kind.linear :])))
+            i += t.kind.linear
+        inertia = max(float(sizes[0]), 1e-3 * self.scene.inertia)
+        timing = float(np.clip(sizes[-1] / self.scene.dt, -1.0, 1.0))
+        return dataclasses.replace(model, inertia=inertia, timing=timing, terms=tuple(terms))
+
+    def torque(self, model: AxisModel) -> Array | None:
+        """Torque that the model predicts, at full rate; None while it leaves too much to stand for the drive."""
+        x, _ = self.columns(model, self.record.drive)
+        sizes = self.sizes(model)
+        predicted = x @ sizes
+        left = float(np.sqrt(np.mean((self.drive - predicted)[self.at] ** 2)))
+        if left > DRIVE_KNOWN * self.scene.torque:
+            return None
+        return np.interp(self.time, self.time[:: self.every], predicted)
+
+    def sizes(self, model: AxisModel) -> Array:
+        """Inertia and linear numbers in the order of `columns`."""
+        if any(t.kind.code in TWO_MASS for t in model.terms):
+            return two_mass.sizes(model)
+        return np.array([model.inertia, *(n for t in model.terms for n in t.q[: t.kind.linear])])
+
+    def fit(self, model: AxisModel) -> AxisModel:
+        """The sizes solved at the model's shapes."""
+        once = self.solved(model)[0]
+        return self.solved(once)[0] if self._driven(model) else once
+
+    def _driven(self, model: AxisModel) -> bool:
+        """Whether columns depend on the numbers of the model itself."""
+        return any(t.name in DRIVEN or t.kind.code in (k.CHANGE_GAIN, k.ENCODER_ECCENTRICITY) for t in model.terms)
+
+    def gap(self, model: AxisModel) -> Array:
+        """Drive that the model leaves unexplained at the judged samples."""
+        _, x, target, sizes, _ = self.solved(model)
+        return (target - x @ sizes)[self.at]
+
+    def rms(self, gap: Array) -> float:
+        """Rms of a gap."""
+        return float(np.sqrt(np.mean(gap**2)))
+
+    def floor(self, model: AxisModel) -> float:
+        """Gap of the model's own record under the same view."""
+        key = tuple((t.kind.label, t.q) for t in model.terms)
+        if key not in self._floors:
+            twin = self.surrogate(model, np.random.default_rng(0))
+            self._floors[key] = twin.rms(twin.gap(model))
+        return self._floors[key]
+
+    def surrogate(self, model: AxisModel, rng: np.random.Generator) -> InverseView:
+        """The view of a record that the model itself made in the same experiment."""
+        from whsklearn.gap.plants.servo_twin import twin_record
+
+        return InverseView(twin_record(self, model, rng), self.scene, self.cutoff, self.start)
+
+    def cross_validated(self, model: AxisModel) -> Array:
+        """Errors of every judged sample predicted by the fit to the other blocks."""
+        _, x, target, _, free = self.solved(model)
+        b = ols.blocks_of(x[self.at], target[self.at], self.block)
+        _, fits = ols.held_out(b, self.at.size, free)
+        return target[self.at] - np.einsum("ij,ij->i", x[self.at], fits[self.block])
+
+    def compare(self, models: Sequence[AxisModel], best: int) -> list[Judged]:
+        """Cross-validated errors of each."""
+        errors = [self.cross_validated(m) for m in models]
+        return [Judged(e, e, self.block, self.n_effective) for e in errors]
+
+    def objection(self, model: AxisModel, index: int) -> str:
+        """What is wrong with the sign or the range of a term's numbers; empty if nothing."""
+        t = model.terms[index]
+        if t.name == "encoder_eccentricity" and float(np.hypot(t.q[0], t.q[1])) * t.q[2] > STEEPEST_ERROR:
+            return "an encoder error so steep would let the reading stand still while the axis turns"
+        if t.kind.positive and t.q[0] <= 0:
+            return f"its size would be {t.q[0]:.3g}, and a physical one is positive"
+        return model.at_the_end(index) or negative_damping(model, index)
+
+    def demand(self, model: AxisModel) -> float:
+        """Beside a play a further effect must explain most of what is left."""
+        return BESIDE_A_PLAY if model.has_play else 0.0
+
+    def replaceable(self, model: AxisModel, index: int) -> bool:
+        """Further orders of a family stand and fall with its first."""
+        name = model.terms[index].name
+        return sum(t.name == name for t in model.added) < 2
+
+    def seen(self, model: AxisModel) -> tuple[Array, Array, Array, NDArray[np.bool_], NDArray[np.bool_]]:
+        """(position, velocity, drive, training mask, held-out mask) at the samples of the gap."""
+        held = self.block % 5 >= 3
+        q, v = (x[:: self.every][self.at] for x in (self.motion.position, self.motion.velocity))
+        return q, v, self.drive[self.at], ~held, held
+
+    # --- candidates ---------------------------------------------------------------------------
+    def look(self, model: AxisModel) -> list[Look]:
+        """Every candidate at its best start, by the drop of the sum of squares beyond the model's own columns."""
+        from whsklearn.gap.plants.servo_inverse_look import looks
+
+        return looks(self, model)
+
+    def refine(self, model: AxisModel, look: Look) -> AxisModel:
+        """The candidate with its shape polished on the sum of squares, sizes solved."""
+        from whsklearn.gap.plants.servo_inverse_look import polished
+
+        return polished(self, model, look.start)
+
+    def family(self, model: AxisModel) -> Iterator[Trial]:
+        """Further orders of the model's last term, while each earns its place."""
+        from whsklearn.gap.plants.servo_inverse_look import next_order
+
+        last = model.terms[-1]
+        if last.name not in FAMILIES:
+            return
+        for _ in range(MOST_ORDERS - 1):
+            grown = next_order(self, model, last.kind)
+            if grown is None:
+                return
+            trial = Trial(Look(last.name, 1.0, n_numbers=3), grown)
+            if weigh(self, model, [trial])[0].delta_bic < ORDER_NEED:
+                return
+            model = grown
+            yield trial
+
+    def linearised(self, model: AxisModel) -> Linearised:
+        """Residual and derivatives in all free numbers, scaled to the independent samples."""
+        from whsklearn.gap.least_squares import jacobian
+
+        factor = np.sqrt(self.n_effective / self.at.size)
+
+        def residual(x: Array) -> Array:
+            m = model.with_vector(x)
+            columns, _ = self.columns(m, torque)
+            return factor * (self.drive - columns @ self.sizes(m) - m.timing * self.scene.dt * rate)[self.at]
+
+        torque = self.torque(model)
+        rate = ols.slope(self.columns(model, torque)[0] @ self.sizes(model), self.step)
+        x, (low, high) = model.vector(), model.bounds()
+        r = residual(x)
+        return Linearised(x, low, high, r, jacobian(residual, x, r, model.steps(), high), model.with_vector)
+
+
+def best_view(view: InverseView, model: AxisModel, goal: float) -> InverseView:
+    """The view behind the highest cut-off at which noise makes at most ``goal`` of the drive or a fifth of the gap.
+
+    The gap is that of the same cut-off: cogging of order 72 at a turn a second lies at 72 Hz, and a gap seen below
+    10 Hz would not ask for a filter that lets it through.
+    """
+    dt, scene = view.record.dt, model.scene
+    noise = max(noise_level(view.record.position), 0.2 * lattice(view.record.position))
+    top = HIGHEST_CUTOFF / dt
+    speed = np.abs(view.start[1])
+    cutoffs = np.geomspace(top, min(LOWEST_CUTOFF, 0.5 * top), 14)
+    for cutoff in cutoffs:
+        *_, g2 = gaussian_derivatives(CUTOFF_SIGMA / (2 * np.pi * cutoff), dt)
+        _, g1, _ = gaussian_derivatives(CUTOFF_SIGMA / (2 * np.pi * min(2 * cutoff, 0.1 / dt)), dt)
+        slowest = NOISY * noise * float(np.linalg.norm(g1))
+        other = InverseView(view.record, scene, float(cutoff), view.start)
+        if np.mean((speed < slowest) & (speed > SLOW * scene.speed)) > BLIND_SHARE:
+            continue
+        floor = DRIVE_NOISE * noise * other.fit(model).inertia * float(np.linalg.norm(g2))
+        if floor <= max(
+            goal * scene.torque, min(OF_THE_GAP * other.rms(other.gap(model)), LARGEST_FLOOR * scene.torque)
+        ):
+            break
+    return other
+
+
+def base_model(record: ServoRecord, law: tuple[str, ...], scene: Scene) -> AxisModel:
+    """The base model's structure, with sizes yet to be solved."""
+    kinds = [candidate(name) for name in law]
+    terms = tuple(Term(c, (*([0.0] * c.linear), *c.starts(scene)[0])) for c in kinds)
+    return AxisModel(scene.inertia, 0.0, terms, scene, n_base=len(terms))
+
+
+def inverse_kinds(model: AxisModel) -> tuple[Candidate, ...]:
+    """Candidates with a form in this view."""
+    return tuple(
+        c for c in usable_kinds(model, CATALOGUE)
+        if (c.linear or (c.code in TWO_MASS and not c.on_load)) and c.name != "end_stop"
+    )  # fmt: skip

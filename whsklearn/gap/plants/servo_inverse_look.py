@@ -1,0 +1,215 @@
+"""Candidates in the inverse view: the best start of each, its shape polished, further orders of a family."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from whsklearn.effects import codes as k
+from whsklearn.gap.axis_model import AxisModel, Term
+from whsklearn.gap.candidates import Candidate
+from whsklearn.gap.filters import CUTOFF_SIGMA
+from whsklearn.gap.plants import servo_two_mass as two_mass
+from whsklearn.gap.plants.servo_screening import TWO_MASS
+
+Array = NDArray[Any]
+GAPS = (0.002, 0.004, 0.009, 0.018, 0.037, 0.075, 0.15)  # rad
+CONTACTS = (6.0, 12.0, 25.0, 60.0)  # Hz, of the antiresonance in contact
+ANTIRESONANCES = np.geomspace(0.8, 65.0, 20)  # Hz
+WHOLE = 1.1  # times the gain of the best whole order that a fractional one must have
+N_LINES = 3  # of a spectrum that are looked at as tones
+POLISH = 4  # rounds over the shape numbers, the step shrunk to 0.55 in each: a tenth of the start's spacing
+HIGHEST = 160.0  # periods a turn
+
+
+class Base:
+    """The model's own columns projected out of what is left."""
+
+    def __init__(self, view: Any, model: AxisModel):
+        self.model = model
+        self.torque = view.torque(model)
+        _, x, target, sizes, free = view.solved(model)
+        used = x[view.at][:, free]
+        self.q, _ = np.linalg.qr(used / (np.linalg.norm(used, axis=0) + 1e-300))
+        left = (target - x @ sizes)[view.at]
+        self.left = left - self.q @ (self.q.T @ left)
+        self.power = float(self.left @ self.left)
+
+    def gain(self, columns: Array) -> float:
+        """Share of what is left that the columns explain beyond the model's own."""
+        z = columns - self.q @ (self.q.T @ columns)
+        norm = np.linalg.norm(z, axis=0)
+        seen = norm > 1e-4 * (np.linalg.norm(columns, axis=0) + 1e-300)
+        if not seen.any() or not np.all(np.isfinite(z)):
+            return 0.0
+        c, *_ = np.linalg.lstsq(z[:, seen] / norm[seen], self.left, rcond=1e-6)
+        explained = z[:, seen] / norm[seen] @ c
+        return float(1.0 - np.sum((self.left - explained) ** 2) / max(self.power, 1e-300))
+
+
+def looks(view: Any, model: AxisModel) -> list[Any]:
+    """Every candidate at its best start."""
+    from whsklearn.gap.plant import Look
+    from whsklearn.gap.plants.servo_inverse import DRIVEN, inverse_kinds
+
+    base, out = Base(view, model), []
+    for kind in inverse_kinds(model):
+        if base.torque is None and kind.name in DRIVEN:
+            continue
+        term, gain, n_looks = best_start(view, base, kind)
+        if term is None:
+            continue
+        out.append(Look(
+            kind.name, max(gain, 0.0), term, n_numbers=kind.n_slots - len(kind.held), n_looks=n_looks,
+            elementary=kind.elementary,
+        ))  # fmt: skip
+    return out
+
+
+def best_start(view: Any, base: Base, kind: Candidate) -> tuple[Term | None, float, int]:
+    """(term at its best start, gain, places looked at)."""
+    model = base.model
+    if kind.code in TWO_MASS:
+        play = kind.code == k.BACKLASH
+        grid = [(g, f) for g in GAPS for f in CONTACTS] if play else [(0.0, f) for f in ANTIRESONANCES]
+        grid = [(g, f) for g, f in grid if f < 0.2 / view.scene.dt and g < view.scene.reach]
+        terms = [two_mass.start(view, model, kind, g, f, 0.15 if play else 0.05) for g, f in grid]
+    elif kind.scanned == "order":
+        orders = scan_orders(view, base, kind)
+        terms = [Term(kind, (0.0, 0.0, order)) for order in orders]
+    elif kind.scanned == "frequency":
+        terms = [Term(kind, (0.0, 0.0, f)) for f in scan_tones(view, base, kind)]
+    elif kind.scanned == "time":
+        low, high = kind.ranged(view.scene)[0]
+        terms = [Term(kind, (0.0, t)) for t in np.linspace(low, high, 25)]
+    else:
+        terms = [Term(kind, (*([0.0] * kind.linear), *shape)) for shape in kind.starts(view.scene)]
+    if not terms:
+        return None, 0.0, 1
+    gains = [term_gain(view, base, t) for t in terms]
+    best = int(np.argmax(gains))
+    looked = {"order": 200, "frequency": 400, "time": 25}.get(kind.scanned, len(terms))
+    return terms[best], gains[best], looked
+
+
+def term_gain(view: Any, base: Base, term: Term) -> float:
+    """Gain of one term at its shape."""
+    return base.gain(view.term_columns(base.model, term, base.torque)[view.at])
+
+
+def scan_orders(view: Any, base: Base, kind: Candidate) -> list[float]:
+    """The best whole order and the best of all, on the decimated motion: a wave is damped by exp(-(k v s)^2 / 2)."""
+    low = kind.ranged(view.scene)[0][0]
+    speed = max(float(np.median(np.abs(view.motion.velocity))), 1e-9)
+    high = float(np.clip(2 * np.pi * 1.5 * view.cutoff / speed, 4.0 * max(low, 1.0), HIGHEST))
+    whole = np.arange(np.ceil(low), high + 1)
+    step = max(0.2 * np.pi / view.scene.reach, high / 300)
+    grid = np.arange(low, high, step)
+    gains = {}
+    for values in (whole, grid):
+        if values.size:
+            g = wave_gains(view, base, kind, values)
+            i = int(np.argmax(g))
+            gains[float(values[i])] = float(g[i])
+    best = max(gains, key=gains.__getitem__)
+    first = float(next(iter(gains)))
+    return [first] if gains[best] < WHOLE * gains[first] else [best, first]
+
+
+def wave_gains(view: Any, base: Base, kind: Candidate, values: Array) -> Array:
+    """Share of what is left that a wave of each order explains beyond the model."""
+    s = view.motion
+    angle, speed = s.position[:: view.every][view.at], s.velocity[:: view.every][view.at]
+    factor = {
+        k.TORQUE_RIPPLE: base.torque, k.POSITION_FRICTION: np.tanh(s.kappa * s.velocity),
+    }.get(kind.code)  # fmt: skip
+    size = np.ones(angle.size) if factor is None else view.blur(factor)[view.at]
+    sigma = CUTOFF_SIGMA / (2 * np.pi * view.cutoff)
+    out = np.zeros(values.size)
+    for i in range(0, values.size, 64):
+        part = values[None, i : i + 64]
+        damped = size[:, None] * np.exp(-0.5 * (speed[:, None] * part * sigma) ** 2)
+        phase = angle[:, None] * part
+        out[i : i + 64] = pair_gains(base, damped * np.cos(phase), damped * np.sin(phase))
+    return out
+
+
+def pair_gains(base: Base, c: Array, s: Array) -> Array:
+    """Gain of every pair of columns (c_i, s_i) beyond the base."""
+    c = c - base.q @ (base.q.T @ c)
+    s = s - base.q @ (base.q.T @ s)
+    cc, ss, cs = np.sum(c * c, 0), np.sum(s * s, 0), np.sum(c * s, 0)
+    rc, rs = c.T @ base.left, s.T @ base.left
+    ridge = 1e-5 * (cc + ss) + 1e-300
+    cc, ss = cc + ridge, ss + ridge
+    return (ss * rc**2 - 2 * cs * rc * rs + cc * rs**2) / np.maximum(cc * ss - cs**2, 1e-300) / max(base.power, 1e-300)
+
+
+def scan_tones(view: Any, base: Base, kind: Candidate) -> list[float]:
+    """The three strongest lines up to the cut-off, from the spectrum of what is left (rests are filled with zeros)."""
+    low = kind.ranged(view.scene)[0][0]
+    left = np.zeros(view.drive.size)
+    left[view.at] = base.left
+    n = 4 * left.size
+    power = np.abs(np.fft.rfft(left, n)) ** 2
+    frequency = np.fft.rfftfreq(n, view.step)
+    inside = np.flatnonzero((frequency >= low) & (frequency <= 1.5 * view.cutoff))
+    out: list[float] = []
+    for i in inside[np.argsort(power[inside])[::-1]]:
+        if all(abs(frequency[i] - f) > 1.0 / view.scene.seconds for f in out):
+            out.append(float(frequency[i]))
+        if len(out) == N_LINES:
+            break
+    return out
+
+
+def polished(view: Any, model: AxisModel, term: Term) -> AxisModel:
+    """The model with the term, its free shape numbers moved downhill one at a time, sizes solved."""
+    grown = view.fit(model.with_term(term))
+    free = [(j, log) for i, j, log in grown.free() if i == len(model.terms) and j >= term.kind.linear]
+    if term.kind.scanned == "order" and float(term.q[2]).is_integer():
+        free = []
+    if not free:
+        return grown
+    cost = view.rms(view.gap(grown))
+    widths = dict.fromkeys((j for j, _ in free), 0.0)
+    for j, log in free:
+        widths[j] = 0.35 if log else 0.3 * view.scene.reach
+        if term.kind.scanned == "order":
+            widths[j] = np.log1p(0.2 / (view.scene.reach * term.q[j]))
+        elif term.kind.scanned == "frequency":
+            widths[j] = np.log1p(0.2 / (view.scene.seconds * term.q[j]))
+        elif term.kind.scanned == "time":
+            widths[j] = 0.02 * view.scene.seconds
+    low, high = grown.bounds()
+    limits = {(i, j): (a, b) for (i, j, _), a, b in zip(grown.free(), low[2:], high[2:], strict=True)}
+    for _ in range(POLISH):
+        for j, log in free:
+            i = len(model.terms)
+            value = grown.terms[i].q[j]
+            x = float(np.log(max(value, 1e-300))) if log else value
+            for move in (x - widths[j], x + widths[j]):
+                a, b = limits[i, j]
+                moved = float(np.clip(move, a, b))
+                t = grown.terms[i].with_slot(j, float(np.exp(moved)) if log else moved)
+                other = view.fit(grown.with_terms((*grown.terms[:-1], t)))
+                c = view.rms(view.gap(other))
+                if c < cost:
+                    grown, cost = other, c
+                    widths[j] *= 1.6
+                    break
+            widths[j] *= 0.55
+    return grown
+
+
+def next_order(view: Any, model: AxisModel, kind: Candidate) -> AxisModel | None:
+    """The model with the best further order of a family."""
+    base = Base(view, model)
+    present = {round(t.q[2], 2) for t in model.terms if t.kind is kind}
+    orders = [o for o in scan_orders(view, base, kind) if round(o, 2) not in present]
+    if not orders:
+        return None
+    best = max(orders, key=lambda o: term_gain(view, base, Term(kind, (0.0, 0.0, o))))
+    return polished(view, model, Term(kind, (0.0, 0.0, best)))

@@ -1,0 +1,228 @@
+"""The fine view of a servo axis: its model runs on the logged drive, held near the measurement by an observer.
+
+The trajectory is the model's own, so encoder noise stays out of the columns, and small effects are weighed
+accurately.  Where much is missing, the innovation no longer shows it (a wrong model carries the estimate along), and
+the inverse view goes first.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from whsklearn.gap import evidence as rules
+from whsklearn.gap.axis_model import AxisModel
+from whsklearn.gap.candidates import Scene
+from whsklearn.gap.filters import ResidualFilter, autoregression, solve_whitening, whiten
+from whsklearn.gap.least_squares import Fit, jacobian, least_squares
+from whsklearn.gap.plant import Judged, Linearised, Look, ViewDefaults
+from whsklearn.gap.record import ServoRecord
+
+Array = NDArray[Any]
+AR_ORDER = 12
+BESIDE_A_PLAY = 0.66  # share of the rms left beside a play: what impacts leave over follows everything a little
+STEEPEST_ERROR = 0.3  # rad a rad: an encoder error steeper than that would let the reading stand still
+LOST = 1e3  # times the travel or the speed of the record: a run beyond has diverged
+
+
+def negative_damping(model: AxisModel, index: int) -> str:
+    """Whether an asymmetry of the viscous friction is larger than that friction; empty if not.
+
+    A record of one direction under a speed controller u = k (r - v) offers -k as such an asymmetry.
+    """
+    t = model.terms[index]
+    viscous = sum(o.q[0] for o in model.terms if o.name == "viscous")
+    if t.name == "asymmetric_viscous" and abs(t.q[0]) > max(viscous, 0.0):
+        return "the axis would be driven by its own friction in one direction"
+    return ""
+
+
+@dataclass
+class ObserverView(ViewDefaults):
+    """One record under one residual filter.
+
+    Attributes
+    ----------
+    noise : float
+        Standard deviation of the position noise.
+    train, held : ndarray of bool, of int, shape (n_decimated,)
+        Training mask; number of the held-out block or -1.
+    ar : ndarray
+        Whitening polynomial of the missing torque in force.
+    tolerance : float
+        Torque below which nothing is worth a name, share of the rms drive.
+    """
+
+    record: ServoRecord
+    filter: ResidualFilter
+    scene: Scene
+    noise: float
+    start: tuple[Array, Array]
+    train: NDArray[np.bool_]
+    held: NDArray[np.intp]
+    usable: NDArray[np.bool_]
+    tolerance: float
+    quantum: float = 0.0
+    ar: Array = field(default_factory=lambda: np.array([1.0]))
+
+    # --- looking ---------------------------------------------------------------------------
+    def follow(self, model: AxisModel) -> tuple[Array, Array, Array]:
+        """Prediction, angle and velocity of the model held near the record."""
+        return self.held_near(model)[:3]
+
+    def held_near(self, model: AxisModel) -> tuple[Array, Array, Array, Array]:
+        """The same, and the twist of the coupling with its rate, shape (n, 2); a run that diverges is held finite."""
+        out = model.follow(self.record.drive, self.record.position, self.filter.gains, start=self.start)
+        far = LOST * (self.scene.reach + abs(self.scene.middle)), LOST * self.scene.speed
+        if all(np.all(np.abs(x) < f) for x, f in zip(out[:3], (far[0], far[0], far[1]), strict=True)):
+            return out
+        held = [
+            np.clip(np.nan_to_num(x, nan=0.0), -f, f) for x, f in zip(out[:3], (far[0], far[0], far[1]), strict=True)
+        ]
+        return held[0], held[1], held[2], np.clip(np.nan_to_num(out[3]), -far[1], far[1])
+
+    def gap(self, model: AxisModel) -> Array:
+        """Torque that the model lacks, seen through the filter; shape (n_decimated,)."""
+        y_hat, _, _ = self.follow(model)
+        d = self.filter.torque(self.record.position - y_hat)
+        return np.where(np.isfinite(d), np.clip(d, -1e6, 1e6), 1e6)
+
+    def whitened(self, d: Array, *, on: str = "train") -> Array:
+        """Whitened samples of one part: ``train`` or ``held`` or ``all``."""
+        mask = {"train": self.train, "held": self.held >= 0, "all": self.usable}[on]
+        return whiten(d, self.ar)[mask & self.usable]
+
+    def residual(self, model: AxisModel) -> Array:
+        """What the fit minimises."""
+        return self.whitened(self.gap(model))
+
+    def floor(self, model: AxisModel | None = None) -> float:
+        """Rms of the missing torque that position noise alone gives."""
+        return self.filter.noise_gain * self.noise
+
+    def quiet_variance(self) -> float:
+        """Variance of whitened missing torque if only position noise were left."""
+        from scipy.signal import fftconvolve
+
+        spread = np.zeros((self.ar.size - 1) * self.filter.every + 1)
+        spread[:: self.filter.every] = self.ar
+        return float(self.noise**2 * np.sum(fftconvolve(self.filter.taps, spread) ** 2)) + 1e-300
+
+    def rms(self, d: Array, on: str = "all") -> float:
+        """Rms of missing torque on one part."""
+        mask = {"train": self.train, "held": self.held >= 0, "all": self.usable}[on] & self.usable
+        return float(np.sqrt(np.mean(d[mask] ** 2)))
+
+    def weigh(self, gap: float) -> None:
+        """Set the whitening to position noise plus white torque of the rms ``gap``.
+
+        Nothing of the gap itself enters but its size, so no tone and no slow drift is whitened away.
+        """
+        taps, every = self.filter.taps, self.filter.every
+        full = np.concatenate([taps, np.zeros(AR_ORDER * every)])
+        r = np.array([taps @ full[i * every : i * every + taps.size] for i in range(AR_ORDER + 1)])
+        white = max(gap, 0.5 * self.tolerance * self.scene.torque) ** 2
+        self.ar = solve_whitening(self.noise**2 * r, white)
+
+    def tune_whitening(self, d: Array) -> None:
+        """Set the whitening to what the best model so far leaves over, ``d``."""
+        white = (0.25 * self.tolerance * self.scene.torque) ** 2
+        self.ar = autoregression(d[self.usable], AR_ORDER, white)
+
+    # --- the protocol of a view --------------------------------------------------------------
+    limits = rules.WHITENED
+
+    def fit(self, model: AxisModel) -> AxisModel:
+        """The model refitted to the training part, weighted by the size of its own gap."""
+        model = dataclasses.replace(model, scene=self.scene)
+        if model.has_play:
+            from whsklearn.gap.plants.servo_screening import settled_play
+
+            return settled_play(self, model)
+        for _ in range(2):
+            self.weigh(self.rms(self.gap(model)))
+            model, _ = self.fitted(model)
+        return model
+
+    def look(self, model: AxisModel) -> list[Look]:
+        """See `whsklearn.gap.plants.servo_screening.screen`."""
+        from whsklearn.gap.plants import servo_screening as screening
+
+        self.weigh(self.rms(self.gap(model)))
+        model, fit = self.fitted(model, max_iterations=4)
+        first = len(model.terms) == model.n_base
+        return [screening.look_of(self, t, fit, first=first) for t in screening.screen(self, model, fit)]
+
+    def refine(self, model: AxisModel, look: Look) -> AxisModel:
+        """See `whsklearn.gap.plants.servo_screening.refine`."""
+        from whsklearn.gap.plants import servo_screening as screening
+
+        self.weigh(self.rms(self.gap(model)))
+        return screening.refine(self, model, look.start)
+
+    def compare(self, models: Sequence[AxisModel], best: int) -> list[Judged]:
+        """Held-out errors without the colour of what is left, training errors whitened by what the best leaves."""
+        gaps = [self.gap(m) for m in models]
+        self.weigh(self.rms(gaps[best]))
+        held = [self.whitened(d, on="held") for d in gaps]
+        self.tune_whitening(gaps[best])
+        block = self.held[(self.held >= 0) & self.usable]
+        fitted = [self.whitened(d) for d in gaps]
+        return [Judged(e, h, block, float(e.size)) for e, h in zip(fitted, held, strict=True)]
+
+    def objection(self, model: AxisModel, index: int) -> str:
+        """What is wrong with the sign or the range of a term's numbers; empty if nothing."""
+        term = model.terms[index]
+        q = term.q
+        if term.name == "encoder_eccentricity" and float(np.hypot(q[0], q[1])) * q[2] > STEEPEST_ERROR:
+            return "an encoder error so steep would let the reading stand still while the axis turns"
+        if term.kind.positive and q[0] <= 0:
+            return f"its size would be {q[0]:.3g}, and a physical one is positive"
+        return model.at_the_end(index) or negative_damping(model, index)
+
+    def demand(self, model: AxisModel) -> float:
+        """Beside a play a further effect must explain most of what is left."""
+        return BESIDE_A_PLAY if model.has_play else 0.0
+
+    def replaceable(self, model: AxisModel, index: int) -> bool:
+        """Whether others may be tried in a term's place: nothing else disconnects a load."""
+        return not (model.has_play and not model.without(index).has_play)
+
+    def surrogate(self, model: AxisModel, rng: np.random.Generator) -> ObserverView:
+        """The view of a record that the model itself made in the same experiment."""
+        from whsklearn.gap.plants.servo_twin import twin_record
+
+        return dataclasses.replace(self, record=twin_record(self, model, rng))
+
+    def seen(self, model: AxisModel) -> tuple[Array, Array, Array, NDArray[np.bool_], NDArray[np.bool_]]:
+        """(position, velocity, drive, training mask, held-out mask) at the samples of the gap."""
+        _, angle, speed = self.follow(model)
+        pick = self.filter.pick
+        held = (self.held >= 0) & self.usable
+        return pick(angle), pick(speed), self.filter.blur(self.record.drive), self.train & self.usable, held
+
+    def linearised(self, model: AxisModel) -> Linearised:
+        """Whitened training residual and its derivatives at the model."""
+        self.tune_whitening(self.gap(model))
+        x, (low, high) = model.vector(), model.bounds()
+        r = self.residual(model)
+        jac = jacobian(lambda z: self.residual(model.with_vector(z)), x, r, model.steps(), high)
+        return Linearised(x, low, high, r, jac, model.with_vector)
+
+    # --- fitting ---------------------------------------------------------------------------
+    def fitted(self, model: AxisModel, *, max_iterations: int = 12, tolerance: float = 5e-4) -> tuple[AxisModel, Fit]:
+        """The model refitted to the training part, all free numbers together, under the weights in force."""
+        fit = least_squares(
+            lambda x: self.residual(model.with_vector(x)),
+            model.vector(),
+            model.steps(),
+            model.bounds(),
+            max_iterations=max_iterations,
+            tolerance=tolerance,
+        )
+        return model.with_vector(fit.x), fit

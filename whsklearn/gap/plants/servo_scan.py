@@ -1,0 +1,129 @@
+"""Where a candidate's first shape number is found by looking at all of them: order, frequency, time.
+
+Behind a Gaussian of width sigma, cos(k q(t)) at the speed v is exp(-(k v sigma)^2 / 2) cos(k q), so
+thousands of orders are tried on the decimated motion alone, all in one matrix product.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from whsklearn.effects import codes as k
+from whsklearn.gap.candidates import Candidate
+from whsklearn.gap.filters import whiten
+
+Array = NDArray[Any]
+
+
+def scan_values(kind: Candidate, view: Any) -> Array:
+    """The grid of a scan: steps of a quarter of the resolution that the record has."""
+    s = view.scene
+    if kind.scanned == "time":
+        return np.linspace(0.05, 0.95, 181) * s.seconds
+    fastest = 2.0 * view.filter.cutoff
+    if kind.scanned == "frequency":
+        return np.arange(kind.ranged(s)[0][0], fastest, 0.3 / s.seconds)
+    low = kind.ranged(s)[0][0]
+    highest = float(np.clip(2 * np.pi * fastest / max(s.speed, 1e-9), 3.0 * max(low, 1.0), 400.0 * max(low, 1.0)))
+    step = max(0.2 * np.pi / s.reach, highest / 900)
+    grid = np.arange(low, highest, step)
+    whole = np.arange(np.ceil(low), highest + 1) if highest < 300 else np.zeros(0)
+    return np.unique(np.concatenate([whole, grid]))
+
+
+def scan(
+    kind: Candidate, view: Any, residual: Array, base: Array, angle: Array, speed: Array, values: Array | None = None
+) -> tuple[Array, Array]:
+    """(values, drop of the sum of squares at each): linear, on the tracked motion.
+
+    ``base`` are the sensitivities of the model in force on the training samples, which the columns
+    are projected off.
+    """
+    values = scan_values(kind, view) if values is None else values
+    mask = view.train & view.usable
+    q, _ = np.linalg.qr(base)
+    r = residual - q @ (q.T @ residual)
+    gains = np.zeros(values.size)
+    signals = _signals(kind, view, angle, speed)
+    for i in range(0, values.size, 128):
+        part = values[i : i + 128]
+        columns = _columns(kind, view, part, *signals)
+        z = whiten(columns, view.ar)[mask]
+        z -= q @ (q.T @ z)
+        n = part.size
+        if not kind.paired:
+            gains[i : i + 128] = (z.T @ r) ** 2 / np.maximum(np.sum(z * z, axis=0), 1e-30)
+            continue
+        c, s = z[:, :n], z[:, n:]
+        cc, ss, cs = np.sum(c * c, 0), np.sum(s * s, 0), np.sum(c * s, 0)
+        rc, rs = c.T @ r, s.T @ r
+        ridge = 1e-6 * (cc + ss) + 1e-30
+        det = (cc + ridge) * (ss + ridge) - cs**2
+        gains[i : i + 128] = ((ss + ridge) * rc**2 - 2 * cs * rc * rs + (cc + ridge) * rs**2) / det
+    return values, gains
+
+
+def _signals(kind: Candidate, view: Any, angle: Array, speed: Array) -> tuple[Array, Array, Array, Array]:
+    """Angle, speed, the factor on the wave and time, decimated."""
+    pick = view.filter.pick
+    time = np.arange(len(view.record)) * view.scene.dt
+    factor = {
+        k.TORQUE_RIPPLE: view.record.drive,
+        k.POSITION_FRICTION: np.sign(speed),
+        k.CHANGE_VISCOUS: speed,
+        k.CHANGE_COULOMB: np.sign(speed),
+        k.CHANGE_GAIN: view.record.drive,
+    }.get(kind.code)
+    if kind.code == k.CHANGE_INERTIA:
+        factor = np.gradient(speed, view.scene.dt)
+    blurred = np.ones(pick(angle).size) if factor is None else view.filter.blur(factor)
+    return pick(angle), pick(speed), blurred, pick(time)
+
+
+def _columns(
+    kind: Candidate, view: Any, values: Array, angle: Array, speed: Array, factor: Array, time: Array
+) -> Array:
+    if kind.scanned == "time":
+        return factor[:, None] * (time[:, None] >= values[None, :])
+    sigma = 0.833 / (2 * np.pi * view.filter.cutoff)
+    if kind.scanned == "frequency":
+        phase = 2 * np.pi * time[:, None] * values[None, :]
+        size = np.ones((time.size, 1)) * np.exp(-0.5 * (2 * np.pi * values * sigma) ** 2)[None, :]
+    else:
+        phase = angle[:, None] * values[None, :]
+        size = np.exp(-0.5 * (speed[:, None] * values[None, :] * sigma) ** 2)
+    size = size * factor[:, None]
+    return np.concatenate([size * np.cos(phase), size * np.sin(phase)], axis=1)
+
+
+def peaks(values: Array, gains: Array, n: int = 3) -> list[float]:
+    """The n best separate maxima."""
+    chosen: list[int] = []
+    for i in np.argsort(gains)[::-1]:
+        if all(abs(int(i) - j) > 6 for j in chosen):
+            chosen.append(int(i))
+        if len(chosen) == n:
+            break
+    return [float(values[i]) for i in chosen]
+
+
+def zoom(
+    kind: Candidate,
+    view: Any,
+    residual: Array,
+    base: Array,
+    motion: tuple[Array, Array],
+    values: Array,
+    gains: Array,
+) -> list[tuple[float, ...]]:
+    """The best maxima of a scan, each looked at again ten times finer."""
+    step = float(np.median(np.diff(values)))
+    out: list[tuple[float, ...]] = []
+    for centre in peaks(values, gains):
+        fine = np.clip(centre + step * np.linspace(-1.2, 1.2, 25), values[0], values[-1])
+        fine, again = scan(kind, view, residual, base, *motion, values=fine)
+        out.append((float(fine[np.argmax(again)]),))
+    return out

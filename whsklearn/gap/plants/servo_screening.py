@@ -1,0 +1,222 @@
+"""Candidates against the gap: screen all by their signature, refit the promising ones in full.
+
+The signature of an effect is what the residual would show if a little of it were there, with the
+sensitivities of the model in force projected out.  The screen is linear and cheap; what passes
+is fitted jointly with everything else by simulation, so large effects are judged by what they do.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from whsklearn.effects import codes as k
+from whsklearn.gap.axis_model import AxisModel, Term, size_unit
+from whsklearn.gap.candidates import CATALOGUE, Candidate, change_times
+from whsklearn.gap.least_squares import Fit, gain_of
+from whsklearn.gap.plant import Look
+from whsklearn.gap.plants.servo_scan import scan, zoom
+
+Array = NDArray[Any]
+SMALL = 0.01  # share of the rms drive at which signatures are taken
+
+
+TWO_MASS = {k.BACKLASH, k.FLEXIBLE_COUPLING}
+
+# Heredity: what modifies dry or viscous friction is asked for only once that friction is there.
+PARENTS = {
+    k.STRIBECK_EXP: "coulomb",
+    k.DAHL: "coulomb",
+    k.POSITION_FRICTION: "coulomb",
+    k.LOAD_FRICTION: "coulomb",
+    k.FRICTION_DRIFT: "coulomb",
+    k.CHANGE_COULOMB: "coulomb",
+    k.CHANGE_VISCOUS: "viscous",
+    k.ASYMMETRIC_VISCOUS: "viscous",
+    k.QUADRATIC_DRAG: "viscous",
+}
+
+
+@dataclass
+class Start:
+    """One candidate at its best start on top of a model.
+
+    Attributes
+    ----------
+    kind : Candidate
+    screened : float
+        Drop of the whitened sum of squares that the signature promises.
+    visible : float
+        Share of the signature left after projection on the model's own sensitivities.
+    expected : float
+        Delta BIC that an effect of two percent of the rms drive would give in this record.
+    """
+
+    kind: Candidate
+    screened: float
+    visible: float
+    expected: float = np.inf
+    start: tuple[float, ...] = ()
+    sizes: tuple[float, ...] = ()
+    scanned: tuple[Array, Array] | None = field(default=None, repr=False)
+
+    @property
+    def n_parameters(self) -> int:
+        """Numbers that the refit added, shape included."""
+        return self.kind.n_slots - len(self.kind.held)
+
+
+def _signature(view: Any, model: AxisModel, residual: Array, kind: Candidate, shape: tuple[float, ...]) -> Array:
+    """Columns of the whitened residual, one a linear slot, or the difference for a block."""
+    if kind.linear == 0:
+        return (view.residual(model.with_term(Term(kind, shape))) - residual)[:, None]
+    unit = SMALL * size_unit(kind, (0.0,) * kind.linear + shape, view.scene)
+    columns = []
+    for j in range(kind.linear):
+        sizes = tuple(unit if i == j else 0.0 for i in range(kind.linear))
+        columns.append((view.residual(model.with_term(Term(kind, (*sizes, *shape)))) - residual) / unit)
+    return np.column_stack(columns)
+
+
+def screen(view: Any, model: AxisModel, fit: Fit) -> list[Start]:
+    """Every candidate at its best start, most promising first."""
+    r = fit.residual
+    low, high = model.bounds()
+    base = fit.jacobian[:, (fit.x > low + 1e-6) & (fit.x < high - 1e-6)]  # a pinned number explains nothing more
+    _, angle, speed = view.follow(model)
+    q, _ = np.linalg.qr(base)
+    quiet = view.quiet_variance()
+    trials = []
+    for kind in usable_kinds(model):
+        scanned = None
+        starts = kind.starts(view.scene)
+        if kind.scanned:
+            scanned = scan(kind, view, r, base, angle, speed)
+            starts = zoom(kind, view, r, base, (angle, speed), *scanned)
+        best = Start(kind, -np.inf, 0.0, scanned=scanned)
+        for shape in starts:
+            columns = _signature(view, model, r, kind, shape)
+            if not np.all(np.isfinite(columns)):
+                continue
+            total = float(np.sum(columns**2))
+            if total <= 0.0:
+                continue
+            visible = float(np.sqrt(max(0.0, 1 - np.sum((q.T @ columns) ** 2) / total)))
+            drop, c = gain_of(r, base, columns)
+            if kind.linear == 0 and c[0] < 0:
+                drop = 0.0
+            if drop > best.screened or not best.start:
+                best = Start(
+                    kind, drop, visible, start=shape, sizes=tuple(map(float, c)) if kind.linear else (), scanned=scanned
+                )
+                if kind.linear:
+                    unit = 0.02 * size_unit(kind, (0.0,) * kind.linear + shape, view.scene)
+                    best.expected = total * visible**2 * unit**2 / kind.linear / quiet
+        trials.append(best)
+    return sorted(trials, key=lambda t: -t.screened)
+
+
+def look_of(view: Any, start: Start, fit: Fit, *, first: bool) -> Look:
+    """A start as the engine ranks it."""
+    kind = start.kind
+    looks = start.scanned[0].size if start.scanned is not None else len(kind.starts(view.scene))
+    return Look(
+        kind.name, float(np.clip(start.screened / max(fit.cost, 1e-300), 0.0, 1.0)), start,
+        n_numbers=start.n_parameters, n_looks=looks, expected=start.expected if kind.linear else np.inf,
+        elementary=kind.elementary, costly=first and kind.substeps > 1,
+    )  # fmt: skip
+
+
+def refine(view: Any, model: AxisModel, start: Start, *, max_iterations: int = 12) -> AxisModel:
+    """Fit the candidate jointly with the model from its best start."""
+    if start.kind.code in TWO_MASS:
+        tried = (
+            view.fitted(model.with_term(Term(start.kind, q)), max_iterations=3) for q in _two_mass_variants(view, start)
+        )
+        best, _ = _settle(view, min(tried, key=lambda f: f[1].cost)[0])
+        if best.has_play:  # the contact's frequency has ripples of its own
+            others = [_settle(view, _contact_at(best, factor))[0] for factor in (0.8, 1.25)]
+            best = min((best, *others), key=lambda m: view.rms(view.gap(m), "train"))
+        return best
+    grown = model.with_term(Term(start.kind, (*start.sizes, *start.start)))
+    best, _ = view.fitted(grown, max_iterations=max_iterations)
+    if start.kind.scanned == "time":
+        best, _ = view.fitted(_locate_change(view, best), max_iterations=max_iterations)
+    return best
+
+
+def _settle(view: Any, model: AxisModel) -> tuple[AxisModel, Fit]:
+    """Fits in a row, each weighted for the gap that the one before left: a large gap's weights hide a small one."""
+    gap = view.rms(view.gap(model), "all")
+    for _ in range(3):
+        view.weigh(gap)
+        model, fit = view.fitted(model, max_iterations=12, tolerance=2e-3)
+        before, gap = gap, view.rms(view.gap(model), "all")
+        if gap > 0.8 * before:
+            break
+    return model, fit
+
+
+def _contact_at(model: AxisModel, factor: float) -> AxisModel:
+    """The model with its play's contact frequency moved, and its damping back at a usual one."""
+    i = next(i for i, t in enumerate(model.terms) if t.kind.code == k.BACKLASH)
+    term = model.terms[i]
+    hz = min(factor * term.q[2], term.kind.ranged(model.scene)[1][1])
+    moved = term.with_slot(2, hz).with_slot(3, min(term.q[3], 0.3))
+    return model.with_terms((*model.terms[:i], moved, *model.terms[i + 1 :]))
+
+
+def settled_play(view: Any, model: AxisModel) -> AxisModel:
+    """The model with its play fitted anew, from its own contact frequency and from others: the cost has ripples."""
+    fits = [_settle(view, m)[0] for m in (model, _contact_at(model, 0.8), _contact_at(model, 1.25))]
+    return min(fits, key=lambda m: view.rms(view.gap(m), "train"))
+
+
+def _two_mass_variants(view: Any, start: Start) -> list[tuple[float, ...]]:
+    """Starts of other load shares (and contact frequencies), since the two trade against each other."""
+    q = start.start
+    if start.kind.n_slots == 3:  # compliance, share, damping
+        return [(q[0], share, q[2]) for share in (0.25, 0.45, 0.7)]
+    top = view.scene.resonance
+    return [(q[0] * g, share, hz, q[3]) for g in (1.0, 2.0) for share, hz in ((0.3, 0.7 * top), (0.5, 0.9 * top))]
+
+
+def _locate_change(view: Any, model: AxisModel) -> AxisModel:
+    """The time of a change, looked for on the whole record, since one stretch alone holds it."""
+    index = len(model.terms) - 1
+    term = model.terms[index]
+    span, best = 0.12 * view.scene.seconds, term.q[1]
+    low, high = change_times(view.scene)
+
+    def cost(t: float) -> float:
+        w = view.whitened(view.gap(model.with_terms((*model.terms[:index], term.with_slot(1, t)))), on="all")
+        return float(w @ w)
+
+    for _ in range(4):
+        grid = np.clip(best + span * np.linspace(-1, 1, 13), low, high)
+        best = float(grid[int(np.argmin([cost(float(t)) for t in grid]))])
+        span /= 5.0
+    return model.with_terms((*model.terms[:index], term.with_slot(1, best)))
+
+
+def usable_kinds(model: AxisModel, catalogue: tuple[Candidate, ...] = CATALOGUE) -> tuple[Candidate, ...]:
+    """Candidates that the model does not hold yet; one two-mass effect at the most, one term of a name.
+
+    Effects that come in several copies (cogging of two orders, two tones) may come again.
+    """
+    present = [t.kind for t in model.terms]
+    names = {p.name for p in present}
+    several = {"cogging", "disturbance_tone", "torque_ripple", "position_friction"}
+    out = []
+    for kind in catalogue:
+        if any(p.name == kind.name for p in present) and kind.name not in several:
+            continue
+        if kind.code in TWO_MASS and any(p.code in TWO_MASS for p in present):
+            continue
+        if kind.name == "sensor_rectification" or PARENTS.get(kind.code, kind.name) not in names | {kind.name}:
+            continue
+        out.append(kind)
+    return tuple(out)

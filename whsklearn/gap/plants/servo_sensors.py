@@ -1,0 +1,51 @@
+"""Effects of the sensor that are read off the record itself: a coarse grid, a folded sign."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+NEAR_FLOOR = 1.3  # gap over floor up to which the grid explains all that is left
+COARSE = 2.5e-4  # step of the grid as a share of half the travel; finer ones are any encoder's
+
+
+def coarse_encoder(view: Any, base: Any) -> list[Any]:
+    """The quantization, if all positions lie on a grid that is the main noise and nothing else is missing."""
+    from whsklearn.effects import get_effect
+    from whsklearn.gap.diagnosis import NamedEffect
+
+    step = view.quantum
+    if step < COARSE * view.scene.reach or step / 12**0.5 < 0.7 * view.noise:
+        return []
+    effect = get_effect("quantization")(step=step)  # type: ignore[call-arg]
+    if view.rms(view.gap(base)) > NEAR_FLOOR * view.floor():
+        return []
+    return [NamedEffect(effect, {}, 0.0, 0.95, 1.0)]
+
+
+def unfold(position: NDArray[np.float64], dt: float) -> NDArray[np.float64] | None:
+    """The position whose absolute value was logged, or None if nothing looks folded.
+
+    A folded reading stays on one side and turns back at zero at speed: the slopes before and after are
+    opposite and equal, where a real turn would have come to rest.
+    """
+    span = float(np.ptp(position))
+    if position.min() < -0.002 * span or position.min() > 0.01 * span:
+        return None
+    w = max(2, round(0.006 / dt))
+    typical = float(np.sqrt(np.mean(np.diff(position) ** 2))) / dt
+    out, sign, k, flips = position.copy(), 1.0, w, 0
+    last = -10 * w
+    while k < position.size - w:
+        near = position[k] < 0.02 * span and position[k] == position[k - w : k + w + 1].min()
+        if near and k - last > 2 * w:
+            before = (position[k] - position[k - w]) / (w * dt)
+            after = (position[k + w] - position[k]) / (w * dt)
+            if before < -0.1 * typical and after > 0.1 * typical and 0.4 < -before / after < 2.5:
+                out[last if last > 0 else 0 : k] *= sign
+                sign, flips, last = -sign, flips + 1, k
+        k += 1
+    out[max(last, 0) :] *= sign
+    return out if flips else None

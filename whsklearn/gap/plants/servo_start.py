@@ -1,0 +1,95 @@
+"""The start of a servo diagnosis: scales, the base model by inverse dynamics, the observer view around it."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import fftconvolve
+
+from whsklearn.gap.axis_model import AxisModel
+from whsklearn.gap.candidates import Scene
+from whsklearn.gap.evidence import DEFAULT_TOLERANCE
+from whsklearn.gap.filters import CUTOFF_SIGMA, gaussian_derivatives, residual_filter
+from whsklearn.gap.plants.servo_inverse import InverseView, base_model, best_view
+from whsklearn.gap.plants.servo_observer import ObserverView
+from whsklearn.gap.record import ServoRecord, blocks, lattice, noise_level
+
+Array = NDArray[Any]
+FIRST_CUTOFF = 8.0  # Hz, for the first guess of the inertia: above any reference, below most noise
+
+
+def motion(position: Array, dt: float, cutoff: float) -> tuple[Array, Array, Array]:
+    """Position, velocity and acceleration behind one Gaussian of the cut-off (Hz), shape (n,) each."""
+    g, g1, g2 = gaussian_derivatives(CUTOFF_SIGMA / (2 * np.pi * cutoff), dt)
+    half = g.size // 2
+    centre = float(np.mean(position))  # what the kernels sum to is rounding, and it would multiply a large angle
+    padded = np.pad(position - centre, half, mode="edge")
+    q, v, a = (fftconvolve(padded, k, mode="valid") for k in (g, g1, g2))
+    return q + centre, v, a
+
+
+def start_of(record: ServoRecord, law: tuple[str, ...], goal: float) -> tuple[InverseView, AxisModel]:
+    """The inverse view of a record and the base model fitted in it.
+
+    The cut-off is chosen for the gap and the inertia of a first fit at a few hertz.
+    """
+    dt, y = record.dt, record.position
+    first = min(FIRST_CUTOFF, 0.04 / dt)
+    q, v, a = motion(y, dt, first)
+    rms = float(np.sqrt(np.mean(record.drive**2)))
+    scene = Scene(
+        torque=rms,
+        inertia=0.3 * rms / max(float(np.sqrt(np.mean(a**2))), 1e-12),
+        speed=max(float(np.sqrt(np.mean(v**2))), 1e-12),
+        reach=float(np.ptp(y) / 2),
+        middle=float((y.max() + y.min()) / 2),
+        seconds=float(y.size * dt),
+        dt=dt,
+        load=float(np.abs(record.drive).max()),
+        resonance=min(90.0, 0.2 / dt),
+    )
+    view = InverseView(record, scene, first, (q, v))
+    model = view.fit(base_model(record, law, scene))
+    scene = dataclasses.replace(scene, inertia=model.inertia)
+    model = dataclasses.replace(model, scene=scene)
+    view = best_view(view, model, goal)
+    return view, view.fit(model)
+
+
+def observer_view(
+    record: ServoRecord, scene: Scene, start: tuple[Array, Array], *, tolerance: float = DEFAULT_TOLERANCE
+) -> ObserverView:
+    """The observer view of a record.
+
+    Parameters
+    ----------
+    record : ServoRecord
+    scene : Scene
+        With the inertia of the first fit.
+    start : tuple of ndarray
+        Smoothed position and velocity.
+    tolerance : float
+        Smallest rms torque worth a name, as a share of the rms drive.
+    """
+    dt, n = record.dt, len(record)
+    quantum = lattice(record.position)
+    noise = max(noise_level(record.position), 0.2 * quantum)
+    tracking = float(np.clip(0.02 / dt, 0.2, 2.0))
+    chosen = residual_filter(dt, scene.inertia, noise, scene.torque, tracking=tracking, goal=tolerance)
+    number, train = blocks(n)
+    guard = chosen.half_width
+    edge = np.zeros(n, dtype=bool)
+    change = np.flatnonzero(np.diff(number) != 0)
+    for c in change:
+        edge[max(0, c - guard) : c + guard] = True
+    usable = np.ones(n, dtype=bool)
+    settle = int(max(1.0, 3 / (2 * np.pi * tracking)) / dt) + guard
+    usable[:settle] = False
+    usable[n - guard :] = False
+    return ObserverView(
+        record, chosen, scene, noise, start,
+        chosen.pick(train & ~edge), chosen.pick(np.where(edge, -1, number)), chosen.pick(usable), tolerance, quantum,
+    )  # fmt: skip

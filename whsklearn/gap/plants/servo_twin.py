@@ -1,0 +1,57 @@
+"""Twins: logs in which nothing is missing, made by the fitted model in the same experiment.
+
+The twin follows the measured path under a soft controller of its own on top of the logged drive, with
+the measured noise on its encoder.  Whatever the diagnosis finds in it is a false alarm, so the best
+score that a candidate reaches on twins is the null of the real one.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from whsklearn.gap.axis_model import AxisModel
+from whsklearn.gap.plants.servo_columns import Signals as Motion
+from whsklearn.systems._servo_kernel import DRIVE, MEASURED, N_SIGNALS, How, Signals, run
+from whsklearn.systems._servo_torques import DELAY, RESOLUTION
+
+Array = NDArray[Any]
+HARDER = 1.5  # times the variation of the logged drive that holding the twin may cost
+LOST = 1.0  # half travels off the measured path: the twin is another experiment then
+
+
+def twin_record(view: Any, model: AxisModel, rng: np.random.Generator) -> Any:
+    """The record that the model would have left in the same experiment.
+
+    Parameters
+    ----------
+    view : object
+        With ``record``, ``scene``, ``start``, ``noise`` and ``quantum`` of the real one.
+    """
+    record, dt = view.record, view.scene.dt
+    w = 2 * np.pi * min(4.0, 0.03 / dt)
+    quiet = 0.0 if view.quantum == 0 else view.quantum / np.sqrt(12)
+    sigma = np.sqrt(max(view.noise**2 - quiet**2, (0.3 * view.noise) ** 2))
+    plant = model.plant()
+    plant.parts[DELAY] = max(plant.parts[DELAY], 0.0)  # a controller cannot be ahead of itself
+    plant.parts[RESOLUTION] = view.quantum
+    out = np.zeros((N_SIGNALS, len(record)))
+    path, speed = view.start
+    # the logged drive is what the controller adds to its feedback: it stands for a reference's acceleration
+    signals = Signals(np.array([path, speed, record.drive]), sigma * rng.standard_normal(len(record)), np.zeros(0),
+                      np.zeros((2, 1)))  # fmt: skip
+    stiffness = model.inertia * w * w
+    soft = (stiffness, 0.0, 1.4 * model.inertia * w, 0.0, 1.0, np.inf, 0.0, 0.1 / w)
+    how = How(dt, max(1, int(np.ceil(dt / 1e-4))), closed=True)
+    run(out, plant, soft, signals, how, np.array([path[0], speed[0], path[0], speed[0]]))
+    drive, position = out[DRIVE], out[MEASURED]
+    if not np.all(np.isfinite(position)) or np.abs(position - path).max() > LOST * view.scene.reach:
+        # a model that runs away even under a controller: the torque that it asks for along the measured path
+        motion = Motion(np.arange(len(record)) * dt, path, speed, np.gradient(speed, dt), record.drive)
+        asked = (t.effect.contribution(motion) for t in model.terms if t.effect.port in ("torque", "input"))
+        drive = model.inertia * motion.acceleration + sum(asked)
+        position = path + sigma * rng.standard_normal(len(record))
+    return dataclasses.replace(record, drive=drive, position=position)

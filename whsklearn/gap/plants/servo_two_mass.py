@@ -1,0 +1,113 @@
+"""Two masses seen from the encoder on the motor: the measured motion drives the load, no observer is needed.
+
+a_L = w^2 dz_gap(q_M - q_L) + 2 zeta w (v_M - v_L), and the drive pays J_M a_M + J_L a_L: least squares
+splits the inertia.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from whsklearn.effects import codes as k
+from whsklearn.gap.axis_model import AxisModel, Term
+
+Array = NDArray[Any]
+BOTH = (k.BACKLASH, k.FLEXIBLE_COUPLING)
+
+
+@njit(cache=True, nogil=True)
+def load_acceleration(position, velocity, gap, w, zeta, dt, substeps):
+    """Acceleration of a load that hangs on a measured motor by a spring with play, shape (n,)."""
+    n = position.size
+    out = np.empty(n)
+    q, v = position[0], velocity[0]
+    h = dt / substeps
+    for i in range(n):
+        j = min(i + 1, n - 1)
+        mean = 0.0
+        for s in range(substeps):
+            f = (s + 0.5) / substeps
+            twist = position[i] + f * (position[j] - position[i]) - q
+            slip = velocity[i] + f * (velocity[j] - velocity[i]) - v
+            over = abs(twist) - 0.5 * gap
+            a = 0.0
+            if gap <= 0.0:
+                a = w * w * twist + 2.0 * zeta * w * slip
+            elif over > 0.0:
+                a = w * w * math.copysign(over, twist) + 2.0 * zeta * w * slip
+                if a * twist < 0.0:
+                    a = 0.0
+            v += h * a
+            q += h * v
+            mean += a
+        out[i] = mean / substeps
+    return out
+
+
+def contact(model: AxisModel, t: Term) -> tuple[float, float, float]:
+    """(gap, antiresonance w in rad/s, its damping ratio) of a term: the load on its spring with the motor held."""
+    if t.kind.code == k.BACKLASH:
+        gap, share, hz, zeta = t.q[:4]
+        w = 2 * np.pi * hz * np.sqrt(1 - share)
+        return gap, w, zeta * np.sqrt(1 - share)
+    compliance, share, zeta = t.q[:3]
+    w = np.sqrt(1.0 / (compliance * model.inertia * share))
+    return 0.0, w, zeta * np.sqrt(1 - share)
+
+
+def columns(view: Any, model: AxisModel, t: Term) -> Array:
+    """Acceleration of the load behind the view's Gaussian, shape (n, 1)."""
+    gap, w, zeta = contact(model, t)
+    dt = view.scene.dt
+    substeps = max(1, math.ceil(w * dt * 8 / (2 * np.pi)))
+    a = load_acceleration(view.motion.position, view.motion.velocity, gap, w, zeta, dt, substeps)
+    return view.blur(a)[:, None]
+
+
+def sizes(model: AxisModel) -> Array:
+    """Inertia of the motor, then the linear numbers of the terms, the load's inertia in the place of its term."""
+    share = next(t.q[1] for t in model.terms if t.kind.code in BOTH)
+    out = [model.inertia * (1 - share)]
+    for t in model.terms:
+        two = t.kind.code in BOTH
+        out += [model.inertia * share] if two else list(t.q[: t.kind.linear])
+    return np.array(out)
+
+
+def with_sizes(view: Any, model: AxisModel, solved: Array) -> AxisModel:
+    """The model whose inertia is split as solved, the antiresonance kept."""
+    terms, i = [], 1
+    motor, load = max(float(solved[0]), 1e-3 * view.scene.inertia), 0.0
+    for t in model.terms:
+        if t.kind.code in BOTH:
+            load = max(float(solved[i]), 1e-3 * motor)
+            i += 1
+            gap, w, zeta = contact(model, t)
+            share = float(np.clip(load / (motor + load), 0.051, 0.949))
+            held = zeta / np.sqrt(1 - share)
+            q: tuple[float, ...]
+            if t.kind.code == k.BACKLASH:
+                q = (gap, share, float(w / (2 * np.pi) / np.sqrt(1 - share)), float(held))
+            else:
+                q = (float(1.0 / ((motor + load) * share * w * w)), share, float(held))
+            terms.append(dataclasses.replace(t, q=q))
+        else:
+            terms.append(dataclasses.replace(t, q=(*map(float, solved[i : i + t.kind.linear]), *t.q[t.kind.linear :])))
+            i += t.kind.linear
+    timing = float(np.clip(solved[-1] / view.scene.dt, -1.0, 1.0))
+    return dataclasses.replace(model, inertia=motor + load, timing=timing, terms=tuple(terms))
+
+
+def start(view: Any, model: AxisModel, kind: Any, gap: float, hz: float, zeta: float) -> Term:
+    """A term of the kind with this antiresonance, half of the inertia behind it."""
+    share, w = 0.5, 2 * np.pi * hz
+    held = zeta / np.sqrt(1 - share)
+    if kind.code == k.BACKLASH:
+        return Term(kind, (gap, share, hz / np.sqrt(1 - share), held))
+    return Term(kind, (1.0 / (model.inertia * share * w * w), share, held))

@@ -1,0 +1,413 @@
+"""A simulator of the user's own as a plant: it simulates, refits itself and takes an effect; the rest is here.
+
+.. code-block:: python
+
+    class MySimulator:
+        def simulate(self, record): ...           # predicted position, shape (n,)
+        def refit(self, record, keep): ...        # a new simulator fitted to the samples where keep is True
+        def with_effect(self, effect): ...        # a new simulator with an effect of the catalogue added
+        effects_to_try = [Cogging(1.0, 12.0)]     # optional; sizes do not matter, shapes are where a fit starts
+
+``with_effect`` raises ValueError or NotImplementedError for an effect that the simulator cannot hold; the report then
+says that it was not tried.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from whsklearn.effects import get_effect
+from whsklearn.gap.candidates import COMMONER
+from whsklearn.gap.data_check import Problem, check_servo
+from whsklearn.gap.evidence import WHITENED
+from whsklearn.gap.filters import autoregression, whiten, whiteness
+from whsklearn.gap.localisation import order_spectrum, since_reversal, spectrum
+from whsklearn.gap.plant import Judged, Linearised, Look, PlantDefaults, ViewDefaults
+from whsklearn.gap.plants.simulator_look import STARTS, Motion, catalogue, columns_of, gains, motion
+from whsklearn.gap.plants.simulator_model import EffectTerm, SimulatorFit, SimulatorModel
+from whsklearn.gap.record import ServoRecord, blocks, lattice, noise_level
+
+Array = NDArray[Any]
+AR_ORDER = 12
+ELEMENTARY = ("input_offset", "viscous", "coulomb")
+PROMISING = 0.5  # of the error: an effect that leaves less is fitted again under the weights of what it leaves
+
+
+class SimulatorPlant(PlantDefaults, ViewDefaults):
+    """A record under a simulator of three methods; its own and only view.
+
+    Parameters
+    ----------
+    model : object
+        With simulate, refit and with_effect.
+    record : ServoRecord
+    tolerance : float
+        Smallest effect worth a name, rms of what it explains over ``scale``.
+    """
+
+    whole = "motion"
+    gap_word = "error of the simulated position"
+    limits = WHITENED
+
+    def __init__(self, model: Any, record: ServoRecord, *, tolerance: float):
+        self.given_model, self.record, self.tolerance = model, record, tolerance
+        self.units = record.units
+        self.block, self.train = blocks(len(record))
+        seconds = len(record) * record.dt if len(record) > 1 else 0.0
+        self.horizons, self.headline = (seconds,), seconds
+        self.scale = _scale(record)
+        self.ar: Array = np.array([1.0])
+        self._refused: dict[str, str] = {}
+        self._motion: Motion | None = None
+        self._shapes: dict[str, list[Any]] | None = None
+
+    # --- models ---------------------------------------------------------------------------
+    def check(self) -> list[Problem]:
+        """See `whsklearn.gap.data_check.check_servo`."""
+        return check_servo(self.record)
+
+    def base(self, rng: np.random.Generator) -> SimulatorModel:
+        """The simulator, refitted."""
+        self.fits = SimulatorFit(self.given_model.refit(self.record, self.train), self.record, self.train)
+        self.noise = max(noise_level(self.record.position), lattice(self.record.position) / np.sqrt(12.0), 1e-300)
+        return self.fits.build((), refit=False)
+
+    def judging(self, base: SimulatorModel) -> Any:
+        """The whole record."""
+        return self
+
+    def view(self, model: SimulatorModel, after: Any | None) -> Any | None:
+        """The plant itself, once."""
+        return self if after is None else None
+
+    def fit(self, model: SimulatorModel) -> SimulatorModel:
+        """The simulator refitted with the model's effects."""
+        return self.fits.build(model.terms) if model.terms else self.fits.build((), refit=False)
+
+    def surrogate(self, model: SimulatorModel, rng: np.random.Generator) -> SimulatorPlant:
+        """The plant of a record that the model itself made, with white noise of the same size."""
+        import dataclasses
+
+        y = self.record.position - self.gap(model) + self.noise * rng.standard_normal(len(self.record))
+        step = lattice(self.record.position)
+        record = dataclasses.replace(self.record, position=np.round(y / step) * step if step else y)
+        other = SimulatorPlant(self.given_model, record, tolerance=self.tolerance)
+        other.fits = SimulatorFit(self.fits.core, record, self.train)
+        other.noise = self.noise
+        other._motion, other._shapes = self._motion, self._shapes  # it differs by noise alone
+        return other
+
+    # --- looking --------------------------------------------------------------------------
+    def gap(self, model: SimulatorModel) -> Array:
+        """Measured minus simulated position."""
+        return self.fits.built(model).error
+
+    def rms(self, gap: Array) -> float:
+        """Rms over the record."""
+        return float(np.sqrt(np.mean(gap**2)))
+
+    def floor(self, model: SimulatorModel | None = None) -> float:
+        """Noise of the position."""
+        return self.noise
+
+    def look(self, model: SimulatorModel) -> list[Look]:
+        """Every effect at its best shapes, by a regression of the error's second derivative."""
+        if self._motion is None:
+            self._motion = motion(self.record)
+        if self._shapes is None:
+            given = getattr(self.given_model, "effects_to_try", None)
+            self._shapes = {} if given is not None else catalogue(self.record, self._motion.signals)
+            for e in given if given is not None else getattr(self.given_model, "also_try", ()):
+                self._shapes.setdefault(e.name, []).append(e)
+            self._leave_out_what_cannot_be_held(model)
+        error, out = self.gap(model), []
+        for name, shapes in self._shapes.items():
+            if name in self._refused:
+                continue
+            known = [e for e in shapes if columns_of(e, self._motion.signals).size]
+            ranked = sorted(zip(gains(self._motion, error, known, self.train), range(len(known)), strict=True))[::-1]
+            if not known:
+                out.append(Look(name, 1e-6, tuple(shapes[:1]), 1, 1, costly=True))
+                continue
+            best = tuple(known[i] for _, i in ranked[:STARTS])
+            numbers = len(best[0].coefficients) + len(best[0].shape_fields()) or 1
+            expected = np.inf
+            common = name in ELEMENTARY  # always simulated: in closed loop a constant shows in no derivative
+            gain = max(float(ranked[0][0]), 1e-9 if common else 0.0)
+            out.append(Look(name, gain, best, numbers, max(1, len(known)), expected, elementary=common))
+        return out
+
+    def _leave_out_what_cannot_be_held(self, model: SimulatorModel) -> None:
+        """Ask the simulator for every effect once, so that none is ranked that it cannot take."""
+        for name, shapes in (self._shapes or {}).items():
+            try:
+                self.fits.built(model).simulator.with_effect(shapes[0])
+            except (ValueError, NotImplementedError) as error:
+                self._refused[name] = str(error)
+
+    def refine(self, model: SimulatorModel, look: Look) -> SimulatorModel:
+        """The effect added at its best numbers, the simulator refitted; the model as it is where it cannot be added."""
+        model = self.fits.built(model)
+        self._tune(model.error)
+        best: SimulatorModel | None = None
+        scanned = {"order", "frequency"} & set(look.start[0].shape_fields())  # waves have many minima
+        for start in look.start if scanned else look.start[:1]:
+            try:
+                found = self._grown(model, start)
+            except (ValueError, NotImplementedError, FloatingPointError) as error:
+                self._refused[look.name] = str(error)
+                continue
+            if best is None or self.rms(found.error[self.train]) < self.rms(best.error[self.train]):
+                best = found
+        if best is None:
+            refused = (*model.terms, EffectTerm(look.start[0].resized(0.0)))
+            return SimulatorModel(model.simulator, refused, model.error)
+        if self.rms(best.error[self.train]) < PROMISING * self.rms(model.error[self.train]):
+            self._tune(best.error)  # weighed by what is left: before, the weights hid the effect's own spectrum
+            best = self.fits.grow(model, best.terms[-1], self._weighed)
+        return best
+
+    def _grown(self, model: SimulatorModel, start: Any) -> SimulatorModel:
+        """A start brought to its size, then all its numbers fitted."""
+        searched = tuple(f for f in start.shape_fields() if _free(f))
+        if start.column_kind == "exact":
+            start = self._sized(model, start)
+        term = EffectTerm(start, searched)
+        return self.fits.grow(model, term, self._weighed)
+
+    def _sized(self, model: SimulatorModel, start: Any) -> Any:
+        """The size (and phase) by the sensitivity of the simulated position to it."""
+        torque = float(np.sqrt(np.mean(self.record.drive**2))) or 1.0
+        assert self._motion is not None
+        unit = float(np.sqrt(np.mean(np.square(columns_of(start, self._motion.signals))))) or 1.0
+        small = (0.01 * torque if start.port != "output" else 10.0 * self.noise) / unit
+        weights = np.eye(2) * small if start.phased else np.array([[small]])
+        shape = {k: v for k, v in {**start.shape, **start.options}.items() if not (start.phased and k == "phase")}
+        before = self._weighed(model.error)
+        columns = []
+        for w in weights:
+            moved = model.simulator.with_effect(type(start).from_coefficients(w, **shape))
+            columns.append((self._weighed(self.fits.error(moved)) - before) / small)
+        own = self._weighed(self.fits.tangent(model))
+        size = -np.linalg.lstsq(np.column_stack([*columns, own]), before, rcond=1e-9)[0][: len(columns)]
+        return type(start).from_coefficients(size, **shape)
+
+    def _tune(self, error: Array) -> None:
+        """The whitening: of the error's own colour, no finer than the noise."""
+        self.ar = autoregression(error[self.train], AR_ORDER, self.noise**2)
+
+    def _weighed(self, error: Array) -> Array:
+        return whiten(error, self.ar)[self.train]
+
+    def compare(self, models: Sequence[SimulatorModel], best: int) -> list[Judged]:
+        """Errors whitened by what the best leaves; held-out errors as they are."""
+        errors = [self.gap(m) for m in models]
+        self._tune(errors[best])
+        held, out = ~self.train, []
+        for e in errors:
+            w = whiten(e, self.ar)
+            out.append(Judged(w[self.train], w[held], self.block[held], float(self.train.sum())))
+        return out
+
+    def objection(self, model: SimulatorModel, index: int) -> str:
+        """What is unphysical in an effect's size."""
+        effect = model.terms[index].effect
+        if effect.name in self._refused and not effect.magnitude:
+            return f"the simulator cannot hold it: {self._refused[effect.name]}"
+        quantity = effect.quantities[effect.size]
+        if quantity.low >= 0.0 and effect.magnitude <= 0.0 and not effect.phased:
+            return f"its size would be {effect.magnitude:.3g}, and a physical one is positive"
+        return ""
+
+    def demand(self, model: SimulatorModel) -> float:
+        """No more than the tolerance."""
+        return 0.0
+
+    def replaceable(self, model: SimulatorModel, index: int) -> bool:
+        """Any term may be exchanged."""
+        return True
+
+    def family(self, model: SimulatorModel) -> Iterable[Any]:
+        """None: an effect of several orders is added order by order."""
+        return ()
+
+    # --- proof and report -----------------------------------------------------------------
+    def simulate(self, model: SimulatorModel, horizon: float) -> Array:
+        """The whole record, on which the model may not have been fitted (a surrogate's): it is not restarted."""
+        return self.record.position - self.fits.error(self.fits.built(model).simulator)
+
+    def measured(self, *models: SimulatorModel) -> tuple[Array, NDArray[np.bool_]]:
+        """Position and the held-out mask."""
+        return self.record.position, ~self.train
+
+    def settle(self, model: SimulatorModel) -> SimulatorModel:
+        """The numbers as fitted."""
+        return model
+
+    def follows(self, model: SimulatorModel) -> float:
+        """Cross-validated share of the error's second derivative that nameless functions of the motion explain."""
+        m = self._motion or motion(self.record)
+        s = m.signals
+        q = (s.position - s.position.mean()) / (np.std(s.position) or 1.0)
+        v = s.velocity / (2 * np.std(s.velocity) or 1.0)
+        sign, u = np.tanh(s.kappa * s.velocity), s.drive / (np.std(s.drive) or 1.0)
+        waves = [f(k * s.position) for k in range(1, 9) for f in (np.cos, np.sin)]
+        columns = [q, q**2, q**3, np.abs(v), v * np.abs(v), sign * q, sign * np.abs(u), u, *waves]
+        columns += [np.exp(-0.5 * ((v - c) / 0.15) ** 2) for c in np.linspace(-1, 1, 11)]
+        columns += [np.exp(-0.5 * ((q - c) / 0.2) ** 2) for c in np.linspace(-2, 2, 15)]
+        e = self.gap(model)
+        base = np.column_stack([s.acceleration, s.velocity, sign, np.ones_like(e)])
+        nuisance = np.column_stack([m.seen(base), m.seen(e), m.seen(e, 1)])[m.usable]
+        x, y = m.seen(np.column_stack(columns))[m.usable], m.seen(e, 2)[m.usable]
+        train = self.train[:: m.every][m.usable]
+        return _explained(nuisance, np.column_stack([nuisance, x]), y, train)
+
+    def read_off(self, model: SimulatorModel) -> list[Any]:
+        """Nothing."""
+        return []
+
+    def as_given(self, base: SimulatorModel) -> tuple[SimulatorPlant, SimulatorModel]:
+        """The record is used as it is."""
+        return self, base
+
+    def aliases(self, name: str) -> tuple[str, ...]:
+        """The catalogue's."""
+        return tuple(get_effect(name).aliases) if name in _known() else ()
+
+    def commoner(self, name: str) -> tuple[str, ...]:
+        """Names preferred on a tie."""
+        return COMMONER.get(name, ())
+
+    def linearised(self, model: SimulatorModel) -> Linearised:
+        """Of the whitened, profiled training residual by the numbers of all effects."""
+        model = self.fits.built(model)
+        self._tune(model.error)
+        sizes = [len(t.vector()) for t in model.terms]
+        ends = np.cumsum([0, *sizes])
+        x = np.concatenate([np.array(t.vector()) for t in model.terms]) if model.terms else np.zeros(0)
+        steps = [h for t in model.terms for h in t.steps()]
+
+        def terms(z: Array) -> tuple[EffectTerm, ...]:
+            return tuple(t.with_vector(z[a:b]) for t, a, b in zip(model.terms, ends[:-1], ends[1:], strict=True))
+
+        r = self._weighed(model.error)
+        columns = []
+        for j, h in enumerate(steps):
+            moved = x.copy()
+            moved[j] += h
+            columns.append((self._weighed(self.fits.build(terms(moved)).error) - r) / h)
+        wide = np.full(x.size, np.inf)
+        jac = np.column_stack(columns) if columns else np.zeros((r.size, 0))
+        return Linearised(x, -wide, wide, r, jac, lambda z: model.with_terms(terms(z)))
+
+    def parameters(self, model: SimulatorModel) -> dict[str, float]:
+        """The simulator's ``parameters``, if it tells them."""
+        told = getattr(self.fits.built(model).simulator, "parameters", None)
+        return {k: float(v) for k, v in told.items()} if isinstance(told, dict) else {}
+
+    def figures(self, base: SimulatorModel, model: SimulatorModel) -> tuple[float, float, float]:
+        """(gap before, after, floor)."""
+        return self.rms(self.gap(base)), self.rms(self.gap(model)), self.floor()
+
+    def _every(self) -> int:
+        return max(1, len(self.record) // 6000)
+
+    def judged_gap(self, model: SimulatorModel) -> Array:
+        """The error, thinned."""
+        return self.gap(model)[:: self._every()]
+
+    def signals(self, model: SimulatorModel) -> dict[str, tuple[Array, str]]:
+        """Name -> (signal at the judged samples, unit)."""
+        s, k = (self._motion or motion(self.record)).signals, self._every()
+        drive, rad = self.units
+        still = 0.01 * float(np.sqrt(np.mean(s.velocity**2)))
+        return {
+            "time": (s.time[::k], "s"), "position": (s.position[::k], rad), "velocity": (s.velocity[::k], f"{rad}/s"),
+            "reversal": (since_reversal(s.velocity, self.record.dt, still)[::k], "s"), "drive": (s.drive[::k], drive),
+        }  # fmt: skip
+
+    def regressors(self, model: SimulatorModel) -> tuple[dict[str, tuple[float, Array]], Array, float]:
+        """The gain of the drive stands for the simulator's numbers, which are its own."""
+        k = self._every()
+        return {"gain of the motion": (1.0, self.record.position[::k])}, self.judged_gap(model), self.record.dt * k
+
+    def residual_tests(self, base: SimulatorModel, model: SimulatorModel) -> list[dict[str, Any]]:
+        """Whiteness before and after."""
+        out = []
+        for name, m in (("before", base), ("after", model)):
+            error = self.gap(m)
+            self._tune(error)
+            out.append(whiteness(whiten(error, self.ar), name))
+        return out
+
+    def notes(self, base: SimulatorModel, model: SimulatorModel) -> list[str]:
+        """Remarks."""
+        out = [
+            f"Position noise {self.noise:.3g} {self.units[1]} (from sixth differences).",
+            "60 % of the record in five stretches is used for fitting, the 40 % between them for judging.",
+        ]
+        return out + [f"The simulator could not take {name}: {why}" for name, why in self._refused.items()]
+
+    def pictures(self, base: SimulatorModel, model: SimulatorModel) -> dict[str, Any]:
+        """Series that the page draws."""
+        k, y = self._every(), self.record.position
+        d0, d1 = self.judged_gap(base), self.judged_gap(model)
+        f, a0 = spectrum(d0, 1.0 / (self.record.dt * k))
+        _, a1 = spectrum(d1, 1.0 / (self.record.dt * k))
+        orders = np.arange(0.5, 40.0, 0.1)
+        return {
+            "time": np.arange(y.size) * self.record.dt, "measured": y, "held": ~self.train,
+            "runs": {"before": y - self.gap(base), "after": y - self.gap(model)},
+            "gap_time": np.arange(d0.size) * self.record.dt * k, "gap_before": d0, "gap_after": d1,
+            "usable": np.ones(d0.size, dtype=bool), "floor": self.floor(), "frequency": f, "spectrum": (a0, a1),
+            "orders": orders, "order_spectrum": tuple(order_spectrum(d, y[::k], orders) for d in (d0, d1)),
+            "axes": self.signals(base), "units": self.units, "what": self.gap_word,
+        }  # fmt: skip
+
+    def system(self, model: SimulatorModel) -> Any:
+        """The repaired simulator."""
+        return self.fits.built(model).simulator
+
+
+def simulator_plant(model: Any, log: Any, *, tolerance: float, columns: dict[str, Any]) -> SimulatorPlant:
+    """The plant of a log under a simulator of the user's own."""
+    record = log if isinstance(log, ServoRecord) else ServoRecord.from_frame(pd.DataFrame(log), **columns)
+    return SimulatorPlant(model, record, tolerance=tolerance)
+
+
+def _scale(record: ServoRecord) -> float:
+    """Rms of the motion, or of the tracking error where a controller keeps the motion near a reference."""
+    if not len(record):
+        return 0.0
+    motion_rms = float(np.std(record.position))
+    if record.reference is None:
+        return motion_rms
+    return min(motion_rms, float(np.sqrt(np.mean((record.reference - record.position) ** 2)))) or motion_rms
+
+
+def _free(field: str) -> bool:
+    """Whether a fit may move a shape number: exponents and counts stay."""
+    return field not in ("exponent", "elements", "load_share", "damping_ratio")
+
+
+def _known() -> set[str]:
+    from whsklearn.effects import effect_names
+
+    return set(effect_names())
+
+
+def _explained(nuisance: Array, whole: Array, y: Array, train: NDArray[np.bool_]) -> float:
+    """Share of the held-out sum of squares that the whole basis predicts beyond the nuisance one."""
+    left = []
+    for x in (nuisance, whole):
+        scale = x[train].std(axis=0) + 1e-12
+        z = x / scale
+        gram = z[train].T @ z[train] + 1e-3 * train.sum() * np.eye(z.shape[1])
+        r = y[~train] - z[~train] @ np.linalg.solve(gram, z[train].T @ y[train])
+        left.append(float(r @ r))
+    return 1.0 - left[1] / max(left[0], 1e-300)

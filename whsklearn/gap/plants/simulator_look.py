@@ -1,0 +1,173 @@
+"""Which effects a simulator may lack: its error, differentiated twice, against every effect's column.
+
+A simulator whose position is off by e lacks a torque d with J e'' + (what its friction, springs and controller answer
+to e' and e) = -d.  Nothing of that is known here, so e'' is regressed on e', e, the motion itself (its own numbers may
+be off) and one effect at a time, on the measured motion; all seen through one Gaussian.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from whsklearn.effects import Effect, effect_names, get_effect
+from whsklearn.gap.filters import CUTOFF_SIGMA, filtered, gaussian_derivatives
+from whsklearn.gap.record import noise_level
+
+Array = NDArray[Any]
+HIGHEST = 25.0  # Hz; above, an encoder's noise is all there is in a second derivative
+STARTS = 2  # of the best shapes of an effect that are handed to the fit: neighbours of a wave are local minima
+
+
+@dataclass(frozen=True)
+class Motion:
+    """The measured motion as effects see it, and what the error is regressed on."""
+
+    signals: Any
+    kernels: tuple[Array, Array, Array]
+    every: int
+    _columns: dict[Effect, Array] = field(default_factory=dict, repr=False, compare=False)
+
+    def seen(self, x: Array, derivative: int = 0) -> Array:
+        """A signal (n,) or (n, k) through the Gaussian or its derivative, decimated."""
+        return filtered(x, self.kernels[derivative], self.every)
+
+    def seen_effect(self, effect: Effect) -> Array:
+        """An effect's columns, twice differentiated where they add to the reading; computed once."""
+        if effect not in self._columns:
+            columns = columns_of(effect, self.signals)
+            self._columns[effect] = self.seen(columns, 2 if effect.port == "output" else 0)
+        return self._columns[effect]
+
+    @property
+    def usable(self) -> slice:
+        """The decimated samples away from the edges."""
+        edge = self.kernels[0].size // 2 // self.every + 1
+        return slice(edge, -edge)
+
+
+def motion(record: Any) -> Motion:
+    """Smooth position, velocity and acceleration of a record."""
+    from scipy.signal import fftconvolve
+
+    cutoff = min(HIGHEST, 0.08 / record.dt)
+    kernels = gaussian_derivatives(CUTOFF_SIGMA / (2 * np.pi * cutoff), record.dt)
+    half = kernels[0].size // 2
+    padded = np.pad(record.position, half, mode="edge")
+    q, v, a = (fftconvolve(padded, k, mode="valid") for k in kernels)
+    still = 3.0 * noise_level(record.position) / (CUTOFF_SIGMA / (2 * np.pi * cutoff))
+    signals = SimpleNamespace(
+        time=record.time - record.time[0], position=q, velocity=v, acceleration=a, drive=record.drive,
+        kappa=1.0 / max(still, 0.01 * float(np.sqrt(np.mean(v**2))), 1e-12),
+    )  # fmt: skip
+    return Motion(signals, kernels, max(1, int(1.0 / (5.0 * cutoff * record.dt))))
+
+
+def gains(m: Motion, error: Array, effects: list[Effect], train: NDArray[np.bool_]) -> list[float]:
+    """Share of the sum of squares of e'' that each effect explains beyond e, e' and the motion."""
+    s, at = m.signals, m.usable
+    mask = train[:: m.every][at]
+    motion_columns = np.column_stack([s.acceleration, s.velocity, np.tanh(s.kappa * s.velocity)])
+    base = np.column_stack([m.seen(motion_columns), m.seen(error), m.seen(error, 1)])[at][mask]
+    target = m.seen(error, 2)[at][mask]
+    scale = np.linalg.norm(base, axis=0)
+    q, _ = np.linalg.qr(base / np.where(scale > 0, scale, 1.0))
+    left = target - q @ (q.T @ target)
+    whole = float(left @ left) + 1e-300
+    out = []
+    for e in effects:
+        columns = m.seen_effect(e)[at][mask]
+        z = columns - q @ (q.T @ columns)
+        if not np.all(np.isfinite(z)) or float(np.sum(z * z)) < 1e-12 * float(np.sum(columns * columns)) + 1e-300:
+            out.append(0.0)
+            continue
+        weights, *_ = np.linalg.lstsq(z, left, rcond=1e-9)
+        rest = left - z @ weights
+        out.append(1.0 - float(rest @ rest) / whole)
+    return out
+
+
+def columns_of(effect: Effect, signals: Any) -> Array:
+    """An effect's columns; what is no column times a weight is one column at its size."""
+    if effect.column_kind == "exact" and effect.size not in ("step",):
+        return np.asarray(effect.resized(1.0).columns(signals), dtype=float)
+    return np.asarray(effect.contribution(signals), dtype=float).reshape(-1, 1)
+
+
+def ladder(cls: type[Effect], record: Any, signals: Any) -> Iterator[Effect]:
+    """One effect at every shape that is worth a look in this record."""
+    torque = float(np.sqrt(np.mean(record.drive**2))) or 1.0
+    grids: dict[str, Array] = {}
+    for name in cls.shape_fields():
+        grids[name] = _grid(name, cls.quantities[name].unit, record, signals)
+    options: list[dict[str, Any]] = [{}]
+    for name, texts in cls.choices.items():
+        options = [{**o, name: v} for o in options for v in texts]
+    for name, values in grids.items():
+        options = [{**o, name: float(v)} for o in options for v in values]
+    for o in options:
+        for size in _sizes(cls, record, torque):
+            try:
+                yield cls(**{cls.size: size}, **o)
+            except (ValueError, TypeError):
+                continue
+
+
+def _sizes(cls: type[Effect], record: Any, torque: float) -> Array:
+    """Sizes at which the columns of an effect are looked at: one, unless they change with it."""
+    if cls.column_kind == "exact":
+        return np.array([0.1 * torque])
+    unit = cls.quantities[cls.size].unit
+    if unit == "s":
+        return np.array([2.0 * record.dt])
+    top = float(np.max(np.abs(record.drive)))
+    return np.array([0.95, 0.85, 0.7, 0.5]) * top if cls.name == "saturation" else np.array([0.05, 0.15]) * torque
+
+
+def _grid(field: str, unit: str, record: Any, signals: Any) -> Array:
+    """Values of a shape number, by its unit and the record's scales."""
+    reach = 0.5 * float(np.ptp(signals.position)) or 1.0
+    middle = float(np.mean([signals.position.min(), signals.position.max()]))
+    speed = float(np.sqrt(np.mean(signals.velocity**2))) or 1.0
+    seconds = float(signals.time[-1])
+    if field == "order":
+        most = min(96.0, 2 * np.pi * HIGHEST / speed)
+        return np.arange(1.5, most, min(0.5, 0.4 * np.pi / (2.0 * reach)))
+    if field == "frequency":
+        return np.arange(0.4, min(HIGHEST, 0.4 / record.dt), 0.5 / seconds)
+    if unit == "Hz":
+        return np.array([30.0])
+    if unit == "rad/s":
+        return np.geomspace(0.03, 1.0, 8) * speed
+    if field in ("centre", "knot"):
+        return np.array([middle])
+    if field in ("angle",):
+        return np.array([0.5, 0.65, 0.75, 0.83, 0.9, 0.95]) * float(np.max(np.abs(signals.position)))
+    if unit == "rad":
+        return np.geomspace(2e-3, 0.2, 6) * reach
+    if unit == "s":
+        return np.linspace(0.1, 0.9, 9) * seconds
+    return np.array([])
+
+
+def catalogue(record: Any, signals: Any) -> dict[str, list[Effect]]:
+    """Every effect of the catalogue that has columns, at every shape worth a look."""
+    out: dict[str, list[Effect]] = {}
+    for name in effect_names():
+        cls = get_effect(name)
+        if cls.column_kind == "none" or name in ("output_offset", "output_drift", "viscous", "coulomb"):
+            continue
+        fields = cls.shape_fields()
+        if any(_grid(f, cls.quantities[f].unit, record, signals).size == 0 for f in fields):
+            fixed = cls()
+            out[name] = [fixed.resized(0.1 * float(np.sqrt(np.mean(record.drive**2))))]
+            continue
+        found = list(ladder(cls, record, signals))
+        if found:
+            out[name] = found
+    return out

@@ -1,0 +1,54 @@
+"""The repaired model on another record of the same axis, without a number refitted."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+from whsklearn.gap.plants import make_plant
+from whsklearn.gap.proof import free_run_error
+
+
+def on_second_record(finder: Any, log: Any, **columns: str | None) -> list[dict[str, float]]:
+    """Free-run errors of the base and the repaired model on another record, one row a horizon.
+
+    Parameters
+    ----------
+    finder : GapFinder
+        Fitted, with a plant of the engine's own (a servo axis or a simulator).
+    log : record or DataFrame
+        As `GapFinder.fit` takes it.
+
+    Returns
+    -------
+    list of dict
+        ``horizon`` (s), ``before`` and ``after`` (RMSE in the record's unit).
+
+    Raises
+    ------
+    ValueError
+        If the record cannot be used, or the finder has no model to carry over.
+    """
+    found = getattr(finder, "found_", None)
+    if found is None:
+        raise ValueError("There is no model to test: the diagnosis ended before one was fitted, or is of a chain.")
+    plant = make_plant(
+        finder.model, log, None, law=finder.law, tolerance=finder.tolerance, columns=columns, orders=finder.orders,
+        direct=finder.direct,
+    )  # fmt: skip
+    fatal = [p for p in plant.check() if p.fatal]
+    if fatal:
+        raise ValueError(f"The second record cannot be used: {fatal[0].explanation}")
+    here = plant.base(np.random.default_rng(finder.random_state))  # sets the plant up; its numbers are not used
+    rows = []
+    for horizon in plant.horizons:
+        before, after = (free_run_error(plant, _moved(m, here), horizon).rmse for m in (found.base, found.model))
+        rows.append({"horizon": horizon, "before": before, "after": after})
+    return rows
+
+
+def _moved(model: Any, here: Any) -> Any:
+    """A model with the sampling and the scale of another record."""
+    return dataclasses.replace(model, scene=here.scene) if hasattr(here, "scene") else model

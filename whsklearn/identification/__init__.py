@@ -1,0 +1,5 @@
+"""Which structure does a record ask for: linear, Wiener-Hammerstein, or an axis as physics?"""
+
+from whsklearn.identification.compare import Compared, Identification, identify
+
+__all__ = ["Compared", "Identification", "identify"]

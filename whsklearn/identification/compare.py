@@ -1,0 +1,252 @@
+"""Fit every structure, compare them on held-out free runs, recommend the simplest that is as good as the best."""
+
+from __future__ import annotations
+
+import functools
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from whsklearn.identification.axis_fit import fit_free_law_axis, fit_rigid_axis
+from whsklearn.identification.chain_fit import fit_chain
+from whsklearn.identification.linear_fit import fit_arx, fit_output_error
+from whsklearn.identification.view import HOLDOUT, View, view
+from whsklearn.identification.windows import horizons, lead, window_errors
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from whsklearn.models.base import IdentifiedModel
+
+    Array = NDArray[np.float64]
+
+AS_GOOD = 1.075  # a simpler structure is taken within 7.5 % of the least error: what twins of one system differ by
+AT_FLOOR = 1.3  # times the noise; no structure can be better, and that of thirty numbers takes most of the time
+ORDERS = (1, 2, 3, 4)
+CHAIN_FROM = 300  # samples below which some thirty numbers of a chain cannot be told
+EXPLAINS = 0.9  # of the trivial model's error; a best model above that says nothing about the record
+
+
+@dataclass
+class Compared:
+    """One candidate: its model (None: the trivial one, or one that could not be fitted) and its errors.
+
+    ``seconds`` are of processor time, ``windows`` root mean square errors by length in samples, ``score`` their
+    geometric mean over the noise floor (over the trivial model's where there is no floor).
+    """
+
+    name: str
+    kind: str
+    structure: dict[str, Any]
+    criterion: str
+    model: Any = None
+    seconds: float = 0.0
+    windows: dict[int, float] = field(default_factory=dict)
+    score: float = np.inf
+    train: dict[str, float] = field(default_factory=dict)
+    test: dict[str, float] = field(default_factory=dict)
+    failure: str = ""
+
+    @property
+    def size(self) -> int:
+        """Number of parameters."""
+        return len(self.model.parameters) if self.model is not None else 0
+
+
+@dataclass
+class Identification:
+    """What `identify` found.
+
+    ``models`` are the candidates from the simplest on, ``recommended`` one of them, ``trivial`` the model that
+    does nothing, ``reason`` a sentence, ``train`` and ``test`` the records as the candidates saw them.
+    """
+
+    models: list[Compared]
+    recommended: Compared
+    trivial: Compared
+    reason: str
+    floor: float
+    train: View
+    test: View
+
+    @property
+    def model(self) -> IdentifiedModel:
+        """The recommended model."""
+        return self.recommended.model
+
+
+def identify(
+    u: ArrayLike,
+    y: ArrayLike,
+    *,
+    dt: float = 1.0,
+    test: tuple[ArrayLike, ArrayLike] | None = None,
+    skip: int = 0,
+    logged: str = "auto",
+    units: dict[str, str] | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> Identification:
+    """Find the structure that a record asks for: linear, Wiener-Hammerstein, or an axis as physics.
+
+    Parameters
+    ----------
+    u, y : array-like of shape (n,)
+        Input and output.
+    dt : float, default=1.0
+        Sampling time (s).
+    test : pair of array-like, optional
+        Another record to report on; the choice is made on the last 30 % of the first in either case.
+    skip : int, default=0
+        First samples of the test that do not count.
+    logged : {"auto", "output", "velocity", "position"}, default="auto"
+        What y is.  A position is fitted by its velocity and judged as it is.
+    units : dict of str to str, optional
+        Of ``input`` and ``output``.
+    progress : callable, optional
+        Called with the name of each candidate before it is fitted.
+
+    Returns
+    -------
+    Identification
+
+    Raises
+    ------
+    ValueError
+        If the record is too short, not finite, or does not move.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from scipy.signal import lfilter
+    >>> from whsklearn.identification import identify
+    >>> rng = np.random.default_rng(0)
+    >>> u = rng.standard_normal(280)
+    >>> y = lfilter([0.0, 0.5, 0.2], [1.0, -1.2, 0.5], u) + 0.01 * rng.standard_normal(280)
+    >>> found = identify(u, y)
+    >>> found.recommended.kind, found.recommended.structure
+    ('output_error', {'order': 2})
+    """
+    whole = view(u, y, dt, logged)
+    cut = int((1 - HOLDOUT) * whole.u.size)
+    fitting, held_out = whole.part(0, cut), whole.part(cut, whole.u.size)
+    trivial = Compared("constant velocity" if whole.logged == "position" else "constant output", "trivial", {}, "-")
+    _score(trivial, held_out)
+    tried: list[Compared] = []
+    for compared, fit in candidates(cut):
+        if compared.kind == "wiener_hammerstein" and min(c.score for c in tried) < AT_FLOOR:
+            compared.failure = "left out, as a simpler structure is at the noise floor"
+        else:
+            if progress:
+                progress(compared.name)
+            _score(_fitted(compared, fit, fitting, units or {}), held_out)
+        tried.append(compared)
+    tried.sort(key=lambda c: (c.size, c.score))
+    chosen, reason = recommend(tried, trivial)
+    fit_again = {c.name: f for c, f in candidates(cut)}[chosen.name]
+    if progress:
+        progress(f"{chosen.name}, on the whole record")
+    chosen.model = _fitted(replace(chosen), fit_again, whole, units or {}).model or chosen.model
+    judged = held_out if test is None else view(*test, dt, whole.logged)
+    if test is None:  # it begins in motion
+        skip = max(skip, lead(judged.u.size, dt))
+    for compared in tried:
+        compared.train = _indices(compared.model, fitting, 0)
+        compared.test = _indices(compared.model, judged, skip)
+    return Identification(tried, chosen, trivial, reason, whole.floor, whole, judged)
+
+
+def candidates(n: int) -> Iterator[tuple[Compared, Callable[[View], Any]]]:
+    """Every structure and how it is fitted."""
+    for order in ORDERS:
+        yield (
+            Compared(f"ARX, order {order}", "arx", {"order": order}, "prediction"),
+            functools.partial(fit_arx, order=order),
+        )
+    for order in ORDERS:
+        yield (
+            Compared(f"output error, order {order}", "output_error", {"order": order}, "simulation"),
+            functools.partial(fit_output_error, order=order),
+        )
+    yield Compared("axis, viscous and Coulomb", "axis", {"law": ["viscous", "coulomb"]}, "simulation"), fit_rigid_axis
+    yield (
+        Compared("axis, free law over speed", "axis", {"law": ["viscous", "coulomb", "speed_hinge"]}, "simulation"),
+        fit_free_law_axis,
+    )
+    if n >= CHAIN_FROM:
+        yield Compared("Wiener-Hammerstein", "wiener_hammerstein", {}, "simulation"), fit_chain
+
+
+def recommend(tried: list[Compared], trivial: Compared) -> tuple[Compared, str]:
+    """The simplest within `AS_GOOD` of the best, and why; ``tried`` is sorted from the simplest on."""
+    good = [c for c in tried if np.isfinite(c.score)]
+    if not good:
+        told = "; ".join(f"{c.name}: {c.failure or 'its free run does not stay finite'}" for c in tried)
+        raise ValueError(f"No structure could be fitted to this record ({told}).")
+    best = min(good, key=lambda c: c.score)
+    chosen = next(c for c in good if c.score <= AS_GOOD * best.score)
+    ratio = chosen.score / trivial.score
+    reason = f"{chosen.name} leaves {ratio:.3g} of the error of a {trivial.name} over held-out windows"
+    others = [c for c in good if c.kind != chosen.kind]
+    if others:
+        rival = min(others, key=lambda c: c.score)
+        reason += f", the best of another kind ({rival.name}) {rival.score / trivial.score:.3g}"
+    if chosen is not best:
+        reason += f"; {best.name} is no better than {100 * (AS_GOOD - 1):.3g} % and has more parameters"
+    if ratio > EXPLAINS:
+        reason += "; that is next to nothing, so the output does not follow this input by any of the structures"
+    return chosen, reason + "."
+
+
+def _fitted(compared: Compared, fit: Callable[[View], Any], log: View, units: dict[str, str]) -> Compared:
+    """The candidate with its model, or with the reason why there is none."""
+    begin = time.process_time()
+    try:
+        model = fit(log)
+        compared.model = replace(model, units=units) if units else model
+        if compared.kind == "wiener_hammerstein":
+            sizes = {k: len(getattr(model, k)) - 1 for k in ("b1", "f1", "b2", "f2")}
+            compared.structure = {"zeros_and_poles": sizes, "law": "cubic_spline", "knots": len(model.law)}
+    except (ValueError, np.linalg.LinAlgError) as error:
+        compared.failure = str(error).splitlines()[0]
+    compared.seconds = time.process_time() - begin
+    return compared
+
+
+def _score(compared: Compared, log: View) -> None:
+    """Errors over windows; a free run of the whole record counts as one more where the output is no position."""
+    if compared.model is None and compared.kind != "trivial":
+        return
+    before = lead(log.u.size, log.dt)
+    lengths = horizons(log.u.size - before, log.dt)
+    compared.windows = {h: _rms(window_errors(compared.model, log, h, before)) for h in lengths}
+    errors: list[float] = list(compared.windows.values())
+    if compared.model is not None and log.logged != "position":
+        errors.append(_rms(window_errors(compared.model, log, log.u.size - before, before)))
+    elif log.logged != "position":
+        errors.append(float(np.std(log.y)))
+    scale = float(np.fmax(log.floor, 1e-6 * np.std(log.y)))
+    ratios = [max(e, scale) / scale for e in errors]
+    compared.score = float(np.exp(np.mean(np.log(ratios)))) if np.isfinite(ratios).all() else np.inf
+
+
+def _indices(model: Any, log: View, skip: int) -> dict[str, float]:
+    """NMSE and RMSE of the free run in the output's unit; its state is fitted where the record begins in motion."""
+    if model is None:
+        return {}
+    if log.logged == "output" and model.kind != "axis":
+        error = (log.y - model.simulate(log.u))[skip:]
+        known = log.y[skip:]
+    else:
+        before = lead(log.u.size, log.dt)
+        error = window_errors(model, log, log.u.size - before, before)[0][max(skip - before, 0) :]
+        known = log.y[-error.size :]
+    rmse = _rms(error)
+    return {"nmse": rmse**2 / max(float(np.var(known)), 1e-300), "rmse": rmse} if np.isfinite(rmse) else {}
+
+
+def _rms(error: Array) -> float:
+    value = float(np.sqrt(np.mean(np.square(error)))) if np.isfinite(error).all() else np.inf
+    return value if np.isfinite(value) else np.inf

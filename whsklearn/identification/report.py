@@ -1,0 +1,124 @@
+"""What `identify` writes: identify.json for programs, model.json, and a page for a person."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from whsklearn.models import AxisModel, save_model
+from whsklearn.state.files import atomic_write
+
+if TYPE_CHECKING:
+    import os
+
+    from whsklearn.identification.compare import Compared, Identification
+
+MODEL_FILE = "model.json"
+
+
+def write(found: Identification, folder: str | os.PathLike[str]) -> Path:
+    """Write ``identify.json``, ``model.json`` and ``identify.html`` into a folder, made if need be.
+
+    Returns
+    -------
+    Path
+        Of the page.
+    """
+    out = Path(folder)
+    out.mkdir(parents=True, exist_ok=True)
+    save_model(found.model, out / MODEL_FILE)
+    atomic_write(out / "identify.json", json.dumps(document(found), indent=1, allow_nan=False).encode() + b"\n")
+    atomic_write(out / "identify.html", page(found).encode())
+    return out / "identify.html"
+
+
+def document(found: Identification) -> dict[str, Any]:
+    """What identify.json holds."""
+    kind = found.recommended.kind
+    return {
+        "recommended": "wiener-hammerstein" if kind == "wiener_hammerstein" else kind,
+        "recommended_name": found.recommended.name,
+        "reason": found.reason,
+        "models": [_entry(c) for c in found.models],
+        "trivial": {"name": found.trivial.name, "windows": _windows(found.trivial, found)},
+        "parameters": parameters(found),
+        "noise_floor_rmse": found.floor,
+        "logged": found.train.logged,
+        "model_file": MODEL_FILE,
+    }
+
+
+def parameters(found: Identification) -> list[dict[str, Any]]:
+    """Name, value, standard error and unit of every number of the recommended model."""
+    model = found.model
+    units = _units(model)
+    rows = []
+    for name, value in model.parameters.items():
+        error = model.standard_errors.get(name)
+        good = error is not None and np.isfinite(error)
+        rows.append(
+            {"name": name, "value": value, "standard_error": error if good else None, "unit": units.get(name, "")}
+        )
+    return rows
+
+
+def _units(model: Any) -> dict[str, str]:
+    """Units of an axis' parameters, from those of the log."""
+    drive, out = model.units.get("input", ""), model.units.get("output", "")
+    if not isinstance(model, AxisModel) or not drive or not out:
+        return {}
+    speed = out if model.logged == "velocity" else f"{out}/s"
+    per_speed = f"{drive}/({speed})"
+    hinges = {name: per_speed for name in model.parameters if name.startswith("speed_hinge")}
+    knots = {name: speed for name in hinges if name.endswith("__knot")}
+    return {"inertia": f"{drive} s/({speed})", "viscous": per_speed, "coulomb": drive, "input_offset": drive} | (
+        hinges | knots
+    )
+
+
+def _entry(c: Compared) -> dict[str, Any]:
+    entry: dict[str, Any] = {
+        "name": c.name,
+        "kind": c.kind,
+        "structure": c.structure,
+        "criterion": c.criterion,
+        "train": c.train or {"nmse": None, "rmse": None},
+        "test": c.test or {"nmse": None, "rmse": None},
+        "score": c.score if np.isfinite(c.score) else None,
+        "seconds": c.seconds,
+    }
+    return entry | ({"failure": c.failure} if c.failure else {})
+
+
+def _windows(c: Compared, found: Identification) -> dict[str, float]:
+    return {f"{h * found.train.dt:.4g}": e for h, e in c.windows.items() if np.isfinite(e)}
+
+
+def page(found: Identification) -> str:
+    """The page as HTML, with its pictures inside; without matplotlib it has none."""
+    from jinja2 import Environment, PackageLoader
+
+    try:
+        from whsklearn.identification.pictures import as_png, figure
+
+        picture = as_png(figure(found))
+    except ImportError:
+        picture = ""
+    environment = Environment(loader=PackageLoader("whsklearn.identification", "."), autoescape=True)
+    lengths = list(found.trivial.windows)
+    return environment.get_template("page.html.j2").render(
+        found=found,
+        picture=picture,
+        parameters=parameters(found),
+        lengths=lengths,
+        seconds=[f"{h * found.train.dt:.3g} s" for h in lengths],
+        number=number,
+    )
+
+
+def number(value: float | None, digits: int = 3) -> str:
+    """A number in some significant digits; a dash for none."""
+    return f"{value:.{digits}g}" if value is not None and np.isfinite(value) else "-"

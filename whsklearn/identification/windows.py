@@ -1,0 +1,107 @@
+"""Free runs over windows: a model replays the drive, its state fitted on the samples before each window."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from whsklearn.effects import SpeedHinge
+from whsklearn.identification.view import smooth
+from whsklearn.models import AxisModel, ChainModel, LinearModel
+from whsklearn.recursion.axis_free_run import AxisLog, fit_state, free_run
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from whsklearn.identification.view import View
+
+    Array = NDArray[np.float64]
+
+SECONDS = (0.1, 0.5, 2.0, 5.0)
+LEAD = 0.3  # s before a window over which its state is fitted
+MOST = 24  # windows of a length
+
+
+def horizons(n: int, dt: float) -> list[int]:
+    """Lengths of windows in samples: tenths of seconds to seconds where that suits the record, else by its length."""
+    fit = [h for h in (round(s / dt) for s in SECONDS) if 5 <= h <= n // 4]
+    return fit if len(fit) > 1 else sorted({int(h) for h in np.geomspace(10, max(n // 4, 11), 3)})
+
+
+def lead(n: int, dt: float) -> int:
+    """Samples over which a state is fitted."""
+    return int(np.clip(round(LEAD / dt), 30, max(n // 10, 30)))
+
+
+def window_errors(model: Any, log: View, horizon: int, before: int) -> Array:
+    """Output minus prediction over windows, (windows, horizon); an infinite one where the model runs away."""
+    count = int(np.clip((log.y.size - before) // horizon, 1, MOST))
+    begins = np.linspace(before, log.y.size - horizon, count).astype(int)
+    if model is None:
+        return np.array([_steady(log, s, horizon, before) for s in begins])
+    if isinstance(model, AxisModel):
+        return _axis_errors(model, log, begins, horizon, before)
+    return _response_errors(model, log, begins, horizon, before)
+
+
+def _steady(log: View, start: int, horizon: int, before: int) -> Array:
+    """The trivial model: the output stays as it is, a position goes on at constant velocity."""
+    past = log.y[start - before : start]
+    if log.logged != "position":
+        # of a white output the mean is the better constant, of a slow one the last value
+        return log.y[start : start + horizon] - (past[-1] if smooth(log.y) else past.mean())
+    m = min(before, 30)
+    slope, level = np.polyfit(np.arange(-m, 0), past[-m:], 1)
+    return log.y[start : start + horizon] - (level + slope * np.arange(horizon))
+
+
+def _axis_errors(model: AxisModel, log: View, begins: NDArray[np.int64], horizon: int, before: int) -> Array:
+    """State by Gauss-Newton over the lead."""
+    theta, knots = axis_theta(model)
+    span = before + horizon
+    take = (begins[:, None] - before + np.arange(span)).ravel()
+    at = np.arange(begins.size + 1) * span
+    counts = np.tile(np.arange(span) < before, begins.size)
+    position = log.logged == "position"
+    y = log.y[take]
+    first = y.reshape(-1, span)
+    slope = (first[:, min(before, 9)] - first[:, 0]) / (min(before, 9) * log.dt) if position else first[:, 0]
+    data = AxisLog(log.u[take], y, counts, at, slope.copy(), first[:, 0].copy(), log.dt, knots, 0.0, position)
+    v0, q0 = fit_state(theta, data)
+    run = free_run(theta, data._replace(v0=v0, q0=q0))
+    return (y - run).reshape(-1, span)[:, before:]
+
+
+def axis_theta(model: AxisModel) -> tuple[Array, Array]:
+    """The kernel's parameters of an axis that `axis_fit` made."""
+    p = model.parameters
+    hinges = [t for t in model.law.terms if isinstance(t, SpeedHinge)]
+    theta = [model.inertia, p["viscous"], p["coulomb"], model.effects[0].magnitude, 0.0, 0.0]
+    return np.array(theta + [t.magnitude for t in hinges]), np.array([t.knot for t in hinges])
+
+
+def _response_errors(
+    model: LinearModel | ChainModel, log: View, begins: NDArray[np.int64], horizon: int, before: int
+) -> Array:
+    """The run from the record's start, and before each window what the output's poles leave of another state."""
+    from scipy.signal import lfilter
+
+    denominator = np.array(model.denominator if isinstance(model, LinearModel) else model.f2)
+    span = before + horizon
+    order = denominator.size - 1
+    response = lfilter([1.0], denominator, np.r_[1.0, np.zeros(span + order)])
+    columns = [response[k : k + span] for k in range(order)]
+    if log.logged == "position":
+        columns = [np.cumsum(c) for c in columns] + [np.ones(span)]
+    if not columns:
+        columns = [np.zeros(span)]
+    basis = np.column_stack(columns)
+    basis /= np.maximum(np.abs(basis).max(axis=0), 1e-300)
+    residual = log.y - model.simulate(log.u)
+    out = np.empty((begins.size, horizon))
+    for i, s in enumerate(begins):
+        piece = residual[s - before : s + horizon]
+        left = np.linalg.lstsq(basis[:before], piece[:before], rcond=1e-6)[0]
+        out[i] = piece[before:] - basis[before:] @ left
+    return out

@@ -1,0 +1,9 @@
+"""Lagged regressors as transformers that carry their state."""
+
+from whsklearn.lags.inverse_dynamics import InverseDynamicsLags
+from whsklearn.lags.wiener_hammerstein import WienerHammersteinLags
+
+__all__ = [
+    "InverseDynamicsLags",
+    "WienerHammersteinLags",
+]

@@ -1,0 +1,121 @@
+"""Small helpers of the inverse dynamics: terms, their columns, a stream's next piece, checks, runs of groups."""
+
+from __future__ import annotations
+
+import itertools
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from sklearn.utils import Bunch
+
+from whsklearn.effects import Effect, FrictionLaw, as_law, get_effect
+from whsklearn.filtering.streams import causal_delay, causal_motion
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from whsklearn.filtering.records import Motion
+
+    Array = NDArray[np.float64]
+
+# Effects whose columns hold the drive.
+DRIVEN = ("load_friction", "dead_zone", "saturation", "input_delay", "actuator_lag", "torque_ripple")
+
+
+def effect_terms(law: Any, effects: str | Iterable[str | Effect]) -> tuple[Effect, ...]:
+    """Terms of the law and effects as instances that have columns."""
+    friction = as_law(law).terms if law is None or isinstance(law, (str, FrictionLaw)) else tuple(law)
+    names = [n.strip() for n in effects.split(",") if n.strip()] if isinstance(effects, str) else list(effects)
+    terms = (*friction, *(get_effect(e)() if isinstance(e, str) else e for e in names))
+    for term in terms:
+        if not isinstance(term, Effect):
+            raise ValueError(f"{term!r} is no effect; expected a catalogue name or an instance such as Coulomb().")
+        if term.column_kind == "none":
+            raise ValueError(f"{term.name} has no columns, it can only be simulated; leave it out of law and effects.")
+    return terms
+
+
+def column_names(terms: tuple[Effect, ...]) -> list[str]:
+    """A name a column: the effect's, numbered where one recurs, with cos and sin where there are two."""
+    names = [t.name for t in terms]
+    out = []
+    for i, term in enumerate(terms):
+        label = term.name if names.count(term.name) == 1 else f"{term.name}{names[: i + 1].count(term.name)}"
+        out += [f"{label}_cos", f"{label}_sin"] if term.phased else [label]
+    return out
+
+
+def sized_effects(terms: tuple[Effect, ...], weights: Array) -> tuple[Effect, ...]:
+    """The terms with the sizes, and phases, that the weights of their columns give."""
+    found, at = [], 0
+    for term in terms:
+        n = len(term.coefficients)
+        fixed = {k: v for k, v in {**term.shape, **term.options}.items() if not (term.phased and k == "phase")}
+        found.append(type(term).from_coefficients(weights[at : at + n], **fixed))
+        at += n
+    return tuple(found)
+
+
+def stack_columns(terms: tuple[Effect, ...], moved: Motion, drive: Array, time: Array) -> Array:
+    """Acceleration and every term's columns side by side."""
+    signals = Bunch(time=time, drive=drive, **moved._asdict())
+    return np.column_stack([moved.acceleration, *(t.columns(signals) for t in terms)])
+
+
+class Stream(NamedTuple):
+    """What a causal transformer carries: the last samples of position, drive and torque, and how many it has seen."""
+
+    path: Array
+    drive: Array
+    torque: Array
+    seen: int
+
+
+AT_START = Stream(np.empty(0), np.empty(0), np.empty(0), 0)
+
+
+def advance(
+    stream: Stream,
+    path: Array,
+    drive: Array,
+    target: Array,
+    terms: tuple[Effect, ...],
+    kernels: Array,
+    sample_rate: float,
+) -> tuple[Array, Array, Stream]:
+    """Columns and delayed torque of the next piece, zeros in the warm-up, and the stream after it."""
+    delay = kernels.shape[1] // 2
+    moved, past = causal_motion(path, stream.path, kernels)
+    force, past_drive = causal_delay(drive, stream.drive, delay)
+    late, past_torque = causal_delay(target, stream.torque, delay)
+    time = (stream.seen - delay + np.arange(len(path))) / sample_rate
+    phi = stack_columns(terms, moved, force, time)
+    phi[: max(2 * delay - stream.seen, 0)] = 0.0
+    return phi, late, Stream(past, past_drive, past_torque, stream.seen + len(path))
+
+
+def checked_torque(y: ArrayLike, n: int) -> Array:
+    """The target as an array, or the sentence about what is wrong with it."""
+    torque = np.asarray(y, dtype=float).ravel()
+    if len(torque) != n:
+        raise ValueError(f"y has {len(torque)} values and X {n} rows; give one torque a position.")
+    if not np.isfinite(torque).all():
+        raise ValueError("y holds values that are not finite; fill or cut those rows first.")
+    if not torque.any():
+        raise ValueError("The torque is zero throughout, so nothing drove the axis; check the column and the enable.")
+    return torque
+
+
+def runs(groups: ArrayLike | None, n: int) -> Iterator[slice]:
+    """Slices of equal consecutive group labels; one slice without groups."""
+    if groups is None:
+        yield slice(0, n)
+        return
+    labels = np.asarray(groups)
+    if len(labels) != n:
+        raise ValueError(f"groups has {len(labels)} labels and X {n} rows; give one a row.")
+    edges = [0, *(np.flatnonzero(labels[1:] != labels[:-1]) + 1).tolist(), n]
+    for start, stop in itertools.pairwise(edges):
+        yield slice(start, stop)

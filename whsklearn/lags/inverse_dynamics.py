@@ -1,0 +1,346 @@
+"""From the log of an axis to a linear regression: torque = J a + sum of effects.
+
+The columns are acceleration, the terms of the friction law and the effects of the catalogue,
+all computed from the position; their weights are the axis's physical parameters, so every
+estimator that takes rows identifies the axis.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+from sklearn.base import BaseEstimator, TransformerMixin
+from sklearn.utils.validation import check_array, check_is_fitted
+
+from whsklearn.effects import PreslidingHysteresis
+from whsklearn.filtering.encoder import motion_cutoff
+from whsklearn.filtering.records import decimate, motion, velocity_noise, zero_phase
+from whsklearn.filtering.streams import causal_delay, causal_kernels, causal_motion, causal_window
+from whsklearn.lags.axis_rows import (
+    AT_START,
+    DRIVEN,
+    Stream,
+    checked_torque,
+    column_names,
+    effect_terms,
+    runs,
+    sized_effects,
+    stack_columns,
+)
+from whsklearn.lags.motion_stream import MotionStream, validated
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from whsklearn.effects import Effect, FrictionLaw
+
+    Array = NDArray[np.float64]
+
+__all__ = ["InverseDynamicsLags"]
+
+SHORTEST = 64  # samples below which a record tells nothing of its noise
+
+
+class InverseDynamicsLags(MotionStream, TransformerMixin, BaseEstimator):
+    """Columns of the inverse dynamics of an axis, from its measured position.
+
+    Parameters
+    ----------
+    sample_rate : float, default=1000.0
+        Of the log, in Hz.
+    law : str, FrictionLaw or iterable of effects, default="viscous,coulomb"
+        Friction terms, one weight each.
+    effects : str or iterable of (str or Effect), default="input_offset"
+        Further effects of the catalogue, at their shapes; ``""`` for none.
+    cutoff : float, optional
+        Of the filter on position, in Hz. By default, for records, the highest at which encoder noise makes up 1e-4 of
+        the acceleration's variance (`motion_cutoff`), and then torque and all columns pass the same filter, so that
+        nothing is lost but what lies above it. For streams, which begin without a record to judge by, a tenth of the
+        sampling rate.
+    order : int, default=4
+        Of the zero-phase Butterworth filter.
+    decimate : int, optional
+        Rows of `rows` are low-passed and every ``decimate``-th is kept (records only). By default all are with a given
+        ``cutoff``, and without one as many as are independent behind the filter, two in a period of the cut-off:
+        else the standard errors of the fit were too small.
+    border : int, default=0
+        Rows left out at the start of each record by `rows`, where the filter has no past; a period of the cut-off at
+        both ends besides where it is not given.
+    standstill : float, optional
+        Speed below which `rows` leaves rows out: at rest, friction is whatever the drive asks for, and the sign of
+        a noisy velocity is drawn by lot, which takes from Coulomb friction what it gives to viscous. By default
+        five times the noise of the velocity in a record, 0 in a stream and where a hysteresis models the rest.
+    causal : bool, default=False
+        False: whole records, no delay. True: streams, a polynomial over a moving window;
+        row t then holds the values of ``delay_`` samples before, and `rows` delays the
+        torque by as much.
+    window : int, optional
+        Odd length of that window; chosen from ``cutoff`` by default.
+    degree : int, default=4
+        Degree of its polynomial.
+
+    Attributes
+    ----------
+    delay_ : int
+        Samples by which a row lags its input: 0 for records, half a window for streams.
+    cutoff_ : float
+        Cut-off in use, in Hz.
+    warmup_ : int
+        Rows of zeros at the start of `transform`: 0 for records, a window less one for streams.
+    terms_ : tuple of Effect
+        The law's terms and the effects, in the order of their columns.
+
+    Notes
+    -----
+    Torque side: a positive weight is paid for by the drive. ``cutoff=sample_rate / 10`` with ``decimate=10``,
+    ``border=49`` and ``standstill=0`` is the reference method of Janot, Gautier, Brunot 2019, Data set and
+    reference models of EMPS, Workshop on Nonlinear System Identification Benchmarks.
+    X is position (n, 1), or position and measured drive (n, 2) where an effect such as
+    ``load_friction`` is a function of the drive; y is the torque (rad and Nm, or m and N).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> t = np.arange(4000) / 1000
+    >>> q = 0.3 * np.sin(2 * t) + 0.1 * np.sin(5 * t)
+    >>> v, a = 0.6 * np.cos(2 * t) + 0.5 * np.cos(5 * t), -1.2 * np.sin(2 * t) - 2.5 * np.sin(5 * t)
+    >>> torque = 2.0 * a + 0.5 * v + 0.8 * np.sign(v) - 0.1
+    >>> lags = InverseDynamicsLags(sample_rate=1000, border=50)
+    >>> phi, target = lags.rows(q[:, None], torque)
+    >>> [float(w) for w in np.linalg.lstsq(phi, target, rcond=None)[0].round(2)]
+    [2.0, 0.5, 0.8, -0.1]
+    >>> list(lags.get_feature_names_out())
+    ['inertia', 'viscous', 'coulomb', 'input_offset']
+    """
+
+    def __init__(
+        self,
+        sample_rate: float = 1000.0,
+        law: str | FrictionLaw | Iterable[Effect] = "viscous,coulomb",
+        effects: str | Iterable[str | Effect] = "input_offset",
+        cutoff: float | None = None,
+        order: int = 4,
+        decimate: int | None = None,
+        border: int = 0,
+        standstill: float | None = None,
+        causal: bool = False,
+        window: int | None = None,
+        degree: int = 4,
+    ):
+        self.sample_rate = sample_rate
+        self.law = law
+        self.effects = effects
+        self.cutoff = cutoff
+        self.order = order
+        self.decimate = decimate
+        self.border = border
+        self.standstill = standstill
+        self.causal = causal
+        self.window = window
+        self.degree = degree
+
+    def fit(self, X: ArrayLike, y: ArrayLike | None = None) -> Self:
+        """Check the log and settle columns, filter and delay; nothing is estimated here."""
+        n_columns = check_array(X, dtype=np.float64).shape[1]
+        if n_columns > 2:
+            raise ValueError(f"X has {n_columns} columns, expected position, or position and drive; pick those.")
+        self._settle()
+        paths = validated(self, X, reset=True)[:, 0]
+        if self._is_automatic:
+            self._choose_cutoff(paths)
+        return self
+
+    def transform(self, X: ArrayLike, y: ArrayLike | None = None, groups: ArrayLike | None = None) -> Array:
+        """Columns of records, from a clean start; the state of a stream is neither used nor changed.
+
+        Parameters
+        ----------
+        X : array-like of shape (n, 1) or (n, 2)
+            Position, and drive where an effect needs it.
+        y : array-like of shape (n,), optional
+            The drive, if X does not hold it.
+        groups : array-like of shape (n,), optional
+            Marks experiments; filters restart at each.
+
+        Returns
+        -------
+        ndarray of shape (n, n_terms)
+            In a causal transformer, row t belongs to time t - ``delay_``.
+        """
+        check_is_fitted(self, "terms_")
+        X = validated(self, X)
+        drive = self._drive(X, y)
+        return self._columns(X, drive, drive, groups)[0]
+
+    def fit_transform(self, X: ArrayLike, y: ArrayLike | None = None, groups: ArrayLike | None = None) -> Array:
+        """`fit`, then columns from a clean start; a stream can go on from the end of X."""
+        return self._fresh(X, y, groups)
+
+    def rows(self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None) -> tuple[Array, Array]:
+        """Regression rows of records: columns and torque, treated alike, from a clean start.
+
+        Parameters
+        ----------
+        X : array-like of shape (n, 1) or (n, 2)
+            Position, and drive where it is not y.
+        y : array-like of shape (n,)
+            Torque or force, in the sense of the position.
+        groups : array-like of shape (n,), optional
+            Marks experiments; filters restart at each.
+
+        Returns
+        -------
+        phi : ndarray of shape (m, n_terms)
+        target : ndarray of shape (m,)
+            Without border, warm-up and standstill, and decimated: m < n.
+
+        Raises
+        ------
+        ValueError
+            If the torque is zero throughout, or a record is too short for the filters.
+        """
+        target = checked_torque(y, len(X))  # type: ignore[arg-type]
+        phi = self._fresh(X, y, groups)
+        pieces = []
+        for s in runs(groups, len(phi)):
+            late = causal_delay(target[s], np.empty(0), self.delay_)[0]
+            path = np.asarray(X, dtype=float)[s, 0]
+            speed = self._speed(path)
+            if self._is_automatic:
+                edge = min(int(self.sample_rate / self.cutoff_), late.size // 4)
+                late = zero_phase(late, self.sample_rate, self.cutoff_, self.order)
+                both = np.column_stack([speed, phi[s], late])[max(self.border, edge) : late.size - edge]
+                both = both[:: self.decimate or max(round(self.sample_rate / (2.0 * self.cutoff_)), 1)]
+            else:
+                both = np.column_stack([speed, phi[s], late])[max(self.border, self.warmup_) :]
+                both = both if self.causal else decimate(both, self.decimate or 1)
+            pieces.append(both[np.abs(both[:, 0]) >= self._limit(path), 1:])
+        both = np.concatenate(pieces)
+        return both[:, :-1], both[:, -1]
+
+    @property
+    def max_lag(self) -> int:
+        """Samples of the past that a row needs: a window for streams, a period of the cutoff for records."""
+        cutoff = 0.1 * self.sample_rate if self.cutoff is None else float(self.cutoff)
+        if not self.causal:
+            cutoff = getattr(self, "cutoff_", cutoff)
+            return round(self.sample_rate / cutoff)
+        return (causal_window(self.sample_rate, cutoff, self.degree) if self.window is None else self.window) - 1
+
+    def interpret(self, theta: ArrayLike) -> tuple[float, tuple[Effect, ...]]:
+        """Inertia and effects whose columns have these weights.
+
+        Parameters
+        ----------
+        theta : array-like of shape (n_terms,)
+            Weights, in the order of the columns.
+
+        Raises
+        ------
+        ValueError
+            If the inertia is not above zero, which no axis has.
+        """
+        check_is_fitted(self, "terms_")
+        theta = np.asarray(theta, dtype=float).ravel()
+        expected = len(self.get_feature_names_out())
+        if len(theta) != expected:
+            raise ValueError(f"theta has {len(theta)} weights, expected {expected}, one a column.")
+        if theta[0] <= 0:
+            raise ValueError(
+                f"The fitted inertia is {theta[0]:.3g}, expected a number above zero; check units and the sense of "
+                "drive and position, or give a record that accelerates more."
+            )
+        return float(theta[0]), sized_effects(self.terms_, theta[1:])
+
+    def get_feature_names_out(self, input_features: Any = None) -> NDArray[np.object_]:
+        """``inertia``, then the effects' names, numbered where one recurs, with cos and sin where there are two."""
+        check_is_fitted(self, "terms_")
+        return np.array(["inertia", *column_names(self.terms_)], dtype=object)
+
+    @property
+    def _is_automatic(self) -> bool:
+        """Whether the cut-off follows from the record."""
+        return self.cutoff is None and not self.causal
+
+    def _choose_cutoff(self, path: Array) -> None:
+        """The cut-off that the record asks for; a record too short or at rest leaves it."""
+        if len(path) > SHORTEST and np.ptp(path) > 0.0:
+            self.cutoff_ = motion_cutoff(path, self.sample_rate, self.order)
+
+    def _settle(self) -> None:
+        """Terms, filter and delay from the parameters."""
+        if not self.sample_rate > 0:
+            raise ValueError(f"sample_rate is {self.sample_rate}, expected a frequency above zero, in Hz.")
+        terms = effect_terms(self.law, self.effects)
+        cutoff = 0.1 * self.sample_rate if self.cutoff is None else float(self.cutoff)
+        delay = 0
+        if self.causal:
+            window = causal_window(self.sample_rate, cutoff, self.degree) if self.window is None else self.window
+            self._kernels = causal_kernels(self.sample_rate, window, self.degree)
+            delay = (window - 1) // 2
+        self.terms_, self.cutoff_, self.delay_, self.warmup_ = terms, cutoff, delay, 2 * delay
+        self._stream = AT_START
+
+    def _fresh(self, X: ArrayLike, y: ArrayLike | None, groups: ArrayLike | None) -> Array:
+        """Fit, and columns from a clean start."""
+        X = validated(self.fit(X, y), X)
+        drive = self._drive(X, y)
+        target = drive if y is None else np.asarray(y, dtype=float).ravel()
+        phi, self._stream = self._columns(X, drive, target, groups)
+        return phi
+
+    def _drive(self, X: Array, y: ArrayLike | None) -> Array:
+        """Drive for the columns that need it: X's second column, or y, or zeros where none does."""
+        if X.shape[1] == 2:
+            return X[:, 1]
+        if y is not None:
+            return np.asarray(y, dtype=float).ravel()
+        needing = [t.name for t in self.terms_ if t.name in DRIVEN]
+        if needing:
+            raise ValueError(
+                f"{', '.join(needing)} is a function of the drive; give X two columns, position and measured drive."
+            )
+        return np.zeros(len(X))
+
+    def _columns(self, X: Array, drive: Array, target: Array, groups: ArrayLike | None) -> tuple[Array, Stream]:
+        """Columns of every record, each from a clean start, and the stream at the end of the last."""
+        stream = AT_START
+        pieces = []
+        for s in runs(groups, len(X)):
+            if self.causal:
+                phi, _, stream = self._advance(AT_START, X[s, 0], drive[s], target[s])
+            else:
+                phi = self._record_columns(X[s, 0], drive[s])
+            pieces.append(phi)
+        return np.concatenate(pieces), stream
+
+    def _record_columns(self, path: Array, drive: Array) -> Array:
+        """Columns of one record."""
+        rate, order, time = self.sample_rate, self.order, np.arange(len(path)) / self.sample_rate
+        if not self._is_automatic:
+            moved, smooth = motion(path, rate, self.cutoff_, order), zero_phase(drive, rate, self.cutoff_, order)
+            return stack_columns(self.terms_, moved, smooth, time)
+        # the law's value passes the filter, not its argument alone, or a reversal would be blurred in the torque only;
+        # so position and speed come from a wider filter, and the acceleration from the one that its noise allows
+        wider = min(2.0 * self.cutoff_, 0.1 * rate)
+        moved, smooth = motion(path, rate, wider, order), zero_phase(drive, rate, wider, order)
+        phi = zero_phase(stack_columns(self.terms_, moved, smooth, time), rate, self.cutoff_, order)
+        phi[:, 0] = motion(path, rate, self.cutoff_, order).acceleration
+        return phi
+
+    def _speed(self, path: Array) -> Array:
+        """Velocity of a record, as its columns have it."""
+        if self.causal:
+            return causal_motion(path, np.empty(0), self._kernels)[0].velocity
+        return motion(path, self.sample_rate, self.cutoff_, self.order).velocity
+
+    def _limit(self, path: Array) -> float:
+        """Speed below which a row counts as standstill."""
+        if self.standstill is not None:
+            return float(self.standstill)
+        if self.causal or any(isinstance(t, PreslidingHysteresis) for t in self.terms_):
+            return 0.0
+        return 5.0 * velocity_noise(path, self.sample_rate, self.cutoff_, self.order)

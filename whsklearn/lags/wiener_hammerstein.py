@@ -1,0 +1,242 @@
+"""The lagged regressors of (6), with the auxiliary model that stands in for x and v."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+from sklearn.base import BaseEstimator, TransformerMixin, clone
+from sklearn.utils.validation import check_array, check_is_fitted, column_or_1d
+
+from whsklearn._inputs import check_lengths, in_one_sentence, starts, writeable
+from whsklearn._numba import njit
+from whsklearn.effects import FrictionLaw, StaticEffect, as_law
+from whsklearn.recursion.auxiliary_model import auxiliary_size, rebuild, row
+from whsklearn.recursion.delay_line import push
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+
+class WienerHammersteinLags(TransformerMixin, BaseEstimator):
+    """Regressors phi(t) of (6) for any orders and law; carries x_hat and v_hat.
+
+    The columns depend on past y as well as on u, so this is no pipeline step: the
+    estimators own one (``lags=``), and a grid search reaches it as ``lags__n_a``.
+
+    Parameters
+    ----------
+    n_a, n_b, n_c, n_d : int, default=2
+        Orders of (1) and (2): numerator and denominator of L1, of L2.
+    law : str, FrictionLaw or sequence of effects, optional
+        The static block; None is (4).
+    delays : pair of int, default=(1, 1)
+        Samples before L1 and L2 answer, the paper's one by default; 0 is a direct path, which a fit of
+        the simulation error can have (``PEMRegressor(criterion="simulation")``).
+    theta : array-like of shape (n_parameters,), optional
+        Parameters of the auxiliary model, in the paper's order; 0.01 for all by default,
+        the paper's theta(0).
+
+    Attributes
+    ----------
+    max_lag : int
+        Samples of the past that a row needs.
+    n_parameters : int
+        Number of columns.
+
+    Examples
+    --------
+    >>> from whsklearn import WienerHammersteinLags
+    >>> from whsklearn.datasets import make_wiener_hammerstein
+    >>> X, y = make_wiener_hammerstein(n_samples=50, random_state=0)
+    >>> lags = WienerHammersteinLags()
+    >>> lags.fit_transform(X, y).shape
+    (50, 9)
+    >>> list(lags.get_feature_names_out())[:4]
+    ['u(k-2)', 'u(k-3)', '-x_hat(k-2)', '-x_hat(k-3)']
+    """
+
+    def __init__(
+        self,
+        n_a: int = 2,
+        n_b: int = 2,
+        n_c: int = 2,
+        n_d: int = 2,
+        law: str | FrictionLaw | StaticEffect | Iterable[StaticEffect] | None = None,
+        theta: ArrayLike | None = None,
+        delays: tuple[int, int] = (1, 1),
+    ):
+        self.n_a = n_a
+        self.n_b = n_b
+        self.n_c = n_c
+        self.n_d = n_d
+        self.law = law
+        self.theta = theta
+        self.delays = delays
+
+    @property
+    def max_lag(self) -> int:
+        """Samples of the past that a row needs."""
+        return max(self.n_a + 1, self.n_b + 1, self.n_c, self.n_d)
+
+    @property
+    def n_parameters(self) -> int:
+        """Number of columns, and of entries of theta."""
+        return int(self.n_a + self.n_b + len(as_law(self.law)) - 1 + self.n_c - 1 + self.n_d)
+
+    def dims(self) -> NDArray[np.int64]:
+        """n_a, n_b, n_c, n_d and the number of weights, as the kernels take them.
+
+        Raises
+        ------
+        ValueError
+            If an order is no whole number, n_a or n_c below 1, n_b or n_d below 0.
+        """
+        for name, least in (("n_a", 1), ("n_b", 0), ("n_c", 1), ("n_d", 0)):
+            order = getattr(self, name)
+            if isinstance(order, bool) or not isinstance(order, (int, np.integer)) or order < least:
+                raise ValueError(f"{name} is {order!r}, expected a whole number of {least} or more; set the order.")
+        return np.array([self.n_a, self.n_b, self.n_c, self.n_d, len(as_law(self.law))], dtype=np.int64)
+
+    def advance(self) -> int:
+        """Samples by which the answer comes before the paper's: 2 less both delays.
+
+        Raises
+        ------
+        ValueError
+            If ``delays`` is not two whole numbers of 0 or more.
+        """
+        first, second = (*self.delays, None)[:2] if np.size(self.delays) == 2 else (None, None)
+        for delay in (first, second):
+            if isinstance(delay, bool) or not isinstance(delay, (int, np.integer)) or delay < 0:
+                raise ValueError(
+                    f"delays is {self.delays!r}, expected two whole numbers of 0 or more, for L1 and for L2; "
+                    "(1, 1) is the paper's, 0 a direct path."
+                )
+        return 2 - int(first) - int(second)  # type: ignore[arg-type]
+
+    def key_term(self) -> int:
+        """Index of the law's term that carries the linear part of (5).
+
+        Raises
+        ------
+        ValueError
+            If the law has no term that is linear in x or dx.
+        """
+        key = as_law(self.law).key
+        if key is not None:
+            return key
+        raise ValueError(
+            f"The law {as_law(self.law).labels} has no linear term, and key-term separation (5) needs one: add "
+            'Viscous(), or use gradient="full".'
+        )
+
+    def fit(self, X: ArrayLike, y: ArrayLike | None = None) -> Self:
+        """Check the settings; nothing is learnt."""
+        self.dims()
+        if self.advance() != 0:
+            raise ValueError(
+                f"delays is {self.delays!r}, and the regressors of (6) are those of one sample in each block; leave "
+                'it at (1, 1), or fit PEMRegressor(criterion="simulation").'
+            )
+        self.key_term()
+        with in_one_sentence(X):
+            n_features = check_array(X, dtype=np.float64, input_name="X").shape[1]
+        self.n_features_in_ = n_features
+        self._carried: dict[str, Any] = {}
+        return self
+
+    def transform(self, X: ArrayLike, y: ArrayLike | None = None, groups: ArrayLike | None = None) -> Any:
+        """Rows of a record at rest before its first sample; the carried state is left alone.
+
+        Parameters
+        ----------
+        X : array-like of shape (n, 1)
+            Input u.
+        y : array-like of shape (n,)
+            Output.
+        groups : array-like of shape (n,), optional
+            Experiments; the past is forgotten where one begins.
+
+        Returns
+        -------
+        ndarray of shape (n, n_parameters)
+            As many rows as samples; those before ``max_lag`` hold zeros for what lies before the start.
+        """
+        check_is_fitted(self, "n_features_in_")
+        return self._rows(X, y, groups, {})
+
+    def fit_transform(self, X: ArrayLike, y: ArrayLike | None = None, groups: ArrayLike | None = None) -> Any:
+        """Start clean, and keep the state for `partial_fit_transform`."""
+        carried: dict[str, Any] = {}
+        rows = clone(self).fit(X, y)._rows(X, y, groups, carried)
+        self.fit(X, y)
+        self._carried = carried
+        return rows
+
+    def partial_fit_transform(self, X: ArrayLike, y: ArrayLike | None = None, groups: ArrayLike | None = None) -> Any:
+        """Go on from where the last call ended."""
+        if not hasattr(self, "_carried"):
+            return self.fit_transform(X, y, groups)
+        return self._rows(X, y, groups, self._carried)
+
+    def get_feature_names_out(self, input_features: Any = None) -> NDArray[np.object_]:
+        """Names of the columns, such as ``u(k-2)`` and ``-x_hat(k-2)``."""
+        law, key = as_law(self.law), self.key_term()
+        m = getattr(self, "n_features_in_", 1)
+        inputs = ["u"] if m == 1 else [f"u{k + 1}" for k in range(m)]
+        names = [f"{u}(k-{i + 1})" for i in range(1, self.n_a + 1) for u in inputs]
+        names += [f"-x_hat(k-{j + 1})" for j in range(1, self.n_b + 1)]
+        names += [f"{label}(k-1)" for k, label in enumerate(law.labels) if k != key]
+        names += [f"v_hat(k-{m})" for m in range(2, self.n_c + 1)]
+        names += [f"-y(k-{n})" for n in range(1, self.n_d + 1)]
+        return np.array(names, dtype=object)
+
+    def _rows(
+        self, X: ArrayLike, y: ArrayLike | None, groups: ArrayLike | None, carried: dict[str, Any]
+    ) -> NDArray[np.float64]:
+        """Rows of X and y after ``carried``, which is updated; an empty one is the state at rest."""
+        with in_one_sentence(X, y):
+            u: NDArray[np.float64] = check_array(X, dtype=np.float64, input_name="X")
+        m = u.shape[1]
+        if m != self.n_features_in_:
+            raise ValueError(
+                f"X has {m} features, but WienerHammersteinLags is expecting {self.n_features_in_} features as input; "
+                "pick the same inputs as in fit."
+            )
+        if y is None:
+            raise ValueError("y is missing, and the regressors of (6) hold past outputs; call with (X, y).")
+        with in_one_sentence(X, y):
+            y_ = column_or_1d(check_array(y, ensure_2d=False, dtype=np.float64, input_name="y"))
+        check_lengths(u, y_)
+        restart = starts(groups, len(u), first=not carried)
+        dims, law, key = self.dims(), as_law(self.law), self.key_term()
+        dims[0] *= m
+        n = self.n_parameters + (m - 1) * self.n_a
+        theta = np.full(n, 0.01) if self.theta is None else np.asarray(self.theta, dtype=float)
+        if theta.shape != (n,):
+            raise ValueError(f"theta has shape {theta.shape}, expected ({n},): an entry a column.")
+        state = carried.get("state", np.zeros(auxiliary_size(dims))).copy()
+        past_u = carried.get("u", np.zeros((self.n_a + 1) * m)).copy()
+        past_y = carried.get("y", np.zeros(max(self.n_d, 1))).copy()
+        u, y_ = writeable(u), writeable(y_)
+        out = _fill(theta, dims, law.codes, law.shapes, key, state, past_u, past_y, u, y_, restart)
+        carried.update(state=state, u=past_u, y=past_y)
+        return out
+
+
+@njit(cache=True, error_model="numpy")
+def _fill(theta, dims, codes, shapes, key, state, past_u, past_y, u, y, restart):
+    """Rows of (6), the auxiliary model run at a fixed theta."""
+    out = np.empty((y.size, theta.size))
+    for t in range(y.size):
+        if restart[t]:
+            state[:] = 0.0
+            past_u[:] = 0.0
+            past_y[:] = 0.0
+        row(dims, codes, shapes, key, state, past_u, u.shape[1], past_y, 0, out[t])
+        rebuild(theta, dims, codes, shapes, key, state, past_u, 0)
+        push(past_u, u[t])
+        push(past_y, y[t : t + 1])
+    return out

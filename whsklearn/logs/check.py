@@ -1,0 +1,198 @@
+"""What is wrong with a log before anything is fitted: stamps, gaps, clipping, repeated samples, lattice."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from whsklearn.logs.findings import SEVERITIES, Finding, LogReport, finding
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+__all__ = ["check_log", "jitter", "lattice"]
+
+ALLOWED_JITTER = 0.01  # of the period; a derivative of the position is wrong by as much
+GAP = 1.5  # periods; a longer step has lost a sample, a shorter one is jitter
+
+
+def check_log(
+    time: Array,
+    signals: dict[str, Array],
+    extra: tuple[Finding, ...] = (),
+    rows: NDArray[np.intp] | None = None,
+) -> LogReport:
+    """Look a log over.
+
+    Parameters
+    ----------
+    time : ndarray of shape (n,)
+        Stamps in seconds.
+    signals : dict of str to ndarray of shape (n,)
+        ``drive``, ``position`` and, if logged, ``reference``.
+    extra : tuple of Finding
+        What the reader of the file already found.
+    rows : ndarray of int, shape (n,), optional
+        The rows' numbers in the file, where some were left out.
+
+    Returns
+    -------
+    LogReport
+    """
+    found = [*extra, *_stamps(time, np.arange(len(time)) if rows is None else rows)]
+    skipped: dict[str, str] = {}
+    for name, x in signals.items():
+        found += _clipping(name, x) if name in ("drive", "position") else []
+    found += _repeats(signals)
+    drive, position = signals.get("drive"), signals.get("position")
+    if drive is None:
+        skipped["LOG008"] = "no drive was named"
+    elif not drive.any():
+        found.append(Finding("LOG008", "error", "Nothing drove the axis; check the column and the enable."))
+    quantum = None
+    if position is None:
+        skipped["LOG007"] = skipped["LOG009"] = "no position was named"
+    elif np.ptp(position) == 0:
+        found.append(Finding("LOG009", "error", "The axis stood still or the encoder was off; nothing can be fitted."))
+    else:
+        quantum = lattice(position)
+        if quantum is not None:
+            text = f"Values are multiples of {quantum:.4g}: its variance q^2/12 is the least noise a fit can reach."
+            found.append(Finding("LOG007", "info", text, value=quantum))
+    found.sort(key=lambda f: -SEVERITIES.index(f.severity))
+    return LogReport(tuple(found), skipped, jitter(time), quantum)
+
+
+def jitter(time: Array) -> float:
+    """Largest deviation of a time step from the median step, relative to it; missing samples left out."""
+    step = np.diff(time)
+    period = float(np.median(step))
+    near = step[(step > 0) & (step < GAP * period)]
+    return float(np.abs(near / period - 1.0).max()) if near.size and period > 0 else np.inf
+
+
+def _stamps(time: Array, rows: NDArray[np.intp]) -> list[Finding]:
+    """Irregular, missing, repeated and backward stamps."""
+    step = np.diff(time)
+    period = float(np.median(step))
+    out = []
+    back = np.flatnonzero(step < 0)
+    same = np.flatnonzero(step == 0)
+    scale = period if period > 0 else np.inf  # most stamps do not increase: nothing to measure gaps against
+    gaps = np.flatnonzero(step > GAP * scale)
+    uneven = np.flatnonzero((step > 0) & (step <= GAP * scale) & (np.abs(step / scale - 1) > ALLOWED_JITTER))
+    uneven = uneven if period > 0 else uneven[:0]
+    if back.size:
+        out.append(
+            finding(
+                "LOG004",
+                "error",
+                rows[back + 1],
+                f"From row {rows[back[0]]} to row {rows[back[0] + 1]} it falls by "
+                f"{-step[back[0]]:.4g} s; sort the log or split it into its runs.",
+            )
+        )
+    if same.size:
+        out.append(
+            finding(
+                "LOG003",
+                "error",
+                rows[same + 1],
+                f"Row {rows[same[0] + 1]} has the stamp of the row before, "
+                f"{time[same[0]]:.6g} s; drop the doubles or resample.",
+            )
+        )
+    if gaps.size:
+        lost = int(np.round(step[gaps] / period - 1).sum())
+        out.append(
+            finding(
+                "LOG002",
+                "error",
+                rows[gaps + 1],
+                f"{gaps.size} gaps, about {lost} samples, the first before row "
+                f"{rows[gaps[0] + 1]} ({step[gaps[0]]:.4g} s for {period:.4g} s); resample, long gaps start a new "
+                "group.",
+                float(lost),
+            )
+        )
+    if uneven.size:
+        worst = uneven[np.argmax(np.abs(step[uneven] / period - 1))]
+        off = abs(step[worst] / period - 1)
+        out.append(
+            finding(
+                "LOG001",
+                "error",
+                rows[uneven + 1],
+                f"Row {rows[worst + 1]} follows after {step[worst]:.4g} s where "
+                f"{period:.4g} s is usual ({off:.1%} off, {ALLOWED_JITTER:.0%} allowed); resample.",
+                off,
+            )
+        )
+    return out
+
+
+def _clipping(name: str, x: Array) -> list[Finding]:
+    """Flat tops entered and left at speed: a limit, not a turning point or a rest."""
+    moves = np.abs(np.diff(x))
+    if not moves.any():
+        return []
+    usual = float(np.median(moves[moves > 0]))
+    flat, jumps, first = 0, [], []
+    for extreme in (x.max(), x.min()):
+        edges = np.flatnonzero(np.diff(np.r_[0, (x == extreme).astype(int), 0]))
+        for start, stop in zip(edges[::2], edges[1::2], strict=True):
+            if stop - start >= 3:
+                flat += stop - start
+                first.append(int(start))
+                jumps += [abs(x[i] - extreme) for i in (start - 1, stop) if 0 <= i < x.size]
+    step = lattice(x) or 0.0  # on a lattice every turning point is flat, and left by single steps
+    if flat < 5 or flat > 0.6 * x.size or not jumps or np.median(jumps) < max(0.5 * usual, 1.5 * step):
+        return []
+    text = f"{name} rests at its extreme values in {flat} samples, the first time at row {min(first)}; "
+    text += "cut those rows, or give the model a saturation."
+    return [Finding("LOG005", "warning", text, tuple(sorted(first)[:10]), flat / x.size)]
+
+
+def _repeats(signals: dict[str, Array]) -> list[Finding]:
+    """Rows equal to the row before in every signal while the axis moves: a logger that fell behind."""
+    table = np.column_stack(list(signals.values()))
+    same = np.r_[False, (table[1:] == table[:-1]).all(axis=1)]
+    same &= ~((table == table.max(axis=0)) | (table == table.min(axis=0))).any(axis=1)  # a limit, a turning point
+    edges = np.flatnonzero(np.diff(np.r_[0, same.astype(int), 0]))
+    starts, lengths = edges[::2], edges[1::2] - edges[::2]
+    short = lengths <= 20  # longer runs are an axis at rest
+    if table.shape[1] < 2 or lengths[short].sum() < max(3, 1e-3 * len(table)):
+        return []
+    text = (
+        f"{int(lengths[short].sum())} rows equal the row before in every signal, the first is row {starts[short][0]}; "
+    )
+    text += "the logger polls faster than the controller writes, so log at the controller's rate."
+    rate = float(lengths[short].sum() / len(table))
+    return [Finding("LOG006", "warning", text, tuple(int(s) for s in starts[short][:10]), rate)]
+
+
+def lattice(x: Array) -> float | None:
+    """Step of the lattice on which the values lie, or None where they lie on none.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> float(round(lattice(np.round(np.sin(np.arange(500.0)) / 0.01) * 0.01), 9))
+    0.01
+    >>> lattice(np.sin(np.arange(500.0))) is None
+    True
+    """
+    steps = np.diff(np.unique(x))
+    dust = 1e-9 * np.ptp(x)
+    steps = steps[steps > dust]
+    if steps.size < 8:
+        return None
+    quantum = float(steps.min())
+    near = steps[steps < 200 * quantum] / quantum
+    counts = np.round(near)
+    if near.size < 0.5 * steps.size or near.size < 8 or np.mean(np.abs(near - counts) < 0.05) < 0.95:
+        return None
+    return float(quantum * near.sum() / counts.sum())

@@ -1,0 +1,120 @@
+"""What was found in a log, and the report that collects it.
+
+Every finding has a stable code, a title and an explanation that says what to do or what was done.
+"""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+TITLES = {
+    "LOG001": "Sampling is irregular",
+    "LOG002": "Samples are missing",
+    "LOG003": "A time stamp is repeated",
+    "LOG004": "Time runs backwards",
+    "LOG005": "A signal is clipped",
+    "LOG006": "Rows are repeated",
+    "LOG007": "The position lies on a lattice",
+    "LOG008": "The drive is zero throughout",
+    "LOG009": "The position never changes",
+    "LOG010": "Values were missing and filled",
+    "LOG011": "The log was resampled",
+    "LOG012": "A wrapped angle was unwrapped",
+    "LOG013": "The clock starts anew",
+    "LOG014": "A held phase was cut out",
+    "LOG015": "The time stamps were read as dates or ticks",
+    "LOG016": "A column may not be what it is called",
+    "LOG017": "How the file was read",
+    "LOG018": "The position is the integral of the velocity",
+    "LOG019": "A unit is not known",
+    "LOG020": "The log is not in one piece",
+}
+SEVERITIES = ("info", "warning", "error")
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing found: code, severity (info, warning, error), explanation, rows and a number.
+
+    ``rows`` are positions in the file's data, the first row being 0; at most ten are kept.
+    """
+
+    code: str
+    severity: str
+    explanation: str
+    rows: tuple[int, ...] = ()
+    value: float | None = None
+
+    @property
+    def title(self) -> str:
+        """What the code stands for."""
+        return TITLES[self.code]
+
+
+def finding(
+    code: str, severity: str, rows: NDArray[Any] | Sequence[int], text: str, value: float | None = None
+) -> Finding:
+    """A finding with its first ten rows."""
+    return Finding(code, severity, text, tuple(int(r) for r in rows[:10]), value)
+
+
+@dataclass(frozen=True)
+class LogReport:
+    """Findings about a log, the worst first, and the checks that did not apply with their reasons.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from whsklearn.logs import check_log
+    >>> t = np.arange(200) / 100
+    >>> report = check_log(t, {"drive": np.zeros(200), "position": np.sin(t)})
+    >>> report.codes
+    ('LOG008',)
+    >>> report.ok
+    False
+    """
+
+    findings: tuple[Finding, ...] = ()
+    not_applicable: dict[str, str] = field(default_factory=dict)
+    jitter: float = 0.0
+    quantum: float | None = None
+
+    @property
+    def ok(self) -> bool:
+        """Whether nothing worse than a remark was found."""
+        return all(f.severity == "info" for f in self.findings)
+
+    @property
+    def codes(self) -> tuple[str, ...]:
+        """Codes found, the worst first."""
+        return tuple(f.code for f in self.findings)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """A plain sentence or two for each finding."""
+        return tuple(f"{f.title}. {f.explanation}" for f in self.findings)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Everything as plain numbers and strings, for JSON."""
+        return {
+            "ok": self.ok,
+            "jitter": self.jitter,
+            "quantum": self.quantum,
+            "findings": [{**asdict(f), "title": f.title} for f in self.findings],
+            "not_applicable": dict(self.not_applicable),
+        }
+
+    def __str__(self) -> str:
+        lines = [f"{f.code} {f.severity}: {f.title}. {f.explanation}" for f in self.findings]
+        lines += [f"{code} not checked: {reason}" for code, reason in self.not_applicable.items()]
+        return "\n".join(lines) if lines else "Nothing to remark."
+
+    def _repr_html_(self) -> str:
+        items = "".join(f"<li>{html.escape(line)}</li>" for line in str(self).splitlines())
+        return f"<ul>{items}</ul>"

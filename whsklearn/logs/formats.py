@@ -1,0 +1,86 @@
+"""Which format a file is of, told by its first bytes before its ending, and the reader for it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+from whsklearn.logs import arrays, recorders, robots, text
+from whsklearn.logs.errors import LogError
+from whsklearn.logs.source import Source
+
+_MAGIC: tuple[tuple[bytes, Callable[[Path], Source]], ...] = (
+    (b"PAR1", arrays.open_parquet),
+    (b"\x89HDF", arrays.open_hdf5),
+    (b"MATLAB", arrays.open_matlab),
+    (b"PK\x03\x04", arrays.open_numpy),
+    (b"\x93NUMPY", arrays.open_numpy),
+    (b"TDSm", recorders.open_tdms),
+    (b"MDF ", recorders.open_mdf),
+    (b"UnFinMF", recorders.open_mdf),
+    (b"\x89MCAP", robots.open_mcap),
+    (b"#ROSBAG", robots.open_bag),
+)
+_ENDINGS: dict[str, Callable[[Path], Source]] = {
+    ".parquet": arrays.open_parquet, ".pq": arrays.open_parquet, ".mat": arrays.open_matlab,
+    ".h5": arrays.open_hdf5, ".hdf5": arrays.open_hdf5, ".npz": arrays.open_numpy, ".npy": arrays.open_numpy,
+    ".tdms": recorders.open_tdms, ".mf4": recorders.open_mdf, ".mdf": recorders.open_mdf,
+    ".mcap": robots.open_mcap, ".bag": robots.open_bag,
+}  # fmt: skip
+_SHEETS = {".xlsx", ".xls", ".ods"}
+
+
+def open_source(path: str | os.PathLike[str]) -> Source:
+    """The columns of a log.
+
+    Parameters
+    ----------
+    path : str or path
+        A CSV of any dialect (also gzipped), Parquet, MATLAB, HDF5, NumPy, TDMS, MDF4, MCAP or ROS 1 file, or the
+        folder of a ROS 2 bag or of a LeRobot data set.
+
+    Returns
+    -------
+    Source
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    ImportError
+        If the format needs a package that is not installed; the message has the line that installs it.
+    LogError
+        If the file is empty, damaged or of no known format.
+    """
+    file = Path(path)
+    if file.is_dir():
+        return _folder(file)
+    if not file.exists():
+        raise FileNotFoundError(f"There is no file {file}; give the path of a log, such as axis.csv.")
+    if not file.is_file():
+        raise LogError(f"{file} is a device or a pipe; copy the log into a file first.")
+    if file.suffix.lower() in _SHEETS:
+        raise LogError(f"{file.name} is a spreadsheet; save its sheet as CSV.")
+    with file.open("rb") as stream:
+        head = stream.read(16)
+    for magic, reader in _MAGIC:
+        if head.startswith(magic):
+            return reader(file)
+    ending = _ENDINGS.get(file.suffix.lower())
+    if ending is not None and ending is not arrays.open_matlab:
+        what = file.suffix.lower().lstrip(".")
+        raise LogError(f"{file.name} is empty." if not head else f"{file.name} is no {what} file: it begins otherwise.")
+    return arrays.open_matlab(file) if ending is not None and head else text.open_text(file)
+
+
+def _folder(path: Path) -> Source:
+    """The reader for a folder."""
+    if (path / "meta" / "info.json").exists():
+        return robots.open_lerobot(path)
+    if (path / "metadata.yaml").exists():
+        return robots.open_bag(path)
+    raise LogError(
+        f"{path} is a folder, and neither a ROS 2 bag (metadata.yaml) nor a LeRobot data set (meta/info.json); "
+        "give the file of a log."
+    )

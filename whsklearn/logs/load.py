@@ -1,0 +1,350 @@
+"""`load_log`: the one reader of logs, from a file of any format to even samples with units and notes."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from sklearn.utils import Bunch
+
+from whsklearn.logs import mend
+from whsklearn.logs.check import check_log
+from whsklearn.logs.errors import LogError, LogWarning
+from whsklearn.logs.findings import Finding, LogReport
+from whsklearn.logs.formats import open_source
+from whsklearn.logs.grid import even
+from whsklearn.logs.source import Column, Source
+from whsklearn.logs.timebase import in_order, to_seconds
+from whsklearn.logs.units import UNKNOWN, stated, symbol_of, unit_of
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+_MENDED = {"LOG001", "LOG002", "LOG003", "LOG004", "LOG010", "LOG011", "LOG013", "LOG014", "LOG018"}
+_STAMPS = {"LOG001", "LOG002", "LOG003", "LOG004", "LOG010"}
+
+
+def load_log(
+    path: str | os.PathLike[str],
+    *,
+    time: str | int | None = None,
+    input: str | int | None = None,
+    output: str | int | None = None,
+    reference: str | int | None = None,
+    drive: str | int | None = None,
+    position: str | int | None = None,
+    command: str | int | None = None,
+    velocity: str | int | None = None,
+    units: Mapping[str, str] | None = None,
+    sample_rate: float | None = None,
+    resample: bool = True,
+    return_X_y: bool = False,
+) -> Any:
+    """Read the log of an axis, mend what can be mended, and say what was found and done.
+
+    Parameters
+    ----------
+    path : str or path
+        A text table of any dialect (comma, semicolon, tab or blanks, decimal comma, comments, with or without a header
+        line, gzipped), Parquet, MATLAB, HDF5, NumPy, TDMS, MDF4 or MCAP, a ROS bag or a LeRobot folder. All but text,
+        MATLAB (before 7.3) and NumPy need an extra, which the error names.
+    time : str or int, optional
+        Column of the time stamps: numbers, ticks since 1970, or dates. Columns are named or counted from 0. Left out,
+        rows are samples at `sample_rate`.
+    input, drive : str or int
+        Column of what drives the axis: torque, force, current, voltage, or u. Two names for one thing.
+    output, position : str or int
+        Column of what the axis does: its position, or y. Two names for one thing.
+    reference : str or int, optional
+        Column of the reference.
+    command : str or int, optional
+        Column of a position servo's command, in the place of a drive that is not logged.
+    velocity : str or int, optional
+        Column of the velocity, where no position is logged; it is summed up to one.
+    units : dict of str to str, optional
+        Units by role where the columns' names do not end in one (``time_s``, ``torque_nm``, ``position_rad``,
+        ``angle [deg]``). Stated, not converted, but for time. ``counts/4096`` says what a turn is.
+    sample_rate : float, optional
+        In Hz, where there is no time column. Neither: time counts samples.
+    resample : bool, default=True
+        Mend rows without a number and stamps that are uneven, repeated or out of order, and cut the log into segments
+        at long gaps; False refuses such a log and names the row.
+    return_X_y : bool, default=False
+        Only the drive as X (n, 1) and the position as y (n,); refused if the log falls into segments.
+
+    Returns
+    -------
+    Bunch
+        ``X`` (n, 1), ``y`` (n,), ``time`` (n,) in s from 0, ``reference`` and ``command`` (n,) or None, ``groups``
+        (n,) int, the segment of each row, ``sample_rate`` in Hz, ``units`` and ``columns`` by role, ``frame`` (the
+        signals by role), ``report`` (`LogReport`), ``notes`` (its sentences), ``name``.
+
+    Raises
+    ------
+    LogError
+        A `ValueError`: the file is empty, damaged or no table; a column is missing or not numeric; the sampling is
+        irregular beyond 1 % (the row is named) and ``resample`` is False.
+    ImportError
+        If the format needs a package that is not installed.
+    FileNotFoundError
+        If there is no such file.
+
+    Warns
+    -----
+    LogWarning
+        In one message, a sentence or two for everything that was mended.
+
+    Examples
+    --------
+    >>> import numpy as np, pandas as pd, tempfile, pathlib
+    >>> folder = tempfile.TemporaryDirectory()
+    >>> file = pathlib.Path(folder.name) / "axis.csv"
+    >>> t = np.arange(500) / 100
+    >>> table = {"time_s": t, "torque_nm": np.cos(t), "position_rad": np.round(np.sin(t), 3)}
+    >>> pd.DataFrame(table).to_csv(file, index=False)
+    >>> log = load_log(file, time="time_s", drive="torque_nm", position="position_rad")
+    >>> log.X.shape, round(log.sample_rate, 6), log.units["drive"], log.report.codes
+    ((500, 1), 100.0, 'Nm', ('LOG007',))
+    >>> folder.cleanup()
+    """
+    asked = {
+        "time": time, "drive": _one_name("input", input, "drive", drive, instead=command),
+        "position": _one_name("output", output, "position", position, instead=velocity),
+        "reference": reference, "command": command, "velocity": velocity,
+    }  # fmt: skip
+    given = stated(dict(units or {}))
+    source = open_source(path)
+    columns = {r: source.resolve(c, r) for r, c in asked.items() if c is not None}
+    table = read_columns(source, columns, given, sample_rate)
+    if not resample:
+        _refuse(source.name, table)
+    log = _mended(source.name, table)
+    if return_X_y:
+        if log.groups[-1] > 0:
+            raise LogError(
+                f"{source.name} falls into {log.groups[-1] + 1} segments, and X and y alone do not tell where one "
+                "ends; leave return_X_y out and pass groups."
+            )
+        _warn(source.name, log.report)
+        return log.X, log.y
+    _warn(source.name, log.report)
+    return log
+
+
+def _warn(name: str, report: LogReport) -> None:
+    said = " ".join(
+        f"{f.title}. {f.explanation}" for f in report.findings if f.severity == "warning" and f.code in _MENDED
+    )
+    if said:
+        warnings.warn(f"{name}: {said}", LogWarning, stacklevel=3)
+
+
+class _Table(Bunch):
+    """Signals as they were logged, by role: ``time``, ``signals``, ``columns``, ``units``, ``findings``."""
+
+
+def read_columns(
+    source: Source, columns: Mapping[str, str], given: Mapping[str, str], sample_rate: float | None
+) -> _Table:
+    """The signals of a source as floats of one length, time in s."""
+    read = source.fetch(list(dict.fromkeys(columns.values())))
+    units = {r: _unit(r, c, read[c], source, given) for r, c in columns.items()}
+    found = [Finding("LOG017", "info", text) for text in source.notes]
+    values = {r: read[c].values if r == "time" else _floats(read[c].values, c, source.name) for r, c in columns.items()}
+    stamps = None
+    if "time" in columns:
+        clock, more = to_seconds(values.pop("time"), units["time"], columns["time"])
+        found += more
+    else:
+        values, stamps = _one_clock(columns, read, values, found)
+        n = len(next(iter(values.values())))
+        if stamps is not None:
+            clock = stamps - stamps[0] if stamps.size else stamps
+            sample_rate = 1.0
+        else:
+            clock = np.arange(n) / (sample_rate or 1.0)
+    units["time"] = "s" if "time" in columns or sample_rate else "samples"
+    lengths = {r: len(v) for r, v in values.items()} | {"time": len(clock)}
+    if len(set(lengths.values())) > 1:
+        told = ", ".join(f"{r} {n}" for r, n in lengths.items())
+        raise LogError(f"The columns of {source.name} differ in length ({told} rows); give columns of one table.")
+    if len(clock) < 3:
+        raise LogError(f"{source.name} has {len(clock)} rows; a log needs 3 at the very least.")
+    for role, column in columns.items():
+        if role != "time":
+            mend.too_small(role, column, values[role])
+            if units[role] == UNKNOWN:
+                found.append(Finding("LOG019", "info", f"The unit of {role}, column {column!r}, is not known."))
+    return _Table(time=clock, signals=values, columns=dict(columns), units=units, findings=found)
+
+
+def _one_clock(
+    columns: Mapping[str, str], read: dict[str, Column], values: dict[str, Any], found: list[Finding]
+) -> tuple[dict[str, Any], Array | None]:
+    """Signals that bring stamps of their own, brought to the stamps of the position."""
+    lead = columns.get("position", columns.get("velocity"))
+    if lead is None or read[lead].stamps is None:
+        return values, None
+    base = np.asarray(read[lead].stamps)
+    clocks = [np.asarray(read[c].stamps) for c in columns.values() if read[c].stamps is not None]
+    common = (base >= max(c.min() for c in clocks)) & (base <= min(c.max() for c in clocks)) if base.size else base > 0
+    base, out = base[common], {}
+    for role, column in columns.items():
+        own = read[column].stamps
+        if own is None or (own.shape == common.shape and np.array_equal(own[common], base)):
+            out[role] = values[role] if own is None else values[role][common]
+            continue
+        if own.size < 3 or base.size < 3:
+            raise LogError(
+                f"Column {column!r} for {role} holds nothing in the time of {lead!r}; pick signals of one run."
+            )
+        order = np.argsort(own, kind="stable")
+        out[role] = np.interp(base, own[order], values[role][order])
+        found.append(Finding("LOG011", "info", f"{column!r} was brought to the stamps of {lead!r}, linearly."))
+    return out, base
+
+
+def _one_name(first: str, a: Any, second: str, b: Any, instead: Any = None) -> Any:
+    """One of two names for the same argument, or neither if something else is given in its place."""
+    if (a is None) == (b is None):
+        if a is None and instead is not None:
+            return None
+        got = "neither" if a is None else "both"
+        raise ValueError(f"load_log got {got} of {first} and {second}, two names for one column; give one of them.")
+    return a if a is not None else b
+
+
+def _unit(role: str, column: str, read: Column, source: Source, given: Mapping[str, str]) -> str:
+    """The unit stated on the call, in the file, or at the end of the column's name."""
+    if role in given:
+        return given[role]
+    inside = symbol_of(source.units.get(column, "") or read.unit or "")
+    return inside or unit_of(column, "s" if role == "time" else UNKNOWN)
+
+
+def _floats(values: NDArray[Any], column: str, name: str) -> Array:
+    """A column as floats; a refusal with row and value for text."""
+    import pandas as pd
+
+    if values.dtype.kind in "fiub":
+        return values.astype(float)
+    series = pd.Series(values)
+    numeric = pd.to_numeric(series, errors="coerce")
+    bad = np.flatnonzero((numeric.isna() & series.notna()).to_numpy())
+    if bad.size:
+        raise LogError(
+            f"Column {column!r} of {name} is not numeric: row {bad[0]} holds {str(series.iloc[bad[0]])[:40]!r}; "
+            "give a column of numbers, or cut that row."
+        )
+    return numeric.to_numpy(dtype=float)
+
+
+def _refuse(name: str, table: _Table) -> None:
+    """Refuse a log that would have to be mended."""
+    _, gap = mend.missing_rows({"time": table.time, **table.signals}, table.columns)
+    if gap is not None:
+        raise LogError(f"{name}: {gap.explanation.partition(');')[0]}); fill or drop them, or pass resample=True.")
+    report = check_log(table.time, table.signals)
+    worst = next((f for f in report.findings if f.code in _STAMPS), None)
+    if worst is not None:
+        raise LogError(f"{name}: {worst.title.lower()}. {worst.explanation} (resample=True does it on reading.)")
+
+
+def _mended(name: str, table: _Table) -> Bunch:
+    """The log on an even grid, in segments, with its report."""
+    found: list[Finding] = list(table.findings)
+    signals, time = table.signals, table.time
+    bad, gap = mend.missing_rows({"time": time, **signals}, table.columns)
+    kept = np.flatnonzero(~bad)
+    if gap is not None:
+        found.append(gap)
+        signals, time = {k: v[kept] for k, v in signals.items()}, time[kept]
+    same = np.r_[False, np.all([v[1:] == v[:-1] for v in signals.values()], axis=0)]
+    try:
+        stamps = in_order(time, same, kept)
+    except LogError as error:
+        raise LogError(f"{name}: {error}") from None
+    if not np.array_equal(stamps.rows, kept):
+        place = np.searchsorted(kept, stamps.rows)
+        signals = {k: v[place] for k, v in signals.items()}
+    found += stamps.findings
+    raw = check_log(stamps.time, signals, rows=stamps.rows)
+    signals, more = _motions(signals, table.units)
+    found += more
+    clock, segment = stamps.time, stamps.segment
+    if "velocity" in signals and "position" not in signals:
+        signals["position"], more_one = _summed(clock, signals["velocity"], segment)
+        found.append(more_one)
+        table.units["position"] = table.units["velocity"].removesuffix("/s")
+    if "drive" in signals and "position" in signals:
+        out, cut = mend.held(clock, signals["drive"], signals["position"])
+        if cut is not None:
+            found.append(cut)
+            segment = segment + np.cumsum(np.diff(np.r_[0, out.astype(np.int64)]) == 1)
+            clock, segment = clock[~out], segment[~out]
+            signals = {k: v[~out] for k, v in signals.items()}
+            segment = np.unique(segment, return_inverse=True)[1].astype(np.int64)
+    done = even(clock, signals, segment)
+    if done.finding is not None:
+        found.append(done.finding)
+    if done.finding is None or not done.rounded:  # stamps that were merely rounded lost no sample
+        for f in raw.findings:
+            if f.code in _STAMPS:  # what is wrong, without the remedy, which was applied
+                text = f.explanation.partition(";")[0].rstrip(".") + "."
+                found.append(Finding(f.code, "warning", text, f.rows, f.value))
+        if done.segment[-1] > 0:
+            found.append(Finding("LOG020", "info", f"It falls into {done.segment[-1] + 1} segments."))
+    return _bunch(name, table, done, _report(raw, found, [f for f in raw.findings if f.code not in _STAMPS]))
+
+
+def _motions(signals: dict[str, Array], units: Mapping[str, str]) -> tuple[dict[str, Array], list[Finding]]:
+    """Wrapped angles unwrapped."""
+    found, out = [], dict(signals)
+    for role in ("position", "reference", "command"):
+        if role in signals and (turn := mend.turn_in(signals[role], units.get(role, UNKNOWN))) is not None:
+            out[role], text = mend.unwrap(role, signals[role], turn)
+            found.append(text)
+    return out, found
+
+
+def _summed(time: Array, velocity: Array, segment: NDArray[np.int64]) -> tuple[Array, Finding]:
+    """The position that a velocity sums up to, by the trapezoidal rule, from 0 in each segment."""
+    step = np.where(np.diff(segment) == 0, np.diff(time) * 0.5 * (velocity[1:] + velocity[:-1]), 0.0)
+    text = "Only the velocity is logged; its sum stands for the position, whose origin and slow drift are not known."
+    return np.r_[0.0, np.cumsum(step)], Finding("LOG018", "warning", text)
+
+
+def _report(raw: LogReport, found: list[Finding], keep: list[Finding]) -> LogReport:
+    order = {"error": 0, "warning": 1, "info": 2}
+    every = sorted([*found, *keep], key=lambda f: order[f.severity])
+    return LogReport(tuple(every), raw.not_applicable, raw.jitter, raw.quantum)
+
+
+def _bunch(name: str, table: _Table, done: Any, report: LogReport) -> Bunch:
+    import pandas as pd
+
+    lead = done.signals.get("drive", done.signals.get("command"))
+    assert lead is not None
+    time = done.time - done.time[0]
+    roles = [r for r in ("drive", "command", "position", "reference", "velocity") if r in done.signals]
+    frame = pd.DataFrame({"time": time, **{r: done.signals[r] for r in roles}}, copy=False)
+    return Bunch(
+        X=lead[:, None],
+        y=done.signals["position"],
+        time=time,
+        reference=done.signals.get("reference"),
+        command=done.signals.get("command"),
+        groups=done.segment,
+        sample_rate=float(1.0 / done.period),
+        units=dict(table.units),
+        columns=dict(table.columns),
+        frame=frame,
+        report=report,
+        notes=report.notes,
+        name=name,
+    )

@@ -1,0 +1,143 @@
+"""What is mended in the signals of a log before any model sees them: missing values, wrapped angles, held phases."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from whsklearn.logs.errors import LogError
+from whsklearn.logs.findings import Finding, finding
+from whsklearn.logs.units import turn_of
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+HUGE = 1e100  # no sensor tells more; squares of it overflow
+TINY = 1e-100  # a signal that never exceeds it is zero but for a slip of the unit
+HELD_SECONDS, HELD_ROWS = 1.0, 100  # drive and position without a single change of a digit for so long: not controlled
+LIVELY = 0.5  # share of rows in which the drive changes while the loop is closed
+BRAKED = 0.5  # s; an axis that stops sooner after its drive fell was braked, later it coasted
+
+
+def missing_rows(signals: dict[str, Array], columns: dict[str, str]) -> tuple[NDArray[np.bool_], Finding | None]:
+    """Rows without a usable number in some column, and what is said of them.
+
+    Raises
+    ------
+    LogError
+        If fewer than three rows are left, or a signal is beyond all measure throughout.
+    """
+    bad = np.zeros(len(next(iter(signals.values()))), dtype=bool)
+    for values in signals.values():
+        bad |= ~(np.abs(values) < HUGE)
+    if bad.size - bad.sum() < 3:
+        raise LogError(f"Only {bad.size - bad.sum()} rows hold a number in every column; a log needs 3 at least.")
+    if not bad.any():
+        return bad, None
+    rows = np.flatnonzero(bad)
+    role = next(r for r, v in signals.items() if not abs(v[rows[0]]) < HUGE)
+    value = signals[role][rows[0]]
+    held = "no number" if math.isnan(value) else f"{value:.3g}"
+    text = (
+        f"Column {columns[role]!r} has no finite value at row {rows[0]} ({held}; {rows.size} such rows in all); they "
+        "were left out and the gaps treated as lost samples."
+    )
+    return bad, finding("LOG010", "warning", rows, text, rows.size / bad.size)
+
+
+def too_small(role: str, column: str, values: Array) -> None:
+    """Refuse a signal that is all but zero.
+
+    Raises
+    ------
+    LogError
+        If its largest value is below `TINY` and not zero.
+    """
+    top = float(np.max(np.abs(values))) if values.size else 0.0
+    if 0.0 < top < TINY:
+        raise LogError(
+            f"Column {column!r} for {role} never exceeds {top:.3g}; no unit makes that a measurement. Check the export."
+        )
+
+
+def turn_in(values: Array, unit: str) -> float | None:
+    """The turn at which an angle is wrapped, in its own unit; None if it is not wrapped.
+
+    A wrapped angle never leaves one turn, and where it leaps it leaps by nearly the whole turn.
+
+    Examples
+    --------
+    >>> angle = np.linspace(0.0, 20.0, 500)
+    >>> round(turn_in(np.mod(angle, 2 * np.pi), "as logged"), 6), turn_in(angle, "rad")
+    (6.283185, None)
+    """
+    low, span = float(values.min()), float(np.ptp(values))
+    leaps = np.abs(np.diff(values))
+    known = turn_of(unit)
+    turns = [known] if known else []
+    if unit in ("counts", "as logged"):
+        turns += [2.0**k for k in range(8, 33)]
+    if unit == "as logged":
+        turns += [2 * math.pi, 360.0]
+    for turn in turns:
+        tick = 1e-6 * turn if turn < 256 else 1.0
+        inside = span <= turn + tick and (abs(low + turn / 2) < 0.51 * turn - 0.01 * turn or low > -tick)
+        wraps = leaps > 0.5 * turn
+        if inside and wraps.any() and span > 0.9 * turn:
+            rest = float(np.quantile(leaps[~wraps], 0.999)) if (~wraps).any() else 0.0
+            short = turn - leaps[wraps]  # what the axis really moved in that sample
+            if np.median(short) <= 4.0 * rest and np.median(short) < 0.25 * turn:
+                return turn
+    return None
+
+
+def unwrap(role: str, values: Array, turn: float) -> tuple[Array, Finding]:
+    """The angle without its leaps, from where it began."""
+    out = np.unwrap(values, period=turn)
+    leaps = np.flatnonzero(np.abs(np.diff(values)) > 0.5 * turn) + 1
+    text = (
+        f"The {role} leaps by a turn of {turn:.6g} at {leaps.size} rows, the first is row {leaps[0]}; the turns were "
+        "added."
+    )
+    return out, finding("LOG012", "info", leaps, text, turn)
+
+
+def held(time: Array, drive: Array, position: Array) -> tuple[NDArray[np.bool_], Finding | None]:
+    """Rows in which nothing was controlled: an emergency stop, a brake, a disabled drive.
+
+    There drive and position keep their last digit for a second and more, in a log whose drive otherwise
+    changes from row to row.  A stop of less than half a second before it was the brake's and goes too; a longer
+    one is a coast that tells friction, and stays.
+    """
+    n = drive.size
+    changes = np.diff(drive) != 0
+    constant = np.r_[False, ~changes & (np.diff(position) == 0)]
+    edges = np.flatnonzero(np.diff(np.r_[0, constant.astype(np.int8), 0]))
+    period = (time[-1] - time[0]) / max(1, n - 1)
+    long = [
+        (int(a), int(b))
+        for a, b in zip(edges[::2], edges[1::2], strict=True)
+        if b - a >= HELD_ROWS and (b - a) * period >= HELD_SECONDS
+    ]
+    out = np.zeros(n, dtype=bool)
+    for a, b in long:
+        out[a:b] = True
+    live = ~out[1:]
+    if not long or live.sum() < 10 or changes[live].mean() < LIVELY:
+        return np.zeros(n, dtype=bool), None
+    for a, _ in long:
+        begin = a
+        while begin > 0 and not changes[begin - 1]:
+            begin -= 1
+        if (a - begin) * period < BRAKED:
+            out[begin:a] = True
+    seconds = out.sum() * period
+    text = (
+        f"Drive and position do not change at all for {seconds:.3g} s, from row {long[0][0]} on ({len(long)} "
+        "phase(s)): an emergency stop, a brake or a disabled drive. Those rows were cut out."
+    )
+    return out, finding("LOG014", "warning", np.flatnonzero(out), text, float(seconds))

@@ -1,0 +1,228 @@
+"""Logs of robots: MCAP, ROS bags, LeRobot data sets.
+
+A column is a number in a message, by its topic and path: ``/joint_states.position.elbow`` where the message
+names its joints, ``/joint_states.position.0`` where it does not.  Its stamps are the message's own
+(``header.stamp``) if there are such, else those of the recorder.
+"""
+
+from __future__ import annotations
+
+import json
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from whsklearn.logs.arrays import _damaged, missing, open_parquet
+from whsklearn.logs.errors import LogError
+from whsklearn.logs.source import Column, Source
+
+_PEEK = 20  # messages of a topic that tell its columns
+_DEEPEST = 6
+
+Message = tuple[str, int, Any]  # topic, recorder's stamp in ns, decoded message
+
+
+def open_mcap(path: Path) -> Source:
+    """An MCAP file with JSON or ROS 2 messages."""
+    try:
+        from mcap.exceptions import McapError
+        from mcap.reader import make_reader
+    except ImportError:
+        raise missing(path, "mcap", "robots") from None
+    failures: tuple[type[BaseException], ...] = (McapError, OSError, ValueError, KeyError, EOFError)
+
+    def messages() -> Iterator[Message]:
+        with path.open("rb") as file:
+            reader = make_reader(file, decoder_factories=_decoders(path))
+            for schema, channel, message in reader.iter_messages():
+                content = _decoded(path, schema, channel, message, reader)
+                yield channel.topic, message.log_time, content
+
+    return _of_messages(path, messages, failures)
+
+
+def _decoders(path: Path) -> list[Any]:
+    """What turns ROS 2 messages into objects, if it is installed."""
+    try:
+        from mcap_ros2.decoder import DecoderFactory
+    except ImportError:
+        return []
+    return [DecoderFactory()]
+
+
+def _decoded(path: Path, schema: Any, channel: Any, message: Any, reader: Any) -> Any:
+    """The content of a message; None for an encoding that is not read."""
+    if channel.message_encoding == "json":
+        return json.loads(message.data)
+    factories = reader._decoder_factories
+    if channel.message_encoding == "cdr" and not factories:
+        raise missing(path, "mcap-ros2-support", "robots")
+    for factory in factories:
+        decoder = factory.decoder_for(channel.message_encoding, schema)
+        if decoder is not None:
+            return decoder(message.data)
+    return None
+
+
+def open_bag(path: Path) -> Source:
+    """A ROS 1 bag, or the folder of a ROS 2 bag."""
+    try:
+        from rosbags.highlevel import AnyReader, AnyReaderError
+        from rosbags.typesys import Stores, get_typestore
+    except ImportError:
+        raise missing(path, "rosbags", "robots") from None
+    failures: tuple[type[BaseException], ...] = (AnyReaderError, OSError, ValueError, KeyError)
+
+    def messages() -> Iterator[Message]:
+        with AnyReader([path], default_typestore=get_typestore(Stores.LATEST)) as reader:
+            for connection, stamp, raw in reader.messages():
+                yield connection.topic, stamp, reader.deserialize(raw, connection.msgtype)
+
+    return _of_messages(path, messages, failures)
+
+
+def _of_messages(
+    path: Path, messages: Callable[[], Iterable[Message]], failures: tuple[type[BaseException], ...]
+) -> Source:
+    """A source of the numbers in messages; the file is read once for the names and once for the values."""
+    names: dict[str, None] = {}
+    seen: dict[str, int] = {}
+    try:
+        for topic, _, content in messages():
+            seen[topic] = seen.get(topic, 0) + 1
+            if seen[topic] <= _PEEK:
+                names.update(dict.fromkeys(f"{topic}.{k}" for k in numbers_of(content)))
+    except failures as error:
+        raise _damaged(path, "recording", error) from None
+    if not names:
+        raise LogError(
+            f"{path.name} holds no message with numbers that can be read; record joint states, or export CSV."
+        )
+
+    def fetch(wanted: Sequence[str]) -> dict[str, Column]:
+        topics = {t for t in seen if any(w.startswith(f"{t}.") for w in wanted)}
+        values: dict[str, list[float]] = {w: [] for w in wanted}
+        stamps: dict[str, list[int]] = {w: [] for w in wanted}
+        for topic, recorded, content in messages():
+            if topic not in topics:
+                continue
+            flat, at = numbers_of(content), _stamp_of(content) or recorded
+            for w in wanted:
+                key = w.removeprefix(f"{topic}.")
+                if key != w and key in flat:
+                    values[w].append(flat[key])
+                    stamps[w].append(at)
+        first = min((s[0] for s in stamps.values() if s), default=0)  # ns since 1970 as a double are 256 ns coarse
+        return {
+            w: Column(
+                np.array(values[w]), np.float64(1e-9) * (np.array(stamps[w], dtype=np.int64) - first).astype(np.float64)
+            )
+            for w in wanted
+        }
+
+    return Source(path.name, list(names), fetch)
+
+
+def _stamp_of(message: Any) -> int | None:
+    """The stamp in a message's header in ns; None if it has none, or a header that was left at zero."""
+    header = (_fields(message) or {}).get("header")
+    stamp = _fields((_fields(header) or {}).get("stamp")) if header is not None else None
+    parts = _seconds(stamp) if stamp else None
+    return parts[0] * 10**9 + parts[1] if parts and parts[0] else None
+
+
+def _seconds(fields: dict[str, Any]) -> tuple[int, int] | None:
+    """Seconds and nanoseconds of a stamp, under the names that ROS 1, ROS 2 and JSON give them."""
+    whole = fields.get("sec", fields.get("secs"))
+    rest = fields.get("nanosec", fields.get("nsec", fields.get("nsecs")))
+    return None if whole is None or rest is None else (int(whole), int(rest))
+
+
+def numbers_of(message: Any) -> dict[str, float]:
+    """The numbers in a message by their paths; lists of joints by the joints' names.
+
+    Examples
+    --------
+    >>> numbers_of({"name": ["elbow"], "position": [0.5], "header": {"stamp": {"sec": 2, "nanosec": 500000000}}})
+    {'position.elbow': 0.5, 'header.stamp': 2.5}
+    """
+    out: dict[str, float] = {}
+    _collect(out, "", message, 0)
+    return out
+
+
+def _fields(message: Any) -> dict[str, Any] | None:
+    """The fields of a message, whatever library decoded it."""
+    if isinstance(message, dict):
+        return message
+    names = getattr(message, "__slots__", None) or list(getattr(message, "__dict__", {}))
+    names = [n for n in names if not n.startswith("_")] or list(getattr(message, "__dataclass_fields__", {}))
+    return {n: getattr(message, n) for n in names if hasattr(message, n)} if names else None
+
+
+def _collect(out: dict[str, float], prefix: str, value: Any, depth: int) -> None:
+    if isinstance(value, bool | int | float | np.number):
+        out[prefix] = float(value)
+        return
+    if depth > _DEEPEST or isinstance(value, str | bytes) or value is None:
+        return
+    if isinstance(value, Sequence | np.ndarray):
+        for i, item in enumerate(value[:64]):
+            _collect(out, f"{prefix}.{i}" if prefix else str(i), item, depth + 1)
+        return
+    fields = _fields(value)
+    if not fields:
+        return
+    parts = _seconds(fields)
+    if parts is not None:
+        out[prefix] = parts[0] + 1e-9 * parts[1]
+        return
+    joints = fields.get("name", fields.get("joint_names"))
+    joints = list(joints) if isinstance(joints, Sequence | np.ndarray) and not isinstance(joints, str) else []
+    for name, item in fields.items():
+        path = f"{prefix}.{name}" if prefix else name
+        if joints and isinstance(item, Sequence | np.ndarray) and len(item) == len(joints):
+            for joint, number in zip(joints, item, strict=True):
+                _collect(out, f"{path}.{joint}", number, depth + 1)
+        elif not name.startswith("_"):
+            _collect(out, path, item, depth + 1)
+
+
+def open_lerobot(path: Path) -> Source:
+    """A LeRobot data set: the folder with ``meta/info.json`` and the episodes in ``data/``.
+
+    Columns are ``action.NAME`` and ``observation.state.NAME`` with the names of the motors; an episode after
+    another starts the clock anew, which the reader takes for a new experiment.
+    """
+    try:
+        info = json.loads((path / "meta" / "info.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise _damaged(path / "meta" / "info.json", "LeRobot description", error) from None
+    files = sorted((path / "data").rglob("*.parquet"))
+    if not files:
+        raise LogError(f"{path.name} holds no episode in data/; download the data set again, with its Parquet files.")
+    first = open_parquet(files[0])
+    named = {}
+    for name in first.names:
+        stem, _, number = name.rpartition(".")
+        motors = _motor_names(info.get("features", {}).get(stem, {}))
+        shown = f"{stem}.{motors[int(number)]}" if number.isdigit() and int(number) < len(motors) else name
+        named[shown] = name
+
+    def fetch(wanted: Sequence[str]) -> dict[str, Column]:
+        with warnings.catch_warnings():
+            parts = [open_parquet(f).fetch([named[w] for w in wanted]) for f in files]
+        return {w: Column(np.concatenate([p[named[w]].values for p in parts])) for w in wanted}
+
+    return Source(path.name, list(named), fetch, notes=[f"{len(files)} files of a LeRobot data set were joined."])
+
+
+def _motor_names(feature: dict[str, Any]) -> list[str]:
+    """The names of a feature's elements, in the two ways in which LeRobot writes them."""
+    names = feature.get("names") or []
+    if isinstance(names, dict):
+        names = next(iter(names.values()), [])
+    return [str(n) for n in names] if isinstance(names, list) else []

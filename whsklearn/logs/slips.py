@@ -1,0 +1,147 @@
+"""Slips that a log shows by itself: an inverted drive, a velocity for a position, degrees for radians, ms for s.
+
+Pure functions of signals: the gap workflow and ``identify`` ask them when a log is read and when a result is no
+physics.  Each answer is a sentence and the option that mends it; nothing is changed unasked.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+MOST_ROWS = 50_000  # a slip is in every row; more only cost time
+SLOW = 0.2  # s; no axis is logged five times a second, but ms read as s look like that
+FAST = 2e-6  # s; no logger is faster, but s read as ms look like that
+SURE = 0.15  # correlation of drive and velocity below minus this: an axis takes power, friction gives none
+EXPLAINED = 0.3  # share of the drive's rest that the sign of the column explains if it is a velocity
+
+
+_VELOCITY = "--velocity COLUMN in place of --position"
+
+
+class Slip(NamedTuple):
+    """What looks wrong, and the option that would mend it."""
+
+    sentence: str
+    option: str
+
+    def __str__(self) -> str:
+        return f"{self.sentence} If so, add {self.option}."
+
+
+def slips_in(log: Any) -> list[Slip]:
+    """Likely slips in a log that `load_log` read.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from sklearn.utils import Bunch
+    >>> t = np.arange(4000) / 200
+    >>> q, v, a = np.sin(3 * t), 3 * np.cos(3 * t), -9 * np.sin(3 * t)
+    >>> q += 0.3 * np.sin(7 * t); v += 2.1 * np.cos(7 * t); a -= 14.7 * np.sin(7 * t)
+    >>> log = Bunch(time=t, X=-(0.1 * a + 0.5 * np.sign(v))[:, None], y=q, units={}, command=None)
+    >>> [s.option for s in slips_in(log)]
+    ['--invert-drive']
+    """
+    found = time_slips(log.time, log.units.get("time", "s"))
+    n = min(log.y.size, MOST_ROWS)
+    unit = log.units.get("position", "")
+    found += unit_slips(log.y[:n], unit)
+    if log.get("command") is None and n > 200 and not found:
+        found += drive_slips(log.X[:n, 0], log.y[:n])
+    return found
+
+
+def time_slips(time: Array, unit: str) -> list[Slip]:
+    """Milliseconds taken for seconds, or the other way round."""
+    period = float(np.median(np.diff(time[:MOST_ROWS])))
+    if unit == "samples":
+        return []
+    if period >= SLOW:
+        text = f"There is one sample every {period:.4g} s: time looks like ms or a count of samples, not s."
+        return [Slip(text, "--unit time=ms, or --rate HZ in place of --time")]
+    if period <= FAST:
+        return [Slip(f"There is one sample every {period:.3g} s: time looks like s.", "--unit time=s")]
+    return []
+
+
+def unit_slips(position: Array, unit: str) -> list[Slip]:
+    """A velocity by its unit; degrees in a column of radians that swings over many turns."""
+    if unit.endswith("/s") or unit == "rpm":
+        return [
+            Slip(f"The position has the unit {unit}: it is a velocity.", "--velocity COLUMN in place of --position")
+        ]
+    span = float(np.ptp(position)) if position.size else 0.0
+    middle = position - 0.5 * (position.max() + position.min())
+    swings = int(np.sum(np.diff(np.sign(middle[np.abs(middle) > 0.2 * span])) != 0))
+    if unit == "rad" and 4 * math.pi < span < 720.0 and swings > 0:
+        turns = span / (2 * math.pi)
+        return [
+            Slip(
+                f"The position swings over {span:.3g} rad, {turns:.3g} turns: are those degrees?", "--unit position=deg"
+            )
+        ]
+    return []
+
+
+def drive_slips(drive: Array, position: Array) -> list[Slip]:
+    """An inverted drive, by power and inertia; a velocity for a position, by where friction changes its sign."""
+    p = position - position.mean()
+    v, a = _derivatives(p)
+    if not (np.ptp(drive) > 0 and np.ptp(v) > 0 and np.ptp(a) > 0):
+        return []
+    inside = slice(20, -20)
+    u, p, v, a = (x[inside] for x in (drive - drive.mean(), p, v, a))
+    one = np.ones_like(p)
+    rest = _rest(u, [one, p, v])
+    by_axis = 1.0 - _rest(u, [one, p, v, a, np.sign(v)]) / rest
+    by_speed = 1.0 - _rest(u, [one, p, v, np.sign(position[inside])]) / rest
+    crosses = abs(position.mean()) < 0.5 * position.std()
+    if crosses and by_speed > EXPLAINED and by_speed > 2.0 * by_axis:
+        text = "The drive turns with the sign of the position column and not with its rate: is it a velocity?"
+        return [Slip(text, _VELOCITY)]
+    inertia = np.linalg.lstsq(np.column_stack([a, v, np.sign(v), p, one]), u, rcond=None)[0][0]
+    power = float(np.mean(u * v) / (u.std() * v.std()))
+    if inertia < 0 and power < -SURE:
+        text = "The axis would give power and its inertia come out negative: is the drive's sign inverted?"
+        return [Slip(text, "--invert-drive")]
+    return []
+
+
+def order_slip(order: float) -> Slip | None:
+    """Degrees for radians, by a wave whose order is whole only in degrees.
+
+    Examples
+    --------
+    >>> order_slip(12 * math.pi / 180).option, order_slip(12.0) is None
+    ('--unit position=deg', True)
+    """
+    turned = order * 180.0 / math.pi
+    whole = abs(turned - round(turned)) < 0.01 and round(turned) >= 1
+    if whole and abs(order - round(order)) > 0.02:
+        text = f"The wave repeats {order:.4g} times in a turn of 2 pi, which is {round(turned)} times in 360."
+        return Slip(text, "--unit position=deg")
+    return None
+
+
+def _rest(y: Array, columns: list[Array]) -> float:
+    """Sum of squares that the columns leave of y."""
+    table = np.column_stack(columns)
+    return float(np.sum((y - table @ np.linalg.lstsq(table, y, rcond=None)[0]) ** 2)) + 1e-300
+
+
+def _derivatives(p: Array) -> tuple[Array, Array]:
+    """First and second differences a sample, smoothed over a fifteenth of the usual time between two crossings."""
+    from scipy.signal import savgol_filter
+
+    crossings = max(2, int(np.sum(np.diff(np.sign(p)) != 0)))
+    width = int(np.clip(2 * p.size / crossings / 15, 7, 401)) | 1
+    width = min(width, (p.size - 1) | 1)
+    return savgol_filter(p, width, 3, deriv=1), savgol_filter(p, width, 3, deriv=2)

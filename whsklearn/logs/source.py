@@ -1,0 +1,72 @@
+"""A file of signals, whatever its format: names first, and the few columns that are asked for then."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from whsklearn.logs.errors import ColumnError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+
+class Column(NamedTuple):
+    """Values of shape (n,), numbers or text or dates, with stamps of their own where the format has them."""
+
+    values: NDArray[Any]
+    stamps: NDArray[np.float64] | None = None  # s, shape (n,)
+    unit: str = ""
+
+
+@dataclass
+class Source:
+    """The columns of a file.
+
+    Attributes
+    ----------
+    name : str
+        Of the file.
+    names : list of str
+        Of the columns; a number counts the columns from 0 and is taken for a name too.
+    fetch : callable
+        Reads several columns at once, by their names.
+    header : bool
+        Whether the names are the file's own.
+    notes : list of str
+        How the file was read.
+    """
+
+    name: str
+    names: list[str]
+    fetch: Callable[[Sequence[str]], dict[str, Column]]
+    header: bool = True
+    units: dict[str, str] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+
+    def resolve(self, wanted: str | int, role: str) -> str:
+        """The column's name for a name or a number from 0.
+
+        Raises
+        ------
+        ColumnError
+            If there is no such column.
+        """
+        text = str(wanted)
+        if text in self.names:
+            return text
+        close = [n for n in self.names if n.strip().lower() == text.strip().lower()]
+        if len(close) == 1:
+            return close[0]
+        if text.isdigit() and int(text) < len(self.names):
+            return self.names[int(text)]
+        there = ", ".join(self.names[:30]) + (f" and {len(self.names) - 30} more" if len(self.names) > 30 else "")
+        if not self.header:
+            raise ColumnError(
+                f"{self.name} has no header line, so {text!r} names no column for {role}; give the columns by number "
+                f"from 0 to {len(self.names) - 1}, such as --columns 0,1,2 for time, drive and position."
+            )
+        raise ColumnError(f"{self.name} has no column {text!r} for {role}; it has: {there}.")

@@ -1,0 +1,214 @@
+"""Stamps of a log: numbers, ticks since 1970 or dates, brought to seconds from the first, in order, in segments."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from whsklearn.logs.errors import LogError
+from whsklearn.logs.findings import Finding, finding
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+LONG_GAP = 5.0  # periods; four lost samples can be drawn across, over more an axis may have turned round
+RESTART = 20.0  # periods back; less is rows out of order, as two threads write them
+_SINCE_1970 = (  # stamps between 2001 and 2100, by what they count
+    ("s", 1e9, 4.2e9, 1.0), ("ms", 1e12, 4.2e12, 1e-3), ("us", 1e15, 4.2e15, 1e-6), ("ns", 1e18, 4.2e18, 1e-9),
+)  # fmt: skip
+_FACTORS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+
+
+class Stamps(NamedTuple):
+    """Rows kept, in the order of time, with their stamps in s and the number of their segment."""
+
+    rows: NDArray[np.intp]
+    time: Array
+    segment: NDArray[np.int64]
+    findings: tuple[Finding, ...]
+
+
+def to_seconds(values: NDArray[Any], unit: str, column: str) -> tuple[Array, tuple[Finding, ...]]:
+    """Seconds since the first stamp, from numbers in `unit`, ticks since 1970, dates or times of the day.
+
+    Raises
+    ------
+    LogError
+        If a stamp is neither; the row is named.
+
+    Examples
+    --------
+    >>> to_seconds(np.array([1.7e12, 1.7e12 + 5.0]), "s", "t")[0]
+    array([0.   , 0.005])
+    >>> to_seconds(np.array(["2024-05-01T12:00:00Z", "2024-05-01T12:00:00.25Z"]), "s", "t")[0]
+    array([0.  , 0.25])
+    """
+    values = np.asarray(values)
+    if values.dtype.kind == "M":
+        return _from_first(values.astype("datetime64[ns]")), ()
+    if values.dtype.kind == "m":
+        return values.astype("timedelta64[ns]").astype(float) * 1e-9, ()
+    if values.dtype.kind not in "fiub":
+        return _dates(values, column)
+    first = next((float(v) for v in values[:1000] if np.isfinite(v)), 0.0)
+    for name, low, high, factor in _SINCE_1970:
+        if low <= first < high:
+            start = next(v for v in values if np.isfinite(v))
+            note = f"Column {column!r} holds {name} since 1970; time begins at 0 with the first row."
+            # Differences before the factor: 1.7e18 ns as a double is 256 ns coarse.
+            return (values - start).astype(float) * factor, (Finding("LOG015", "info", note),)
+    return values.astype(float) * _FACTORS.get(unit, 1.0), ()
+
+
+def _from_first(stamps: NDArray[Any]) -> Array:
+    known = ~np.isnat(stamps)
+    out = np.full(stamps.size, np.nan)
+    if known.any():
+        out[known] = (stamps[known] - stamps[known][0]).astype("timedelta64[ns]").astype(float) * 1e-9
+    return out
+
+
+def _dates(values: NDArray[Any], column: str) -> tuple[Array, tuple[Finding, ...]]:
+    """Dates as ISO 8601 has them or with the day first, or times of the day."""
+    import pandas as pd
+
+    if len(values) and hasattr(values[0], "isoformat"):
+        return _from_first(pd.to_datetime(pd.Series(values), utc=True).dt.tz_localize(None).to_numpy()), ()
+    text = pd.Series(values, dtype="string").str.strip().str.replace(",", ".", regex=False)
+    attempts: tuple[dict[str, Any], ...] = ({"format": "ISO8601"}, {"format": "mixed", "dayfirst": True})
+    sample = text.dropna().iloc[0] if text.notna().any() else ""
+    if sample.count(":") >= 1 and "-" not in sample and "/" not in sample and sample.count(".") <= 1:
+        attempts = ()
+        try:
+            since = pd.to_timedelta(text).dt.total_seconds().to_numpy(dtype=float)
+            return since - since[np.isfinite(since)][0], (_read_as_dates(column),)
+        except (ValueError, TypeError):
+            pass
+    for how in attempts:
+        try:
+            stamps = pd.to_datetime(text, utc=True, **how).dt.tz_localize(None)
+            return _from_first(stamps.to_numpy()), (_read_as_dates(column),)
+        except (ValueError, TypeError):
+            continue
+    numbers = pd.to_numeric(text, errors="coerce")
+    bad = np.flatnonzero((numbers.isna() & text.notna()).to_numpy())
+    row = int(bad[0]) if bad.size else 0
+    raise LogError(
+        f"Column {column!r} is not numeric and no dates either: row {row} holds {str(text.iloc[row])[:40]!r}; time is "
+        "numbers in s, ms, us or ns, or dates such as 2024-05-01T12:00:00.005."
+    )
+
+
+def _read_as_dates(column: str) -> Finding:
+    return Finding("LOG015", "info", f"Column {column!r} holds dates; time begins at 0 with the first row.")
+
+
+def in_order(time: Array, same_rows: NDArray[np.bool_], rows: NDArray[np.intp]) -> Stamps:
+    """The rows in the order of time, without doubles and stray stamps, in segments that hold no long gap.
+
+    Parameters
+    ----------
+    time : ndarray of shape (n,)
+        Finite stamps in s, as logged.
+    same_rows : ndarray of bool, shape (n,)
+        Rows that equal the row before in every signal.
+    rows : ndarray of int, shape (n,)
+        Their numbers in the file.
+
+    Returns
+    -------
+    Stamps
+        A clock that starts anew begins a segment, stamped on from the one before.
+
+    Raises
+    ------
+    LogError
+        If fewer than three stamps increase.
+    """
+    found: list[Finding] = []
+    step = np.diff(time)
+    rising = step[step > 0]
+    period = float(np.median(rising)) if rising.size else 0.0
+    time, found_coarse = _spread(time, same_rows, period)
+    found += found_coarse
+    time, rows, found_stray = _without_strays(time, rows, period)
+    found += found_stray
+    time, rows, found_sorted = _sorted(time, rows, period)
+    found += found_sorted
+    starts = np.r_[False, np.diff(time) < -RESTART * period]
+    if starts.any():
+        first = rows[np.flatnonzero(starts)]
+        text = f"At row {first[0]}" + (f" and {first.size - 1} more" if first.size > 1 else "")
+        found.append(
+            finding("LOG013", "warning", first, f"{text} time falls back; each start begins a new experiment.")
+        )
+        fall = np.where(starts, time - np.r_[0.0, time[:-1]] - period, 0.0)
+        time = time - np.cumsum(fall)
+    later = np.r_[True, time[1:] > np.maximum.accumulate(time)[:-1]]
+    if not later.all():
+        lost = rows[~later]
+        text = (
+            f"{lost.size} rows whose stamp is not later than the one before were dropped, the first is row {lost[0]}."
+        )
+        found.append(finding("LOG003", "warning", lost, text, float(lost.size)))
+    time, rows, starts = time[later], rows[later], starts[later]
+    if time.size < 3:
+        raise LogError(f"only {time.size} stamps increase; check the column of time.")
+    breaks = np.diff(time) >= LONG_GAP * _period(time)
+    segment = np.r_[0, np.cumsum(breaks | starts[1:])].astype(np.int64)
+    return Stamps(rows, time, segment, tuple(found))
+
+
+def _period(time: Array) -> float:
+    return float(np.median(np.diff(time)))
+
+
+def _spread(time: Array, same_rows: NDArray[np.bool_], period: float) -> tuple[Array, list[Finding]]:
+    """Stamps coarser than the sampling, 0 0 1 1 2 2, spread evenly between their changes."""
+    double = np.r_[False, np.diff(time) == 0]
+    if double.sum() < 0.2 * time.size or (double & same_rows).sum() > 0.5 * double.sum() or period == 0.0:
+        return time, []
+    first = np.flatnonzero(~double)
+    counts = np.diff(np.r_[first, time.size])
+    last = time[first[-1]] + period
+    spread = np.interp(np.arange(time.size), np.r_[first, time.size], np.r_[time[first], last])
+    text = f"Up to {counts.max()} rows share a stamp, which tells {period:.3g} s at best; they were spread evenly."
+    return spread, [finding("LOG003", "warning", np.flatnonzero(double), text, float(double.sum()))]
+
+
+def _without_strays(
+    time: Array, rows: NDArray[np.intp], period: float
+) -> tuple[Array, NDArray[np.intp], list[Finding]]:
+    """Without single stamps that leave the line which the stamps beside them keep to."""
+    if time.size < 5 or period == 0.0:
+        return time, rows, []
+    around = time[2:] - time[:-2]
+    outside = (time[1:-1] < time[:-2]) | (time[1:-1] > time[2:])
+    stray = np.r_[False, outside & (around > 0) & (around <= 4 * period), False]
+    stray[0] = time[0] > time[1] and abs(time[2] - time[1]) <= 4 * period and time[2] > time[1]
+    stray[-1] = time[-1] - time[-2] > 1e3 * period
+    # Of two neighbours that both look wrong, 0 9 1 2, it is the first; without it the second is in line.
+    stray[1:] &= ~stray[:-1]
+    if not stray.any():
+        return time, rows, []
+    lost = rows[stray]
+    text = (
+        f"Row {lost[0]} is stamped {time[stray][0]:.6g} s amid rows at {time[max(0, lost[0] - 1)]:.6g} s; "
+        f"{lost.size} such row(s) were left out."
+    )
+    return time[~stray], rows[~stray], [finding("LOG004", "warning", lost, text, float(lost.size))]
+
+
+def _sorted(time: Array, rows: NDArray[np.intp], period: float) -> tuple[Array, NDArray[np.intp], list[Finding]]:
+    """Rows that were written a little out of order, sorted; a restart of the clock is left as it is."""
+    step = np.diff(time)
+    back = step < 0
+    if not back.any() or step.min() < -RESTART * period:
+        return time, rows, []
+    order = np.argsort(time, kind="stable")
+    at = np.flatnonzero(back) + 1
+    text = f"{at.size} rows are stamped earlier than the row before, the first is row {rows[at[0]]}; they were sorted."
+    return time[order], rows[order], [finding("LOG004", "warning", rows[at], text, float(at.size))]

@@ -1,0 +1,73 @@
+"""A servo axis as physics: inertia, friction law and effects."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from whsklearn.effects import Effect, FrictionLaw
+from whsklearn.models.base import IdentifiedModel, as_input
+from whsklearn.systems import ServoAxis
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import ArrayLike, NDArray
+
+SUBSTEPS = 4  # fine steps a sample, as the fit of an axis has them; its code then takes under 100 ns a step
+
+
+@dataclass(frozen=True)
+class AxisModel(IdentifiedModel):
+    """Inertia dv/dt = u - law(v) - effects, in units of the logged drive (u) and output.
+
+    Parameters
+    ----------
+    inertia : float
+        Drive per acceleration.
+    law : FrictionLaw
+        Friction as a function of velocity; may be a spline over it.
+    effects : tuple of Effect
+        What else there is, such as `InputOffset`, `Cogging`.
+
+    Examples
+    --------
+    >>> from whsklearn.effects import as_law
+    >>> from whsklearn.models import AxisModel
+    >>> model = AxisModel(0.5, as_law("coulomb"), dt=0.001, logged="velocity")
+    >>> model.simulate([0.5] * 5).tolist()  # below its friction of 1 it stands
+    [0.0, 0.0, 0.0, 0.0, 0.0]
+    """
+
+    inertia: float
+    law: FrictionLaw
+    effects: tuple[Effect, ...] = ()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        object.__setattr__(self, "effects", tuple(self.effects))
+        if self.logged == "output":
+            raise ValueError("logged is 'output', and an axis answers with its velocity or position; say which.")
+        self.system()  # refuses what cannot be simulated
+
+    def system(self, **changes: Any) -> ServoAxis:
+        """The axis as `ServoAxis`, to simulate it in closed loop or with other parts."""
+        return ServoAxis(
+            self.inertia, self.law, self.effects, sample_rate=1.0 / self.dt, **{"substeps": SUBSTEPS, **changes}
+        )
+
+    @property
+    def kind(self) -> str:
+        """``axis``."""
+        return "axis"
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """``inertia``, the law's weights, the effects' sizes and shapes."""
+        axis = self.system()
+        parts = ("drive__", "transmission__", "sensor__", "controller__")
+        return {k: float(v) for k, v in axis.parameters.items() if not k.startswith(parts)}
+
+    def simulate(self, u: ArrayLike) -> NDArray[np.float64]:
+        """Output from the drive alone, from standstill at zero; see `IdentifiedModel.simulate`."""
+        record = self.system().simulate_drive(as_input(u))
+        return record.position if self.logged == "position" else record.velocity

@@ -1,0 +1,87 @@
+"""A Wiener-Hammerstein chain: L1, a static law, L2."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from whsklearn.effects import Effect, FrictionLaw
+from whsklearn.models.base import IdentifiedModel, as_input, numbered
+from whsklearn.systems.wiener_hammerstein import WienerHammersteinSystem
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+
+@dataclass(frozen=True)
+class ChainModel(IdentifiedModel):
+    """x = b1/f1 u, v = law(x, dx), y = b2/f2 v, all polynomials from the direct path on.
+
+    ``b1[0]`` multiplies u(t) itself, so a block with a delay begins with zeros; ``f1`` and
+    ``f2`` begin with 1.
+
+    Examples
+    --------
+    >>> from whsklearn.effects import Effect, FrictionLaw, Power
+    >>> from whsklearn.models import ChainModel
+    >>> ChainModel([0.0, 1.0], [1.0], FrictionLaw([Power(2.0, 2.0)]), [1.0], [1.0]).simulate([3.0, 0.0]).tolist()
+    [0.0, 18.0]
+    """
+
+    b1: tuple[float, ...]
+    f1: tuple[float, ...]
+    law: FrictionLaw
+    b2: tuple[float, ...]
+    f2: tuple[float, ...]
+    effects: tuple[Effect, ...] = ()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in ("b1", "f1", "b2", "f2"):
+            object.__setattr__(self, name, tuple(float(v) for v in getattr(self, name)))
+        for name in ("f1", "f2"):
+            if not getattr(self, name) or getattr(self, name)[0] != 1.0:
+                raise ValueError(f"{name} is {getattr(self, name)}, expected it to begin with 1; divide by its first.")
+
+    @property
+    def kind(self) -> str:
+        """``wiener_hammerstein``."""
+        return "wiener_hammerstein"
+
+        object.__setattr__(self, "effects", tuple(self.effects))
+        if self.effects:
+            self.system()  # refuses what cannot be simulated
+
+    def system(self) -> WienerHammersteinSystem:
+        """The chain as `WienerHammersteinSystem`; both blocks must begin with a delay and the coefficient one."""
+        for name, b in (("b1", self.b1), ("b2", self.b2)):
+            if b[:2] != (0.0, 1.0):
+                raise ValueError(f"{name} is {b}, expected it to begin with 0, 1: effects need a delay in both blocks.")
+        return WienerHammersteinSystem(
+            self.b1[1:], self.f1[1:], self.b2[1:], self.f2[1:], self.law, effects=self.effects, dt=self.dt
+        )
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """b1_0 ..., f1_1 ..., the law's weights by label, b2_0 ..., f2_1 ..."""
+        weights = dict(zip(self.law.labels, self.law.weights.tolist(), strict=True))
+        first = {**numbered("b1_", np.array(self.b1)), **numbered("f1_", np.array(self.f1[1:]), 1)}
+        return {**first, **weights, **numbered("b2_", np.array(self.b2)), **numbered("f2_", np.array(self.f2[1:]), 1)}
+
+    def signals(self, u: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """x, v and y before any integration, each of shape (n,)."""
+        from scipy.signal import lfilter
+
+        if self.effects:
+            s = self.system().signals(as_input(u))
+            return s.x, s.v, s.y
+        x = lfilter(self.b1, self.f1, as_input(u))
+        v = self.law(x, np.diff(x, prepend=0.0))
+        return x, v, lfilter(self.b2, self.f2, v)
+
+    def simulate(self, u: ArrayLike) -> NDArray[np.float64]:
+        """Output from the input alone; see `IdentifiedModel.simulate`."""
+        y = self.signals(u)[2]
+        return np.cumsum(y) * self.dt if self.logged == "position" else y

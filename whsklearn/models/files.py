@@ -1,0 +1,136 @@
+"""Models in files: one JSON document that other programs can read too.
+
+.. code-block:: json
+
+    {"format": "whsklearn-model", "version": 1, "kind": "axis", "dt": 0.001, "logged": "position",
+     "units": {"input": "Nm", "output": "rad"},
+     "structure": {"law": [{"class": "Viscous", "name": "viscous", "fields": {"coefficient": 0.12}}],
+                   "effects": [], "inertia": 0.05},
+     "parameters": {"inertia": 0.05, "viscous": 0.12}, "standard_errors": {"inertia": 0.0001}}
+
+``structure`` is what `load_model` builds from; ``parameters`` repeats its numbers by name, with ``standard_errors``
+beside them, for those who only read.  Kinds: ``arx`` and ``output_error`` (``numerator``, ``denominator``,
+``offset``, ``criterion``), ``wiener_hammerstein`` (``b1 f1 law b2 f2``), ``axis`` (``inertia law effects``).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from whsklearn.effects import Effect, FrictionLaw
+from whsklearn.models.axis import AxisModel
+from whsklearn.models.base import IdentifiedModel
+from whsklearn.models.chain import ChainModel
+from whsklearn.models.linear import LinearModel
+from whsklearn.state.encoding import TAG, decode
+from whsklearn.state.files import atomic_write
+
+if TYPE_CHECKING:
+    import os
+
+__all__ = ["FORMAT", "VERSION", "load_model", "model_document", "model_from", "save_model"]
+
+FORMAT = "whsklearn-model"
+VERSION = 1
+_CLASSES: dict[str, type[IdentifiedModel]] = {
+    "arx": LinearModel,
+    "output_error": LinearModel,
+    "wiener_hammerstein": ChainModel,
+    "axis": AxisModel,
+}
+_SHARED = tuple(f.name for f in dataclasses.fields(IdentifiedModel))
+
+
+def save_model(model: IdentifiedModel, path: str | os.PathLike[str]) -> None:
+    """Write a model as JSON, replacing the file in one step.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> from whsklearn.effects import as_law
+    >>> from whsklearn.models import AxisModel, load_model, save_model
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = pathlib.Path(folder, "model.json")
+    ...     save_model(AxisModel(0.05, as_law("viscous,coulomb"), dt=0.001, logged="position"), path)
+    ...     load_model(path).inertia
+    0.05
+    """
+    text = json.dumps(model_document(model), indent=1, allow_nan=False)
+    atomic_write(path, text.encode() + b"\n")
+
+
+def load_model(path: str | os.PathLike[str]) -> Any:
+    """Read what `save_model`, ``identify`` or ``gap`` wrote.
+
+    Returns
+    -------
+    LinearModel, ChainModel or AxisModel
+
+    Raises
+    ------
+    ValueError
+        If the file is no model file, of a newer version, or a number in it cannot be.
+    OSError
+        If it cannot be opened.
+    """
+    try:
+        return model_from(json.loads(Path(path).read_text(encoding="utf-8")))
+    except ValueError as error:  # json's own error is one too
+        raise ValueError(f"{Path(path).name} holds no model that can be read: {error}") from None
+
+
+def model_document(model: IdentifiedModel) -> dict[str, Any]:
+    """The model as the dict that `save_model` writes."""
+    own = {f.name: getattr(model, f.name) for f in dataclasses.fields(model) if f.name not in _SHARED}
+    return {
+        "format": FORMAT,
+        "version": VERSION,
+        "kind": model.kind,
+        "dt": float(model.dt),
+        "logged": model.logged,
+        "units": dict(model.units),
+        "structure": {name: _coded(value) for name, value in own.items()},
+        "parameters": model.parameters,
+        "standard_errors": {k: float(v) for k, v in model.standard_errors.items() if math.isfinite(v)},
+    }
+
+
+def model_from(document: Any) -> Any:
+    """The model of a dict that `model_document` made; raises as `load_model` does."""
+    if not isinstance(document, dict) or document.get("format") != FORMAT:
+        raise ValueError(f'it does not say "format": "{FORMAT}"; give a model.json that identify or gap wrote.')
+    version = document.get("version")
+    if type(version) is not int or not 1 <= version <= VERSION:
+        raise ValueError(f"it has version {version!r}, this whsklearn reads up to {VERSION}; upgrade whsklearn.")
+    kind = document.get("kind")
+    if kind not in _CLASSES:
+        raise ValueError(f"its kind is {str(kind)[:40]!r}, expected one of: {', '.join(_CLASSES)}.")
+    try:
+        fields = {k: _decoded(k, v) for k, v in document["structure"].items()}
+        fields |= {name: document[name] for name in _SHARED}
+        return _CLASSES[kind](**fields)
+    except (KeyError, TypeError, AttributeError) as error:
+        raise ValueError(f"a field is missing or of the wrong type ({error}); write it again.") from None
+
+
+def _coded(value: Any) -> Any:
+    """Numbers, tuples of numbers or effects, and laws as JSON."""
+    if isinstance(value, str):
+        return value
+    if isinstance(value, FrictionLaw):
+        return [_coded(t) for t in value.terms]
+    if isinstance(value, Effect):
+        return {"class": type(value).__name__, "name": value.name, "fields": dict(vars(value))}
+    return [_coded(v) for v in value] if isinstance(value, (tuple, list)) else float(value)
+
+
+def _decoded(name: str, value: Any) -> Any:
+    """What `_coded` made of a field."""
+    if name not in ("law", "effects"):
+        return value
+    effects = [decode({TAG: "effect", "class": v["class"], "fields": v["fields"]}, []) for v in value]
+    return FrictionLaw(effects) if name == "law" else tuple(effects)

@@ -1,0 +1,66 @@
+"""A linear model: one ratio of polynomials in the delay."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from whsklearn.models.base import IdentifiedModel, as_input, numbered
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+
+@dataclass(frozen=True)
+class LinearModel(IdentifiedModel):
+    """y(t) = (b0 + b1 q^-1 + ...) / (1 + f1 q^-1 + ...) u(t) + offset.
+
+    Parameters
+    ----------
+    numerator, denominator : sequences of float
+        Coefficients of b and of f; the denominator begins with 1.
+    offset : float, default=0.0
+        Constant of the output.
+    criterion : {"simulation", "prediction"}
+        Which error was minimised: in free run (``output_error``), or one step ahead (``arx``).
+
+    Examples
+    --------
+    >>> from whsklearn.models import LinearModel
+    >>> LinearModel([0.0, 0.5], [1.0, -0.5]).simulate([1.0, 1.0, 1.0]).tolist()
+    [0.0, 0.5, 0.75]
+    """
+
+    numerator: tuple[float, ...]
+    denominator: tuple[float, ...]
+    offset: float = 0.0
+    criterion: str = "simulation"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in ("numerator", "denominator"):
+            object.__setattr__(self, name, tuple(float(v) for v in getattr(self, name)))
+        if not self.denominator or self.denominator[0] != 1.0:
+            raise ValueError(f"denominator is {self.denominator}, expected it to begin with 1; divide by its first.")
+        if self.criterion not in ("simulation", "prediction"):
+            raise ValueError(f"criterion is {self.criterion!r}, expected 'simulation' or 'prediction'.")
+
+    @property
+    def kind(self) -> str:
+        """``output_error`` or ``arx``."""
+        return "output_error" if self.criterion == "simulation" else "arx"
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """b0 ..., f1 ..., offset."""
+        b, f = np.array(self.numerator), np.array(self.denominator[1:])
+        return {**numbered("b", b), **numbered("f", f, 1), "offset": float(self.offset)}
+
+    def simulate(self, u: ArrayLike) -> NDArray[np.float64]:
+        """Output from the input alone; see `IdentifiedModel.simulate`."""
+        from scipy.signal import lfilter
+
+        y = lfilter(self.numerator, self.denominator, as_input(u)) + self.offset
+        return np.cumsum(y) * self.dt if self.logged == "position" else y

@@ -1,0 +1,238 @@
+"""A memory re-run in parts while the next samples come, so that none of them has to wait.
+
+While the memory fills, the samples up to instants that grow geometrically are re-run during the
+samples up to the next of them (`schedule`); a full memory is a page, re-run during the half page
+that follows.  A few hundred samples are read for each that comes.  The models found then catch up
+with what came meanwhile and take over at a fixed sample.  What they are is a function of the
+samples up to there alone: how the work was divided makes no difference, and it can begin anew at
+any time, so it is no part of the state.  The work is bounded by readings, not by time.
+"""
+
+from __future__ import annotations
+
+import functools
+import itertools
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from whsklearn.recursion.gauss_newton import refine_part
+from whsklearn.recursion.memory_cost import AT, BUDGET, PHASE, UNBOUNDED, new_work
+from whsklearn.recursion.memory_posterior import Linearisation, has_posterior
+from whsklearn.recursion.memory_refit import (
+    LIVE,
+    Refit,
+    adopted,
+    inference_sharpness,
+    left_of_prior,
+)
+from whsklearn.recursion.subinnovations import MOVING, STILL, run_windows
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from whsklearn.recursion.reading import Reading, State
+
+FILLING = 400  # readings for each sample while the memory fills: some 30 us
+PAGE = 128  # the same for each model after that: a page is then read after a third of the half page and caught up with
+COST_OF_ROW = 2  # readings that one linearised sample counts for
+COST_OF_WINDOW = 24  # readings that one sample of the recursion counts for
+RESERVED = 60  # readings of the whole record kept back for what follows the search
+PIECES = 40  # samples that pay for a piece of work that is no reading, beside those for each start
+FIRST_SPAN = 5.0  # the first re-run has every start to try; it takes over at five times its samples
+SPAN = 2.0  # ratio of the instants after that
+
+
+def schedule(r: Reading, filling: bool) -> list[tuple[int, int]]:
+    """Samples in memory at which re-runs begin and take over."""
+    page = (r.memory, r.page_end)
+    return [*_filling(r.first_rerun, r.memory), page] if filling else [page]
+
+
+@functools.cache
+def _filling(first: int, memory: int) -> list[tuple[int, int]]:
+    """Those while the memory fills."""
+    instants, at = [], float(first)
+    while at * 1.5 < memory:
+        instants.append(int(at))
+        at *= SPAN if len(instants) > 1 else FIRST_SPAN
+    return list(itertools.pairwise([*instants, memory]))
+
+
+def under_way(state: State, r: Reading) -> tuple[int, int] | None:
+    """Where the present re-run began and where it takes over; None if there is none."""
+    for begin, end in schedule(r, not state["blocks"]):
+        if begin < state["fill"] <= end:
+            return begin, end
+    return None
+
+
+def shift_memory(state: State, r: Reading, n: int) -> None:
+    """Drop the oldest ``n`` samples, but for the history that the next one needs; a new block begins."""
+    h, rest = r.history, state["fill"] - n
+    for name, before in (
+        ("memory_u", h), ("memory_y", h), ("memory_restart", 0), ("memory_still", 0), ("memory_idle", 0),
+        ("memory_kept", 0),
+    ):  # fmt: skip
+        state[name][: before + rest] = state[name][n : n + before + rest].copy()
+        state[name][before + rest :] = name == "memory_kept"
+    state["fill"] = rest
+    state["blocks"] += 1
+
+
+class BackgroundRefit:
+    """The re-run that is under way.
+
+    Parameters
+    ----------
+    state : dict
+        Of a stream whose memory holds samples to re-run; nothing of it changes before `take_over`.
+    r : Reading
+    size, end : int
+        How many samples are re-run, and samples in memory at which the models found take over.
+    """
+
+    def __init__(self, state: State, r: Reading, size: int, end: int):
+        self.state, self.reading, self.size, self.end = state, r, size, end
+        self.is_page = size == r.memory
+        self.block = state["blocks"]
+        self._work = new_work(r.dims, state["before"].shape[1])
+        self._steps = self._rerun()
+        self._ends: list[tuple[np.ndarray, np.ndarray]] = []
+        self._models: dict[str, Any] = {}
+        self._parents: list[int] = []
+        self._caught_up = 0
+        self._past: dict[str, Any] | None = None
+        self._known = float(state["page_known"])
+
+    def is_of(self, state: State, size: int) -> bool:
+        """Whether this is the re-run of so many samples of the memory that the state holds now."""
+        return self.state is state and self.block == state["blocks"] and self.size == size
+
+    def advance(self, n_samples: int) -> None:
+        """Do what ``n_samples`` new samples pay for."""
+        rate = PAGE * len(self.state["page_theta"]) if self.is_page else FILLING
+        self._work[BUDGET] = rate * n_samples
+        self._go_on()
+
+    def take_over(self) -> None:
+        """Finish, and let the new models go on in the place of the old; a page is turned."""
+        self._work[BUDGET] = UNBOUNDED
+        for _ in self._steps:
+            pass
+        self._go_on()
+        s = self.state
+        if self._past is not None:
+            s.update(self._past)
+        if self._models:
+            s.update(self._models)
+            for name, live in zip(("theta", "ud", "before", "loss", "motion"), self._running, strict=True):
+                s[name][: len(live)] = live
+        for name, value in self._given.items():
+            s[name] = value[self._parents].copy()
+        if self.is_page:
+            left = left_of_prior(s, self.size)
+            for i, (information, end) in enumerate(self._ends):
+                if information.any():  # a page of rest says nothing, and lets nothing be forgotten
+                    s["prior_information"][i] = information + left * s["prior_information"][i]
+                    s["prior_theta"][i] = self._page_theta[i]
+                s["origin"][i] = end
+            shift_memory(s, self.reading, self.size)
+        s["page_theta"] = s["theta"].copy()
+
+    def _go_on(self) -> None:
+        """Spend the budget, or do one piece of work that is no reading."""
+        if next(self._steps, "done") == "done" and self._models:
+            self._catch_up()
+
+    def _rerun(self) -> Iterator[None]:
+        """Refine each model, then ask each what a page says and where it ends; yields without budget."""
+        state, r, size = self.state, self.reading, self.size
+        limit = np.inf
+        if not self.is_page:
+            limit = (FILLING - LIVE * COST_OF_WINDOW) * (self.end - size - PIECES) - RESERVED * size
+        refit = Refit(state, r, size, self._work, limit)
+        yield
+        thetas, self._parents = state["page_theta"], list(range(len(state["page_theta"])))
+        chosen = yield from refit.search(thetas)
+        self._given = refit.given
+        if chosen:
+            yield
+            self._models = yield from adopted(chosen, refit.weights.sum(), self._known)
+            yield
+            thetas = self._models["theta"]
+            self._parents = [c.parent for c in chosen]
+        if self.is_page:
+            yield from self._end_of_page(thetas, refit)
+            yield
+        self._begin_catching_up(thetas)
+        yield
+
+    def _end_of_page(self, thetas: np.ndarray, refit: Refit) -> Iterator[None]:
+        """The information of the page and the state at its end, a pair for each model."""
+        state, r, m = self.state, self.reading, self.size
+        nothing = np.zeros((r.size, r.size))
+        for theta, parent in zip(thetas, self._parents, strict=True):
+            information, end = np.zeros((r.size, r.size)), np.zeros(state["before"].shape[1])
+            kappa = inference_sharpness(theta, r, *refit.latest)
+            self._work[AT] = self._work[PHASE] = 0
+            while not refine_part(
+                theta, *r.law, kappa, state["origin"][parent], state["memory_u"], state["memory_y"],
+                state["memory_restart"], m, r.history, 1, refit.weights, theta, nothing, 0, information, end,
+                self._work,
+            ):  # fmt: skip
+                yield
+            self._ends.append((information * refit.moved, end))
+        yield
+        if has_posterior(r) and refit.moved:
+            past = Linearisation(state, r, self._parents[0], thetas[0], refit.weights)
+            yield
+            while not past.advance(max(int(self._work[BUDGET]) // COST_OF_ROW, 1)):
+                self._work[BUDGET] = 0
+                yield
+            yield
+            self._past = yield from past.left_behind()
+
+    def _begin_catching_up(self, thetas: np.ndarray) -> None:
+        """The new models where the re-run samples end."""
+        state, r, n = self.state, self.reading, self.size
+        h, k = r.history, state["recent_y"].size
+        self._page_theta = thetas.copy()
+        if not self._models:
+            return
+        new = self._models
+        self._running = tuple(new[name][:LIVE].copy() for name in ("theta", "ud", "before", "loss", "motion"))
+        begun = np.flatnonzero(state["memory_restart"][:n])
+        self._since = n - int(begun[-1]) if begun.size else n + h
+        self._recent_u, self._recent_y = np.zeros((k, r.n_inputs)), np.zeros(k)
+        known = min(self._since, k, n + h)
+        self._recent_u[:known] = state["memory_u"][h + n - known : h + n][::-1]
+        self._recent_y[:known] = state["memory_y"][h + n - known : h + n][::-1]
+        self._recent_u = self._recent_u.ravel()
+
+    def _catch_up(self) -> None:
+        """Take the new models through the samples that came since."""
+        state, r, n = self.state, self.reading, self.size
+        h = r.history
+        rest = state["fill"] - n
+        restart, kept = state["memory_restart"][n : n + rest], state["memory_kept"][n : n + rest]
+        cost = COST_OF_WINDOW * len(self._running[0])
+        while self._caught_up < rest and self._work[BUDGET] > 0:
+            at = self._caught_up
+            if restart[at]:
+                self._since = 0
+                for past in (self._running[2], self._recent_u, self._recent_y):
+                    past[:] = 0.0
+            stop = min(at + 1 + int(min(self._work[BUDGET] / cost, rest)), rest)
+            begun = np.flatnonzero(restart[at + 1 : stop] | (kept[at + 1 : stop] != kept[at : stop - 1]))
+            stop = at + 1 + int(begun[0]) if begun.size else stop
+            piece = slice(h + n + at, h + n + stop)
+            theta, ud, before, loss, motion = self._running
+            self._since = run_windows(
+                theta, ud, before, loss, motion, self._recent_u, self._recent_y, self._since, 0,
+                np.full(3, kept[at]), self._models["ceiling"], self._models["sharpness"], 0.0,
+                *r.law, r.p, r.frozen, state["memory_u"][piece], state["memory_y"][piece],
+                np.where(state["memory_still"][n + at : n + stop], STILL, MOVING).astype(np.uint8),
+            )  # fmt: skip
+            self._work[BUDGET] -= (stop - at) * cost
+            self._caught_up = stop

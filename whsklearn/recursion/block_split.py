@@ -1,0 +1,81 @@
+"""Ways to divide the poles and zeros of a linear model between two blocks."""
+
+from __future__ import annotations
+
+import itertools
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from whsklearn.recursion.best_linear import Ratio
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+MOST = 512  # divisions looked at; order 8 with real roots only would have 65,536
+
+
+class Orders(NamedTuple):
+    """Zeros and poles that each block may have at most."""
+
+    zeros_1: int
+    poles_1: int
+    zeros_2: int
+    poles_2: int
+
+
+def divisions(ratio: Ratio, orders: Orders, *, proper: bool = True) -> Iterator[tuple[Ratio, Ratio]]:
+    """All pairs of blocks whose product has the zeros and poles of the ratio, conjugate pairs kept together.
+
+    Parameters
+    ----------
+    ratio : Ratio
+        The linear model.
+    orders : Orders
+        What the blocks can hold.
+    proper : bool, default=True
+        Leave out blocks with more zeros than poles, but for one zero without a pole.
+    """
+    zeros, poles = _groups(np.roots(ratio.b)), _groups(np.roots(ratio.a))
+    found = 0
+    for p in itertools.product((False, True), repeat=len(poles)):
+        first, second = _chosen(poles, p, True), _chosen(poles, p, False)
+        if first.size > orders.poles_1 or second.size > orders.poles_2:
+            continue
+        for z in itertools.product((False, True), repeat=len(zeros)):
+            up, down = _chosen(zeros, z, True), _chosen(zeros, z, False)
+            if up.size > min(orders.zeros_1, max(first.size, 1)) or down.size > min(
+                orders.zeros_2, max(second.size, 1)
+            ):
+                continue
+            yield Ratio(_polynomial(up), _polynomial(first)), Ratio(_polynomial(down), _polynomial(second))
+            found += 1
+            if found >= MOST:
+                return
+
+
+def padded(block: Ratio, n_zeros: int, n_poles: int) -> Ratio:
+    """The block with zero coefficients up to these orders: roots at z = 0, which a fit is free to move."""
+    b = np.append(block.b, np.zeros(max(n_zeros + 1 - block.b.size, 0)))
+    return Ratio(b, np.append(block.a, np.zeros(max(n_poles + 1 - block.a.size, 0))))
+
+
+def _groups(roots: NDArray[Any]) -> list[NDArray[np.complex128]]:
+    """Real roots alone, conjugate pairs together; roots at zero, which are delays, are left out."""
+    roots = roots[np.abs(roots) > 1e-9]
+    upper = roots[roots.imag > 1e-9 * np.abs(roots)]
+    real = roots[np.abs(roots.imag) <= 1e-9 * np.abs(roots)]
+    return [np.array([r, np.conj(r)]) for r in upper] + [np.array([r]) for r in real]
+
+
+def _chosen(groups: list[NDArray[np.complex128]], marks: tuple[bool, ...], wanted: bool) -> NDArray[np.complex128]:
+    parts = [g for g, mark in zip(groups, marks, strict=True) if mark is wanted]
+    return np.concatenate(parts) if parts else np.empty(0, dtype=complex)
+
+
+def _polynomial(roots: NDArray[np.complex128]) -> Array:
+    return np.atleast_1d(np.real(np.poly(roots)))

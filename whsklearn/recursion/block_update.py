@@ -1,0 +1,103 @@
+"""One block of a stream taken into a simulation-error fit: what lies before it is a quadratic form.
+
+theta minimises |e_block(theta)|^2 + (theta - theta_0)' R (theta - theta_0) in a few Gauss-Newton steps, each
+taken only if that falls, and R grows by the block's J'J.  Sample by sample the same recursion is blown
+up by surplus poles; by blocks it is not.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from whsklearn.recursion.best_linear import IOData, damped_step
+from whsklearn.recursion.simulation_error import Chain, orthonormal, run, sensitivities
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+STEPS = 3
+DAMPING = (1e-9, 1e-4, 1e-2, 1.0)  # tried in turn until a step lowers the cost
+
+
+class Coordinates(NamedTuple):
+    """theta = (linear part, weights in an orthonormal basis); ``held`` entries do not move."""
+
+    basis: Array
+    held: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, chain: Chain, data: IOData) -> Coordinates:
+        """A basis in which the law's columns on this record are orthonormal; b1[0] and b2[0] are held."""
+        basis = orthonormal(run(chain, data).columns[:, data.counts])
+        return cls(basis, np.array([0, chain.b1.size + chain.a1.size - 1]))
+
+    def rows(self, chain: Chain, data: IOData) -> tuple[Array, Array]:
+        """(error, its sensitivities with the sign of dy) on the samples that count."""
+        y, rows = sensitivities(chain, data)
+        n = chain.linear_part.size
+        rows = np.vstack([rows[:n], self.basis @ rows[n:]]) * data.counts
+        rows[self.held] = 0.0
+        return (data.y - y) * data.counts, rows
+
+    def moved(self, chain: Chain, step: Array) -> Chain:
+        """The chain after a step of theta."""
+        n = chain.linear_part.size
+        return chain.moved(step[:n])._replace(weights=chain.weights + step[n:] @ self.basis)
+
+
+def information_of(chain: Chain, data: IOData, at: Coordinates) -> Array:
+    """J'J of a record."""
+    rows = at.rows(chain, data)[1]
+    return rows @ rows.T
+
+
+def block_update(chain: Chain, information: Array, data: IOData, at: Coordinates) -> tuple[Chain, Array, float]:
+    """The chain after a block.
+
+    Parameters
+    ----------
+    chain : Chain
+        The estimate so far.
+    information : ndarray of shape (p, p)
+        R.
+    data : IOData
+        The block, and before it samples that do not count: they carry the state.
+    at : Coordinates
+        Of theta.
+
+    Returns
+    -------
+    chain : Chain
+    information : ndarray of shape (p, p)
+    loss : float
+        Sum of squared errors of the block before it was taken in.
+    """
+    gone = np.zeros(len(information))
+    error, rows = at.rows(chain, data)
+    loss = cost = float(error @ error)
+    for _ in range(STEPS):
+        total = rows @ rows.T + information
+        diagonal = np.diag(total)
+        total[np.diag_indices_from(total)] = np.where(diagonal > 0, diagonal, 1.0)
+        gradient = rows @ error - information @ gone
+        for damping in DAMPING:
+            step = damped_step(total, gradient, damping)
+            trial = at.moved(chain, step)
+            if not trial.stable:
+                continue
+            away = gone + step
+            left = (data.y - run(trial, data).y) * data.counts
+            new = float(left @ left + away @ information @ away)
+            if new < cost:
+                chain, gone, gain, cost = trial, away, 1 - new / cost, new
+                error, rows = at.rows(chain, data)
+                break
+        else:
+            break
+        if gain < 1e-6:
+            break
+    return chain, information + rows @ rows.T, loss

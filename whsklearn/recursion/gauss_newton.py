@@ -1,0 +1,169 @@
+"""Gauss-Newton over the samples kept in memory: a window re-run at full length.
+
+A recursion keeps the information of early samples linearised where the parameters were
+then.  Re-running the stored samples with the newest parameters puts it right, as the
+window of p samples does for the newest ones.  What lies before the memory enters as a
+Gaussian prior (theta_0, information), as in moving-horizon estimation (Rao, Rawlings,
+Mayne 2003, IEEE TAC 48(2)).
+
+Like a re-run itself (`replay`) it can be done in parts, so that no sample has to wait for it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from whsklearn._numba import njit
+from whsklearn.recursion.memory_cost import (
+    AT,
+    BUDGET,
+    COST,
+    DAMPING,
+    HEAD,
+    HUGE,
+    ITERATION,
+    PHASE,
+    TOTAL,
+    UNBOUNDED,
+    replay_part,
+    work_size,
+)
+from whsklearn.systems.stability import is_stable
+
+FIRST_RUN, PROPOSAL, TRIAL, DONE = range(4)
+
+
+@njit(cache=True, error_model="numpy")
+def refine_part(
+    theta, dims, codes, shapes, kappa, origin, memory_u, memory_y, restarts, fill, history, tail, weights,
+    prior_theta, prior_information, iterations, information, state, work,
+):  # fmt: skip
+    """Go on with a `refine` as far as the budget allows; True at its end, with ``work[COST]`` reached.
+
+    It begins where ``work[PHASE]`` and ``work[AT]`` are 0.
+    """
+    n = theta.size
+    na, nb = dims[0], dims[1]
+    slope = work[HEAD : HEAD + n]
+    trial = work[HEAD + n : HEAD + 2 * n]
+    slope_t = work[HEAD + 2 * n : HEAD + 3 * n]
+    information_t = work[HEAD + 3 * n : HEAD + 3 * n + n * n].reshape(n, n)
+    state_t = work[HEAD + 3 * n + n * n : HEAD + 3 * n + n * n + state.size]
+    while work[PHASE] != DONE:
+        if work[PHASE] == FIRST_RUN:
+            if not replay_part(
+                theta, dims, codes, shapes, kappa, origin, memory_u, memory_y, restarts, fill, history, tail,
+                weights, information, slope, state, work,
+            ):  # fmt: skip
+                return False
+            work[COST] = work[TOTAL] + _add_prior(theta, prior_theta, prior_information, information, slope)
+            work[DAMPING] = 1e-3
+            work[ITERATION] = 0
+            work[PHASE] = PROPOSAL
+            if not work[COST] < HUGE:
+                work[COST] = np.inf
+                work[PHASE] = DONE
+        elif work[PHASE] == PROPOSAL:
+            work[AT] = 0
+            work[TOTAL] = np.inf
+            if work[ITERATION] == iterations:
+                work[PHASE] = DONE
+                break
+            work[ITERATION] += 1
+            solved = solve_damped(information, slope, work[DAMPING], trial)
+            for i in range(n):
+                trial[i] += theta[i]
+            if solved and is_stable(trial[na - 1 : na - 1 + nb], 0.999):
+                work[PHASE] = TRIAL
+            else:
+                _judge(work, np.inf)
+        else:
+            if not replay_part(
+                trial, dims, codes, shapes, kappa, origin, memory_u, memory_y, restarts, fill, history, tail,
+                weights, information_t, slope_t, state_t, work,
+            ):  # fmt: skip
+                return False
+            cost = work[TOTAL] + _add_prior(trial, prior_theta, prior_information, information_t, slope_t)
+            if _judge(work, cost):
+                theta[:] = trial
+                slope[:] = slope_t
+                information[:] = information_t
+                state[:] = state_t
+    return True
+
+
+@njit(cache=True, error_model="numpy")
+def _judge(work, cost):
+    """Whether a trial is taken; sets damping and phase, which is the end where it gains next to nothing."""
+    work[PHASE] = PROPOSAL
+    if cost < work[COST]:
+        if 1.0 - cost / work[COST] < 1e-6:
+            work[PHASE] = DONE
+        work[COST] = cost
+        work[DAMPING] = max(work[DAMPING] * 0.1, 1e-9)
+        return True
+    work[DAMPING] *= 10.0
+    if work[DAMPING] > 1e6:
+        work[PHASE] = DONE
+    return False
+
+
+@njit(cache=True, error_model="numpy")
+def refine(
+    theta, dims, codes, shapes, kappa, origin, memory_u, memory_y, restarts, fill, history, tail, weights,
+    prior_theta, prior_information, iterations, information, state,
+):  # fmt: skip
+    """Levenberg-Marquardt steps (Marquardt 1963) on ``theta`` in place; returns the cost reached."""
+    work = np.zeros(work_size(dims, origin.size))
+    work[BUDGET] = UNBOUNDED
+    refine_part(
+        theta, dims, codes, shapes, kappa, origin, memory_u, memory_y, restarts, fill, history, tail, weights,
+        prior_theta, prior_information, iterations, information, state, work,
+    )  # fmt: skip
+    return work[COST]
+
+
+@njit(cache=True, error_model="numpy")
+def _add_prior(theta, prior_theta, prior_information, information, slope):
+    """Add the prior's part to the Gauss-Newton matrix and slope; returns its part of the cost."""
+    n = theta.size
+    cost = 0.0
+    for i in range(n):
+        pull = 0.0
+        for j in range(n):
+            pull += prior_information[i, j] * (theta[j] - prior_theta[j])
+            information[i, j] += prior_information[i, j]
+        slope[i] -= pull
+        cost += pull * (theta[i] - prior_theta[i])
+    return cost
+
+
+@njit(cache=True, error_model="numpy")
+def solve_damped(matrix, right, damping, solution):
+    """Solve (A + damping diag A) s = r by Cholesky; False where A is not positive definite."""
+    n = right.size
+    low = np.empty((n, n))
+    for i in range(n):
+        for j in range(i + 1):
+            s = matrix[i, j]
+            if i == j:
+                s += damping * s
+            for k in range(j):
+                s -= low[i, k] * low[j, k]
+            if i == j:
+                if not s > 1e-14 * matrix[i, i]:
+                    return False
+                low[i, i] = np.sqrt(s)
+            else:
+                low[i, j] = s / low[j, j]
+    for i in range(n):
+        s = right[i]
+        for k in range(i):
+            s -= low[i, k] * solution[k]
+        solution[i] = s / low[i, i]
+    for i in range(n - 1, -1, -1):
+        s = solution[i]
+        for k in range(i + 1, n):
+            s -= low[k, i] * solution[k]
+        solution[i] = s / low[i, i]
+    return True

@@ -1,0 +1,159 @@
+"""Recursive least squares on given rows: RLS, block MILS (7)-(9), sub-innovations (10)-(14).
+
+With given rows the block update and the p scalar updates are the same numbers (block
+inversion lemma), so both are here as the scalar ones, and `block_update` as the letter of
+(7)-(9) for whoever wants to see that.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from whsklearn._inputs import LARGEST
+from whsklearn._numba import njit
+from whsklearn.recursion.covariance import inflate, measurement_update
+
+
+@njit(cache=True, error_model="numpy")
+def _silent(recent, targets):
+    """Whether all rows and targets of the window are zero."""
+    for i in range(targets.size):
+        if targets[i] != 0.0:
+            return False
+        for k in range(recent.shape[1]):
+            if recent[i, k] != 0.0:
+                return False
+    return True
+
+
+@njit(cache=True, error_model="numpy")
+def run_rows(theta, ud, loss, recent, targets, since, forgetting, ceiling, p, variance, rows, y):
+    """Update theta and P by each row and the p - 1 before it; all state arrays change in place.
+
+    Parameters
+    ----------
+    theta, ud : ndarrays of shape (n,), (n, n)
+        Parameters and factorised covariance.
+    loss : ndarray of shape (2,)
+        Weighted sum of squared innovations and sum of the weights.
+    recent, targets : ndarrays of shape (p, n), (p,)
+        The latest rows and targets, at t mod p.
+    since : int
+        Rows since the experiment began.
+    forgetting : float
+        Forgetting factor.
+    ceiling : float
+        Where forgetting stops to inflate P.
+    variance : float
+        Noise variance of one update: p where a row counts once in all, 1 to the letter.
+    rows, y : ndarrays of shape (m, n), (m,)
+        New rows and targets, in time order.
+
+    Returns
+    -------
+    int
+        ``since`` after the last row.
+    """
+    n = theta.size
+    gain = np.empty(n)
+    phi = np.empty(n)
+    for t in range(y.size):
+        at = since % p
+        for k in range(n):
+            recent[at, k] = rows[t, k]
+        targets[at] = y[t]
+        since += 1
+        if y[t] == 0.0 and _silent(recent, targets):
+            continue  # an idle axis says nothing: it must not be taken for noise of no variance, nor for oblivion
+        if forgetting != 1.0:
+            inflate(ud, 1.0 / forgetting, ceiling)
+            loss[0] *= forgetting
+            loss[1] *= forgetting
+        window = min(p, since)
+        for i in range(window):
+            at = (since - window + i) % p
+            e = targets[at]
+            for k in range(n):
+                phi[k] = recent[at, k]
+                e -= phi[k] * theta[k]
+            # sum of e^2 / alpha is the residual sum of squares of the final estimate (Ljung 1999, ch. 11)
+            loss[0] += e * e / measurement_update(ud, phi, variance, gain)
+            loss[1] += 1.0 / variance
+            for k in range(n):
+                theta[k] += gain[k] * e
+    return since
+
+
+@njit(cache=True, error_model="numpy")
+def run_one_row(theta, ud, loss, recent, targets, since, forgetting, ceiling, p, variance, rows, y, learnt):
+    """`run_rows` for one row, checked here because a check outside costs more than the update.
+
+    Returns ``since``, or -1 with nothing changed if a number is not finite or absurdly large.  ``learnt``, an array
+    of one whole number, holds it too: an interrupt can lose what a function returns.
+    """
+    if not abs(y[0]) <= LARGEST:
+        return -1
+    for k in range(theta.size):
+        if not abs(rows[0, k]) <= LARGEST:
+            return -1
+    learnt[0] = run_rows(theta, ud, loss, recent, targets, since, forgetting, ceiling, p, variance, rows, y)
+    return learnt[0]
+
+
+@njit(cache=True, error_model="numpy")
+def run_gradient(theta, loss, recent, targets, since, power, forgetting, p, rows, y):
+    """Multi-innovation stochastic gradient: theta += Phi E / r, r(t) = lambda r(t-1) + |phi(t)|^2.
+
+    Ding and Chen 2007, Automatica 43(1), 1-14.  ``power`` is the array of one number that
+    holds r.
+    """
+    n = theta.size
+    step = np.empty(n)
+    for t in range(y.size):
+        at = since % p
+        square = 0.0
+        for k in range(n):
+            recent[at, k] = rows[t, k]
+            square += rows[t, k] * rows[t, k]
+        targets[at] = y[t]
+        since += 1
+        power[0] = forgetting * power[0] + square
+        step[:] = 0.0
+        span = 0.0
+        window = min(p, since)
+        for i in range(window):
+            at = (since - window + i) % p
+            e = targets[at]
+            for k in range(n):
+                e -= recent[at, k] * theta[k]
+            for k in range(n):
+                step[k] += recent[at, k] * e
+                span += recent[at, k] * recent[at, k]
+            if i == window - 1:
+                loss[0] = forgetting * loss[0] + e * e
+                loss[1] = forgetting * loss[1] + 1.0
+        # with forgetting r may fall below |Phi(p, t)|^2, where the step would overshoot and diverge
+        size = max(power[0], span)
+        if size > 0.0:
+            for k in range(n):
+                theta[k] += step[k] / size
+    return since
+
+
+def block_update(theta, p_matrix, phi, y, variance=1.0):
+    """(7)-(9) to the letter: theta(t) and P(t) from theta(t-1), P(t-1), phi(p, t) and Y(p, t).
+
+    Parameters
+    ----------
+    theta, p_matrix : ndarrays of shape (n,), (n, n)
+        theta(t-1) and P(t-1).
+    phi : ndarray of shape (n, p)
+        The p regressors as columns.
+    y : ndarray of shape (p,)
+        Y(p, t).
+    variance : float
+        Takes the place of I_p's entries in (8).
+    """
+    s = variance * np.eye(y.size) + phi.T @ p_matrix @ phi
+    gain = np.linalg.solve(s, phi.T @ p_matrix).T
+    return theta + gain @ (y - phi.T @ theta), p_matrix - gain @ phi.T @ p_matrix

@@ -1,0 +1,179 @@
+"""The samples in memory linearised at one theta with every sign frozen, and the signs that are in doubt there.
+
+With sign(dx) frozen at each sample the predictor is smooth in theta, so
+
+    e(theta_0 + delta) = e_0 - J delta        and        M = [J e_0]' W [J e_0]
+
+hold all that a record says, but for the samples whose dx is so small that other parameters
+could turn its sign.  Those are listed with what it takes to turn them: dx and its gradient by
+(a, b), the sign that was frozen, the height of the law's jump, and the rows of [J e_0] that
+v(t) enters, t + 1 .. t + n_c (equation error: measured outputs carry nothing further).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from whsklearn._numba import njit
+from whsklearn.effects.terms import COULOMB, POSITION_FRICTION, STRIBECK_EXP, term_values
+from whsklearn.recursion.memory_cost import load_past, load_samples, save_past
+from whsklearn.recursion.predictor_block import LENGTH, forget, move_on, predict_stretch
+from whsklearn.recursion.predictor_block import empty_rows as empty_stretch
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from whsklearn.recursion.starts import Law
+
+    Array = NDArray[np.float64]
+
+CAPACITY = 512  # signs kept at most; on Example 5.1 the median is 20 to 130 for any length, the most seen 537
+IN_DOUBT = 7.0  # standard deviations of dx, of the covariance with signs frozen, which is wider than the posterior
+SETTLED = 12.0  # beyond these a listed sign is frozen for good when a page is turned
+
+
+class Record(NamedTuple):
+    """Samples as the memory holds them: ``history`` samples before the first, ``stop`` samples in all."""
+
+    u: Array
+    y: Array
+    restart: NDArray[np.bool_]
+    history: int
+    stop: int
+
+
+class Rows(NamedTuple):
+    """What `linearise` fills, a row a sample: [psi, e]; x, dx; gradient of dx by (a, b)."""
+
+    psi: Array
+    motion: Array
+    gradient: Array
+
+
+class Signs(NamedTuple):
+    """Signs in doubt, an entry each.
+
+    Attributes
+    ----------
+    dx, sign, scale : ndarrays of shape (E,)
+        dx at theta_0, the sign frozen in the rows, root of the sample's weight.
+    gradient : ndarray of shape (E, n_1)
+        d dx / d(a, b).
+    height : ndarray of shape (E, K)
+        What each term of the law is worth at sign 1.
+    rows : ndarray of shape (E, n_c, n + 1)
+        Weighted [psi, e] of the samples that v(t) enters.
+    at : ndarray of shape (E, n_c)
+        Which samples those are, counted from the first of the stream; -1 for none.
+    """
+
+    dx: Array
+    sign: Array
+    scale: Array
+    gradient: Array
+    height: Array
+    rows: Array
+    at: NDArray[np.int64]
+
+    def take(self, chosen: NDArray[np.intp]) -> Signs:
+        """Some of the entries."""
+        return Signs._make(v[chosen] for v in self)
+
+    def joined(self, others: Signs) -> Signs:
+        """These and others."""
+        return Signs(*(np.concatenate(pair) for pair in zip(self, others, strict=True)))
+
+    def shifted(self, delta: Array) -> Signs:
+        """The same at theta_0 + delta, signs frozen as they were."""
+        n1 = self.gradient.shape[1]
+        rows = self.rows.copy()
+        rows[..., -1] -= rows[..., :-1] @ delta
+        return self._replace(dx=self.dx + self.gradient @ delta[:n1], rows=rows)
+
+    def weighted(self, left: float) -> Signs:
+        """The same when ``left`` is left of each sample's weight."""
+        root = np.sqrt(left)
+        return self._replace(scale=self.scale * root, rows=self.rows * root)
+
+    def doubt(self, covariance: Array) -> Array:
+        """|dx| in standard deviations, for a covariance of (a, b)."""
+        return np.abs(self.dx) / deviation(np.ascontiguousarray(self.gradient), covariance)
+
+
+def jumps(codes: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Which terms of a law jump where dx changes its sign."""
+    return np.isin(codes, (COULOMB, STRIBECK_EXP, POSITION_FRICTION))
+
+
+@njit(cache=True, error_model="numpy")
+def deviation(gradient, covariance):
+    """Standard deviation of dx of every sample from its gradient by (a, b)."""
+    out = np.empty(gradient.shape[0])
+    for t in range(gradient.shape[0]):
+        variance = 1e-300
+        for i in range(gradient.shape[1]):
+            for j in range(gradient.shape[1]):
+                variance += covariance[i, j] * gradient[t, i] * gradient[t, j]
+        out[t] = np.sqrt(max(variance, 1e-300))
+    return out
+
+
+def empty_rows(n: int, size: int, n1: int) -> Rows:
+    """Room for ``n`` samples of a model of ``size`` parameters, ``n1`` of them in L1."""
+    return Rows(np.empty((n, size + 1)), np.empty((n, 2)), np.empty((n, n1)))
+
+
+@njit(cache=True, error_model="numpy")
+def linearise(theta, dims, codes, shapes, past, record, first, stop, out):
+    """Fill ``out`` from sample ``first`` to ``stop``; ``past`` is what precedes, and is taken along."""
+    rows = empty_stretch(dims, record.u.shape[1])
+    load_past(past, dims, rows)
+    errors = np.empty(LENGTH)
+    n1, n, nx = rows[2].shape[0], theta.size, rows[1].size - LENGTH
+    h, t = record.history, first
+    while t < stop:
+        if record.restart[t]:
+            forget(rows)
+        end = min(t + LENGTH, stop)
+        for i in range(t + 1, end):
+            if record.restart[i]:
+                end = i
+                break
+        e = errors[: end - t]
+        load_samples(rows, record.u[h + t : h + end], record.y[h + t : h + end])
+        predict_stretch(theta, dims, codes, shapes, np.inf, rows, e)
+        x, gradient, psi = rows[1], rows[2], rows[6]
+        for i in range(e.size):
+            for k in range(n):
+                out.psi[t + i, k] = psi[k, i]
+            out.psi[t + i, n] = e[i]
+            out.motion[t + i, 0] = x[nx + i]
+            out.motion[t + i, 1] = x[nx + i] - x[nx + i - 1]
+            for k in range(n1):
+                out.gradient[t + i, k] = gradient[k, nx + i] - gradient[k, nx + i - 1]
+        move_on(rows, e.size)
+        t = end
+    save_past(past, dims, rows)
+
+
+def listed(rows: Rows, record: Record, chosen: NDArray[np.int64], law: Law, weights: Array, first: int) -> Signs:
+    """Entries for the samples ``chosen`` of ``rows``, whose [psi, e] are weighted already.
+
+    ``first`` is how many samples of the stream came before the record.
+    """
+    dims, codes, shapes = law
+    x, dx = np.ascontiguousarray(rows.motion[chosen].T)
+    height = np.zeros((chosen.size, codes.size))
+    for k in np.flatnonzero(jumps(codes)):
+        height[:, k] = term_values(codes[k], *shapes[k], x, np.abs(dx), np.inf)
+    after = chosen[:, None] + 1 + np.arange(dims[2])
+    there = after < record.stop
+    after = np.where(there, after, 0)
+    experiment = np.cumsum(record.restart[: record.stop])
+    there &= experiment[after] == experiment[chosen][:, None]  # what follows a restart knows nothing of it
+    return Signs(
+        dx, np.sign(dx), np.sqrt(weights[chosen]), rows.gradient[chosen], height,
+        rows.psi[after] * there[..., None], np.where(there, first + after, -1),
+    )  # fmt: skip

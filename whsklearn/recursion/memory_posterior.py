@@ -1,0 +1,229 @@
+"""Posterior of a stream: the samples in memory, and what the pages before left of theirs.
+
+A page that is turned leaves M, linearised where the parameters were then, and the signs that are
+still in doubt.  Both move to another theta_0 exactly, since e is linear while no sign turns:
+M -> T' M T with T = [I; -delta'], dx += g' delta.  So the posterior of a stream of any length
+costs what its memory costs, and it is worked out when it is asked for, not at every sample.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from whsklearn.recursion.linearised_memory import (
+    CAPACITY,
+    IN_DOUBT,
+    SETTLED,
+    Record,
+    Signs,
+    deviation,
+    empty_rows,
+    jumps,
+    linearise,
+    listed,
+)
+from whsklearn.recursion.memory_cost import begin_past
+from whsklearn.recursion.memory_refit import left_of_prior, weights_of
+from whsklearn.recursion.sign_posterior import Gaussian, frozen, posed, sample
+
+if TYPE_CHECKING:
+    from collections.abc import Generator
+
+    from numpy.typing import NDArray
+
+    from whsklearn.recursion.reading import Reading, State
+
+    Array = NDArray[np.float64]
+    Indices = NDArray[np.intp]
+
+CHUNK = 256  # rows of a product, so that a page can be summed in parts
+ROUNDS = 3  # linearisations of the memory at most: the second is at the mean of the first
+WORSE = 1.02  # squared errors at the mean over those at theta_0, beyond which the linearisation did not hold
+
+
+def has_posterior(r: Reading) -> bool:
+    """Whether signs can be in doubt: the law jumps, L1 has parameters and there is a memory."""
+    return bool(r.memory and jumps(r.codes).any() and r.dims[0] - 1 + r.dims[1] > 0)
+
+
+def initial_past(r: Reading) -> State:
+    """What the pages before left, when there were none."""
+    n, n1, nw, nc = r.size, int(r.dims[0] - 1 + r.dims[1]), int(r.dims[4]), int(r.dims[2])
+    room = CAPACITY if has_posterior(r) else 0
+    signs = {
+        "signs": np.zeros((room, 3 + n1 + nw + nc * (n + 1))),
+        "signs_at": np.full((room, nc), -1, dtype=np.int64),
+    }
+    past = {"past_matrix": np.zeros((n + 1, n + 1)), "past_theta": np.zeros(n), "past_count": np.zeros(1)}
+    return past | _read_only(signs)
+
+
+def packed(signs: Signs, state: State) -> State:
+    """The signs as the state keeps them."""
+    out = {"signs": np.zeros_like(state["signs"]), "signs_at": np.full_like(state["signs_at"], -1)}
+    n = signs.dx.size
+    columns = (signs.dx[:, None], signs.sign[:, None], signs.scale[:, None], signs.gradient, signs.height)
+    out["signs"][:n] = np.hstack([*columns, signs.rows.reshape(n, signs.rows.shape[1] * signs.rows.shape[2])])
+    out["signs_at"][:n] = signs.at
+    return _read_only(out)
+
+
+def _read_only(arrays: State) -> State:
+    """The same, never changed in place: a copy of the state, which an interrupted call goes back to, can share them."""
+    for value in arrays.values():
+        value.flags.writeable = False
+    return arrays
+
+
+def unpacked(state: State, r: Reading) -> Signs:
+    """The reverse of `packed`."""
+    n1, nw, nc = int(r.dims[0] - 1 + r.dims[1]), int(r.dims[4]), int(r.dims[2])
+    there = np.flatnonzero(state["signs"][:, 2])
+    rows = state["signs"][there]
+    g, h = 3 + n1, 3 + n1 + nw
+    return Signs(
+        rows[:, 0], rows[:, 1], rows[:, 2], rows[:, 3:g], rows[:, g:h], rows[:, h:].reshape(-1, nc, r.size + 1),
+        state["signs_at"][there],
+    )  # fmt: skip
+
+
+def moved(matrix: Array, delta: Array) -> Array:
+    """M linearised at theta_0 + delta."""
+    t = np.eye(matrix.shape[0])
+    t[:-1, -1] = -delta
+    return t.T @ matrix @ t
+
+
+class Linearisation:
+    """The first ``stop`` samples in memory linearised at ``theta``, with all that came before them.
+
+    Parameters
+    ----------
+    state : dict
+        Of a stream; nothing of it changes.
+    r : Reading
+    s : int
+        Which model.
+    theta : ndarray of shape (n,)
+    weights : ndarray
+        What forgetting has left of each sample; as many samples as it has are read.
+    """
+
+    def __init__(self, state: State, r: Reading, s: int, theta: Array, weights: Array):
+        stop = weights.size
+        self.state, self.reading, self.model, self.theta, self.stop = state, r, s, theta, stop
+        n, n1 = r.size, int(r.dims[0] - 1 + r.dims[1])
+        self.record = Record(state["memory_u"], state["memory_y"], state["memory_restart"], r.history, stop)
+        self.weights = weights
+        self.rows = empty_rows(stop, n, n1)
+        self.matrix = np.zeros((n + 1, n + 1))
+        self.done = 0
+        origin = state["origin"][s]
+        self._past = np.empty(origin.size + int(r.dims[0] + r.dims[3]))
+        begin_past(self._past, r.dims, origin, state["memory_u"], state["memory_y"], r.history)
+
+    def advance(self, n: int) -> bool:
+        """Read at least ``n`` samples more; True when all are read."""
+        target = min(self.stop, self.done + n)
+        while self.done < target:
+            end = min(self.done + CHUNK, self.stop)
+            linearise(self.theta, *self.reading.law, self._past, self.record, self.done, end, self.rows)
+            psi = self.rows.psi[self.done : end]
+            psi *= np.sqrt(self.weights[self.done : end, None])
+            self.matrix += psi.T @ psi
+            self.done = end
+        return self.done == self.stop
+
+    def joined(self, about: Gaussian | None = None) -> tuple[Array, Signs, float]:
+        """M, signs in doubt and number of samples, of the past and of the memory together.
+
+        In doubt by the covariance ``about``, or by that with the signs frozen.
+        """
+        matrix, signs, count = self._with_past()
+        about = about or frozen(matrix, self.theta, count)
+        kept, chosen = self._chosen(signs, self._doubtful(about), about)
+        return matrix, signs.take(kept).joined(self._listed(chosen)), count
+
+    def _with_past(self) -> tuple[Array, Signs, float]:
+        """M and number of samples of past and memory, and the signs of the past."""
+        state, r, n = self.state, self.reading, self.theta.size
+        left = left_of_prior(state, self.stop)
+        count = float(self.weights.sum())
+        if state["past_count"][0] > 0.0:
+            delta = self.theta - state["past_theta"]
+            matrix = self.matrix + left * moved(state["past_matrix"], delta)
+            signs = unpacked(state, r).weighted(left).shifted(delta)
+            return matrix, signs, count + left * float(state["past_count"][0])
+        # P0, as the information that the memory's re-run goes by
+        matrix = np.zeros((n + 1, n + 1))
+        matrix[:n, :n] = left * state["prior_information"][self.model]
+        matrix = self.matrix + moved(matrix, self.theta - state["prior_theta"][self.model])
+        return matrix, unpacked(state, r), count
+
+    def _doubtful(self, about: Gaussian | None) -> Array:
+        """|dx| of every sample in standard deviations; infinite where the sign is no question."""
+        if about is None:
+            return np.full(self.stop, np.inf)
+        n1 = self.rows.gradient.shape[1]
+        dx = self.rows.motion[:, 1]
+        doubt = np.abs(dx) / deviation(self.rows.gradient, np.ascontiguousarray(about.covariance[:n1, :n1]))
+        doubt[(self.weights == 0.0) | (dx == 0.0) | (doubt >= IN_DOUBT)] = np.inf
+        return doubt
+
+    def _chosen(self, old: Signs, doubt: Array, about: Gaussian | None) -> tuple[Indices, Indices]:
+        """Which signs of the past are not settled and which of the memory are in doubt: the most doubtful of them."""
+        n1 = self.rows.gradient.shape[1]
+        before = np.zeros(old.dx.size) if about is None else old.doubt(about.covariance[:n1, :n1])
+        kept, chosen = np.flatnonzero(before < SETTLED), np.flatnonzero(doubt < IN_DOUBT)
+        if kept.size + chosen.size > CAPACITY:
+            bar = np.sort(np.concatenate([before[kept], doubt[chosen]]))[CAPACITY]
+            kept, chosen = kept[before[kept] < bar], chosen[doubt[chosen] < bar]
+        return kept, chosen
+
+    def _listed(self, chosen: Indices) -> Signs:
+        """Signs of the memory."""
+        first = self.state["seen"] - self.state["fill"]
+        return listed(self.rows, self.record, chosen, self.reading.law, self.weights, first)
+
+    def left_behind(self) -> Generator[None, None, State]:
+        """What a page leaves for those to come, as the state holds it; in parts, since it is done between samples."""
+        matrix, old, count = self._with_past()
+        yield
+        about = frozen(matrix, self.theta, count)
+        yield
+        doubt = self._doubtful(about)
+        yield
+        kept, chosen = self._chosen(old, doubt, about)
+        old = old.take(kept)
+        yield
+        new = self._listed(chosen)
+        yield
+        signs = old.joined(new)
+        yield
+        past = {"past_matrix": matrix, "past_theta": self.theta.copy(), "past_count": np.array([count])}
+        return past | packed(signs, self.state)
+
+
+def posterior(state: State, r: Reading, s: int) -> Gaussian | None:
+    """Mean and covariance of the parameters of model ``s`` from all samples; None where it has none.
+
+    The state is not changed, and the same state gives the same numbers.
+    """
+    theta, best, answer = state["theta"][s], np.inf, None
+    rng = np.random.default_rng([r.seed, 1, state["seen"]])
+    for _ in range(ROUNDS):
+        if not np.isfinite(theta).all():
+            break
+        memory = Linearisation(state, r, s, theta.copy(), weights_of(state, state["fill"]))
+        memory.advance(state["fill"])
+        matrix, signs, count = memory.joined(answer)
+        if not np.isfinite(matrix).all() or not matrix[-1, -1] < WORSE * best:
+            break
+        start = answer or frozen(matrix, theta, count)
+        found = start and sample(posed(matrix, theta, r.dims, count, signs), start, rng)
+        if found is None:
+            break
+        best, answer, theta = min(best, matrix[-1, -1]), found, found.mean
+    return answer

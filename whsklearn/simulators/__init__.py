@@ -1,0 +1,6 @@
+"""Simulators of other tools behind the three methods that `whsklearn.gap.GapFinder` asks for."""
+
+from whsklearn.simulators.fmu import FMUSimulator
+from whsklearn.simulators.mujoco import MuJoCoSimulator
+
+__all__ = ["FMUSimulator", "MuJoCoSimulator"]

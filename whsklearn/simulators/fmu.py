@@ -1,0 +1,148 @@
+"""An FMU 2 or 3 for co-simulation as a simulator, run by FMPy (extra ``fmu``)."""
+
+from __future__ import annotations
+
+import copy
+import os
+from collections.abc import Mapping
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from whsklearn.effects import Effect
+
+Array = NDArray[Any]
+ITERATIONS = 4
+
+
+class FMUSimulator:
+    """An FMU with one input, the drive, and one output, the position.
+
+    An FMU is closed: an effect is added to its drive, as the torque that it asks for along the measured motion.
+
+    Parameters
+    ----------
+    path : path
+        The .fmu file.
+    drive, position : str, optional
+        Names of the input and of the output; the only ones by default.
+    parameters : mapping of str to float, optional
+        Parameters of the FMU that may be refitted, with their values, none of them zero.
+
+    Raises
+    ------
+    ImportError
+        If FMPy is not installed.
+    ValueError
+        If the FMU has no such variable.
+
+    Examples
+    --------
+    >>> from whsklearn.simulators import FMUSimulator
+    >>> simulator = FMUSimulator("axis.fmu", drive="drive", position="y")  # doctest: +SKIP
+    """
+
+    def __init__(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        drive: str | None = None,
+        position: str | None = None,
+        parameters: Mapping[str, float] | None = None,
+        effects: tuple[Effect, ...] = (),
+    ):
+        fmpy = _library()
+        self.path = str(path)
+        self.parameters = dict(parameters or {})
+        self.effects = tuple(effects)
+        there = {v.name: v.causality for v in fmpy.read_model_description(self.path).modelVariables}
+        self.drive = drive or _only(there, "input", "drive")
+        self.position = position or _only(there, "output", "position")
+        for name in (self.drive, self.position, *self.parameters):
+            if name not in there:
+                raise ValueError(f"The FMU has no variable {name!r}; it has {', '.join(sorted(there))}.")
+
+    def simulate(self, record: Any) -> Array:
+        """Position from the drive alone, shape (n,), beginning at the record's first."""
+        fmpy = _library()
+        u = record.drive - sum((self._torque(e, record) for e in self.effects), np.zeros(len(record)))
+        time = record.time - record.time[0]
+        log = np.array(list(zip(time, u, strict=True)), dtype=[("time", float), (self.drive, float)])
+        out = fmpy.simulate_fmu(
+            self.path, start_time=0.0, stop_time=float(time[-1]), step_size=record.dt, output_interval=record.dt,
+            input=log, output=[self.position], start_values=self.parameters, fmi_type="CoSimulation",
+        )  # fmt: skip
+        y = np.interp(time, out["time"], out[self.position])
+        return y - y[0] + record.position[0]
+
+    def _torque(self, effect: Effect, record: Any) -> Array:
+        """What an effect asks of the drive along the measured motion."""
+        from whsklearn.filtering.records import motion
+
+        rate = 1.0 / record.dt
+        m = motion(record.position, rate, min(25.0, 0.2 * rate))
+        return effect.contribution(
+            SimpleNamespace(
+                time=record.time - record.time[0],
+                position=m.position,
+                velocity=m.velocity,
+                acceleration=m.acceleration,
+                drive=record.drive,
+                kappa=None,
+            )
+        )
+
+    def refit(self, record: Any, keep: NDArray[np.bool_]) -> FMUSimulator:
+        """The parameters, in ratios, by least squares; the FMU as it is without any."""
+        if not self.parameters:
+            return self
+        from scipy.optimize import least_squares
+
+        def residual(x: Array) -> Array:
+            return (record.position - self.with_numbers(x).simulate(record))[keep]
+
+        return self.with_numbers(least_squares(residual, self.numbers, max_nfev=ITERATIONS).x)
+
+    @property
+    def numbers(self) -> Array:
+        """Logarithms of the parameters' sizes."""
+        return np.log(np.abs(list(self.parameters.values())))
+
+    def with_numbers(self, x: Array) -> FMUSimulator:
+        """The FMU at other parameters, their signs kept."""
+        other = copy.copy(self)
+        values: Array = np.sign(list(self.parameters.values())) * np.exp(x)
+        other.parameters = dict(zip(self.parameters, map(float, values), strict=True))
+        return other
+
+    def with_effect(self, effect: Effect) -> FMUSimulator:
+        """The FMU with one effect more on its drive.
+
+        Raises
+        ------
+        NotImplementedError
+            If the effect is no torque along a motion.
+        """
+        if effect.port == "output" or effect.column_kind == "none":
+            raise NotImplementedError(f"{effect.name} cannot be put on the drive of an FMU")
+        other = copy.copy(self)
+        other.effects = (*self.effects, effect)
+        return other
+
+
+def _only(there: Mapping[str, str], causality: str, option: str) -> str:
+    """The only variable of a causality."""
+    found = sorted(n for n, c in there.items() if c == causality)
+    if len(found) != 1:
+        raise ValueError(f"The FMU has {len(found)} {causality}s ({', '.join(found)}); name one as {option}=.")
+    return found[0]
+
+
+def _library() -> Any:
+    try:
+        import fmpy
+    except ImportError:
+        raise ImportError("FMPy is not installed; pip install 'whsklearn[fmu]'.") from None
+    return fmpy

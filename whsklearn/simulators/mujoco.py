@@ -1,0 +1,247 @@
+"""An MJCF model as a simulator: finds what it lacks against a log, and writes it repaired (extra ``mujoco``)."""
+
+from __future__ import annotations
+
+import copy
+import math
+import os
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from whsklearn.effects import Coulomb, Effect, Viscous
+from whsklearn.simulators.mujoco_edit import Axis, hold
+
+Array = NDArray[Any]
+TRACKING = 1.5  # Hz: how fast the replay returns to the log; far below a controller, so that errors show
+LEAST = 1e-6  # of the inertia: below, a number of the model counts as zero
+ITERATIONS = 5
+
+
+class MuJoCoSimulator:
+    """One joint of an MJCF model, driven by the logged control.
+
+    The replay is held near the log by an observer of 1.5 Hz (without it a replay of an axis drifts away within
+    seconds); everything else in the model moves as it does in MuJoCo.
+
+    Parameters
+    ----------
+    model : path or str
+        An MJCF file, or its text.
+    joint : str
+        The joint, a hinge or a slide, whose position was logged.
+    actuator : str, optional
+        The actuator whose control was logged; the joint's only one by default.
+    effects : tuple of Effect
+        Added to the model by what MuJoCo has, see `whsklearn.simulators.mujoco_edit.hold`.
+
+    Raises
+    ------
+    ImportError
+        If MuJoCo is not installed.
+    ValueError
+        If the model has no such joint or actuator.
+
+    Examples
+    --------
+    >>> from whsklearn.gap import GapFinder
+    >>> from whsklearn.simulators import MuJoCoSimulator
+    >>> simulator = MuJoCoSimulator("axis.xml", joint="axis")  # doctest: +SKIP
+    >>> finder = GapFinder(simulator).fit(log, drive="torque_nm", position="position_rad")  # doctest: +SKIP
+    >>> finder.model_.write("repaired.xml")  # doctest: +SKIP
+    """
+
+    def __init__(
+        self,
+        model: str | os.PathLike[str],
+        *,
+        joint: str,
+        actuator: str | None = None,
+        effects: tuple[Effect, ...] = (),
+    ):
+        mujoco = _library()
+        text = str(model)
+        spec = mujoco.MjSpec.from_string(text) if text.lstrip().startswith("<") else mujoco.MjSpec.from_file(text)
+        self.spec, self.joint, self.actuator = spec, joint, actuator or _only_actuator(spec, joint)
+        _need(spec.joint(joint), "joint", joint, [j.name for j in spec.joints])
+        _need(spec.actuator(self.actuator), "actuator", self.actuator, [a.name for a in spec.actuators])
+        self.effects: tuple[Effect, ...] = ()
+        self._compile()
+        self._own = self._numbers_of_its_own()
+        if effects:
+            self.effects = tuple(effects)
+            self._compile()
+
+    def _compile(self) -> None:
+        mujoco = _library()
+        edited = hold(self.spec, Axis(self.joint, self.actuator), self.effects)
+        self.model = edited.compile()
+        self.edited = edited
+        self.index = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_JOINT, self.joint)
+        self.dof, self.q = int(self.model.jnt_dofadr[self.index]), int(self.model.jnt_qposadr[self.index])
+        self.control = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_ACTUATOR, self.actuator)
+        data = mujoco.MjData(self.model)
+        mujoco.mj_forward(self.model, data)
+        full = np.zeros((self.model.nv, self.model.nv))
+        mujoco.mj_fullM(self.model, data, full)
+        self.inertia = float(full[self.dof, self.dof])
+
+    # --- the three methods ----------------------------------------------------------------
+    def simulate(self, record: Any) -> Array:
+        """Position of the joint under the logged control, shape (n,), held near the log by the observer."""
+        mujoco = _library()
+        model, dt = self.model, record.dt
+        every = max(1, math.ceil(dt / model.opt.timestep - 1e-6))
+        model.opt.timestep = dt / every
+        data = mujoco.MjData(model)
+        y = record.position
+        data.qpos[self.q] = y[0]
+        data.qvel[self.dof] = (y[min(4, y.size - 1)] - y[0]) / (min(4, y.size - 1) * dt)
+        w = 2.0 * math.pi * TRACKING
+        first, second = 2.0 * w * dt, w * w * dt
+        out = np.empty(y.size)
+        qpos, qvel, ctrl, at, dof, k = data.qpos, data.qvel, data.ctrl, self.q, self.dof, self.control
+        for i, u in enumerate(record.drive):
+            out[i] = qpos[at]
+            error = y[i] - out[i]
+            qpos[at] += first * error
+            qvel[dof] += second * error
+            ctrl[k] = u
+            mujoco.mj_step(model, data, every)
+        return out
+
+    def refit(self, record: Any, keep: NDArray[np.bool_]) -> MuJoCoSimulator:
+        """Inertia, damping, dry friction and stiffness, as far as the model has them, by Gauss-Newton on the replay."""
+        model, x = self, np.asarray(self.numbers)
+        r = (record.position - model.simulate(record))[keep]
+        for _ in range(ITERATIONS):
+            columns = []
+            for j in range(x.size):
+                moved = x.copy()
+                moved[j] += 1e-3
+                columns.append(((record.position - self.with_numbers(moved).simulate(record))[keep] - r) / 1e-3)
+            step = np.clip(-np.linalg.lstsq(np.column_stack(columns), r, rcond=1e-9)[0], -1.0, 1.0)
+            other = self.with_numbers(x + step)
+            after = (record.position - other.simulate(record))[keep]
+            if not float(after @ after) < float(r @ r):
+                break
+            gain = 1.0 - float(after @ after) / float(r @ r)
+            model, x, r = other, x + step, after
+            if gain < 1e-3:
+                break
+        return model
+
+    def with_effect(self, effect: Effect) -> MuJoCoSimulator:
+        """The model with one effect more.
+
+        Raises
+        ------
+        NotImplementedError
+            If MuJoCo has nothing like it.
+        """
+        other = copy.copy(self)
+        other.effects = (*self.effects, effect)
+        other._compile()
+        return other
+
+    @property
+    def also_try(self) -> tuple[Effect, ...]:
+        """Viscous and Coulomb friction, where the model has none."""
+        j = self.spec.joint(self.joint)
+        out: list[Effect] = [] if float(np.ravel(j.damping)[0]) > 0 else [Viscous(1.0)]
+        return tuple(out if float(j.frictionloss) > 0 else [*out, Coulomb(1.0)])
+
+    # --- numbers ---------------------------------------------------------------------------
+    @property
+    def parameters(self) -> dict[str, float]:
+        """What `refit` moves: inertia about the joint, damping, dry friction, stiffness; those that are not zero."""
+        return dict(self._own)
+
+    def _numbers_of_its_own(self) -> dict[str, float]:
+        """The `parameters` of the model as compiled, which has no effects yet."""
+        m, i = self.model, self.dof
+        every = {
+            "inertia": self.inertia, "damping": float(m.dof_damping[i]), "frictionloss": float(m.dof_frictionloss[i]),
+            "stiffness": float(m.jnt_stiffness[self.index]),
+        }  # fmt: skip
+        return {k: v for k, v in every.items() if v > LEAST * self.inertia}
+
+    @property
+    def numbers(self) -> Array:
+        """Logarithms of the `parameters`."""
+        return np.log(list(self.parameters.values()))
+
+    def with_numbers(self, x: Array) -> MuJoCoSimulator:
+        """The model at other numbers; the inertia is changed by the joint's armature."""
+        values = dict(zip(self.parameters, np.exp(np.clip(x, -60.0, 60.0)), strict=True))
+        other = copy.copy(self)
+        other.spec = self.spec.copy()
+        j, old = other.spec.joint(self.joint), self._own
+        j.armature = max(0.0, float(j.armature) + float(values["inertia"]) - old["inertia"])
+        for name, attribute in (("damping", "damping"), ("stiffness", "stiffness")):
+            if name in values:
+                poly = np.array(getattr(j, attribute), dtype=float)
+                poly[0] += values[name] - old[name]
+                setattr(j, attribute, poly)
+        if "frictionloss" in values:
+            j.frictionloss = float(j.frictionloss) + float(values["frictionloss"]) - old["frictionloss"]
+        other._own = {k: float(v) for k, v in values.items()}
+        other._compile()
+        return other
+
+    # --- out -------------------------------------------------------------------------------
+    def replay(self, record: Any, horizon: float) -> Array:
+        """Free run restarted from the smoothed log every ``horizon`` seconds, shape (n,)."""
+        from whsklearn.filtering.records import motion
+
+        mujoco = _library()
+        model, dt = self.model, record.dt
+        every = max(1, math.ceil(dt / model.opt.timestep - 1e-6))
+        model.opt.timestep = dt / every
+        data = mujoco.MjData(model)
+        smooth = motion(record.position, 1.0 / dt, min(20.0, 0.2 / dt))
+        q, v = smooth.position, smooth.velocity
+        out, span = np.empty(len(record)), max(1, round(horizon / dt))
+        for i, u in enumerate(record.drive):
+            if i % span == 0:
+                data.qpos[self.q], data.qvel[self.dof] = q[i], v[i]
+            out[i] = data.qpos[self.q]
+            data.ctrl[self.control] = u
+            mujoco.mj_step(model, data, every)
+        return out
+
+    def to_xml(self) -> str:
+        """The model with its effects and numbers as MJCF."""
+        return str(self.edited.to_xml())
+
+    def write(self, path: str | os.PathLike[str]) -> Path:
+        """Write ``repaired.xml``; returns its path."""
+        Path(path).write_text(self.to_xml(), encoding="utf-8")
+        return Path(path)
+
+    def __copy__(self) -> Self:
+        other = object.__new__(type(self))
+        other.__dict__.update(self.__dict__)
+        return other
+
+
+def _library() -> Any:
+    try:
+        import mujoco
+    except ImportError:
+        raise ImportError("MuJoCo is not installed; pip install 'whsklearn[mujoco]'.") from None
+    return mujoco
+
+
+def _only_actuator(spec: Any, joint: str) -> str:
+    found = [a.name for a in spec.actuators if a.target == joint]
+    if len(found) != 1:
+        raise ValueError(f"Joint {joint!r} has {len(found)} actuators ({', '.join(found)}); name one with actuator=.")
+    return str(found[0])
+
+
+def _need(found: Any, what: str, name: str, there: list[str]) -> None:
+    if found is None:
+        raise ValueError(f"The model has no {what} {name!r}; it has {', '.join(filter(None, there)) or 'none'}.")

@@ -1,0 +1,23 @@
+"""State files without pickle."""
+
+from whsklearn.state.files import (
+    FORMAT_VERSION,
+    atomic_write,
+    check_writable,
+    pack_state,
+    read_kind,
+    read_state,
+    unpack_state,
+    write_state,
+)
+
+__all__ = [
+    "FORMAT_VERSION",
+    "atomic_write",
+    "check_writable",
+    "pack_state",
+    "read_kind",
+    "read_state",
+    "unpack_state",
+    "write_state",
+]

@@ -1,0 +1,151 @@
+"""One pass over a record through a Wiener-Hammerstein chain: free run or one-step prediction, with or without effects.
+
+`WienerHammersteinSystem` simulates with it and the gap workflow predicts with it, so that what is found is what is
+simulated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from whsklearn._numba import njit
+from whsklearn.effects import codes as k
+from whsklearn.effects.base import Effect
+from whsklearn.effects.hysteresis import N_STATES
+from whsklearn.effects.own import WHICH, address_of
+from whsklearn.effects.terms import term
+from whsklearn.systems.chain_ports import added, driven, sensed, transmitted, unsensed
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+FAR = 1e30  # to which signals are held, so that an unstable trial ends in large errors and not in NaN
+
+
+class Chain(NamedTuple):
+    """What a record passes through, but for the parameters theta.
+
+    Attributes
+    ----------
+    dims : ndarray of int64, shape (5,)
+        Sizes of a, b, c, d and of the law.
+    law, shapes : ndarray of shape (n_terms,), (n_terms, 3)
+        Codes and shape numbers of the law's terms.
+    kappa : float
+        Sharpness of sign(dx); infinite for the sign itself.
+    dt : float
+        Sampling time.
+    """
+
+    dims: Any
+    law: Any
+    shapes: Any
+    kappa: float
+    dt: float
+
+
+class Ports(NamedTuple):
+    """The effects of a chain.
+
+    Attributes
+    ----------
+    codes, rows : ndarray of shape (n_effects,), (n_effects, 8)
+        Codes and numbers of the effects.
+    own : callable
+        Effects of one's own, see `whsklearn.effects.own.address_of`.
+    """
+
+    codes: Any
+    rows: Any
+    own: Any
+
+
+@njit(nogil=True, error_model="numpy")
+def run(theta, chain, ports, u, y, noise, free, x, v, y_hat):
+    """(1), the law and (2) from rest, with the effects at their ports; fills x, v and y_hat, each of shape (n,).
+
+    ``free``: y_hat is the output from u and ``noise`` of (2) alone; otherwise it is predicted one step ahead with
+    the readings y.  theta = [a[1:], b, weights of the law, c[1:], d].  ``ports`` is None without effects: Numba then
+    leaves their branches out, which makes the pass twice as fast.
+    """
+    na, nb, nc, nd, nw = chain.dims[0], chain.dims[1], chain.dims[2], chain.dims[3], chain.dims[4]
+    b0, w0 = na - 1, na - 1 + nb
+    c0 = w0 + nw
+    d0 = c0 + nc - 1
+    n = u.size
+    law, shapes, kappa, dt = chain.law, chain.shapes, chain.kappa, chain.dt
+    if ports is None:
+        ue, raw, q = u, x, (y_hat if free else y)
+    else:
+        # out of the tuple once: inside the loop each access would count references
+        codes, rows, own = ports.codes, ports.rows, ports.own
+        ue, raw, q = (
+            np.empty(n),
+            np.empty(n),
+            np.empty(n),
+        )  # driven input; x before the transmission; y before the sensor
+        memory = np.zeros((codes.size, N_STATES))
+    dx_old = 0.0
+    for t in range(n):
+        s = ue[t - 1] if t > 0 else 0.0
+        for i in range(1, min(na, t)):
+            s += theta[i - 1] * ue[t - 1 - i]
+        for j in range(min(nb, t)):
+            s -= theta[b0 + j] * raw[t - 1 - j]
+        s = min(max(s, -FAR), FAR)
+        if ports is not None:
+            raw[t] = s
+            s = transmitted(codes, rows, memory, s, dt)
+            ue[t] = driven(codes, rows, memory, u, t, s, dt)
+        x[t] = s
+        dx = s - (x[t - 1] if t > 0 else 0.0)
+        f = 0.0
+        for i in range(nw):
+            f += theta[w0 + i] * term(law[i], shapes[i, 0], shapes[i, 1], shapes[i, 2], s, dx, kappa)[0]
+        if ports is not None:
+            f += added(codes, rows, memory, own, u[t], s, dx, dx - dx_old, t, dt, kappa, v)
+            dx_old = dx
+        v[t] = min(max(f, -FAR), FAR)
+        s = noise[t]
+        if t > 0:
+            s += v[t - 1]
+        for i in range(1, min(nc, t)):
+            s += theta[c0 + i - 1] * v[t - 1 - i]
+        for i in range(min(nd, t)):
+            s -= theta[d0 + i] * q[t - 1 - i]
+        s = min(max(s, -FAR), FAR)
+        if ports is None:
+            y_hat[t] = s
+        else:
+            y_hat[t] = sensed(codes, rows, own, s, t, dt)
+            q[t] = s if free else unsensed(codes, rows, own, y[t], s, t, dt)
+
+
+def packed(effects: Sequence[Effect]) -> Ports | None:
+    """Effects as `run` takes them.
+
+    Raises
+    ------
+    ValueError
+        If an effect has no place in a Wiener-Hammerstein chain.
+    """
+    for e in effects:
+        if not isinstance(e, Effect) or e.code < 0:
+            raise ValueError(f"{e!r} has no place in a Wiener-Hammerstein chain; take one of the catalogue.")
+        if e.name == "flexible_coupling":
+            raise ValueError("A flexible_coupling of a chain is two more poles; raise the order n_b instead.")
+    own = [type(e) for e in effects if e.code in (k.USER_TORQUE, k.USER_OUTPUT)]
+    rows = np.zeros((len(effects), k.N_NUMBERS))
+    for row, effect in zip(rows, effects, strict=True):
+        numbers = effect.row
+        row[: len(numbers)] = numbers
+        if type(effect) in own:
+            row[WHICH] = own.index(type(effect))
+    if not effects:
+        return None
+    return Ports(np.array([e.code for e in effects], dtype=np.int64), rows, address_of(tuple(own)))

@@ -1,0 +1,181 @@
+"""Where effects enter a Wiener-Hammerstein chain, at one sample.
+
+.. code-block:: text
+
+    u -> [drive] -> L1 -> x -> [transmission] -> x_l -> law + friction, position, time -> v -> L2 -> q -> [sensor] -> y
+
+Drive effects change u as on an axis: u_eff = u - what the effect asks for.  Friction, position and time effects, and
+torques of one's own, add to v as functions of x_l and dx = x_l(t) - x_l(t-1); sensor effects act on q.  The equations
+are those of `whsklearn.effects`; an effect is its code and its `Effect.row`.
+"""
+
+from __future__ import annotations
+
+import math
+
+from whsklearn._numba import njit
+from whsklearn.effects import codes as k
+from whsklearn.effects.drive import dead_zone, delayed, lagged, saturation
+from whsklearn.effects.hysteresis import advance_hysteresis, hysteresis_torque
+from whsklearn.effects.own import WHICH
+from whsklearn.effects.rows import has_memory, load_torque, motor_torque, on_load, reading
+from whsklearn.effects.signs import smooth_sign
+from whsklearn.effects.timed import disturbance_tone, parameter_change
+from whsklearn.effects.transmission import play, resonance
+from whsklearn.systems.chain_probes import DEAD_ZONE_X, HAT_Q, HAT_U, HAT_X, LAG_U, SATURATION_X, TONE_U, hat, probe
+
+LEAST_SLOPE = 0.05  # of a folded reading: below, dividing by it would only amplify noise
+
+
+@njit(cache=False, error_model="numpy")
+def at_drive(code):
+    """Whether a code acts on the drive before L1."""
+    return (
+        k.INPUT_OFFSET <= code <= k.TORQUE_RIPPLE
+        or k.DEAD_ZONE <= code <= k.SATURATION
+        or code == k.CHANGE_GAIN
+        or k.INPUT_DELAY <= code <= k.ACTUATOR_LAG
+        or code == HAT_U
+        or code == LAG_U
+        or code == TONE_U
+    )
+
+
+@njit(cache=False, error_model="numpy")
+def at_transmission(code):
+    """Whether a code acts between L1 and the law."""
+    return code == k.BACKLASH or code == k.FLEXIBLE_COUPLING or code == SATURATION_X or code == DEAD_ZONE_X
+
+
+@njit(cache=False, error_model="numpy")
+def at_sensor(code):
+    """Whether a code acts on the reading."""
+    return k.OUTPUT_OFFSET <= code <= k.QUANTIZATION or code == k.USER_OUTPUT or code == HAT_Q
+
+
+@njit(error_model="numpy")
+def driven(codes, rows, memory, u, t, x, dt):
+    """u_eff(t) of the command up to t; ``memory`` of shape (n_effects, n_states) holds what a lag remembers."""
+    w = u[t]
+    for j in range(codes.size):
+        if codes[j] == k.INPUT_DELAY:
+            whole, part = delayed(max(rows[j, 0] / dt, 0.0))
+            newer = u[t - whole] if t >= whole else 0.0
+            older = u[t - whole - 1] if t > whole else 0.0
+            w = (1.0 - part) * newer + part * older
+    for j in range(codes.size):
+        c = codes[j]
+        if not at_drive(c) or c == k.INPUT_DELAY:
+            continue
+        if c == k.ACTUATOR_LAG:
+            memory[j, 0] = lagged(w, memory[j, 0], rows[j, 0], dt)[1]
+            w = memory[j, 0]
+        elif c == k.DEAD_ZONE:
+            w -= dead_zone(rows[j, 0], w)
+        elif c == k.SATURATION:
+            w -= saturation(rows[j, 0], w)
+        elif c == HAT_U:
+            w += rows[j, 0] * hat(u[t], rows[j, 1], rows[j, 2])
+        elif c == LAG_U:
+            i = t - int(rows[j, 1])
+            w += rows[j, 0] * (u[i] if i >= 0 else 0.0)
+        elif c == TONE_U:
+            w += disturbance_tone(rows[j, 0], rows[j, 1], rows[j, 2], t * dt)
+        else:
+            w -= motor_torque(c, rows, j, t * dt, x, 0.0, 0.0, 0.0, w)[0]
+    return w
+
+
+@njit(error_model="numpy")
+def transmitted(codes, rows, memory, x, dt):
+    """x behind the transmission."""
+    for j in range(codes.size):
+        if codes[j] == k.BACKLASH:
+            x = play(rows[j, 0], memory[j, 0], x)
+            memory[j, 0] = x
+        elif codes[j] == k.FLEXIBLE_COUPLING:
+            x = coupled(rows[j, 0], rows[j, 1], memory, j, x, dt)
+        elif codes[j] == SATURATION_X:
+            x -= saturation(rows[j, 0], x)
+        elif codes[j] == DEAD_ZONE_X:
+            x -= dead_zone(rows[j, 0], x)
+    return x
+
+
+@njit(cache=False, error_model="numpy")
+def coupled(frequency, ratio, memory, j, x, dt):
+    """x behind a resonance of static gain one, two more poles between L1 and the law."""
+    p1, p2 = resonance(frequency, ratio, dt)
+    out = (1.0 + p1 + p2) * x - p1 * memory[j, 0] - p2 * memory[j, 1]
+    memory[j, 1] = memory[j, 0]
+    memory[j, 0] = out
+    return out
+
+
+@njit(error_model="numpy")
+def added(codes, rows, memory, own, u, x, dx, ddx, t, dt, kappa, v):
+    """What friction, position and time effects add to v(t); ``ddx`` is the change of dx."""
+    total = 0.0
+    s, ds = smooth_sign(dx, kappa)
+    for j in range(codes.size):
+        c = codes[j]
+        if at_drive(c) or at_sensor(c) or at_transmission(c):
+            continue
+        if c >= HAT_X:
+            total += rows[j, 0] * probe(c, rows[j, 1], rows[j, 2], x, dx, u, t, v, s)
+        elif c == k.USER_TORQUE:
+            total += own(int(rows[j, WHICH]), rows[j], t * dt, x, dx, u)
+        elif c == k.CHANGE_INERTIA:
+            total += parameter_change(rows[j, 0], rows[j, 1], t * dt, ddx)
+        elif has_memory(c):
+            advance_hysteresis(c, rows, memory, j, dx, dx)
+            total += rows[j, 0] * hysteresis_torque(c, rows, memory, j, dx)[0]
+        elif on_load(c):
+            total += load_torque(c, rows, j, t * dt, x)
+        else:
+            total += motor_torque(c, rows, j, t * dt, x, dx, s, ds, u)[0]
+    return total
+
+
+@njit(error_model="numpy")
+def sensed(codes, rows, own, q, t, dt):
+    """Reading of the true output q."""
+    y = q
+    for j in range(codes.size):
+        c = codes[j]
+        if not at_sensor(c):
+            continue
+        if c == HAT_Q:
+            y += rows[j, 0] * hat(q, rows[j, 1], rows[j, 2])
+        elif c == k.USER_OUTPUT:
+            y += own(int(rows[j, WHICH]), rows[j], t * dt, q, 0.0, 0.0)
+        else:
+            folds = c == k.SENSOR_RECTIFICATION or c == k.QUANTIZATION
+            y += reading(c, rows, j, t * dt, y if folds else q)
+    return y
+
+
+@njit(error_model="numpy")
+def unsensed(codes, rows, own, y, expected, t, dt):
+    """The output q that a reading y stands for, the ``expected`` sign where a folded reading leaves the choice."""
+    q = y
+    for j in range(codes.size - 1, -1, -1):
+        c = codes[j]
+        if not at_sensor(c) or c == k.QUANTIZATION:
+            continue
+        if c == k.SENSOR_RECTIFICATION:
+            slope = 1.0 - 2.0 * rows[j, 0]
+            if expected < 0.0 and q * slope < 0.0:
+                q /= math.copysign(max(abs(slope), LEAST_SLOPE), slope)
+        elif c == HAT_Q:
+            q -= rows[j, 0] * hat(q, rows[j, 1], rows[j, 2])
+        else:
+            start = q
+            for _ in range(4):  # q + e(q) = y; e is small and smooth, so that this contracts
+                here = (
+                    own(int(rows[j, WHICH]), rows[j], t * dt, q, 0.0, 0.0)
+                    if c == k.USER_OUTPUT
+                    else reading(c, rows, j, t * dt, q)
+                )
+                q = start - here
+    return q

@@ -1,0 +1,129 @@
+"""A servo axis held near its own log: the compiled pass for fits, from flat arrays and without an object.
+
+J a = u_eff - F is stepped with the drive as logged and corrected after every sample by the innovation
+e = y - y_hat (Luenberger 1971, IEEE Trans. Autom. Control 16(6), 596-602), or restarted at the measurement every so
+many samples.  The torque that the model lacks is J (p^2 + l1 p + l2) e + F(q, v) - F(q^, v^), with
+l1 = gains[0] / dt and l2 = gains[1] / dt; `effect_torque` gives F on either motion.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from whsklearn.systems._servo_kernel import (
+    DRIVE,
+    LOAD,
+    LOAD_VELOCITY,
+    MEASURED,
+    N_SIGNALS,
+    POSITION,
+    TORQUE,
+    VELOCITY,
+    How,
+    Signals,
+    run,
+    torque_along,
+)
+from whsklearn.systems._servo_pack import pack, plant_of
+from whsklearn.systems._servo_torques import Plant
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+__all__ = [
+    "DRIVE",
+    "LOAD",
+    "LOAD_VELOCITY",
+    "MEASURED",
+    "POSITION",
+    "TORQUE",
+    "VELOCITY",
+    "How",
+    "Plant",
+    "bare_parts",
+    "effect_torque",
+    "follow",
+    "pack",
+    "plant_of",
+]
+
+_NO_CONTROLLER = (0.0, 0.0, 0.0, 0.0, 0.0, math.inf, 0.0, 0.0)
+_NOTHING = np.zeros(0)
+
+
+def bare_parts(inertia: float, delay: float = 0.0, *, resolution: float = 0.0, on_load: bool = False) -> Array:
+    """`Plant.parts` of an axis of which nothing but this is known; all else stands in its effects.
+
+    Parameters
+    ----------
+    inertia : float
+        Inertia (kg m2).
+    delay : float
+        Age of the logged drive when it acts (s); below zero it acts early.
+    resolution : float
+        Step of the encoder (rad).
+    on_load : bool
+        Whether the encoder sits behind the transmission.
+    """
+    return np.array([inertia, math.inf, 1.0, math.inf, delay, 0.0, 0.0, 0.0, 0.0, 0.0, resolution, float(on_load)])
+
+
+def follow(plant: Plant, drive: Array, measured: Array, how: How, *, start: tuple[float, float] | None = None) -> Array:
+    """One pass along a log.
+
+    Parameters
+    ----------
+    plant : Plant
+        The axis: `plant_of` a sequence of effects and `bare_parts`, `pack` of a `ServoAxis`, or arrays of a fit's own.
+    drive : ndarray of shape (n,)
+        The drive as logged (Nm).
+    measured : ndarray of shape (2, n) or (4, n)
+        Position and velocity on the encoder's side (rad, rad/s), and the twist of the coupling and its rate where
+        a restart is to know them.
+    how : How
+        Sample time, fine steps, samples between restarts, the observer's gains.
+    start : tuple of two floats, optional
+        Position and velocity at the first sample; those measured by default.
+
+    Returns
+    -------
+    ndarray of shape (7, n)
+        Rows ``DRIVE MEASURED POSITION VELOCITY TORQUE LOAD LOAD_VELOCITY``; ``MEASURED`` is y_hat.
+
+    Examples
+    --------
+    >>> from whsklearn.effects import Viscous
+    >>> plant = plant_of([Viscous(0.1)], bare_parts(0.05))
+    >>> still = np.zeros((2, 100))
+    >>> out = follow(plant, np.full(100, 0.05), still, How(1e-3, 1, gains=(0.1, 5.0)))
+    >>> out.shape
+    (7, 100)
+    """
+    position, velocity = (measured[0, 0], measured[1, 0]) if start is None else start
+    out = np.empty((N_SIGNALS, drive.size))
+    out[DRIVE] = drive
+    signals = Signals(np.zeros((3, 1)), _NOTHING, _NOTHING, measured)
+    run(out, plant, _NO_CONTROLLER, signals, how, np.array([position, velocity, position, velocity], dtype=float))
+    return out
+
+
+def effect_torque(plant: Plant, time: Array, position: Array, velocity: Array, drive: Array) -> Array:
+    """F(q, v): what all memoryless effects of an axis ask of the drive along a motion (Nm), shape (n,).
+
+    Hysteresis and the sensor's effects are left out: noise on the path would shake the first, the second are no
+    torque. On the measured motion less on the observer's it is what an observer's innovation does not show.
+
+    Examples
+    --------
+    >>> from whsklearn.effects import Coulomb, Viscous
+    >>> plant = plant_of([Viscous(0.1), Coulomb(0.3)], bare_parts(0.05))
+    >>> zeros = np.zeros(2)
+    >>> effect_torque(plant, zeros, zeros, np.array([2.0, -2.0]), zeros)
+    array([ 0.5, -0.5])
+    """
+    return torque_along(plant, *(np.ascontiguousarray(s, dtype=float) for s in (time, position, velocity, drive)))

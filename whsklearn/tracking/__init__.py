@@ -1,0 +1,29 @@
+"""MLflow as the record of runs."""
+
+from whsklearn.tracking.beside import BesideRun
+from whsklearn.tracking.runs import (
+    Run,
+    Tracker,
+    TrackingError,
+    estimator_params,
+    latest_experiment,
+    log_candidates,
+    metric_name,
+    model_requirements,
+    open_tracker,
+    tracking_uri,
+)
+
+__all__ = [
+    "BesideRun",
+    "Run",
+    "Tracker",
+    "TrackingError",
+    "estimator_params",
+    "latest_experiment",
+    "log_candidates",
+    "metric_name",
+    "model_requirements",
+    "open_tracker",
+    "tracking_uri",
+]

@@ -1,0 +1,125 @@
+"""A run of the record that is kept beside the work: who learns never waits for a server or a database.
+
+Metrics go into a bounded queue that a thread of its own empties; a full queue, a server that is down or a database
+that is locked loses metrics, never time, and what was lost is counted.
+
+Examples
+--------
+>>> from whsklearn.tracking.beside import BesideRun
+>>> from whsklearn.tracking.runs import open_tracker
+>>> run = BesideRun(lambda: open_tracker("doctest", enabled=False), "one")
+>>> run.log_metrics({"nmse": 0.02}, step=1)
+>>> run.close()
+0
+"""
+
+from __future__ import annotations
+
+import contextlib
+import queue
+import threading
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from whsklearn.tracking.runs import Run, Tracker
+from whsklearn.tracking.store import sentence
+
+WAITING = 10_000  # sets of metrics that may wait: some hours of estimates, a few MB
+POLL_SECONDS = 2.0
+OPEN_SECONDS = 10.0  # the first import of MLflow takes 3 of them
+CLOSE_SECONDS = 1.0  # whoever stops the job waits for no longer: SIGTERM is to be honoured within 2 s
+
+
+class BesideRun:
+    """One run, opened, written and ended by a thread.
+
+    Parameters
+    ----------
+    open_tracker : callable
+        Opens the record; called in the thread.
+    name : str
+        Of the run.
+    params, tags : mapping
+        Logged when the run is open.
+    say : callable, optional
+        Takes a sentence, once, when something of the record is lost.
+
+    Attributes
+    ----------
+    id : str
+        Of the run; empty while it is not open.
+    lost : int
+        Sets of metrics that were not recorded.
+    """
+
+    def __init__(
+        self, open_tracker: Callable[[], Tracker], name: str, *, params: Mapping[str, Any] | None = None,
+        tags: Mapping[str, str] | None = None, say: Callable[[str], None] = lambda sentence: None,
+    ):  # fmt: skip
+        self.id = ""
+        self.lost = 0
+        self._sent = 0
+        self._given = 0
+        self._open_tracker, self._name, self._params, self._tags, self._say = open_tracker, name, params, tags, say
+        self._held = 0
+        self._said = False
+        self._end = threading.Event()
+        self._queue: queue.Queue[Any] = queue.Queue(maxsize=WAITING)
+        self._opened = threading.Event()
+        self._thread = threading.Thread(target=self._work, name=f"record of {name}", daemon=True)
+        self._thread.start()
+        self._opened.wait(OPEN_SECONDS)
+
+    def log_metrics(self, metrics: Mapping[str, float], step: int = 0) -> None:
+        """Hand metrics over; returns at once."""
+        self._given += 1
+        try:
+            self._queue.put_nowait((dict(metrics), step))
+        except queue.Full:
+            self._lose("it takes metrics more slowly than they come")
+
+    def close(self) -> int:
+        """End the run if that takes no longer than a moment; the number of sets of metrics that were lost."""
+        self._end.set()
+        self._thread.join(CLOSE_SECONDS)
+        self.lost = self._given - self._sent
+        if self.lost:
+            self._lose("it did not answer in time")
+        return self.lost
+
+    def _lose(self, reason: str) -> None:
+        """Say once that the record has gaps."""
+        if not self._said:
+            self._said = True
+            self._say(f"The record in MLflow has gaps: {reason}; the stream goes on.")
+
+    def _work(self) -> None:
+        """Open, write, end."""
+        try:
+            tracker = self._open_tracker()
+            with tracker.run(self._name, tags=self._tags) as run:
+                self.id = run.id
+                run.log_params(self._params or {})
+                self._opened.set()
+                while self._write(run):
+                    self._end.wait(POLL_SECONDS)
+        except Exception as error:  # whatever a driver of a database raises, the stream does not end of it
+            self._lose(sentence(error))
+        finally:
+            self._opened.set()
+
+    def _write(self, run: Run) -> bool:
+        """All that waits, in one go; what is not taken is tried again.  Whether more may come."""
+        ending, taken = self._end.is_set(), 0
+        with contextlib.suppress(queue.Empty):
+            while self._held + taken < WAITING:
+                metrics, step = self._queue.get_nowait()
+                run.log_metrics(metrics, step)
+                taken += 1
+        self._held += taken
+        try:
+            run.flush()
+            self._sent, self._held = self._sent + self._held, 0
+        except Exception as error:
+            self._lose(sentence(error))
+        return not ending

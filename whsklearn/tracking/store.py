@@ -1,0 +1,180 @@
+"""Opening an MLflow store, and keeping its manners away from the rest of the library.
+
+All that depends on how MLflow behaves, rather than on what we record, is in this file:
+telemetry, migrations of a new database, a server that is down, global state, chatter.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import io
+import logging
+import os
+import re
+import socket
+import sys
+import threading
+import urllib.error
+import urllib.request
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+_PROBE_SECONDS = 3.0
+_DATABASE_PORTS = {"postgresql": 5432, "mysql": 3306, "mssql": 1433}
+
+
+class TrackingError(RuntimeError):
+    """The record cannot be kept; the message says why in one sentence."""
+
+
+def import_mlflow() -> Any:
+    """MLflow with telemetry off, or an ImportError that names the extra."""
+    os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")  # read at import
+    try:
+        import mlflow
+    except ImportError as error:
+        raise ImportError(
+            "MLflow is not installed; install it with `pip install 'whsklearn[mlflow]'`, "
+            "or leave the record out with --no-track."
+        ) from error
+    return mlflow
+
+
+def experiment_id(client: Any, name: str, location: str | None) -> str:
+    """Find or make an experiment; another process may make it at the same time."""
+    from mlflow.exceptions import MlflowException
+
+    found = client.get_experiment_by_name(name)
+    if found is None:
+        try:
+            return client.create_experiment(name, artifact_location=location)
+        except MlflowException:
+            found = client.get_experiment_by_name(name)
+            if found is None:
+                raise
+    if found.lifecycle_stage == "deleted":
+        client.restore_experiment(found.experiment_id)
+    return found.experiment_id
+
+
+def initialise(database: Path) -> None:
+    """Migrate a new database under another name, so that two first users cannot meet in the middle."""
+    if database.exists():
+        return
+    database.parent.mkdir(parents=True, exist_ok=True)
+    fresh = database.with_name(f"{database.name}.{os.getpid()}")
+    try:
+        import_mlflow().MlflowClient(f"sqlite:///{fresh}").search_experiments(max_results=1)
+        with contextlib.suppress(FileExistsError):
+            os.link(fresh, database)
+    finally:
+        fresh.unlink(missing_ok=True)
+
+
+def probe(uri: str) -> None:
+    """Tell at once that a server is down; MLflow itself would retry for minutes."""
+    parts = urlsplit(uri)
+    try:
+        if parts.scheme in ("http", "https"):
+            urllib.request.urlopen(f"{uri.rstrip('/')}/health", timeout=_PROBE_SECONDS).close()
+        elif parts.hostname:
+            port = parts.port or _DATABASE_PORTS.get(parts.scheme.split("+")[0])
+            if port:
+                socket.create_connection((parts.hostname, port), timeout=_PROBE_SECONDS).close()
+    except urllib.error.HTTPError:
+        return  # it answers, whatever it thinks of the question
+    except OSError as error:
+        raise TrackingError(
+            f"The tracking server at {public(uri)} does not answer ({sentence(error)}); start it, "
+            "unset MLFLOW_TRACKING_URI to record locally, or use --no-track."
+        ) from error
+
+
+class InSentences:
+    """A client whose every failure is a `TrackingError` of one sentence: databases raise what their drivers do."""
+
+    def __init__(self, client: Any):
+        self._client = client
+
+    def __getattr__(self, name: str) -> Any:
+        value = getattr(self._client, name)
+        if not callable(value):
+            return value
+
+        @functools.wraps(value)
+        def call(*args: Any, **kwargs: Any) -> Any:
+            try:
+                return value(*args, **kwargs)
+            except Exception as error:
+                raise TrackingError(
+                    f"The record at {public(self._client.tracking_uri)} cannot be written ({sentence(error)}); what "
+                    "the job writes to files is on the disk, and --no-track leaves the record out."
+                ) from error
+
+        return call
+
+
+def public(uri: str) -> str:
+    """The address without its password."""
+    return re.sub(r"//[^@/]*@", "//", uri)
+
+
+def sentence(error: BaseException) -> str:
+    """The first line of an error's text."""
+    return (str(getattr(error, "reason", "") or error).strip() or type(error).__name__).splitlines()[0]
+
+
+@contextlib.contextmanager
+def active(mlflow: Any, client: Any, run_id: str) -> Iterator[None]:
+    """Make a run the active one of MLflow's fluent calls, and put its globals back after."""
+    keys = ("MLFLOW_TRACKING_URI", "MLFLOW_RUN_ID", "MLFLOW_EXPERIMENT_ID")
+    before = {k: os.environ.get(k) for k in keys}
+    os.environ.pop("MLFLOW_TRACKING_URI", None)  # or an address of the environment would pass for one that was set
+    was_set = mlflow.get_tracking_uri() if mlflow.is_tracking_uri_set() else None
+    try:
+        mlflow.set_tracking_uri(client.tracking_uri)
+        with mlflow.start_run(run_id=run_id, nested=True):
+            yield
+    finally:
+        client.update_run(run_id, "RUNNING")  # the block above has ended it, our own has not
+        mlflow.set_tracking_uri(was_set)
+        for k, value in before.items():
+            os.environ.pop(k, None)
+            if value is not None:
+                os.environ[k] = value
+
+
+class _OfThisThread(io.TextIOBase):
+    """Takes what this thread writes, and passes on what others do: theirs is no chatter."""
+
+    def __init__(self) -> None:
+        self._thread, self._behind = threading.get_ident(), sys.stderr
+
+    def write(self, text: str) -> int:
+        """Swallow or pass on."""
+        return len(text) if threading.get_ident() == self._thread else self._behind.write(text)
+
+    def flush(self) -> None:
+        """What was passed on."""
+        self._behind.flush()
+
+
+@contextlib.contextmanager
+def quiet() -> Iterator[None]:
+    """Keep MLflow's chatter about itself from the terminal: migrations, versions, its own type hints."""
+    loggers = [logging.getLogger(n) for n in ("mlflow", "alembic")]
+    levels = [logger.level for logger in loggers]
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message=".*Any type hint is inferred as AnyType", category=UserWarning)
+        try:
+            for logger in loggers:
+                logger.setLevel(logging.ERROR)
+            with contextlib.redirect_stderr(_OfThisThread()):  # type: ignore[type-var]
+                yield
+        finally:
+            for logger, level in zip(loggers, levels, strict=True):
+                logger.setLevel(level)
