@@ -188,7 +188,7 @@ def test_in_parts_it_is_the_same_to_the_bit(budget):
         state, work,
     ):  # fmt: skip
         work[BUDGET], parts = budget, parts + 1
-    assert parts >= 400 * 2 / (budget + LENGTH)  # each part ends with the stretch it is in
+    assert parts >= 400 * 2 / (budget + LENGTH)  # a part is one stretch at least, and ends with the stretch it is in
     assert work[COST] == cost
     np.testing.assert_array_equal(theta, whole)
     np.testing.assert_array_equal(got, information)

@@ -38,7 +38,7 @@ def replay_part(
     theta, dims, codes, shapes, kappa, origin, memory_u, memory_y, restarts, fill, history, tail, weights,
     information, slope, state, work,
 ):  # fmt: skip
-    """Go on with a `replay` until the budget is spent; True at its end.
+    """Go on with a `replay` until the budget is spent, for one stretch at least; True at its end.
 
     It begins where ``work[AT]`` is 0 and leaves the sum in ``work[TOTAL]``.  It stops between
     stretches only, whose bounds the record sets, so the sums are the same however it was divided.
@@ -56,7 +56,7 @@ def replay_part(
     errors, weighted = np.empty(LENGTH), np.empty((2, LENGTH))
     handover = max(fill - tail + 1, 0)
     t = int(work[AT])
-    while t < fill and work[BUDGET] > 0.0:
+    while t < fill:
         if restarts[t]:
             forget(rows)
         if t == handover or (t > handover and restarts[t]):
@@ -78,6 +78,8 @@ def replay_part(
         work[BUDGET] -= e.size
         work[SPENT] += e.size
         t = stop
+        if work[BUDGET] <= 0.0:
+            break
     work[AT] = t
     save_past(past, dims, rows)
     if t < fill:
