@@ -58,6 +58,10 @@ def nmse(y: ArrayLike, y_hat: ArrayLike, skip: int = 0) -> float:
     0.2
     """
     y, e = _output_and_error(y, y_hat, skip)
+    # In units of the power of two at the largest output, so that no square overflows where the ratio does not.
+    exponent = -int(np.frexp(np.max(np.abs(y)))[1])
+    with np.errstate(over="ignore"):
+        y, e = np.ldexp(y, exponent), np.ldexp(e, exponent)
     variance = float(np.var(y))
     # A constant has a variance of rounding error only: eps * |y|, squared.
     if variance <= (4 * np.finfo(float).eps * float(np.max(np.abs(y)))) ** 2:
