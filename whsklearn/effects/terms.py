@@ -101,7 +101,7 @@ def directed_term(code, s0, s1, s2, x, dx, s, ds):
     return 1.0, 0.0, 0.0
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", forceinline=True)
 def term(code, s0, s1, s2, x, dx, kappa):
     """Value of a term and its derivatives by x and by dx, where sign(dx) has the sharpness kappa."""
     if COULOMB <= code <= POSITION_FRICTION:

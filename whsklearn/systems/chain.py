@@ -17,7 +17,7 @@ from whsklearn.effects.base import Effect
 from whsklearn.effects.hysteresis import N_STATES
 from whsklearn.effects.own import WHICH, address_of
 from whsklearn.effects.terms import term
-from whsklearn.systems.chain_ports import added, driven, sensed, transmitted, unsensed
+from whsklearn.systems.chain_ports import added, driven, occupied, sensed, transmitted, unsensed
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -90,6 +90,8 @@ def run(theta, chain, ports, u, y, noise, free, x, v, y_hat):
             np.empty(n),
         )  # driven input; x before the transmission; y before the sensor
         memory = np.zeros((codes.size, N_STATES))
+        # a port without an effect is passed by: its call would cost more than the rest of the sample
+        drive, between, sensor, law_port = occupied(codes)
     dx_old = 0.0
     for t in range(n):
         s = ue[t - 1] if t > 0 else 0.0
@@ -100,14 +102,15 @@ def run(theta, chain, ports, u, y, noise, free, x, v, y_hat):
         s = min(max(s, -FAR), FAR)
         if ports is not None:
             raw[t] = s
-            s = transmitted(codes, rows, memory, s, dt)
-            ue[t] = driven(codes, rows, memory, u, t, s, dt)
+            if between:
+                s = transmitted(codes, rows, memory, s, dt)
+            ue[t] = driven(codes, rows, memory, u, t, s, dt) if drive else u[t]
         x[t] = s
         dx = s - (x[t - 1] if t > 0 else 0.0)
         f = 0.0
         for i in range(nw):
             f += theta[w0 + i] * term(law[i], shapes[i, 0], shapes[i, 1], shapes[i, 2], s, dx, kappa)[0]
-        if ports is not None:
+        if ports is not None and law_port:
             f += added(codes, rows, memory, own, u[t], s, dx, dx - dx_old, t, dt, kappa, v)
             dx_old = dx
         v[t] = min(max(f, -FAR), FAR)
@@ -121,6 +124,9 @@ def run(theta, chain, ports, u, y, noise, free, x, v, y_hat):
         s = min(max(s, -FAR), FAR)
         if ports is None:
             y_hat[t] = s
+        elif not sensor:
+            y_hat[t] = s
+            q[t] = s if free else y[t]
         else:
             y_hat[t] = sensed(codes, rows, own, s, t, dt)
             q[t] = s if free else unsensed(codes, rows, own, y[t], s, t, dt)

@@ -53,7 +53,23 @@ def at_sensor(code):
     return k.OUTPUT_OFFSET <= code <= k.QUANTIZATION or code == k.USER_OUTPUT or code == HAT_Q
 
 
-@njit(error_model="numpy")
+@njit(cache=False, error_model="numpy")
+def occupied(codes):
+    """(drive, transmission, sensor, law): whether any effect acts there."""
+    drive, between, sensor, law = False, False, False, False
+    for c in codes:
+        if at_drive(c):
+            drive = True
+        elif at_transmission(c):
+            between = True
+        elif at_sensor(c):
+            sensor = True
+        else:
+            law = True
+    return drive, between, sensor, law
+
+
+@njit(error_model="numpy", forceinline=True)
 def driven(codes, rows, memory, u, t, x, dt):
     """u_eff(t) of the command up to t; ``memory`` of shape (n_effects, n_states) holds what a lag remembers."""
     w = u[t]
@@ -86,7 +102,7 @@ def driven(codes, rows, memory, u, t, x, dt):
     return w
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", forceinline=True)
 def transmitted(codes, rows, memory, x, dt):
     """x behind the transmission."""
     for j in range(codes.size):
@@ -112,7 +128,7 @@ def coupled(frequency, ratio, memory, j, x, dt):
     return out
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", forceinline=True)
 def added(codes, rows, memory, own, u, x, dx, ddx, t, dt, kappa, v):
     """What friction, position and time effects add to v(t); ``ddx`` is the change of dx."""
     total = 0.0
@@ -137,7 +153,7 @@ def added(codes, rows, memory, own, u, x, dx, ddx, t, dt, kappa, v):
     return total
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", forceinline=True)
 def sensed(codes, rows, own, q, t, dt):
     """Reading of the true output q."""
     y = q
@@ -155,7 +171,7 @@ def sensed(codes, rows, own, q, t, dt):
     return y
 
 
-@njit(error_model="numpy")
+@njit(error_model="numpy", forceinline=True)
 def unsensed(codes, rows, own, y, expected, t, dt):
     """The output q that a reading y stands for, the ``expected`` sign where a folded reading leaves the choice."""
     q = y
