@@ -22,7 +22,12 @@ if TYPE_CHECKING:
 __all__ = ["encoder_noise", "motion_cutoff"]
 
 WIDEST = 0.1  # of the sampling rate: beyond it the central difference is no derivative
-TOLERATED = 1e-4  # share of noise in the acceleration's variance, so by how much the inertia comes out too small
+# Share of noise in the acceleration's variance.  It makes the inertia too small by as much, and that would allow 1e-4;
+# but it also grows with the square of the frequency, and where it outweighs the torque's own noise near the cut-off the
+# standard errors, which take the residual for white, come out too large: `benchmarks/encoder.py` held 99 % at 1e-4.
+TOLERATED = 1e-6
+KEPT = 0.9  # of the acceleration's variance passes at least, whatever its noise: a lower cut-off bends the friction
+HIGHEST_SHARE = 1e-4  # of noise, where the motion asks for more than `TOLERATED`
 STEPS_PER_DECADE = 12
 FEWEST_PERIODS = 8.0  # of the cut-off in a record, at least
 
@@ -60,9 +65,11 @@ def encoder_noise(position: ArrayLike, sample_rate: float) -> float:
 
 
 def motion_cutoff(position: ArrayLike, sample_rate: float, order: int = 4) -> float:
-    """Highest cut-off, in Hz, at which noise makes up no more than `TOLERATED` of the acceleration's variance.
+    """Cut-off, in Hz, that a position's own noise allows.
 
-    Where none is low enough, the one with the least share; a tenth of the sampling rate without noise.
+    The highest at which noise makes up no more than `TOLERATED` of the acceleration's variance; a higher one, up to
+    `HIGHEST_SHARE`, where less than `KEPT` of the acceleration would pass.  Where none is low enough, the one with the
+    least share; a tenth of the sampling rate without noise.
 
     Parameters
     ----------
@@ -79,7 +86,7 @@ def motion_cutoff(position: ArrayLike, sample_rate: float, order: int = 4) -> fl
     >>> motion_cutoff(q, 2000)
     200.0
     >>> counts = np.round(q * 4096 / (2 * np.pi)) * 2 * np.pi / 4096
-    >>> 10 < motion_cutoff(counts, 2000) < 40
+    >>> 4 < motion_cutoff(counts, 2000) < 20
     True
     """
     q = np.asarray(position, dtype=float)
@@ -88,14 +95,19 @@ def motion_cutoff(position: ArrayLike, sample_rate: float, order: int = 4) -> fl
     lowest = min(FEWEST_PERIODS * sample_rate / q.size, widest)
     count = 1 + int(STEPS_PER_DECADE * np.log10(widest / lowest))
     cutoffs = widest / 10.0 ** (np.arange(count) / STEPS_PER_DECADE)
-    best, least = widest, np.inf
+    best, least, full = widest, np.inf, np.inf
     for cutoff in cutoffs:
         edge = min(int(sample_rate / cutoff), q.size // 4)
         moved = motion(q, sample_rate, cutoff, order).acceleration[edge : q.size - edge]
         of_noise = noise**2 * _acceleration_gain(sample_rate, cutoff, order)
-        share = of_noise / max(float(np.var(moved)) - of_noise, 1e-3 * of_noise, 1e-300)
+        of_motion = float(np.var(moved)) - of_noise
+        share = of_noise / max(of_motion, 1e-3 * of_noise, 1e-300)
+        if of_motion < KEPT * full and least <= HIGHEST_SHARE:
+            return best
         if share <= TOLERATED:
             return float(cutoff)
+        if share <= HIGHEST_SHARE and full == np.inf:
+            full = of_motion
         if share < least:
             best, least = float(cutoff), share
     return best
@@ -109,7 +121,8 @@ def _amplitude(f: NDArray[np.float64], cutoff: float, order: int) -> NDArray[np.
 def _acceleration_gain(sample_rate: float, cutoff: float, order: int) -> float:
     """Variance of the acceleration for white noise of variance one."""
     f = np.linspace(0.0, min(4.0 * cutoff / sample_rate, 0.5), 512)
-    twice = (np.sin(2.0 * np.pi * f) * sample_rate) ** 2
+    angle = 2.0 * np.pi * f
+    twice = ((8.0 * np.sin(angle) - np.sin(2.0 * angle)) / 6.0 * sample_rate) ** 2  # of `central_difference`
     return float(2.0 * np.trapezoid((_amplitude(f, cutoff / sample_rate, order) * twice) ** 2, f))
 
 

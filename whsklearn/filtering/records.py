@@ -76,14 +76,24 @@ def zero_phase(x: ArrayLike, sample_rate: float, cutoff: float, order: int = 4) 
 
 
 def central_difference(x: ArrayLike, sample_rate: float) -> NDArray[np.float64]:
-    """(x(t+1) - x(t-1)) fs / 2, one-sided at the two ends; per second, along the first axis.
+    """(8 (x(t+1) - x(t-1)) - x(t+2) + x(t-2)) fs / 12, of lower order at the ends; per second, along the first axis.
+
+    Notes
+    -----
+    Of fourth order: with (x(t+1) - x(t-1)) fs / 2 an acceleration at a hundredth of the sampling rate comes out
+    0.13 % too small, and the inertia too large by as much, which at 500 Hz is more than its standard error.
 
     Examples
     --------
-    >>> central_difference([0.0, 1.0, 4.0, 9.0], 1.0)
-    array([1., 2., 4., 5.])
+    >>> t = np.arange(6.0)
+    >>> central_difference(t**4, 1.0)[2:-2]
+    array([ 32., 108.])
     """
-    return np.gradient(np.asarray(x, dtype=float), 1.0 / sample_rate, axis=0)
+    x = np.asarray(x, dtype=float)
+    slope = np.gradient(x, 1.0 / sample_rate, axis=0)
+    if len(x) > 4:
+        slope[2:-2] = (8.0 * (x[3:-1] - x[1:-3]) - x[4:] + x[:-4]) * (sample_rate / 12.0)
+    return slope
 
 
 def motion(position: ArrayLike, sample_rate: float, cutoff: float, order: int = 4) -> Motion:

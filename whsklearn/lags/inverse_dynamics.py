@@ -56,10 +56,10 @@ class InverseDynamicsLags(MotionStream, TransformerMixin, BaseEstimator):
     effects : str or iterable of (str or Effect), default="input_offset"
         Further effects of the catalogue, at their shapes; ``""`` for none.
     cutoff : float, optional
-        Of the filter on position, in Hz. By default, for records, the highest at which encoder noise makes up 1e-4 of
-        the acceleration's variance (`motion_cutoff`), and then torque and all columns pass the same filter, so that
-        nothing is lost but what lies above it. For streams, which begin without a record to judge by, a tenth of the
-        sampling rate.
+        Of the filter on position, in Hz. By default, for records, the highest at which encoder noise makes up 1e-6 of
+        the acceleration's variance, or what the motion needs (`motion_cutoff`), and then torque and all columns pass
+        the same filter, so that nothing is lost but what lies above it. For streams, which begin without a record to
+        judge by, a tenth of the sampling rate.
     order : int, default=4
         Of the zero-phase Butterworth filter.
     decimate : int, optional
