@@ -74,5 +74,5 @@ docs: setup  ## the documentation, into docs/_build/html
 	@echo "Open docs/_build/html/index.html"
 
 clean:  ## remove caches and build outputs; the runs in mlruns/ stay
-	rm -rf build dist docs/_build docs/auto_examples docs/gen_modules docs/api/generated .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf build dist docs/_build docs/auto_examples docs/gen_modules docs/api .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find whsklearn pipelines tests benchmarks -name __pycache__ -type d -prune -exec rm -rf {} +

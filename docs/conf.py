@@ -8,7 +8,14 @@ from importlib.metadata import version as installed_version
 from pathlib import Path
 
 os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # for the pipelines, which the wheel leaves out
+HERE = Path(__file__).resolve().parent
+sys.path[:0] = [str(HERE.parent), str(HERE)]  # the pipelines, which the wheel leaves out, and `reference`
+
+import catalogue
+import reference
+
+reference.write()
+catalogue.draw(HERE / "api" / "curves")
 
 project = "whsklearn"
 author = "The whsklearn developers"
@@ -33,6 +40,7 @@ autosummary_generate = True
 autodoc_typehints = "none"  # numpydoc sections say it in words
 numpydoc_show_class_members = False
 numpydoc_class_members_toctree = False
+templates_path = ["_templates"]
 
 sphinx_gallery_conf = {
     "examples_dirs": "examples",
@@ -73,6 +81,14 @@ def escape_bars(app, what, name, obj, options, lines):
             lines[i] = "``".join(parts)
 
 
+def skip_generated(app, what, name, obj, skip, options):
+    """Leave out what scikit-learn writes into every estimator, and what a tuple brings along."""
+    routing = name == "get_metadata_routing" or (name.startswith("set_") and name.endswith("_request"))
+    return True if routing else skip
+
+
 def setup(app):
-    """Run after numpydoc, which makes its own tables of the lines."""
+    """Ours before numpydoc, which makes its own tables of the lines, and the bars after it."""
+    app.connect("autodoc-process-docstring", catalogue.describe, priority=100)
     app.connect("autodoc-process-docstring", escape_bars, priority=900)
+    app.connect("autodoc-skip-member", skip_generated)

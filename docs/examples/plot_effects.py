@@ -22,63 +22,11 @@ from sklearn.utils import Bunch
 from whsklearn.datasets import draw_effect, reference_signal
 from whsklearn.datasets.servo import default_axis
 from whsklearn.effects import effect_names, get_effect
+from whsklearn.plot import EffectDisplay
 from whsklearn.systems import simulate_many
 
 axis = default_axis()
 reference = reference_signal("rich", 20.0, axis.sample_rate)
-
-# What an effect is drawn against, where that is not the usual one of its place.
-USUAL = {"friction": "velocity", "drive": "drive", "position": "position", "sensor": "position", "time": "time"}
-AGAINST = {
-    "position_friction": "position",
-    "presliding_hysteresis": "position",
-    "friction_drift": "time",
-    "input_offset": "time",
-    "torque_ripple": "position",
-    "output_drift": "time",
-}
-UNIT = {"velocity": "velocity, rad/s", "drive": "drive, Nm", "position": "position, rad", "time": "time, s"}
-
-
-def signals_of(record):
-    """True signals of a simulated run."""
-    return Bunch(
-        time=record.time,
-        position=record.true_position,
-        velocity=record.velocity,
-        acceleration=np.gradient(record.velocity, record.time),
-        drive=record.drive,
-    )
-
-
-def draw_itself(ax, effect, record):
-    """The effect against what it depends on; a transmission by its twist, a late drive by its torque."""
-    signals = signals_of(record)
-    if effect.place == "transmission":
-        part = slice(4500, 6000)
-        ax.plot(record.time[part], 1e3 * (record.true_position - record.load_position)[part], lw=1)
-        ax.set(xlabel="time, s", ylabel="twist, mrad")
-        return
-    if effect.name in ("input_delay", "actuator_lag"):
-        part = slice(4980, 5040)
-        ax.step(record.time[part], record.drive[part], where="post", color="0.6", lw=1)
-        ax.plot(record.time[part], record.torque[part], lw=1.2)
-        ax.set(xlabel="time, s", ylabel="torque, Nm")
-        return
-    if effect.name == "quantization":
-        part = slice(4980, 5040)
-        ax.step(record.time[part], record.position[part], where="post", lw=1.2)
-        ax.plot(record.time[part], record.true_position[part], color="0.6", lw=1)
-        ax.set(xlabel="time, s", ylabel="position, rad")
-        return
-    against = AGAINST.get(effect.name, USUAL[effect.place])
-    windows = {"presliding_hysteresis": slice(4600, 6400), "disturbance_tone": slice(0, 1000)}
-    window = windows.get(effect.name, slice(None, None, 5))
-    values = effect.contribution(signals)[window]
-    ax.plot(signals[against][window], values, ".", ms=1.5)
-    if np.ptp(values) == 0.0:
-        ax.set_ylim(sorted((0.0, 1.5 * values[0])))
-    ax.set(xlabel=UNIT[against], ylabel="position, rad" if effect.port == "output" else "torque, Nm")
 
 
 def most_different(without, with_it, n=3000, first=2000):
@@ -94,7 +42,7 @@ def draw_rows(names):
     records = simulate_many([axis, *(axis.with_effect(e) for e in effects)], reference=reference, noise=False)
     _figure, panels = plt.subplots(len(names), 2, figsize=(9, 2.1 * len(names)), squeeze=False, layout="constrained")
     for (left, right), effect, record in zip(panels, effects, records[1:], strict=True):
-        draw_itself(left, effect, record)
+        EffectDisplay.from_run(effect, record, ax=left)
         label = effect.name if type(effect) is get_effect(effect.name) else type(effect).__name__
         left.set_title(label, loc="left", fontweight="bold", fontsize=10)
         window = most_different(records[0].drive, record.drive)

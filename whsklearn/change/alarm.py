@@ -51,6 +51,11 @@ class ChangeAlarm(BaseEstimator):
     axis) are passed over.  Bets are on more spread and on a shift: an estimator that
     improves, and so surprises less, raises no alarm.
 
+    References
+    ----------
+    Shiryaev 1963, Theory of Probability and its Applications 8(1), 22-46; Pollak 1985, Annals of Statistics 13(1),
+    206-227; Shin, Ramdas and Rinaldo 2024, E-detectors, The New England Journal of Statistics in Data Science 2(2).
+
     Examples
     --------
     >>> import numpy as np

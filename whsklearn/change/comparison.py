@@ -18,7 +18,21 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ParameterChange:
-    """One parameter before and after, with the standard error of the difference."""
+    """One parameter before and after, with the standard error of the difference.
+
+    References
+    ----------
+    Basseville and Nikiforov 1993, Detection of Abrupt Changes, Prentice Hall.
+
+    Examples
+    --------
+    >>> from whsklearn.change import ParameterChange
+    >>> change = ParameterChange("coulomb", before=0.70, after=0.84, standard_error=0.01, z=14.0, significant=True)
+    >>> print(change)
+    coulomb rose 20 % (0.7 to 0.84, standard error 0.01)
+    >>> round(change.percent, 6)
+    20.0
+    """
 
     name: str
     before: float

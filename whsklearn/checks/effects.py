@@ -27,7 +27,17 @@ START = -1.2  # rad, so that the experiment passes zero
 
 
 class EffectContractError(ValueError):
-    """An effect does not keep its contract."""
+    """An effect does not keep its contract.
+
+    Examples
+    --------
+    >>> from whsklearn.checks import EffectContractError, check_effect
+    >>> try:
+    ...     check_effect("cogging")
+    ... except EffectContractError as error:
+    ...     print(error)
+    'cogging' is no effect; derive it from whsklearn.effects.Effect.
+    """
 
 
 def check_effect(effect: type[Effect] | Effect) -> tuple[str, ...]:

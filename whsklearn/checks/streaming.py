@@ -52,6 +52,15 @@ def check_streaming(estimator: Any, X: ArrayLike, y: ArrayLike, *, skip: tuple[s
         In one sentence: which check, and by how much it failed.
     ValueError
         If the record is too short or not finite.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from whsklearn import RLSRegressor
+    >>> from whsklearn.checks import check_streaming
+    >>> X = np.random.default_rng(0).normal(size=(80, 2))
+    >>> "chunking" in " ".join(check_streaming(RLSRegressor(), X, X @ [1.0, 2.0]))
+    True
     """
     X, y = np.array(X, dtype=np.float64, ndmin=2), np.array(y, dtype=np.float64)
     if len(X) < 60 or y.shape != (len(X),) or not (np.isfinite(X).all() and np.isfinite(y).all()):
@@ -65,14 +74,31 @@ def check_streaming(estimator: Any, X: ArrayLike, y: ArrayLike, *, skip: tuple[s
 
 
 def streaming_checks() -> Iterator[tuple[str, Callable[[Any, NDArray[np.float64], NDArray[np.float64]], None]]]:
-    """(name, check) of every check; each is called as ``check(estimator, X, y)``, for pytest's parametrize."""
+    """(name, check) of every check; each is called as ``check(estimator, X, y)``, for pytest's parametrize.
+
+    Examples
+    --------
+    >>> from whsklearn.checks import streaming_checks
+    >>> len([name for name, check in streaming_checks()]) > 5
+    True
+    """
     for name, value in list(globals().items()):
         if name.startswith("_check_"):
             yield name.removeprefix("_check_"), value
 
 
 def state_difference(a: Any, b: Any) -> float:
-    """Largest difference between two states, relative to each array's largest entry; inf if they differ in kind."""
+    """Largest difference between two states, relative to each array's largest entry; inf if they differ in kind.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from whsklearn.checks import state_difference
+    >>> state_difference({"theta": np.array([1.0, 2.0])}, {"theta": np.array([1.0, 2.1])})
+    0.0476...
+    >>> state_difference({"theta": np.zeros(2)}, {"theta": "none"})
+    inf
+    """
     if isinstance(a, dict) and isinstance(b, dict):
         if a.keys() != b.keys():
             return np.inf

@@ -37,11 +37,11 @@ if TYPE_CHECKING:
 )
 @click.option("--out", default="model", type=click.Path(file_okay=False), help="Folder for what is found.")
 def main(**options: Any) -> None:
-    r"""Find the model that the log TRAIN asks for: linear, Wiener-Hammerstein or physics.
+    """Find the model that the log TRAIN asks for: linear, Wiener-Hammerstein or physics.
 
     \b
     whsklearn identify axis.csv --input torque_nm --output position_rad --time time_s --out model
-    """
+    """  # noqa: D301 - click reads the backspace
     from whsklearn.identification import identify
     from whsklearn.identification.report import write
 

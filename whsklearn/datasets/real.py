@@ -100,6 +100,17 @@ def fetch_emps(folder: str | os.PathLike[str] | None = None, *, download: bool =
         If the records are neither in a folder nor can be fetched; the message says where they are.
     ValueError
         If a file lacks a column or its numbers are not the published ones.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from whsklearn.datasets import fetch_emps
+    >>> with tempfile.TemporaryDirectory() as empty:
+    ...     try:
+    ...         fetch_emps(empty, download=False)
+    ...     except FileNotFoundError as error:
+    ...         print("emps_train.csv" in str(error))
+    True
     """
     frames = _frames(_EMPS, folder, download, verify)
     return Bunch(
@@ -141,6 +152,17 @@ def fetch_kr300(folder: str | os.PathLike[str] | None = None, *, download: bool 
     The address is that of one commit of the publishers' repository, the layout of ``data.mat`` that which
     their programs read (``rec``: six rows, one an axis). Both are read off their sources; the download
     itself could not be tried where this was written, so the checksum of the numbers has the last word.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from whsklearn.datasets import fetch_kr300
+    >>> with tempfile.TemporaryDirectory() as empty:
+    ...     try:
+    ...         fetch_kr300(empty, download=False)
+    ...     except FileNotFoundError as error:
+    ...         print("kr300" in str(error))
+    True
     """
     frames = _frames(_KR300, folder, download, verify)
     return Bunch(

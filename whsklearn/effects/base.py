@@ -120,6 +120,22 @@ class Effect:
         Largest time step at which its simulation is right (s).
     evaluate : callable or None
         ``evaluate(p, time, position, velocity, drive)``, for effects of one's own.
+
+    References
+    ----------
+    Armstrong-Helouvry, Dupont and Canudas de Wit 1994, A survey of models, analysis tools and compensation methods
+    for the control of machines with friction, Automatica 30(7), 1083-1138.
+
+    Examples
+    --------
+    >>> from whsklearn.effects import Cogging, get_effect
+    >>> effect = Cogging(0.05, order=12.0)
+    >>> effect.magnitude, effect.shape
+    (0.05, {'order': 12.0, 'phase': 0.0})
+    >>> effect.equation, effect.labelled()["amplitude_nm"]
+    ('A cos(k q + phi)', 0.05)
+    >>> get_effect("cogging") is Cogging
+    True
     """
 
     name: ClassVar[str] = ""
@@ -414,6 +430,13 @@ def get_effect(name: str) -> type[Effect]:
 
 
 def effect_names(place: str | None = None) -> tuple[str, ...]:
-    """Names in the catalogue, of one place or of all, in the order of the chain."""
+    """Names in the catalogue, of one place or of all, in the order of the chain.
+
+    Examples
+    --------
+    >>> from whsklearn.effects import effect_names
+    >>> effect_names("transmission")
+    ('backlash', 'flexible_coupling')
+    """
     ordered = sorted(_REGISTRY, key=lambda n: PLACES.index(_REGISTRY[n].place))
     return tuple(n for n in ordered if place is None or _REGISTRY[n].place == place)

@@ -53,6 +53,11 @@ def delayed(age):
 class InputOffset(Effect):
     """A constant torque that the drive has to add, c (Nm): amplifier offset, a constant load.
 
+    See Also
+    --------
+    AsymmetricCoulomb : vanishes at rest; without rest in the record the two are one column.
+    GravityImbalance : nearly constant over a short travel.
+
     Examples
     --------
     >>> InputOffset(0.1).value(velocity=-3.0)
@@ -79,6 +84,11 @@ class InputOffset(Effect):
 @dataclass(frozen=True)
 class DeadZone(Effect):
     """The amplifier gives nothing below a threshold, and the rest is short of it: u_eff = u - clip(u, -d, d) (Nm).
+
+    See Also
+    --------
+    Coulomb : the step is in the sign of velocity.
+    Backlash : the drive seems lost around zero too, but over a distance.
 
     Examples
     --------
@@ -109,6 +119,11 @@ class DeadZone(Effect):
 @dataclass(frozen=True)
 class Saturation(Effect):
     """The amplifier gives no more than its limit, u_eff = clip(u, -U, U) (Nm).
+
+    See Also
+    --------
+    DeadZone : takes from the drive near zero.
+    ActuatorLag : also loses peaks, but only the fast ones.
 
     Examples
     --------
@@ -148,6 +163,11 @@ class InputDelay(Effect):
 
     Its column is the first order of it, du/dt.
 
+    See Also
+    --------
+    ActuatorLag : the same to first order; only frequencies near 1 / tau part them.
+    FlexibleCoupling : adds phase below its resonance too.
+
     Examples
     --------
     >>> InputDelay(0.01).value(time=[0.0, 0.1, 0.2], drive=[0.0, 1.0, 2.0]).round(3).tolist()
@@ -181,6 +201,11 @@ class ActuatorLag(Effect):
 
     Its column is the first order of it, du/dt, the same as a delay's.
 
+    See Also
+    --------
+    InputDelay : the same to first order; its gain does not roll off.
+    FlexibleCoupling : rolls off after a peak.
+
     Examples
     --------
     >>> ActuatorLag(0.01).value(time=[0.0, 0.1, 0.2], drive=[0.0, 1.0, 2.0]).round(3).tolist()
@@ -211,6 +236,11 @@ class ActuatorLag(Effect):
 @dataclass(frozen=True)
 class TorqueRipple(Effect):
     """The torque constant varies with the rotor's angle, u_eff = u (1 - A cos(k q + phi)).
+
+    See Also
+    --------
+    Cogging : the same wave over position, whatever the drive.
+    LoadFriction : proportional to the drive, with the sign of velocity.
 
     Examples
     --------

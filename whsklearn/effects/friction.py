@@ -77,6 +77,18 @@ class StaticEffect(Effect):
     """An effect that is a memoryless term f(x, dx), so a law can hold it.
 
     ``code`` is known to `whsklearn.effects.terms.term`, ``term_shape`` gives its shape numbers.
+
+    References
+    ----------
+    Paper, (3) and (4).
+
+    Examples
+    --------
+    >>> from whsklearn.effects import Coulomb, StaticEffect, Stribeck
+    >>> isinstance(Coulomb(), StaticEffect)
+    True
+    >>> Stribeck(0.3, velocity=0.1, exponent=2.0).term_shape
+    (0.1, 2.0)
     """
 
     code: ClassVar[int] = -1
@@ -90,6 +102,12 @@ class StaticEffect(Effect):
 @dataclass(frozen=True)
 class Viscous(StaticEffect):
     """Friction proportional to velocity, c v (Nm); gamma_6 of (3) and (4).
+
+    See Also
+    --------
+    QuadraticDrag : grows with the square; the two part at top speed only.
+    AsymmetricViscous : the part of the slope that is not the same in both directions.
+    Coulomb : takes over part of the slope where only one speed was driven.
 
     Examples
     --------
@@ -114,6 +132,12 @@ class Viscous(StaticEffect):
 class Coulomb(StaticEffect):
     """Dry friction, constant against the motion, Fc sign(v) (Nm); beta_1 of (4).
 
+    See Also
+    --------
+    PreslidingHysteresis : builds up over a short distance instead of at once.
+    LoadFriction : the height of the step follows the drive.
+    DeadZone : the step is in the sign of the drive; alike where drive and velocity reverse together.
+
     Examples
     --------
     >>> Coulomb(0.7).value(velocity=[-2.0, 0.0, 0.1]).tolist()
@@ -136,6 +160,11 @@ class Coulomb(StaticEffect):
 @dataclass(frozen=True)
 class AsymmetricCoulomb(StaticEffect):
     """The half difference of dry friction between the two directions, c |sign(v)| (Nm).
+
+    See Also
+    --------
+    InputOffset : acts at rest too; without rest in the record the two are one column.
+    GravityImbalance : nearly constant over a short travel.
 
     Examples
     --------
@@ -161,6 +190,11 @@ class AsymmetricCoulomb(StaticEffect):
 class AsymmetricViscous(StaticEffect):
     """The half difference of viscous friction between the two directions, c |v| (Nm).
 
+    See Also
+    --------
+    AsymmetricCoulomb : a constant in motion; needs two speeds a direction to be told apart.
+    Viscous : its odd counterpart.
+
     Examples
     --------
     >>> AsymmetricViscous(0.1).value(velocity=[-2.0, 3.0]).round(3).tolist()
@@ -184,6 +218,12 @@ class AsymmetricViscous(StaticEffect):
 @dataclass(frozen=True)
 class Stribeck(StaticEffect):
     """The excess of friction near standstill that fades with speed, c exp(-|v/v_s|^delta) sign(v) (Nm).
+
+    See Also
+    --------
+    QuadraticDrag : a wide Stribeck term bends the curve at speed as drag does.
+    PreslidingHysteresis : also lives near standstill, but depends on distance and not on speed.
+    ReducedStribeck : the term of the article's (4), which saturates at speed.
 
     Examples
     --------
@@ -221,6 +261,11 @@ class ReducedStribeck(StaticEffect):
     With a Coulomb term beta_1 beside it, friction falls from beta_1 just off
     standstill to beta_1 - beta_2 at speed.
 
+    See Also
+    --------
+    Stribeck : the exponential term, which is the catalogue's.
+    Tanh : the same function with the sign of a Coulomb term.
+
     Examples
     --------
     >>> round(ReducedStribeck(0.2).value(velocity=1.0), 3)
@@ -245,6 +290,11 @@ class ReducedStribeck(StaticEffect):
 @dataclass(frozen=True)
 class QuadraticDrag(StaticEffect):
     """Drag of air or oil at high speed, c v |v| (Nm).
+
+    See Also
+    --------
+    Viscous : alike where the speed varies little.
+    Stribeck : a wide one bends the curve too, to the other side.
 
     Examples
     --------

@@ -83,6 +83,14 @@ _VELOCITY = Quantity("rad/s", 1e-3, 2.0, log=True)
 class PreslidingHysteresis(Effect):
     """Dahl's model, c z with dz/dx = (1 - z sign(v)) / x_s (Nm), the simplest of the family.
 
+    See Also
+    --------
+    LuGre : its level falls with speed.
+    GeneralizedMaxwellSlip : closes nested loops, which this one forgets.
+    BoucWen : slimmer loops.
+    Backlash : the load is lost over a distance too, but the motor runs free meanwhile.
+    Stribeck : lives near standstill as well, as a function of speed.
+
     Examples
     --------
     >>> path, speed = [0.0, 0.001, 0.01, 0.009], [0.0, 1.0, 1.0, -1.0]
@@ -108,6 +116,12 @@ class PreslidingHysteresis(Effect):
 @dataclass(frozen=True)
 class LuGre(PreslidingHysteresis):
     """LuGre: Dahl's spring whose end level falls with speed (Stribeck), with damping; c (z + d dz/dt) (Nm).
+
+    See Also
+    --------
+    PreslidingHysteresis : Dahl's model, without the Stribeck level and the damping.
+    GeneralizedMaxwellSlip : the same level with a memory of nested reversals.
+    Stribeck : the same level without presliding.
 
     Examples
     --------
@@ -143,6 +157,11 @@ class GeneralizedMaxwellSlip(PreslidingHysteresis):
     The elements carry equal shares and let go at evenly spread distances with mean x_s;
     a sliding element follows the level g(v) at once, the limit of a fast attraction.
 
+    See Also
+    --------
+    PreslidingHysteresis : Dahl's model, which drifts under a small oscillation beside a bias.
+    LuGre : one state instead of several.
+
     Examples
     --------
     >>> path, speed = [0.0, 0.0004, 0.01], [0.0, 1.0, 1.0]
@@ -176,6 +195,11 @@ class GeneralizedMaxwellSlip(PreslidingHysteresis):
 @dataclass(frozen=True)
 class BoucWen(PreslidingHysteresis):
     """Bouc-Wen with exponent 1 and beta + gamma = 1, c z (Nm): beta = 1 is Dahl, below it the loop grows slimmer.
+
+    See Also
+    --------
+    PreslidingHysteresis : the case beta = 1.
+    GeneralizedMaxwellSlip : loops built of elements.
 
     Examples
     --------

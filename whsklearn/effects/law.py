@@ -38,6 +38,10 @@ class FrictionLaw:
     codes, shapes, weights : ndarray of shape (n_terms,), (n_terms, 3), (n_terms,)
         The law as the compiled kernels take it.
 
+    References
+    ----------
+    Paper, (3) and (4).
+
     Examples
     --------
     >>> from whsklearn.effects import FrictionLaw, Viscous, Coulomb
@@ -110,12 +114,27 @@ def _evaluate(codes, shapes, x, dx, kappa):
 
 
 def reduced_law(viscous: float = 0.05, coulomb: float = 0.7, stribeck: float = 0.2) -> FrictionLaw:
-    """Law (4): gamma_6 dx + beta_1 sign(dx) - beta_2 tanh(dx); Example 5.1's values by default."""
+    """Law (4): gamma_6 dx + beta_1 sign(dx) - beta_2 tanh(dx); Example 5.1's values by default.
+
+    Examples
+    --------
+    >>> from whsklearn.effects import reduced_law
+    >>> reduced_law().weights.tolist()
+    [0.05, 0.7, 0.2]
+    """
     return FrictionLaw([Viscous(viscous), Coulomb(coulomb), ReducedStribeck(stribeck)])
 
 
 def smooth_law(gamma: Sequence[float]) -> FrictionLaw:
-    """Law (3) from its six positive parameters gamma_1 ... gamma_6."""
+    """Law (3) from its six positive parameters gamma_1 ... gamma_6.
+
+    Examples
+    --------
+    >>> from whsklearn.effects import smooth_law
+    >>> law = smooth_law([0.25, 100, 10, 0.5, 100, 0.01])
+    >>> float(law(0.0, 10.0).round(3))  # gamma_4 + 10 gamma_6 at speed
+    0.6
+    """
     if len(gamma) != 6 or min(gamma) <= 0:
         raise ValueError(f"gamma is {list(gamma)}, expected six positive numbers gamma_1 ... gamma_6 of (3).")
     g1, g2, g3, g4, g5, g6 = (float(g) for g in gamma)
@@ -123,12 +142,26 @@ def smooth_law(gamma: Sequence[float]) -> FrictionLaw:
 
 
 def polynomial_law(coefficients: Sequence[float]) -> FrictionLaw:
-    """v = sum of coefficients[k] x^k, a static nonlinearity of x."""
+    """v = sum of coefficients[k] x^k, a static nonlinearity of x.
+
+    Examples
+    --------
+    >>> from whsklearn.effects import polynomial_law
+    >>> float(polynomial_law([0.0, 1.0, 0.0, 0.3])(2.0, 0.0))
+    4.4
+    """
     return FrictionLaw([Power(c, k) for k, c in enumerate(coefficients) if c != 0.0 or k == 1])
 
 
 def piecewise_linear_law(knots: Sequence[float], slopes: Sequence[float]) -> FrictionLaw:
-    """The continuous characteristic through 0 with slopes[0] below knots[0], slopes[i] after knots[i-1]."""
+    """The continuous characteristic through 0 with slopes[0] below knots[0], slopes[i] after knots[i-1].
+
+    Examples
+    --------
+    >>> from whsklearn.effects import piecewise_linear_law
+    >>> piecewise_linear_law([-1.0, 1.0], [0.1, 1.0, 0.1])([-2.0, 0.0, 0.5, 2.0], 0.0).round(6).tolist()
+    [-1.1, 0.0, 0.5, 1.1]
+    """
     if len(slopes) != len(knots) + 1:
         raise ValueError(f"{len(slopes)} slopes for {len(knots)} knots; expected one slope more than knots.")
     if any(b <= a for a, b in itertools.pairwise(knots)):

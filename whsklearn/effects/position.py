@@ -54,6 +54,14 @@ _CENTRE = Quantity("rad", -10.0, 10.0, span=(-3.0, 3.0), starts=(0.0,))
 class Cogging(Effect):
     """The rotor's magnets prefer some angles, A cos(k q + phi) (Nm); a gear in between makes the order fractional.
 
+    See Also
+    --------
+    TorqueRipple : the wave grows with the drive.
+    PositionFriction : the wave changes sign with the direction.
+    GravityImbalance : order one.
+    EncoderEccentricity : its torque grows with the square of the speed.
+    DisturbanceTone : fixed in time; at one speed the two look the same.
+
     Examples
     --------
     >>> Cogging(0.05, order=12.0).value(position=[0.0, 0.2618]).round(3).tolist()
@@ -85,6 +93,12 @@ class Cogging(Effect):
 class GravityImbalance(Effect):
     """A centre of mass off the axis, A cos(q + phi) with A = m g l (Nm).
 
+    See Also
+    --------
+    CableSpring : a line against position; alike over a short travel.
+    EncoderEccentricity : order one too, in the reading instead of the torque.
+    InputOffset : alike where the axis hardly moves.
+
     Examples
     --------
     >>> GravityImbalance(2.0, phase=0.5).value(position=-0.5)
@@ -109,6 +123,12 @@ class GravityImbalance(Effect):
 @dataclass(frozen=True)
 class CableSpring(Effect):
     """Cables that pull back, c (q - q_0) (Nm).
+
+    See Also
+    --------
+    HardeningSpring : cubic; the two part at large travel.
+    GravityImbalance : alike over a short travel.
+    OutputOffset : shifts the centre of this spring.
 
     Examples
     --------
@@ -139,6 +159,11 @@ class CableSpring(Effect):
 class HardeningSpring(Effect):
     """A spring that grows stiffer, Duffing's cubic c (q - q_0)^3 (Nm).
 
+    See Also
+    --------
+    CableSpring : linear.
+    EndStop : nothing at all before the stop.
+
     Examples
     --------
     >>> HardeningSpring(0.05).value(position=2.0)
@@ -167,6 +192,11 @@ class HardeningSpring(Effect):
 @dataclass(frozen=True)
 class EndStop(Effect):
     """An elastic stop at either end of the travel, k max(|q| - q_s, 0) sign(q) (Nm).
+
+    See Also
+    --------
+    HardeningSpring : grows from the centre on.
+    Saturation : limits the drive; both show where the motion is largest.
 
     Examples
     --------

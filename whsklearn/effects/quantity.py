@@ -38,6 +38,19 @@ class Quantity:
     scan : str
         How a fine grid finds it, if starts are too coarse: ``position`` (the order of a wave over position),
         ``time`` (a frequency), ``step`` (an instant); empty where the starts do.
+
+    References
+    ----------
+    Gill, Murray and Wright 1981, Practical Optimization, Academic Press, on the scaling of variables.
+
+    Examples
+    --------
+    >>> from whsklearn.effects import Quantity, Scales
+    >>> width = Quantity("rad", 0.01, 1.0, log=True)
+    >>> width.labelled("width"), width.positive
+    ('width_rad', True)
+    >>> tuple(round(x, 2) for x in width.bounds(Scales(reach=0.1)))
+    (0.01, 0.3)
     """
 
     unit: str

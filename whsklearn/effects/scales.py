@@ -35,6 +35,10 @@ class Scales:
     resonance : float
         Highest frequency that the simulation's steps carry (Hz).
 
+    References
+    ----------
+    Gill, Murray and Wright 1981, Practical Optimization, Academic Press, on the scaling of variables.
+
     Examples
     --------
     >>> Scales(reach=2.0, centre=0.5).extent

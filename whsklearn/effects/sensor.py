@@ -43,6 +43,11 @@ def quantized(step, reading):
 class OutputOffset(Effect):
     """The zero of the sensor is off, y = q + c (rad).
 
+    See Also
+    --------
+    InputOffset : a constant in the torque.
+    CableSpring : turns an offset of the reading into a constant torque.
+
     Examples
     --------
     >>> OutputOffset(0.01).value(position=2.0)
@@ -67,6 +72,11 @@ class OutputOffset(Effect):
 class OutputDrift(Effect):
     """The sensor's zero wanders at a constant rate, y = q + c t (rad).
 
+    See Also
+    --------
+    OutputOffset : constant.
+    FrictionDrift : slow too, in the torque.
+
     Examples
     --------
     >>> OutputDrift(0.001).value(time=20.0)
@@ -90,6 +100,10 @@ class OutputDrift(Effect):
 @dataclass(frozen=True)
 class SensorRectification(Effect):
     """The sensor loses the sign, wholly (fraction 1) or in part: y = (1 - f) q + f |q| (rad).
+
+    See Also
+    --------
+    OutputOffset : shifts the reading, and keeps its sign.
 
     Examples
     --------
@@ -116,6 +130,11 @@ class SensorRectification(Effect):
 @dataclass(frozen=True)
 class EncoderEccentricity(Effect):
     """The disc of the encoder is off centre (order 1) or bent (order 2): y = q + A cos(k q + phi) (rad).
+
+    See Also
+    --------
+    Cogging : a wave in the torque, at any speed.
+    GravityImbalance : one wave a turn in the torque.
 
     Examples
     --------
@@ -149,6 +168,11 @@ class EncoderEccentricity(Effect):
 @dataclass(frozen=True)
 class Quantization(Effect):
     """The sensor counts in steps, y = s round(q / s) (rad); no column stands for it.
+
+    See Also
+    --------
+    OutputOffset : a rounding to the lower step is half a step of it.
+    DisturbanceTone : rounding makes none; what is periodic in time is no lattice.
 
     Examples
     --------

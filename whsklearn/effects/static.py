@@ -82,6 +82,11 @@ _WEIGHT = Quantity("y per x", -1e6, 1e6)
 class Tanh(StaticEffect):
     """weight tanh(dx / velocity), in y's unit: the smooth Coulomb term gamma_4 tanh(gamma_5 dx) of (3).
 
+    References
+    ----------
+    Makkar, Dixon, Sawyer and Hu 2005, A new continuously differentiable friction model for control systems
+    design, Proc. AIM 2005, 600-605; paper, (3).
+
     Examples
     --------
     >>> round(Tanh(0.5, velocity=0.1).value(velocity=0.1), 3)
@@ -102,6 +107,11 @@ class Tanh(StaticEffect):
 @dataclass(frozen=True)
 class TanhDifference(StaticEffect):
     """weight (tanh(dx / fast) - tanh(dx / slow)), in y's unit: the Stribeck term of (3).
+
+    References
+    ----------
+    Makkar, Dixon, Sawyer and Hu 2005, A new continuously differentiable friction model for control systems
+    design, Proc. AIM 2005, 600-605; paper, (3).
 
     Examples
     --------
@@ -129,6 +139,11 @@ class TanhDifference(StaticEffect):
 class Power(StaticEffect):
     """weight x^degree, in y's unit: a term of a polynomial.
 
+    References
+    ----------
+    Narendra and Gallman 1966, An iterative method for the identification of nonlinear systems using a Hammerstein
+    model, IEEE Trans. Autom. Control 11(3), 546-550.
+
     Examples
     --------
     >>> Power(2.0, degree=3).value(position=-2.0)
@@ -154,6 +169,11 @@ class Power(StaticEffect):
 @dataclass(frozen=True)
 class Hinge(StaticEffect):
     """weight max(x - knot, 0), in y's unit: a term of a piecewise-linear law.
+
+    References
+    ----------
+    Breiman 1993, Hinging hyperplanes for regression, classification, and function approximation, IEEE Trans. Inf.
+    Theory 39(3), 999-1013.
 
     Examples
     --------
@@ -213,6 +233,11 @@ class NaturalSpline(StaticEffect):
 @dataclass(frozen=True)
 class SpeedHinge(StaticEffect):
     """weight sign(dx) max(|dx| - knot, 0), in y's unit: a kink of an odd friction curve over speed.
+
+    References
+    ----------
+    Breiman 1993, Hinging hyperplanes for regression, classification, and function approximation, IEEE Trans. Inf.
+    Theory 39(3), 999-1013.
 
     Examples
     --------

@@ -31,6 +31,11 @@ def parameter_change(change, start, time, regressor):
 class DisturbanceTone(Effect):
     """A torque of one frequency from outside, A cos(2 pi f t + phi) (Nm): mains, a fan, a pump.
 
+    See Also
+    --------
+    Cogging : fixed over position; at one speed the two look the same.
+    EncoderEccentricity : also periodic at a constant speed, with an amplitude that follows the speed.
+
     Examples
     --------
     >>> DisturbanceTone(0.05, frequency=25.0).value(time=[0.0, 0.02]).round(3).tolist()
@@ -71,6 +76,11 @@ class ParameterChange(Effect):
     """One parameter of the axis takes another value from a time on; ``change`` is in the parameter's unit.
 
     What it asks of the drive (Nm) is c r(t) for t >= t_0, with r = a, v, sign(v) or -u.
+
+    See Also
+    --------
+    FrictionDrift : friction settles over time instead of at one instant.
+    LoadFriction : varies with the drive; a motion that changes half-way hides the difference.
 
     Examples
     --------

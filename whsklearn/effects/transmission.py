@@ -88,6 +88,12 @@ class Backlash(TransmissionEffect):
     T_c = k (d - clip(d, -b/2, b/2)) + c dd/dt (Nm) in contact, d = q_m - q_l; k and c follow from the frequency
     and the damping ratio of the two inertias in contact.
 
+    See Also
+    --------
+    FlexibleCoupling : gives way in proportion to the torque; a heavily damped one imitates a gap.
+    PreslidingHysteresis : friction that builds up over a distance, with one inertia.
+    DeadZone : the drive is lost by its size, not over a distance.
+
     Examples
     --------
     >>> Backlash(0.002).labelled()
@@ -118,6 +124,11 @@ class Backlash(TransmissionEffect):
 @dataclass(frozen=True)
 class FlexibleCoupling(TransmissionEffect):
     """A spring between motor and load, T_c = (q_m - q_l) / C + c (v_m - v_l) (Nm).
+
+    See Also
+    --------
+    Backlash : transmits nothing while the gap is crossed, whatever the torque.
+    InputDelay : the same phase below the resonance.
 
     Examples
     --------

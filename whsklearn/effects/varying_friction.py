@@ -40,6 +40,12 @@ def friction_drift(time_constant, time, s, ds):
 class LoadFriction(Effect):
     """Dry friction that grows with the torque that the gears carry, c |u| sign(v) (Nm).
 
+    See Also
+    --------
+    Coulomb : the same where the size of the drive is nearly constant.
+    TorqueRipple : also proportional to the drive, but it follows the angle.
+    ParameterChange : a change of gain is proportional to the drive in both directions.
+
     Examples
     --------
     >>> LoadFriction(0.1).value(velocity=0.3, drive=-4.0)
@@ -64,6 +70,11 @@ class LoadFriction(Effect):
 @dataclass(frozen=True)
 class PositionFriction(StaticEffect):
     """Dry friction that varies over a turn, A cos(k q + phi) sign(v) (Nm): a bent shaft, an uneven bearing.
+
+    See Also
+    --------
+    Cogging : the same wave, but its sign does not change with the direction.
+    Coulomb : the mean of it over a turn.
 
     Examples
     --------
@@ -96,6 +107,11 @@ class PositionFriction(StaticEffect):
 @dataclass(frozen=True)
 class FrictionDrift(Effect):
     """Dry friction that settles while the axis warms up, c (1 - exp(-t/T)) sign(v) (Nm); negative: falls.
+
+    See Also
+    --------
+    ParameterChange : friction changes at one instant instead of settling.
+    Coulomb : what is left of it in a short record.
 
     Examples
     --------

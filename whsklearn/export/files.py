@@ -36,6 +36,18 @@ class Export:
     paths : list of Path
     losses : list of Loss
         What the format does not hold, with its size.
+
+    References
+    ----------
+    MuJoCo, URDF and FMI 2.0 specifications, as `whsklearn.export.export_model` writes them.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from whsklearn.export import Export, Loss
+    >>> done = Export([Path("model.xml")], [Loss("torque_ripple", "amplitude 0.02", "MuJoCo has nothing like it")])
+    >>> [loss.name for loss in done.losses]
+    ['torque_ripple']
     """
 
     paths: list[Path] = field(default_factory=list)

@@ -49,6 +49,14 @@ def to_control(model: Any) -> tuple[Any, list[Loss]]:
     ------
     ImportError
         If it is not installed.
+
+    Examples
+    --------
+    >>> from whsklearn import WienerHammersteinSystem
+    >>> from whsklearn.export import to_control
+    >>> linear, losses = to_control(WienerHammersteinSystem.example())
+    >>> [loss.name for loss in losses]
+    ['coulomb', 'stribeck']
     """
     try:
         import control

@@ -21,6 +21,16 @@ class Loss:
         Its numbers with their units.
     reason : str
         Why it is not there, or what stands in its place.
+
+    References
+    ----------
+    MuJoCo XML reference, https://mujoco.readthedocs.io/en/stable/XMLreference.html: what a joint can hold.
+
+    Examples
+    --------
+    >>> from whsklearn.export import Loss
+    >>> print(Loss("torque_ripple", "amplitude 0.02", "MuJoCo has nothing like it"))
+    torque_ripple (amplitude 0.02): MuJoCo has nothing like it
     """
 
     name: str

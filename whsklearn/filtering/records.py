@@ -20,7 +20,22 @@ _DECIMATOR_EDGE = 0.8  # of the new Nyquist frequency
 
 
 class Motion(NamedTuple):
-    """Position, velocity and acceleration, each of shape (n,), in the unit of the position, per s and per s2."""
+    """Position, velocity and acceleration, each of shape (n,), in the unit of the position, per s and per s2.
+
+    References
+    ----------
+    Swevers, Verdonck and De Schutter 2007, IEEE Control Systems Magazine 27(5), 58-71, on derivatives of encoder
+    readings.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from whsklearn.filtering import Motion, motion
+    >>> q = 0.5 * np.sin(2 * np.arange(2000) / 1000)
+    >>> m = motion(q, sample_rate=1000, cutoff=50)
+    >>> isinstance(m, Motion), round(float(m.velocity[500]), 2)  # 0.5 x 2 x cos(1)
+    (True, 0.54)
+    """
 
     position: NDArray[np.float64]
     velocity: NDArray[np.float64]

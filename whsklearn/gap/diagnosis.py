@@ -14,7 +14,20 @@ from whsklearn.gap.localisation import Place
 
 @dataclass
 class NamedEffect:
-    """An effect with its numbers, its evidence and what it cannot be told from."""
+    """An effect with its numbers, its evidence and what it cannot be told from.
+
+    References
+    ----------
+    Kass and Raftery 1995, Bayes Factors, J. Am. Stat. Assoc. 90(430), 773-795, on differences of BIC.
+
+    Examples
+    --------
+    >>> from whsklearn.effects import Cogging
+    >>> from whsklearn.gap import NamedEffect
+    >>> found = NamedEffect(Cogging(0.1, 12.0), {"amplitude_nm": 0.01}, delta_bic=812.0, confidence=1.0, closure=0.97)
+    >>> found.name, found.parameters["amplitude_nm"], found.errors["amplitude_nm"]
+    ('cogging', 0.1, 0.01)
+    """
 
     effect: Any
     standard_errors: dict[str, float]
@@ -87,7 +100,22 @@ class CandidateLine:
 
 @dataclass
 class Diagnosis:
-    """All that a report needs; ``as_dict`` is the file that other programs read."""
+    """All that a report needs; ``as_dict`` is the file that other programs read.
+
+    References
+    ----------
+    Schwarz 1978, Estimating the Dimension of a Model, Annals of Statistics 6(2), 461-464; Ljung 1999, System
+    Identification, 2nd ed., ch. 16, Model structure selection and model validation.
+
+    Examples
+    --------
+    >>> from whsklearn.gap import Diagnosis
+    >>> diagnosis = Diagnosis("no_gap", "Nothing is missing: the gap is 0.4 % of the drive, noise gives as much.")
+    >>> diagnosis.verdict, diagnosis.effects
+    ('no_gap', [])
+    >>> sorted(diagnosis.as_dict())[:3]
+    ['after', 'before', 'candidates']
+    """
 
     verdict: str
     sentence: str

@@ -59,6 +59,12 @@ class GapFinder(BaseEstimator):
     diagnosis_ : Diagnosis
         Everything, as the report shows it.
 
+    References
+    ----------
+    Schwarz 1978, Annals of Statistics 6(2), 461-464, for the evidence; Theiler, Eubank, Longtin, Galdrikian and
+    Farmer 1992, Testing for nonlinearity in time series: the method of surrogate data, Physica D 58, 77-94, for its
+    threshold; Ljung 1999, System Identification, 2nd ed., ch. 16, for held-out samples.
+
     Examples
     --------
     >>> from whsklearn.gap import GapFinder

@@ -27,7 +27,21 @@ def _unit(column: str, known: dict[str, tuple[str, float]], default: str = "") -
 
 @dataclass(frozen=True)
 class ServoRecord:
-    """Time, drive, position and, if logged, the reference; shape (n,) each, evenly sampled."""
+    """Time, drive, position and, if logged, the reference; shape (n,) each, evenly sampled.
+
+    References
+    ----------
+    Swevers, Verdonck and De Schutter 2007, IEEE Control Systems Magazine 27(5), 58-71, on what to log.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from whsklearn.gap import ServoRecord
+    >>> t = np.arange(100) / 1000
+    >>> record = ServoRecord(time=t, drive=np.sin(t), position=np.zeros(100), units=("N", "m"))
+    >>> len(record), round(record.dt, 6)
+    (100, 0.001)
+    """
 
     time: Array
     drive: Array

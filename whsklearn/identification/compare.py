@@ -36,6 +36,19 @@ class Compared:
 
     ``seconds`` are of processor time, ``windows`` root mean square errors by length in samples, ``score`` their
     geometric mean over the noise floor (over the trivial model's where there is no floor).
+
+    References
+    ----------
+    Schoukens and Ljung 2019, Nonlinear System Identification: A User-Oriented Road Map, IEEE Control Systems
+    Magazine 39(6), 28-99.
+
+    Examples
+    --------
+    >>> from whsklearn.identification import Compared
+    >>> from whsklearn.models import LinearModel
+    >>> arx = Compared("ARX, order 1", "arx", {"order": 1}, "prediction", LinearModel([0.0, 0.5], [1.0, -0.5]))
+    >>> arx.size
+    4
     """
 
     name: str
@@ -62,6 +75,22 @@ class Identification:
 
     ``models`` are the candidates from the simplest on, ``recommended`` one of them, ``trivial`` the model that
     does nothing, ``reason`` a sentence, ``train`` and ``test`` the records as the candidates saw them.
+
+    References
+    ----------
+    Schoukens and Ljung 2019, Nonlinear System Identification: A User-Oriented Road Map, IEEE Control Systems
+    Magazine 39(6), 28-99.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from whsklearn.identification import identify
+    >>> from whsklearn.models import LinearModel
+    >>> u = np.random.default_rng(0).normal(size=250)
+    >>> y = LinearModel([0.0, 0.5], [1.0, -0.5]).simulate(u)
+    >>> found = identify(u, y, logged="output")
+    >>> found.recommended in found.models, round(found.recommended.test["rmse"], 6)
+    (True, 0.0)
     """
 
     models: list[Compared]

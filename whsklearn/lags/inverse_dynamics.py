@@ -101,6 +101,12 @@ class InverseDynamicsLags(MotionStream, TransformerMixin, BaseEstimator):
     X is position (n, 1), or position and measured drive (n, 2) where an effect such as
     ``load_friction`` is a function of the drive; y is the torque (rad and Nm, or m and N).
 
+    References
+    ----------
+    Janot, Gautier and Brunot 2019, Data Set and Reference Models of EMPS, Workshop on Nonlinear System
+    Identification Benchmarks; Swevers, Verdonck and De Schutter 2007, Dynamic Model Identification for Industrial
+    Robots, IEEE Control Systems Magazine 27(5), 58-71.
+
     Examples
     --------
     >>> import numpy as np

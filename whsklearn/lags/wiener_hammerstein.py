@@ -45,6 +45,10 @@ class WienerHammersteinLags(TransformerMixin, BaseEstimator):
     n_parameters : int
         Number of columns.
 
+    References
+    ----------
+    Paper, (5) and (6).
+
     Examples
     --------
     >>> from whsklearn import WienerHammersteinLags

@@ -41,6 +41,15 @@ def check_log(
     Returns
     -------
     LogReport
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from whsklearn.logs import check_log
+    >>> t = np.arange(2000) / 1000
+    >>> report = check_log(t, {"drive": np.sin(4 * t), "position": np.cos(4 * t)})
+    >>> report.ok, report.jitter < 1e-9
+    (True, True)
     """
     found = [*extra, *_stamps(time, np.arange(len(time)) if rows is None else rows)]
     skipped: dict[str, str] = {}

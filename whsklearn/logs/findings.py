@@ -43,6 +43,16 @@ class Finding:
     """One thing found: code, severity (info, warning, error), explanation, rows and a number.
 
     ``rows`` are positions in the file's data, the first row being 0; at most ten are kept.
+
+    References
+    ----------
+    Ljung 1999, System Identification, 2nd ed., ch. 14, Preprocessing data.
+
+    Examples
+    --------
+    >>> from whsklearn.logs import Finding
+    >>> Finding("LOG008", "error", "The drive is constant.", rows=(0,)).title
+    'The drive is zero throughout'
     """
 
     code: str
@@ -67,6 +77,10 @@ def finding(
 @dataclass(frozen=True)
 class LogReport:
     """Findings about a log, the worst first, and the checks that did not apply with their reasons.
+
+    References
+    ----------
+    Ljung 1999, System Identification, 2nd ed., ch. 14, Preprocessing data.
 
     Examples
     --------

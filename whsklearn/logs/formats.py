@@ -32,7 +32,7 @@ _SHEETS = {".xlsx", ".xls", ".ods"}
 
 
 def open_source(path: str | os.PathLike[str]) -> Source:
-    """The columns of a log.
+    r"""The columns of a log.
 
     Parameters
     ----------
@@ -52,6 +52,16 @@ def open_source(path: str | os.PathLike[str]) -> Source:
         If the format needs a package that is not installed; the message has the line that installs it.
     LogError
         If the file is empty, damaged or of no known format.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> from whsklearn.logs import open_source
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = pathlib.Path(folder, "log.csv")
+    ...     _ = path.write_text("time_s;torque_nm\n0,0;0,1\n0,1;0,2\n0,2;0,3\n")
+    ...     open_source(path).names
+    ['time_s', 'torque_nm']
     """
     file = Path(path)
     if file.is_dir():

@@ -84,7 +84,14 @@ def mu_e(y: ArrayLike, y_hat: ArrayLike, skip: int = 0) -> float:
 
 
 def abs_mu_e(y: ArrayLike, y_hat: ArrayLike, skip: int = 0) -> float:
-    """Absolute value of `mu_e`: how far the run is off on average, whichever way."""
+    """Absolute value of `mu_e`: how far the run is off on average, whichever way.
+
+    Examples
+    --------
+    >>> from whsklearn.metrics import abs_mu_e
+    >>> abs_mu_e([0.0, 1.0], [0.5, 1.5])
+    0.5
+    """
     return abs(mu_e(y, y_hat, skip))
 
 

@@ -29,6 +29,10 @@ class AxisModel(IdentifiedModel):
     effects : tuple of Effect
         What else there is, such as `InputOffset`, `Cogging`.
 
+    References
+    ----------
+    Armstrong-Helouvry, Dupont and Canudas de Wit 1994, Automatica 30(7), 1083-1138.
+
     Examples
     --------
     >>> from whsklearn.effects import as_law

@@ -22,6 +22,10 @@ class ChainModel(IdentifiedModel):
     ``b1[0]`` multiplies u(t) itself, so a block with a delay begins with zeros; ``f1`` and
     ``f2`` begin with 1.
 
+    References
+    ----------
+    Paper, (1) and (2); Giri and Bai (eds.) 2010, Block-oriented Nonlinear System Identification, Springer.
+
     Examples
     --------
     >>> from whsklearn.effects import Effect, FrictionLaw, Power

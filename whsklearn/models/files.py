@@ -76,6 +76,16 @@ def load_model(path: str | os.PathLike[str]) -> Any:
         If the file is no model file, of a newer version, or a number in it cannot be.
     OSError
         If it cannot be opened.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> from whsklearn.models import LinearModel, load_model, save_model
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = pathlib.Path(folder, "model.json")
+    ...     save_model(LinearModel([0.0, 0.5], [1.0, -0.5]), path)
+    ...     load_model(path).simulate([1.0, 1.0, 1.0]).tolist()
+    [0.0, 0.5, 0.75]
     """
     try:
         return model_from(json.loads(Path(path).read_text(encoding="utf-8")))

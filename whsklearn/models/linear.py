@@ -26,6 +26,10 @@ class LinearModel(IdentifiedModel):
     criterion : {"simulation", "prediction"}
         Which error was minimised: in free run (``output_error``), or one step ahead (``arx``).
 
+    References
+    ----------
+    Ljung 1999, System Identification, 2nd ed., sec. 4.2, ARX and output-error structures.
+
     Examples
     --------
     >>> from whsklearn.models import LinearModel

@@ -5,6 +5,7 @@ keeps its ``figure_`` and ``axes_``.
 """
 
 from whsklearn.plot.convergence import ConvergenceDisplay
+from whsklearn.plot.effect import EffectDisplay
 from whsklearn.plot.friction import FrictionDisplay
 from whsklearn.plot.horizon import HorizonDisplay
 from whsklearn.plot.parameters import flat_parameters, parameter_paths
@@ -13,6 +14,7 @@ from whsklearn.plot.tracking import TrackingDisplay
 
 __all__ = [
     "ConvergenceDisplay",
+    "EffectDisplay",
     "FrictionDisplay",
     "HorizonDisplay",
     "ResidualDisplay",

@@ -27,6 +27,19 @@ class FrictionDisplay(Display):
         Its standard error there; the band is 1.96 of it to either side.
     truth : array-like of shape (n,), optional
         The true law, dashed.
+
+    References
+    ----------
+    scikit-learn developer's guide, Developing with the plotting API;
+    Armstrong-Helouvry, Dupont and Canudas de Wit 1994, Automatica 30(7), 1083-1138.
+
+    Examples
+    --------
+    >>> from whsklearn.effects import as_law
+    >>> from whsklearn.plot import FrictionDisplay
+    >>> display = FrictionDisplay.from_law(as_law("viscous,coulomb"), [-1.0, 0.5])
+    >>> display.friction.tolist()
+    [-2.0, 1.5]
     """
 
     def __init__(

@@ -29,6 +29,18 @@ class HorizonDisplay(Display):
         NMSE at each, by model.
     free_run : mapping of str to float
         NMSE of the free run, by model.
+
+    References
+    ----------
+    scikit-learn developer's guide, Developing with the plotting API;
+    Ljung 1999, System Identification, 2nd ed., sec. 16.4, on k-step prediction as a validation.
+
+    Examples
+    --------
+    >>> from whsklearn.plot import HorizonDisplay
+    >>> display = HorizonDisplay([1, 10, 100], {"no friction": [1e-4, 0.02, 0.09]}, {"no friction": 0.1}).plot()
+    >>> display.axes_[0].get_xlabel()
+    'steps ahead'
     """
 
     def __init__(self, horizons: ArrayLike, errors: Mapping[str, ArrayLike], free_run: Mapping[str, float]):

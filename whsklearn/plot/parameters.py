@@ -44,6 +44,18 @@ def parameter_paths(
         Samples seen.
     paths : dict of str to ndarray of shape (n_blocks,)
         One path a parameter of `flat_parameters`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from whsklearn import RLSRegressor, WienerHammersteinLags
+    >>> from whsklearn.plot import parameter_paths
+    >>> X = np.random.default_rng(0).normal(size=(40, 1))
+    >>> lags = WienerHammersteinLags(n_a=1, n_b=0, n_c=1, n_d=0, law="linear")
+    >>> model = RLSRegressor(lags, gradient="pseudolinear")
+    >>> steps, paths = parameter_paths(model, X, np.r_[0.0, 0.0, 2.0 * X[:-2, 0]], every=20)
+    >>> steps.tolist(), paths["x1"].round(3)[-1]
+    ([20, 40], np.float64(2.0))
     """
     from sklearn.base import clone
 

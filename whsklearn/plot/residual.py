@@ -30,6 +30,11 @@ class ResidualDisplay(Display):
     whiteness, dependence : WhitenessTest, CorrelationTest
         The tests of `whsklearn.validation` behind the panels; their p-values stand in the titles.
 
+    References
+    ----------
+    scikit-learn developer's guide, Developing with the plotting API;
+    Ljung 1999, System Identification, 2nd ed., sec. 16.6, Residual analysis.
+
     Examples
     --------
     >>> import numpy as np

@@ -31,6 +31,18 @@ class TrackingDisplay(Display):
         The samples to draw; the NMSE in the legend is of the whole record, drawn or not.
     skip : int, default=0
         Samples at the start that the NMSE leaves out, as in `whsklearn.metrics.indices.nmse`.
+
+    References
+    ----------
+    scikit-learn developer's guide, Developing with the plotting API;
+    paper, Fig. 3 and Fig. 6.
+
+    Examples
+    --------
+    >>> from whsklearn.plot import TrackingDisplay
+    >>> display = TrackingDisplay([0.0, 1.0, 2.0], {"model": [0.0, 1.0, 1.9]}, output="position in rad").plot()
+    >>> display.axes_[0].get_ylabel()
+    'position in rad'
     """
 
     def __init__(

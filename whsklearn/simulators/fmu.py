@@ -38,6 +38,10 @@ class FMUSimulator:
     ValueError
         If the FMU has no such variable.
 
+    References
+    ----------
+    Modelica Association 2014, Functional Mock-up Interface 2.0, https://fmi-standard.org.
+
     Examples
     --------
     >>> from whsklearn.simulators import FMUSimulator

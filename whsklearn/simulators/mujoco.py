@@ -44,6 +44,10 @@ class MuJoCoSimulator:
     ValueError
         If the model has no such joint or actuator.
 
+    References
+    ----------
+    Todorov, Erez and Tassa 2012, MuJoCo: A physics engine for model-based control, Proc. IROS 2012, 5026-5033.
+
     Examples
     --------
     >>> from whsklearn.gap import GapFinder

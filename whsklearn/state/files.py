@@ -106,6 +106,16 @@ def read_state(path: str | os.PathLike[str], kind: str | None = None) -> tuple[d
         If the file is no state file, was cut or edited, is of a newer format or another kind.
     OSError
         If it cannot be opened.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> from whsklearn.state import read_state, write_state
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = pathlib.Path(folder, "axis.whs")
+    ...     write_state(path, "Mine", {"p": 4}, {})
+    ...     read_state(path, kind="Mine")[0]
+    {'p': 4}
     """
     try:
         return unpack_state(Path(path).read_bytes(), kind)
@@ -114,7 +124,18 @@ def read_state(path: str | os.PathLike[str], kind: str | None = None) -> tuple[d
 
 
 def read_kind(path: str | os.PathLike[str]) -> str:
-    """What a state file is of, such as ``"RMILSRegressor"``; raises as `read_state` does."""
+    """What a state file is of, such as ``"RMILSRegressor"``; raises as `read_state` does.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> from whsklearn.state import read_kind, write_state
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = pathlib.Path(folder, "axis.whs")
+    ...     write_state(path, "Mine", {"p": 4}, {})
+    ...     read_kind(path)
+    'Mine'
+    """
     try:
         return str(_header(Path(path).read_bytes())[0]["kind"])
     except ValueError as error:
@@ -122,7 +143,16 @@ def read_kind(path: str | os.PathLike[str]) -> str:
 
 
 def pack_state(kind: str, params: dict[str, Any], state: dict[str, Any]) -> bytes:
-    """The bytes of a state file, for those who keep states elsewhere than in files."""
+    """The bytes of a state file, for those who keep states elsewhere than in files.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from whsklearn.state import pack_state, unpack_state
+    >>> params, state = unpack_state(pack_state("Mine", {"p": 4}, {"theta": np.ones(2)}), kind="Mine")
+    >>> params["p"], state["theta"].tolist()
+    (4, [1.0, 1.0])
+    """
     arrays: list[NDArray[Any]] = []
     header = {
         "kind": kind,
@@ -142,7 +172,17 @@ def pack_state(kind: str, params: dict[str, Any], state: dict[str, Any]) -> byte
 
 
 def unpack_state(data: bytes, kind: str | None = None) -> tuple[dict[str, Any], dict[str, Any]]:
-    """The parameters and state that `pack_state` was given; raises as `read_state` does."""
+    """The parameters and state that `pack_state` was given; raises as `read_state` does.
+
+    Examples
+    --------
+    >>> from whsklearn.state import pack_state, unpack_state
+    >>> try:
+    ...     unpack_state(pack_state("Mine", {}, {})[:-1] + b"?")
+    ... except ValueError as error:
+    ...     print("refused")
+    refused
+    """
     header, buffer = _header(data)
     if kind is not None and header["kind"] != kind:
         raise ValueError(f"this is the state of a {header['kind']}, expected one of a {kind}; load it with that class.")
@@ -168,6 +208,17 @@ def atomic_write(path: str | os.PathLike[str], data: bytes) -> None:
     ------
     OSError
         If the folder or the disk does not take it; it names ``path``, which is as it was.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> from whsklearn.state import atomic_write
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = pathlib.Path(folder, "note.txt")
+    ...     atomic_write(path, b"old")
+    ...     atomic_write(path, b"new")
+    ...     path.read_bytes()
+    b'new'
     """
     target = Path(os.path.realpath(path))
     # every writer has a file of its own; a long name is cut, as names have at most 255 bytes
@@ -197,6 +248,13 @@ def check_writable(path: str | os.PathLike[str]) -> None:
     ------
     ValueError
         If ``path`` is a folder, its folder is missing, or nothing can be written there.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from whsklearn.state import check_writable
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     check_writable(f"{folder}/axis.whs")  # says nothing: it can be written
     """
     target = Path(os.path.realpath(path))
     if target.is_dir():

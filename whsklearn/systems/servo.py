@@ -57,6 +57,11 @@ class ServoAxis:
     Friction acts on the motor's side, and so do cogging and the drive's effects; springs,
     stops, imbalance and tones act on the load's.  On a rigid axis it is all one.
 
+    References
+    ----------
+    Paper, sec. 5.2; Armstrong-Helouvry, Dupont and Canudas de Wit 1994, Automatica 30(7), 1083-1138, on standstill
+    under dry friction.
+
     Examples
     --------
     >>> import numpy as np

@@ -98,7 +98,15 @@ def simulate_one(axis: ServoAxis, **options: Any) -> Bunch:
 
 
 def record_frame(record: Bunch) -> pd.DataFrame:
-    """What a logger would have written: time_s, reference_rad, torque_nm, position_rad."""
+    """What a logger would have written: time_s, reference_rad, torque_nm, position_rad.
+
+    Examples
+    --------
+    >>> from whsklearn import ServoAxis
+    >>> from whsklearn.systems import record_frame
+    >>> list(record_frame(ServoAxis().simulate([0.0] * 10)))
+    ['time_s', 'reference_rad', 'torque_nm', 'position_rad']
+    """
     import pandas as pd
 
     return pd.DataFrame(

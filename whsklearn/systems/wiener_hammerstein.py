@@ -46,6 +46,10 @@ class WienerHammersteinSystem:
     ValueError
         If a or c does not begin with 1, a block is unstable, or an effect has no place in the chain.
 
+    References
+    ----------
+    Paper, (1), (2) and (4); Giri and Bai (eds.) 2010, Block-oriented Nonlinear System Identification, Springer.
+
     Examples
     --------
     >>> from whsklearn import WienerHammersteinSystem

@@ -50,6 +50,18 @@ class BesideRun:
         Of the run; empty while it is not open.
     lost : int
         Sets of metrics that were not recorded.
+
+    References
+    ----------
+    MLflow Tracking, https://mlflow.org/docs/latest/ml/tracking/.
+
+    Examples
+    --------
+    >>> from whsklearn.tracking import BesideRun, open_tracker
+    >>> run = BesideRun(lambda: open_tracker("axis", enabled=False), "stream")
+    >>> run.log_metrics({"nmse": 0.01}, step=100)  # returns at once, whatever the server does
+    >>> run.close()  # sets of metrics that were lost
+    0
     """
 
     def __init__(

@@ -94,7 +94,15 @@ def view_of(experiment: str) -> dict[str, Any]:
 
 
 def tracking_uri(root: str | os.PathLike[str] = ".") -> str:
-    """Where runs go: ``MLFLOW_TRACKING_URI`` if it is set, else ``mlruns/mlflow.db`` beneath `root`."""
+    """Where runs go: ``MLFLOW_TRACKING_URI`` if it is set, else ``mlruns/mlflow.db`` beneath `root`.
+
+    Examples
+    --------
+    >>> import os
+    >>> from whsklearn.tracking import tracking_uri
+    >>> "MLFLOW_TRACKING_URI" in os.environ or tracking_uri().startswith("sqlite:///")
+    True
+    """
     default = f"sqlite:///{Path(root).resolve() / 'mlruns' / 'mlflow.db'}"
     return os.environ.get("MLFLOW_TRACKING_URI") or default
 
@@ -136,6 +144,12 @@ def open_tracker(
         If MLflow is not installed.
     TrackingError
         If the tracking server is down or the store cannot be opened.
+
+    Examples
+    --------
+    >>> from whsklearn.tracking import open_tracker
+    >>> with open_tracker("axis", enabled=False).run("fit") as run:
+    ...     run.log_params({"p": 4})
     """
     if not enabled:
         return Tracker(None, "", {})
@@ -162,7 +176,19 @@ def open_tracker(
 
 
 class Tracker:
-    """An open experiment; ask `open_tracker` for one."""
+    """An open experiment; ask `open_tracker` for one.
+
+    References
+    ----------
+    MLflow Tracking, https://mlflow.org/docs/latest/ml/tracking/.
+
+    Examples
+    --------
+    >>> from whsklearn.tracking import open_tracker
+    >>> tracker = open_tracker("axis", enabled=False)  # records nothing, needs no MLflow
+    >>> with tracker.run("fit") as run:
+    ...     run.log_metrics({"nmse": 0.01})
+    """
 
     def __init__(self, client: Any, experiment_id: str, tags: Mapping[str, str]):
         self.client = client
@@ -197,7 +223,19 @@ class Tracker:
 
 
 class Run:
-    """One run of the record; every method does nothing when tracking is off."""
+    """One run of the record; every method does nothing when tracking is off.
+
+    References
+    ----------
+    MLflow Tracking, https://mlflow.org/docs/latest/ml/tracking/.
+
+    Examples
+    --------
+    >>> from whsklearn.tracking import open_tracker
+    >>> with open_tracker("axis", enabled=False).run("search") as run:
+    ...     with run.child("p = 4") as child:
+    ...         child.log_metrics({"nmse": 0.01}, step=1000)
+    """
 
     def __init__(self, tracker: Tracker, run_id: str):
         self.tracker = tracker
@@ -319,12 +357,28 @@ class Run:
 
 
 def model_requirements() -> list[str]:
-    """What a logged model needs, pinned to what runs here."""
+    """What a logged model needs, pinned to what runs here.
+
+    Examples
+    --------
+    >>> from whsklearn.tracking import model_requirements
+    >>> any(line.startswith("scikit-learn==") for line in model_requirements())
+    True
+    """
     return [f"{p}=={version(p)}" for p in ("whsklearn", "mlflow", "scikit-learn", "numpy", "scipy", "numba", "skops")]
 
 
 def estimator_params(estimator: Any) -> dict[str, Any]:
-    """The parameters of an estimator, nested ones by their path, whole objects by their class."""
+    """The parameters of an estimator, nested ones by their path, whole objects by their class.
+
+    Examples
+    --------
+    >>> from whsklearn import RLSRegressor, WienerHammersteinLags
+    >>> from whsklearn.tracking import estimator_params
+    >>> params = estimator_params(RLSRegressor(WienerHammersteinLags(n_a=3)))
+    >>> params["lags__n_a"], params["lags"]
+    (3, 'WienerHammersteinLags')
+    """
     return {k: type(v).__name__ if hasattr(v, "get_params") else v for k, v in estimator.get_params(deep=True).items()}
 
 
@@ -341,6 +395,15 @@ def log_candidates(
 
     A score ``neg_nmse`` becomes the metric ``nmse``, its mean over the folds, beside ``nmse_std`` and the
     stepped ``fold/nmse``; a score without ``neg_`` keeps its sign and its name.
+
+    Examples
+    --------
+    >>> from whsklearn.tracking import log_candidates, open_tracker
+    >>> from sklearn.linear_model import Ridge
+    >>> from sklearn.model_selection import GridSearchCV
+    >>> search = GridSearchCV(Ridge(), {"alpha": [0.1, 1.0]}, cv=2).fit([[0.0], [1.0], [2.0], [3.0]], [0, 1, 2, 3])
+    >>> with open_tracker("axis", enabled=False).run("grid") as parent:
+    ...     log_candidates(parent, search.cv_results_)  # a child for each candidate
     """
     scores = [k.removeprefix("mean_test_") for k in results if k.startswith("mean_test_")]
     for i in range(first, len(results["params"])):

@@ -28,7 +28,21 @@ _DATABASE_PORTS = {"postgresql": 5432, "mysql": 3306, "mssql": 1433}
 
 
 class TrackingError(RuntimeError):
-    """The record cannot be kept; the message says why in one sentence."""
+    """The record cannot be kept; the message says why in one sentence.
+
+    References
+    ----------
+    MLflow Tracking, https://mlflow.org/docs/latest/ml/tracking/.
+
+    Examples
+    --------
+    >>> from whsklearn.tracking import TrackingError
+    >>> try:
+    ...     raise TrackingError("The tracking server does not answer.")
+    ... except TrackingError as error:
+    ...     print(error)
+    The tracking server does not answer.
+    """
 
 
 def import_mlflow() -> Any:

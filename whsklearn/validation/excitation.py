@@ -26,7 +26,24 @@ _MEMBER = 0.1  # a parameter belongs to an unseen direction if it is this share 
 
 
 class ExcitationWarning(UserWarning):
-    """The data cannot show some of the parameters."""
+    """The data cannot show some of the parameters.
+
+    References
+    ----------
+    Ljung 1999, System Identification, 2nd ed., sec. 13.2, Informative experiments.
+
+    Examples
+    --------
+    >>> import warnings
+    >>> import numpy as np
+    >>> from whsklearn.validation import ExcitationWarning, check_excitation
+    >>> u = np.random.default_rng(0).normal(size=200)
+    >>> with warnings.catch_warnings(record=True) as caught:
+    ...     warnings.simplefilter("always")
+    ...     _ = check_excitation(np.c_[u, 2 * u], names=["viscous", "offset"])
+    >>> caught[0].category is ExcitationWarning
+    True
+    """
 
 
 @dataclass(frozen=True)
@@ -48,6 +65,20 @@ class Excitation:
         Every parameter that takes part in such a direction.
     n_samples, n_params : int
         Shape of the regressors.
+
+    References
+    ----------
+    Paper, Theorem 1; Ljung 1999, System Identification, 2nd ed., sec. 13.2, Informative experiments; Belsley, Kuh
+    and Welsch 1980, Regression Diagnostics, Wiley, for the scaled condition.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from whsklearn.validation import excitation
+    >>> u = np.random.default_rng(0).normal(size=200)
+    >>> seen = excitation(np.c_[u, np.roll(u, 1)], names=["a", "b"])
+    >>> seen.rank, seen.unseen, seen.persistent
+    (2, (), True)
     """
 
     alpha: float
@@ -141,6 +172,14 @@ def check_excitation(
     -----
     ExcitationWarning
         If a direction is unseen; the message says which parameters are in it and what to do.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from whsklearn.validation import check_excitation
+    >>> u = np.random.default_rng(0).normal(size=200)
+    >>> check_excitation(np.c_[u, np.roll(u, 1)]).rank
+    2
     """
     result = excitation(phi, names, p, tolerance)
     if not result.persistent:

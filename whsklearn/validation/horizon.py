@@ -23,7 +23,20 @@ __all__ = ["HorizonCurve", "error_against_horizon"]
 
 @dataclass(frozen=True)
 class HorizonCurve:
-    """Errors at each horizon, and of the free run, where no horizon ends."""
+    """Errors at each horizon, and of the free run, where no horizon ends.
+
+    References
+    ----------
+    Ljung 1999, System Identification, 2nd ed., sec. 16.4, on k-step prediction as a validation.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from whsklearn.validation import HorizonCurve
+    >>> curve = HorizonCurve(np.array([1, 10]), np.array([1e-4, 0.02]), np.array([0.01, 0.14]), 0.1, 0.32)
+    >>> curve.free_run_nmse
+    0.1
+    """
 
     horizons: NDArray[np.int64]
     nmse: NDArray[np.float64]
@@ -57,6 +70,16 @@ def error_against_horizon(
         If a horizon is below 1 or no sample is left.
     TypeError
         If the estimator has no ``predict_ahead``.
+
+    Examples
+    --------
+    >>> from whsklearn import MultiInnovationGradientRegressor, WienerHammersteinLags
+    >>> from whsklearn.datasets import make_wiener_hammerstein
+    >>> from whsklearn.validation import error_against_horizon
+    >>> X, y = make_wiener_hammerstein(200, snr_db=None, random_state=0)
+    >>> model = MultiInnovationGradientRegressor(WienerHammersteinLags()).fit(X, y)
+    >>> error_against_horizon(model, X, y, horizons=(1, 5)).horizons.tolist()
+    [1, 5]
     """
     steps = sorted({int(k) for k in horizons})
     if not steps or steps[0] < 1:

@@ -31,7 +31,20 @@ __all__ = [
 
 @dataclass(frozen=True)
 class WhitenessTest:
-    """Ljung-Box test: lags, r(k), statistic Q, degrees of freedom and p-value."""
+    """Ljung-Box test: lags, r(k), statistic Q, degrees of freedom and p-value.
+
+    References
+    ----------
+    Ljung and Box 1978, On a measure of lack of fit in time series models, Biometrika 65(2), 297-303.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from whsklearn.validation import whiteness_test
+    >>> e = np.random.default_rng(0).normal(size=2000)
+    >>> whiteness_test(e).p_value > 0.05, whiteness_test(np.cumsum(e)).p_value < 1e-6
+    (True, True)
+    """
 
     lags: NDArray[np.int64]
     r: NDArray[np.float64]
@@ -43,7 +56,21 @@ class WhitenessTest:
 
 @dataclass(frozen=True)
 class CorrelationTest:
-    """Cross-correlation test: r at each lag, the band of one lag, max |r| and its p-value."""
+    """Cross-correlation test: r at each lag, the band of one lag, max |r| and its p-value.
+
+    References
+    ----------
+    Ljung 1999, System Identification, 2nd ed., sec. 16.6, Residual analysis.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from whsklearn.validation import cross_correlation_test
+    >>> u = np.random.default_rng(0).normal(size=2000)
+    >>> test = cross_correlation_test(np.roll(u, 3), u)  # e(t) = u(t - 3)
+    >>> int(test.lags[np.argmax(np.abs(test.r))]), test.p_value < 0.01
+    (3, True)
+    """
 
     name: str
     lags: NDArray[np.int64]
@@ -70,7 +97,14 @@ def correlation_band(n: int, level: float = 0.95) -> float:
 
 
 def autocorrelation(e: ArrayLike, max_lag: int = 25) -> NDArray[np.float64]:
-    """r(0), ..., r(max_lag) of e with its mean taken off (biased estimate, so |r| <= 1)."""
+    """r(0), ..., r(max_lag) of e with its mean taken off (biased estimate, so |r| <= 1).
+
+    Examples
+    --------
+    >>> from whsklearn.validation import autocorrelation
+    >>> autocorrelation([1.0, -1.0, 1.0, -1.0], max_lag=1).tolist()
+    [1.0, -0.75]
+    """
     e = _centred(e, "e", max_lag)
     return np.array([e[k:] @ e[: e.size - k] for k in range(max_lag + 1)]) / (e @ e)
 
@@ -150,6 +184,14 @@ def cross_correlation_test(
     -----
     Correlations are circular, which moves r by at most k / N and makes every shift equally likely
     if e and u are stationary and independent, whatever their spectra.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from whsklearn.validation import cross_correlation_test
+    >>> u, e = np.random.default_rng(0).normal(size=(2, 1000))
+    >>> cross_correlation_test(e, u).p_value > 0.05
+    True
     """
     e, u = _centred(e, "e", 2 * max_lag), _centred(u, "u", 2 * max_lag)
     if e.size != u.size:
@@ -184,6 +226,15 @@ def residual_tests(e: ArrayLike, u: ArrayLike, max_lag: int = 25) -> dict[str, C
     Billings and Voon 1986, Int. J. Control 44(1); Zhang, Zhu and Longden 2009 for the absolute values.
     Four tests at 5 % raise a false alarm in up to 18.5 % of records: compare the least
     p-value with 0.05 / 4.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from whsklearn.validation import residual_tests
+    >>> u = np.random.default_rng(0).normal(size=1000)
+    >>> tests = residual_tests(np.roll(u, 1) ** 2, u)  # what is left is even in u
+    >>> list(tests), tests["u^2, e"].p_value < 0.05 / 4
+    (['u, e', 'u^2, e', 'u^2, e^2', '|u|, |e|'], True)
     """
     e, u = _centred(e, "e", 2 * max_lag), _centred(u, "u", 2 * max_lag)
     pairs = {"u, e": (u, e), "u^2, e": (u**2, e), "u^2, e^2": (u**2, e**2), "|u|, |e|": (np.abs(u), np.abs(e))}

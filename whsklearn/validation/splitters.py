@@ -82,6 +82,13 @@ def one_experiment_out(X: ArrayLike, groups: ArrayLike) -> Iterator[tuple[NDArra
     -----
     Pass ``cv=list(one_experiment_out(X, groups))`` to a search; the rest of the experiments keep
     their order, and an estimator that is given ``groups`` starts anew at each.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from whsklearn.validation import one_experiment_out
+    >>> [test.tolist() for train, test in one_experiment_out(np.zeros((5, 1)), [0, 0, 1, 1, 1])]
+    [[0, 1], [2, 3, 4]]
     """
     yield from LeaveOneGroupOut().split(X, groups=groups)
 

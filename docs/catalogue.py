@@ -1,0 +1,64 @@
+"""What the catalogue itself knows about an effect, put on its page: curve, equation, ranges, signature, source."""
+
+from __future__ import annotations
+
+import inspect
+from pathlib import Path
+
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+
+import whsklearn.effects
+from whsklearn.datasets import draw_effect, reference_signal
+from whsklearn.datasets.servo import default_axis
+from whsklearn.effects import PLACES, Effect
+from whsklearn.plot import EffectDisplay
+
+
+def catalogued() -> list[type[Effect]]:
+    """Every effect of the catalogue, the shapes of presliding hysteresis included."""
+    classes = [c for c in vars(whsklearn.effects).values() if inspect.isclass(c) and issubclass(c, Effect)]
+    return [c for c in classes if c.name and c.place in PLACES]
+
+
+def draw(folder: Path) -> None:
+    """A curve of each effect, once; delete the folder to draw anew."""
+    folder.mkdir(parents=True, exist_ok=True)
+    missing = [c for c in catalogued() if not (folder / f"{c.__name__}.png").exists()]
+    if not missing:
+        return
+    axis = default_axis()
+    reference = reference_signal("rich", 20.0, axis.sample_rate)
+    for cls in missing:
+        effect = draw_effect(cls, axis, reference, 0.15, random_state=3)
+        run = axis.with_effect(effect).simulate(reference, noise=False)
+        display = EffectDisplay.from_run(effect, run)
+        display.figure_.savefig(folder / f"{cls.__name__}.png", dpi=110)
+        plt.close(display.figure_)
+
+
+def describe(app, what, name, obj, options, lines):
+    """Put the catalogue's entry behind the summary of an effect's page."""
+    if what != "class" or not (inspect.isclass(obj) and issubclass(obj, Effect) and obj.equation):
+        return
+    rows = [f":Name: ``{obj.name}``", f":Place: {obj.place}", f":Equation: ``{obj.equation}``"]
+    for field, q in obj.quantities.items():
+        unit, size = "" if q.unit == "1" else f" {q.unit}", ", the size" if field == obj.size else ""
+        rows.append(f":{field}: {q.low:g} to {q.high:g}{unit}{size}")
+    rows += [f":Signature: {obj.signature}"] if obj.signature else []
+    rows += [f":The record must hold: {obj.needs}"] if obj.needs else []
+    if obj.aliases:
+        rows.append(f":No log can tell it from: {', '.join(f'``{a}``' for a in obj.aliases)}")
+    rows += [f":Source: {obj.reference}"] if obj.reference else []
+    curve = []
+    if obj in catalogued():
+        curve = [
+            "",
+            f".. image:: /api/curves/{obj.__name__}.png",
+            f"   :alt: {obj.name} along a simulated run, against what it depends on",
+            "   :width: 480px",
+        ]
+    end = next((i for i, line in enumerate(lines) if not line.strip()), len(lines))
+    lines[end:end] = ["", *rows, *curve, ""]
