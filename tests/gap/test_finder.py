@@ -9,8 +9,8 @@ import pytest
 
 from tests.blind.servo import COLUMNS, make_case
 from whsklearn.gap import VERDICTS, GapFinder
+from whsklearn.gap.axis_candidates import candidate
 from whsklearn.gap.axis_model import Term
-from whsklearn.gap.candidates import CATALOGUE
 from whsklearn.gap.plant import Linearised
 from whsklearn.gap.plants.servo_start import start_of
 from whsklearn.gap.record import ServoRecord
@@ -54,7 +54,7 @@ def test_a_number_that_moves_no_fitted_sample_has_no_standard_error():
     case = make_case("none", 61, **SHORT)
     record = ServoRecord.from_frame(case.frame, **COLUMNS)
     _, model = start_of(record, ("viscous", "coulomb"), 0.004)
-    kind = next(c for c in CATALOGUE if c.name == "parameter_change")
+    kind = candidate("parameter_change")
     model = model.with_term(Term(kind, (0.01, 6.0)))
     jac = np.random.default_rng(0).standard_normal((200, model.vector().size))
     jac[:, -1] = 0.0  # its time lies between two fitted stretches

@@ -41,8 +41,9 @@ its ``row`` of numbers: `linear` leading ones in which the effect is linear (two
 give a range for each searched number and the points where a search of one record begins, from the
 `Quantity` of the field and the record's `Scales`; `scanned` names the field that a fine grid must find.
 `variants` lists the texts an effect can take, and `from_row` makes an effect of a row again.  ``parent``
-names the effect without which this one is not asked for, ``repeats`` says that a model may hold several,
-``uses_drive`` that its column contains the measured drive, ``finest`` the largest step (s) its simulation takes.
+names the effect without which this one is not asked for, ``commoner`` those preferred on a tie, ``repeats``
+says that a model may hold several, ``held`` which fields a search leaves where it starts, ``finest`` the largest
+step (s) its simulation takes.
 """
 
 from __future__ import annotations
@@ -112,10 +113,14 @@ class Effect:
         What a field that is text may be.
     parent : str
         Effect without which this one is not asked for, such as ``coulomb`` for what modifies it; empty: none.
+    commoner : tuple of str
+        Effects that are preferred to this one where both explain a record about as well.
+    elementary : bool
+        Whether it is so common that it is tried first wherever much is missing.
     repeats : bool
         Whether a model may hold several of it, as cogging of two orders.
-    uses_drive : bool
-        Whether its column contains the measured drive, which it could then explain by itself.
+    held : tuple of str
+        Fields that a search leaves where it starts.
     finest : float
         Largest time step at which its simulation is right (s).
     evaluate : callable or None
@@ -153,8 +158,10 @@ class Effect:
     phased: ClassVar[bool] = False
     choices: ClassVar[dict[str, tuple[str, ...]]] = {}
     parent: ClassVar[str] = ""
+    commoner: ClassVar[tuple[str, ...]] = ()
+    elementary: ClassVar[bool] = False
+    held: ClassVar[tuple[str, ...]] = ()
     repeats: ClassVar[bool] = False
-    uses_drive: ClassVar[bool] = False
     finest: ClassVar[float] = math.inf
     evaluate: ClassVar[Callable[..., float] | None] = None
     code: ClassVar[int] = -1
@@ -309,6 +316,11 @@ class Effect:
     def scanned(cls) -> str:
         """The field that only a fine grid finds (its quantity says how); empty where the starts do."""
         return next((f for f in cls.searched() if cls.quantities[f].scan), "")
+
+    @classmethod
+    def parent_of(cls, **options: str) -> str:
+        """The effect without which a variant is not asked for: `parent`, unless a choice decides."""
+        return cls.parent
 
     @classmethod
     def physical(cls, size: float) -> bool:

@@ -78,6 +78,7 @@ class InputOffset(Effect):
         "Janot, Gautier, Brunot 2019, Data Set and Reference Models of EMPS, Nonlinear System Identification Benchmarks"
     )
     port: ClassVar[str] = "input"
+    elementary: ClassVar[bool] = True
     code: ClassVar[int] = codes.INPUT_OFFSET
 
 
@@ -112,7 +113,6 @@ class DeadZone(Effect):
     )
     port: ClassVar[str] = "input"
     column_kind: ClassVar[str] = "at_size"
-    uses_drive: ClassVar[bool] = True
     code: ClassVar[int] = codes.DEAD_ZONE
 
 
@@ -148,7 +148,6 @@ class Saturation(Effect):
     port: ClassVar[str] = "input"
     column_kind: ClassVar[str] = "at_size"
     neutral: ClassVar[float] = math.inf
-    uses_drive: ClassVar[bool] = True
     code: ClassVar[int] = codes.SATURATION
 
     def __post_init__(self) -> None:
@@ -181,9 +180,7 @@ class InputDelay(Effect):
     equation: ClassVar[str] = "u_eff(t) = u(t - tau)"
     size: ClassVar[str] = "delay"
     quantities: ClassVar[dict[str, Quantity]] = {
-        "delay": Quantity(
-            "s", 1e-5, 0.5, log=True, scale="sample_time", span=(0.01, 300.0), starts=(1.5, 4.0, 20.0, 50.0)
-        )
+        "delay": Quantity("s", 1e-5, 0.5, log=True, scale="dt", span=(0.01, 300.0), starts=(1.5, 4.0, 20.0, 50.0))
     }
     signature: ClassVar[str] = "a gap that follows du/dt, with linear phase"
     needs: ClassVar[str] = "frequencies of 0.2 / (2 pi tau) and above"
@@ -191,7 +188,6 @@ class InputDelay(Effect):
     reference: ClassVar[str] = "Astrom, Hagglund 2006, Advanced PID Control, ISA, first-order lag with dead time"
     port: ClassVar[str] = "input"
     column_kind: ClassVar[str] = "first_order"
-    uses_drive: ClassVar[bool] = True
     code: ClassVar[int] = codes.INPUT_DELAY
 
 
@@ -220,7 +216,7 @@ class ActuatorLag(Effect):
     size: ClassVar[str] = "time_constant"
     quantities: ClassVar[dict[str, Quantity]] = {
         "time_constant": Quantity(
-            "s", 1e-5, 0.5, log=True, scale="sample_time", span=(0.01, 300.0), starts=(1.5, 4.0, 20.0, 50.0)
+            "s", 1e-5, 0.5, log=True, scale="dt", span=(0.01, 300.0), starts=(1.5, 4.0, 20.0, 50.0)
         )
     }
     signature: ClassVar[str] = "a gap that follows du/dt and rolls off"
@@ -229,7 +225,6 @@ class ActuatorLag(Effect):
     reference: ClassVar[str] = "Astrom, Hagglund 2006, Advanced PID Control, ISA, first-order lag with dead time"
     port: ClassVar[str] = "input"
     column_kind: ClassVar[str] = "first_order"
-    uses_drive: ClassVar[bool] = True
     code: ClassVar[int] = codes.ACTUATOR_LAG
 
 
@@ -258,7 +253,7 @@ class TorqueRipple(Effect):
     size: ClassVar[str] = "amplitude"
     quantities: ClassVar[dict[str, Quantity]] = {
         "amplitude": Quantity("1", 1e-4, 0.3, log=True),
-        "order": Quantity("1", 0.5, 256.0, scan="position"),
+        "order": Quantity("1", 0.8, 256.0, scan="position"),
         "phase": Quantity("rad", -math.pi, math.pi),
     }
     signature: ClassVar[str] = "a wave over position in proportion to the drive"
@@ -266,6 +261,5 @@ class TorqueRipple(Effect):
     reference: ClassVar[str] = "Jahns, Soong 1996, IEEE Trans. Ind. Electron. 43(2), 321-330"
     port: ClassVar[str] = "input"
     phased: ClassVar[bool] = True
-    uses_drive: ClassVar[bool] = True
     repeats: ClassVar[bool] = True
     code: ClassVar[int] = codes.TORQUE_RIPPLE

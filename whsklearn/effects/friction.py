@@ -125,6 +125,7 @@ class Viscous(StaticEffect):
     signature: ClassVar[str] = "a straight line against velocity"
     needs: ClassVar[str] = "at least two speeds"
     reference: ClassVar[str] = "Armstrong-Helouvry, Dupont, Canudas de Wit 1994, Automatica 30(7), 1083-1138"
+    elementary: ClassVar[bool] = True
     code: ClassVar[int] = codes.VISCOUS
 
 
@@ -154,6 +155,7 @@ class Coulomb(StaticEffect):
     signature: ClassVar[str] = "a step at zero velocity"
     needs: ClassVar[str] = "reversals"
     reference: ClassVar[str] = "Armstrong-Helouvry, Dupont, Canudas de Wit 1994, Automatica 30(7), 1083-1138"
+    elementary: ClassVar[bool] = True
     code: ClassVar[int] = codes.COULOMB
 
 
@@ -183,6 +185,7 @@ class AsymmetricCoulomb(StaticEffect):
     needs: ClassVar[str] = "rest and both directions"
     aliases: ClassVar[tuple[str, ...]] = ("input_offset",)
     reference: ClassVar[str] = "Armstrong-Helouvry, Dupont, Canudas de Wit 1994, Automatica 30(7), 1083-1138"
+    commoner: ClassVar[tuple[str, ...]] = ("input_offset",)
     code: ClassVar[int] = codes.ASYMMETRIC_COULOMB
 
 

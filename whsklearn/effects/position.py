@@ -86,6 +86,7 @@ class Cogging(Effect):
     reference: ClassVar[str] = "Jahns, Soong 1996, IEEE Trans. Ind. Electron. 43(2), 321-330"
     phased: ClassVar[bool] = True
     repeats: ClassVar[bool] = True
+    commoner: ClassVar[tuple[str, ...]] = ("gravity_imbalance",)
     code: ClassVar[int] = codes.COGGING
 
 
@@ -152,6 +153,7 @@ class CableSpring(Effect):
     reference: ClassVar[str] = (
         "Hilkert 2008, Inertially Stabilized Platform Technology, IEEE Control Systems Magazine 28(1), 26-46"
     )
+    commoner: ClassVar[tuple[str, ...]] = ("gravity_imbalance",)
     code: ClassVar[int] = codes.CABLE_SPRING
 
 
@@ -179,13 +181,15 @@ class HardeningSpring(Effect):
     size: ClassVar[str] = "stiffness"
     quantities: ClassVar[dict[str, Quantity]] = {
         "stiffness": Quantity("Nm/rad3", 1e-6, 1e5, log=True),
-        "centre": _CENTRE,
+        "centre": Quantity("rad", -10.0, 10.0, scale="extent", span=(-1.0, 1.0), starts=(0.0,)),
     }
     signature: ClassVar[str] = "a cubic against position"
     needs: ClassVar[str] = "large travel"
     reference: ClassVar[str] = (
         "Kovacic, Brennan 2011, The Duffing Equation: Nonlinear Oscillators and their Behaviour, Wiley"
     )
+    commoner: ClassVar[tuple[str, ...]] = ("gravity_imbalance",)
+    held: ClassVar[tuple[str, ...]] = ("centre",)  # a cubic off its centre is a line and a parabola more
     code: ClassVar[int] = codes.HARDENING_SPRING
 
 

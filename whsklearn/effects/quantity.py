@@ -29,7 +29,8 @@ class Quantity:
         Whether the range is spanned in ratios rather than in differences.
     span : tuple of two floats, optional
         Range in which a record can show it, as multiples of the record's scale (see `whsklearn.effects.Scales`);
-        1e-3 to 3 for a quantity in ratios, -3 to 3 otherwise.
+        it counts alone, whatever the unit of the log. Without it the plausible range is cut to 1e-3 to 3 for a
+        quantity in ratios, to -3 to 3 otherwise.
     starts : tuple of float, optional
         Where a search begins, as multiples of the record's scale; evenly over the range by default.
     scale : str, optional
@@ -86,7 +87,7 @@ class Quantity:
         (0.01, 0.6)
         """
         if self.scan == "position":  # at least most of a period within the travel; orders grow as the travel shrinks
-            least = max(self.low, LEAST_PERIODS / scales.reach)
+            least = max(self.low, LEAST_PERIODS * max(self.low, 1.0) / scales.reach)
             return least, max(self.high, self.high / scales.reach, 10.0 * least)
         unit, origin = scales.of(self.unit, self.scale)
         if unit is None:
@@ -94,6 +95,8 @@ class Quantity:
         span = self.span if self.span is not None else ((1e-3, 3.0) if self.log else (-3.0, 3.0))
         origin = 0.0 if self.log else origin
         seen = origin + span[0] * unit, origin + span[1] * unit
+        if self.span is not None:
+            return seen
         both = max(self.low, seen[0]), min(self.high, seen[1])
         wide = both[1] > 2.0 * both[0] if self.log else both[1] > both[0]
         return both if wide else seen

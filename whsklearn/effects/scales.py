@@ -28,7 +28,7 @@ class Scales:
         Rms velocity (rad/s).
     reach, centre : float
         Half the travel and its middle (rad).
-    duration, sample_time : float
+    duration, dt : float
         Length of the record and time between samples (s).
     inertia : float
         Of the axis (kg m2).
@@ -51,7 +51,7 @@ class Scales:
     reach: float = 1.0
     centre: float = 0.0
     duration: float = 10.0
-    sample_time: float = 1e-3
+    dt: float = 1e-3
     inertia: float = 1.0
     resonance: float = 60.0
 

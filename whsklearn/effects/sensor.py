@@ -152,7 +152,7 @@ class EncoderEccentricity(Effect):
     size: ClassVar[str] = "amplitude"
     quantities: ClassVar[dict[str, Quantity]] = {
         "amplitude": Quantity("rad", 1e-6, 0.1, log=True),
-        "order": Quantity("1", 0.5, 64.0, starts=(1.0, 2.0, 3.0, 4.0)),
+        "order": Quantity("1", 0.8, 64.0, starts=(1.0, 2.0, 3.0, 4.0)),
         "phase": Quantity("rad", -math.pi, math.pi),
     }
     signature: ClassVar[str] = "a wave over position whose torque grows with the square of speed"

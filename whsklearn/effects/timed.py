@@ -98,7 +98,7 @@ class ParameterChange(Effect):
     size: ClassVar[str] = "change"
     quantities: ClassVar[dict[str, Quantity]] = {
         "change": Quantity("1", -1e3, 1e3),
-        "time": Quantity("s", 0.0, 1e5, span=(0.05, 0.95), scan="step"),
+        "time": Quantity("s", 0.0, 1e5, span=(0.08, 0.92), scan="step"),
     }
     signature: ClassVar[str] = "a constant that is not the same before and after"
     needs: ClassVar[str] = "the same motion before and after the change"
@@ -106,6 +106,11 @@ class ParameterChange(Effect):
         "Basseville, Nikiforov 1993, Detection of Abrupt Changes: Theory and Application, Prentice Hall"
     )
     choices: ClassVar[dict[str, tuple[str, ...]]] = {"parameter": tuple(_CHANGES)}
+
+    @classmethod
+    def parent_of(cls, **options: str) -> str:
+        """Friction that changes must be there."""
+        return options["parameter"] if options["parameter"] in ("viscous", "coulomb") else ""
 
     @property
     def code(self) -> int:  # type: ignore[override]

@@ -109,10 +109,10 @@ class Backlash(TransmissionEffect):
     equation: ClassVar[str] = "T_c = k (d - clip(d, -b/2, b/2)) + c dd/dt in contact, d = q_m - q_l"
     size: ClassVar[str] = "gap"
     quantities: ClassVar[dict[str, Quantity]] = {
-        "gap": Quantity("rad", 1e-5, 0.5, log=True, starts=(1e-3, 3e-3, 1e-2, 3e-2)),
+        "gap": Quantity("rad", 1e-5, 0.5, log=True, span=(1e-5, 0.5), starts=(1e-3, 3e-3, 1e-2, 3e-2)),
         "load_share": _SHARE,
         "frequency": Quantity("Hz", 5.0, 1e3, log=True, scale="resonance", span=(0.1, 1.0), starts=(0.6,)),
-        "damping_ratio": Quantity("1", 0.0, 1.5, starts=(0.15,)),
+        "damping_ratio": Quantity("1", 0.01, 1.5, starts=(0.15,)),
     }
     signature: ClassVar[str] = "after a reversal the load lets go: the drive moves the motor alone, then an impact"
     needs: ClassVar[str] = "reversals under load"
@@ -145,10 +145,10 @@ class FlexibleCoupling(TransmissionEffect):
     size: ClassVar[str] = "compliance"
     quantities: ClassVar[dict[str, Quantity]] = {
         "compliance": Quantity(
-            "rad/Nm", 1e-7, 1e1, log=True, span=(0.5, 1e4), starts=(1.0, 4.0, 16.0, 64.0, 256.0, 1024.0)
+            "rad/Nm", 1e-7, 1e1, log=True, span=(0.5, 1e4), starts=(2.25, 6.6, 20.0, 56.0, 165.0, 506.0)
         ),
         "load_share": _SHARE,
-        "damping_ratio": Quantity("1", 0.0, 1.0, starts=(0.06,)),
+        "damping_ratio": Quantity("1", 0.003, 1.0, starts=(0.06,)),
     }
     signature: ClassVar[str] = "a resonance at a fixed frequency that the drive excites"
     needs: ClassVar[str] = "energy near the resonance"

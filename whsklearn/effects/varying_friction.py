@@ -62,7 +62,6 @@ class LoadFriction(Effect):
     signature: ClassVar[str] = "a step at zero velocity whose height follows the drive"
     needs: ClassVar[str] = "several loads or accelerations at equal speed"
     parent: ClassVar[str] = "coulomb"
-    uses_drive: ClassVar[bool] = True
     reference: ClassVar[str] = "Bittencourt, Gunnarsson 2012, ASME J. Dyn. Syst. Meas. Control 134(5), 051013"
     code: ClassVar[int] = codes.LOAD_FRICTION
 
@@ -92,7 +91,7 @@ class PositionFriction(StaticEffect):
     size: ClassVar[str] = "torque"
     quantities: ClassVar[dict[str, Quantity]] = {
         "torque": Quantity("Nm", 1e-4, 1e3, log=True),
-        "order": Quantity("1", 0.5, 64.0, scan="position"),
+        "order": Quantity("1", 0.8, 256.0, scan="position"),
         "phase": Quantity("rad", -math.pi, math.pi),
     }
     signature: ClassVar[str] = "a wave over position that changes sign with the direction of travel"

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from whsklearn.effects import Scales
 from whsklearn.effects import codes as k
-from whsklearn.effects import get_effect
 from whsklearn.effects.own import WHICH, address_of
-from whsklearn.gap.candidates import Candidate, Scene
+from whsklearn.gap.axis_candidates import Candidate
 from whsklearn.systems.servo_observer import (
     LOAD,
     LOAD_VELOCITY,
@@ -27,6 +27,7 @@ from whsklearn.systems.servo_observer import (
 Array = NDArray[Any]
 WIDEST = 5.0  # times the inertia of the inverse dynamics either way: fits that left it by more had run away
 LARGEST = 10.0  # times the rms drive that one effect may ask for: larger ones only cancel each other
+LONGEST_STEP = 1.001e-3  # s of a fine step; the thousandth more takes the rounding of 1 / 1000
 TIMING_LIMIT = 1.0  # samples; less than one is bookkeeping, not physics
 
 
@@ -59,7 +60,7 @@ class AxisModel:
     inertia: float
     timing: float
     terms: tuple[Term, ...]
-    scene: Scene
+    scene: Scales
     n_base: int = 0  # leading terms that are the base model's
 
     def with_term(self, term: Term) -> AxisModel:
@@ -103,12 +104,11 @@ class AxisModel:
         """(term, slot, whether its logarithm is free) of every free number after J and timing."""
         out = []
         for i, t in enumerate(self.terms):
-            ranges = t.kind.ranged(self.scene)
             for j in range(t.kind.n_slots):
                 shape = j - t.kind.linear
                 if shape >= 0 and shape in t.kind.held:
                     continue
-                out.append((i, j, shape >= 0 and ranges[shape][0] > 0))
+                out.append((i, j, shape >= 0 and t.kind.ratios(shape)))
         return out
 
     def vector(self) -> Array:
@@ -129,7 +129,7 @@ class AxisModel:
             shape = j - kind.linear
             if shape < 0:
                 # dry and viscous friction take energy out: a base law that gives some is a runaway fit
-                most = LARGEST * size_unit(kind, self.terms[i].q, self.scene)
+                most = LARGEST * kind.size_unit(self.scene)
                 low.append(0.0 if kind.positive and i < self.n_base else -most)
                 high.append(most)
             else:
@@ -156,25 +156,25 @@ class AxisModel:
         for i, j, logarithm in self.free():
             kind = self.terms[i].kind
             if j < kind.linear:
-                out.append(0.003 * size_unit(kind, self.terms[i].q, s))
+                out.append(0.003 * kind.size_unit(s))
             else:
-                out.append(0.003 if logarithm else 0.003 * max(s.reach, 1e-6))
-                if kind.scanned in ("order", "frequency"):
-                    span = 2 * s.reach if kind.scanned == "order" else 2 * np.pi * s.seconds
+                out.append(0.003 if logarithm else 0.003 * kind.spread(j - kind.linear, s))
+                if kind.scanned in ("position", "time"):
+                    span = 2 * s.reach if kind.scanned == "position" else 2 * np.pi * s.duration
                     out[-1] = 0.02 / (span * max(abs(self.terms[i].q[j]), 1e-9))
-                elif kind.scanned == "time":
+                elif kind.scanned == "step":
                     out[-1] = 0.004
         return np.array(out) * (10.0 if self.has_play else 1.0)
 
     # --- running -------------------------------------------------------------------------
     def plant(self) -> Plant:
         """Codes and numbers as the compiled pass takes them."""
-        own = list(dict.fromkeys(get_effect(t.kind.name) for t in self.terms if t.kind.code >= k.USER_TORQUE))
+        own = list(dict.fromkeys(t.kind.cls for t in self.terms if t.kind.code >= k.USER_TORQUE))
         p = np.zeros((len(self.terms), k.N_NUMBERS))
         for row, t in zip(p, self.terms, strict=True):
             row[: len(t.q)] = t.q
             if t.kind.code >= k.USER_TORQUE:
-                row[WHICH] = own.index(get_effect(t.kind.name))
+                row[WHICH] = own.index(t.kind.cls)
         parts = bare_parts(self.inertia, self.timing * self.scene.dt, on_load=self.load_side)
         return Plant(np.array([t.kind.code for t in self.terms], dtype=np.int64), p, parts, address_of(tuple(own)))
 
@@ -190,9 +190,7 @@ class AxisModel:
     ) -> tuple[Array, Array, Array, Array]:
         """Predicted position, angle, velocity and twist (see `whsklearn.systems.servo_observer.follow`)."""
         dt = self.scene.dt
-        substeps = int(np.ceil(dt / 1.001e-3))
-        finest = max([t.kind.substeps for t in self.terms], default=1)
-        substeps = max(substeps, int(np.ceil(finest * dt / 2.0e-3))) if finest > 1 else substeps
+        substeps = int(np.ceil(dt / min([LONGEST_STEP, *(1.001 * t.kind.finest for t in self.terms)])))
         measured = [position if max(gains) > 0.0 else start[0], start[1]]
         if twist is not None and len(twist) > 0:
             measured += [twist[:, 0], twist[:, 1]]
@@ -201,23 +199,3 @@ class AxisModel:
         with np.errstate(invalid="ignore", over="ignore"):  # of a trial that runs away; the caller looks at y_hat
             twists = np.column_stack([out[POSITION] - out[LOAD], out[VELOCITY] - out[LOAD_VELOCITY]])
         return out[MEASURED], out[POSITION], out[VELOCITY], twists
-
-
-def size_unit(kind: Candidate, q: tuple[float, ...], s: Scene) -> float:
-    """The size at which a linear effect is about as large as the rms drive."""
-    unit = {
-        k.VISCOUS: s.torque / s.speed,
-        k.ASYMMETRIC_VISCOUS: s.torque / s.speed,
-        k.QUADRATIC_DRAG: s.torque / s.speed**2,
-        k.LOAD_FRICTION: 1.0,
-        k.TORQUE_RIPPLE: 1.0,
-        k.CABLE_SPRING: s.torque / s.reach,
-        k.HARDENING_SPRING: s.torque / s.reach**3,
-        k.END_STOP: s.torque / (0.1 * s.reach),
-        k.CHANGE_INERTIA: s.inertia,
-        k.CHANGE_VISCOUS: s.torque / s.speed,
-        k.CHANGE_GAIN: 1.0,
-        k.ENCODER_ECCENTRICITY: 0.01 * s.reach,
-        k.OUTPUT_DRIFT: 0.01 * s.speed,
-    }
-    return float(unit.get(kind.code, s.torque))

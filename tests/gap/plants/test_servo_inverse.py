@@ -8,8 +8,8 @@ import pytest
 
 from whsklearn.effects import GravityImbalance
 from whsklearn.gap import GapFinder
+from whsklearn.gap.axis_candidates import candidate
 from whsklearn.gap.axis_model import Term
-from whsklearn.gap.candidates import candidate
 from whsklearn.gap.plants import inverse_dynamics as ols
 from whsklearn.gap.plants.servo_start import motion, start_of
 from whsklearn.gap.proof import closure

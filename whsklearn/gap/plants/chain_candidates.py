@@ -303,7 +303,7 @@ def _own_candidate(cls: Any) -> Candidate:
 def as_effects_see(z: Scales) -> EffectScales:
     """The scales of a chain by the names of an axis: x is its position, x(t) - x(t-1) its velocity, v its torque."""
     return EffectScales(
-        torque=z.v, peak=3.0 * z.v, speed=z.dx, reach=z.x_peak, duration=z.seconds, sample_time=z.dt,
+        torque=z.v, peak=3.0 * z.v, speed=z.dx, reach=z.x_peak, duration=z.seconds, dt=z.dt,
         resonance=0.25 / z.dt,
     )  # fmt: skip
 

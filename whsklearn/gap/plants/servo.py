@@ -12,8 +12,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from whsklearn.effects import get_effect
+from whsklearn.gap.axis_candidates import aliases, candidate
 from whsklearn.gap.axis_model import AxisModel
-from whsklearn.gap.candidates import ALIASES, COMMONER, candidate
 from whsklearn.gap.data_check import Problem, check_servo
 from whsklearn.gap.filters import whiteness
 from whsklearn.gap.plant import Linearised, PlantDefaults
@@ -133,7 +134,6 @@ class ServoPlant(PlantDefaults):
 
     def read_off(self, model: AxisModel) -> list[Any]:
         """A coarse encoder, a folded sensor: what no missing torque shows; looked for where that shows nothing."""
-        from whsklearn.effects import get_effect
         from whsklearn.gap.diagnosis import NamedEffect
         from whsklearn.gap.plants.servo_sensors import coarse_encoder
 
@@ -146,11 +146,11 @@ class ServoPlant(PlantDefaults):
 
     def aliases(self, name: str) -> tuple[str, ...]:
         """Names that no record of drive and position can tell from ``name``."""
-        return ALIASES.get(name, ())
+        return aliases(name)
 
     def commoner(self, name: str) -> tuple[str, ...]:
         """Names preferred to ``name`` on a tie."""
-        return COMMONER.get(name, ())
+        return get_effect(name).commoner
 
     def linearised(self, model: AxisModel) -> Linearised:
         """Of the observer's whitened training residual."""

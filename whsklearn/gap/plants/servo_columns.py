@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import numpy as np
 from numpy.typing import NDArray
 
-from whsklearn.gap.candidates import Candidate
+from whsklearn.gap.axis_candidates import Candidate
 
 Array = NDArray[Any]
 
@@ -27,12 +26,6 @@ class Signals(NamedTuple):
     kappa: float | None = None
 
 
-def unit_effect(kind: Candidate, shape: tuple[float, ...]) -> Any:
-    """The candidate's effect at size one (a wave at phase zero)."""
-    size = (1.0,) if kind.linear == 0 else (1.0,) + (0.0,) * (kind.linear - 1)
-    return kind.effect(np.array([*size, *shape]) if kind.linear else np.array(shape))
-
-
 def effect_columns(kind: Candidate, shape: tuple[float, ...], signals: Signals) -> Array:
     """Torque a unit of size at this shape, shape (n, 1) or (n, 2) for a cosine and a sine."""
-    return unit_effect(kind, shape).columns(signals)
+    return kind.unit_columns(shape, signals)

@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from whsklearn.effects import codes as k
+from whsklearn.effects import Scales
 from whsklearn.gap import evidence as rules
+from whsklearn.gap.axis_candidates import TWO_MASS, Candidate, candidate, usable
 from whsklearn.gap.axis_model import AxisModel, Term
-from whsklearn.gap.candidates import CATALOGUE, Candidate, Scene, candidate
 from whsklearn.gap.evidence import weigh
 from whsklearn.gap.filters import CUTOFF_SIGMA, filtered, gaussian_derivatives
 from whsklearn.gap.plant import Judged, Linearised, Look, Trial, ViewDefaults
@@ -27,7 +27,6 @@ from whsklearn.gap.plants import inverse_dynamics as ols
 from whsklearn.gap.plants import servo_two_mass as two_mass
 from whsklearn.gap.plants.servo_columns import Signals, effect_columns
 from whsklearn.gap.plants.servo_observer import BESIDE_A_PLAY, negative_damping
-from whsklearn.gap.plants.servo_screening import TWO_MASS, usable_kinds
 from whsklearn.gap.record import ServoRecord, lattice, noise_level
 
 Array = NDArray[Any]
@@ -36,12 +35,10 @@ LATEST = 1.5  # samples of age of the drive that are bookkeeping: hold alone giv
 NOISY = 3.0  # standard deviations of the velocity's noise below which its sign is not known
 SLOW = 0.01  # of the rms velocity, the same for records without noise
 DRIVE_KNOWN = 0.35  # share of the rms drive that the model may leave for its predicted torque to stand for the drive
-FAMILIES = ("cogging", "torque_ripple", "position_friction")
 ORDER_NEED = 20.0  # of cross-validated evidence for one more order of a family (three numbers)
 MOST_ORDERS = 12
 WHOLE = 1.1  # times the gain of the best whole order that a fractional one must have
 KEPT = 40  # columns remembered: a polish moves one shape and leaves the others
-DRIVEN = ("load_friction", "torque_ripple")  # effects whose columns are made of the predicted torque
 STEEPEST_ERROR = 0.3  # rad a rad
 HIGHEST_CUTOFF, LOWEST_CUTOFF = 0.08, 2.0  # of the sampling rate; Hz: where the search of the filter starts and ends
 LARGEST_FLOOR = 0.1  # of the rms drive that noise may make behind any filter
@@ -60,7 +57,7 @@ class InverseView(ViewDefaults):
     Parameters
     ----------
     record : ServoRecord
-    scene : Scene
+    scene : Scales
     cutoff : float
         Of the Gaussian, Hz.
     start : tuple of ndarray
@@ -69,7 +66,7 @@ class InverseView(ViewDefaults):
 
     limits = rules.CROSS_VALIDATED
 
-    def __init__(self, record: ServoRecord, scene: Scene, cutoff: float, start: tuple[Array, Array]):
+    def __init__(self, record: ServoRecord, scene: Scales, cutoff: float, start: tuple[Array, Array]):
         self.record, self.scene, self.cutoff, self.start = record, scene, cutoff, start
         dt, y, u = scene.dt, record.position, record.drive
         self.quantum = lattice(y)
@@ -119,7 +116,7 @@ class InverseView(ViewDefaults):
         for t in model.terms:
             c = self.term_columns(model, t, torque)
             parts += list(c.T)
-            positive += [(t.kind.positive and t.kind.linear == 1) or t.kind.code in TWO_MASS] * c.shape[1]
+            positive += [t.kind.positive] * c.shape[1]
         return np.column_stack(parts), np.array(positive)
 
     def term_columns(self, model: AxisModel, t: Term, torque: Array | None) -> Array:
@@ -128,7 +125,7 @@ class InverseView(ViewDefaults):
             return two_mass.columns(self, model, t)
         if t.kind.linear == 0:
             return np.empty((self.acceleration.size, 0))
-        if t.name in DRIVEN or t.kind.code in (k.CHANGE_GAIN, k.ENCODER_ECCENTRICITY):
+        if self._depends(t):
             return self._new_columns(model, t, torque)
         key = (t.kind.label, t.q[t.kind.linear :])
         if key not in self._columns:
@@ -138,7 +135,7 @@ class InverseView(ViewDefaults):
         return self._columns[key]
 
     def _new_columns(self, model: AxisModel, t: Term, torque: Array | None) -> Array:
-        if t.kind.code == k.ENCODER_ECCENTRICITY:  # J a and B v are taken off a reading that is ahead by the error
+        if t.kind.cls.port == "output":  # J a and B v are taken off a reading that is ahead by the error
             waves = effect_columns(t.kind, t.q[t.kind.linear :], self.motion)
             _, _, g2 = gaussian_derivatives(CUTOFF_SIGMA / (2 * np.pi * self.cutoff), self.scene.dt)
             return -model.inertia * filtered(waves, g2, self.every)
@@ -200,7 +197,12 @@ class InverseView(ViewDefaults):
 
     def _driven(self, model: AxisModel) -> bool:
         """Whether columns depend on the numbers of the model itself."""
-        return any(t.name in DRIVEN or t.kind.code in (k.CHANGE_GAIN, k.ENCODER_ECCENTRICITY) for t in model.terms)
+        return any(self._depends(t) for t in model.terms)
+
+    @staticmethod
+    def _depends(t: Term) -> bool:
+        """Whether a term's columns hold the predicted torque, or the inertia (an error of the reading)."""
+        return t.kind.driven or t.kind.cls.port == "output"
 
     def gap(self, model: AxisModel) -> Array:
         """Drive that the model leaves unexplained at the judged samples."""
@@ -279,7 +281,7 @@ class InverseView(ViewDefaults):
         from whsklearn.gap.plants.servo_inverse_look import next_order
 
         last = model.terms[-1]
-        if last.name not in FAMILIES:
+        if not (last.kind.repeats and last.kind.scanned == "position"):
             return
         for _ in range(MOST_ORDERS - 1):
             grown = next_order(self, model, last.kind)
@@ -335,7 +337,7 @@ def best_view(view: InverseView, model: AxisModel, goal: float) -> InverseView:
     return other
 
 
-def base_model(record: ServoRecord, law: tuple[str, ...], scene: Scene) -> AxisModel:
+def base_model(record: ServoRecord, law: tuple[str, ...], scene: Scales) -> AxisModel:
     """The base model's structure, with sizes yet to be solved."""
     kinds = [candidate(name) for name in law]
     terms = tuple(Term(c, (*([0.0] * c.linear), *c.starts(scene)[0])) for c in kinds)
@@ -345,6 +347,6 @@ def base_model(record: ServoRecord, law: tuple[str, ...], scene: Scene) -> AxisM
 def inverse_kinds(model: AxisModel) -> tuple[Candidate, ...]:
     """Candidates with a form in this view."""
     return tuple(
-        c for c in usable_kinds(model, CATALOGUE)
+        c for c in usable([t.kind for t in model.terms])
         if (c.linear or (c.code in TWO_MASS and not c.on_load)) and c.name != "end_stop"
     )  # fmt: skip

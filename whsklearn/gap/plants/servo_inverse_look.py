@@ -8,11 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn.effects import codes as k
+from whsklearn.gap.axis_candidates import TWO_MASS, Candidate
 from whsklearn.gap.axis_model import AxisModel, Term
-from whsklearn.gap.candidates import Candidate
 from whsklearn.gap.filters import CUTOFF_SIGMA
 from whsklearn.gap.plants import servo_two_mass as two_mass
-from whsklearn.gap.plants.servo_screening import TWO_MASS
 
 Array = NDArray[Any]
 GAPS = (0.002, 0.004, 0.009, 0.018, 0.037, 0.075, 0.15)  # rad
@@ -52,11 +51,11 @@ class Base:
 def looks(view: Any, model: AxisModel) -> list[Any]:
     """Every candidate at its best start."""
     from whsklearn.gap.plant import Look
-    from whsklearn.gap.plants.servo_inverse import DRIVEN, inverse_kinds
+    from whsklearn.gap.plants.servo_inverse import inverse_kinds
 
     base, out = Base(view, model), []
     for kind in inverse_kinds(model):
-        if base.torque is None and kind.name in DRIVEN:
+        if base.torque is None and kind.driven:
             continue
         term, gain, n_looks = best_start(view, base, kind)
         if term is None:
@@ -76,12 +75,12 @@ def best_start(view: Any, base: Base, kind: Candidate) -> tuple[Term | None, flo
         grid = [(g, f) for g in GAPS for f in CONTACTS] if play else [(0.0, f) for f in ANTIRESONANCES]
         grid = [(g, f) for g, f in grid if f < 0.2 / view.scene.dt and g < view.scene.reach]
         terms = [two_mass.start(view, model, kind, g, f, 0.15 if play else 0.05) for g, f in grid]
-    elif kind.scanned == "order":
+    elif kind.scanned == "position":
         orders = scan_orders(view, base, kind)
         terms = [Term(kind, (0.0, 0.0, order)) for order in orders]
-    elif kind.scanned == "frequency":
-        terms = [Term(kind, (0.0, 0.0, f)) for f in scan_tones(view, base, kind)]
     elif kind.scanned == "time":
+        terms = [Term(kind, (0.0, 0.0, f)) for f in scan_tones(view, base, kind)]
+    elif kind.scanned == "step":
         low, high = kind.ranged(view.scene)[0]
         terms = [Term(kind, (0.0, t)) for t in np.linspace(low, high, 25)]
     else:
@@ -90,7 +89,7 @@ def best_start(view: Any, base: Base, kind: Candidate) -> tuple[Term | None, flo
         return None, 0.0, 1
     gains = [term_gain(view, base, t) for t in terms]
     best = int(np.argmax(gains))
-    looked = {"order": 200, "frequency": 400, "time": 25}.get(kind.scanned, len(terms))
+    looked = {"position": 200, "time": 400, "step": 25}.get(kind.scanned, len(terms))
     return terms[best], gains[best], looked
 
 
@@ -119,13 +118,15 @@ def scan_orders(view: Any, base: Base, kind: Candidate) -> list[float]:
 
 
 def wave_gains(view: Any, base: Base, kind: Candidate, values: Array) -> Array:
-    """Share of what is left that a wave of each order explains beyond the model."""
-    s = view.motion
+    """Share of what is left that a wave of each order explains beyond the model.
+
+    What stands before the wave (the sign of the velocity, the torque) is the effect's own column at order zero.
+    """
+    if not kind.paired:
+        return np.array([term_gain(view, base, Term(kind, (0.0, order))) for order in values])
+    s = view.motion if base.torque is None else view.motion._replace(drive=base.torque)
     angle, speed = s.position[:: view.every][view.at], s.velocity[:: view.every][view.at]
-    factor = {
-        k.TORQUE_RIPPLE: base.torque, k.POSITION_FRICTION: np.tanh(s.kappa * s.velocity),
-    }.get(kind.code)  # fmt: skip
-    size = np.ones(angle.size) if factor is None else view.blur(factor)[view.at]
+    size = view.blur(kind.unit_columns((0.0,), s)[:, 0])[view.at]
     sigma = CUTOFF_SIGMA / (2 * np.pi * view.cutoff)
     out = np.zeros(values.size)
     for i in range(0, values.size, 64):
@@ -158,7 +159,7 @@ def scan_tones(view: Any, base: Base, kind: Candidate) -> list[float]:
     inside = np.flatnonzero((frequency >= low) & (frequency <= 1.5 * view.cutoff))
     out: list[float] = []
     for i in inside[np.argsort(power[inside])[::-1]]:
-        if all(abs(frequency[i] - f) > 1.0 / view.scene.seconds for f in out):
+        if all(abs(frequency[i] - f) > 1.0 / view.scene.duration for f in out):
             out.append(float(frequency[i]))
         if len(out) == N_LINES:
             break
@@ -169,7 +170,7 @@ def polished(view: Any, model: AxisModel, term: Term) -> AxisModel:
     """The model with the term, its free shape numbers moved downhill one at a time, sizes solved."""
     grown = view.fit(model.with_term(term))
     free = [(j, log) for i, j, log in grown.free() if i == len(model.terms) and j >= term.kind.linear]
-    if term.kind.scanned == "order" and float(term.q[2]).is_integer():
+    if term.kind.scanned == "position" and float(term.q[2]).is_integer():
         free = []
     if not free:
         return grown
@@ -177,12 +178,12 @@ def polished(view: Any, model: AxisModel, term: Term) -> AxisModel:
     widths = dict.fromkeys((j for j, _ in free), 0.0)
     for j, log in free:
         widths[j] = 0.35 if log else 0.3 * view.scene.reach
-        if term.kind.scanned == "order":
+        if term.kind.scanned == "position":
             widths[j] = np.log1p(0.2 / (view.scene.reach * term.q[j]))
-        elif term.kind.scanned == "frequency":
-            widths[j] = np.log1p(0.2 / (view.scene.seconds * term.q[j]))
         elif term.kind.scanned == "time":
-            widths[j] = 0.02 * view.scene.seconds
+            widths[j] = np.log1p(0.2 / (view.scene.duration * term.q[j]))
+        elif term.kind.scanned == "step":
+            widths[j] = 0.02 * view.scene.duration
     low, high = grown.bounds()
     limits = {(i, j): (a, b) for (i, j, _), a, b in zip(grown.free(), low[2:], high[2:], strict=True)}
     for _ in range(POLISH):
@@ -207,7 +208,7 @@ def polished(view: Any, model: AxisModel, term: Term) -> AxisModel:
 def next_order(view: Any, model: AxisModel, kind: Candidate) -> AxisModel | None:
     """The model with the best further order of a family."""
     base = Base(view, model)
-    present = {round(t.q[2], 2) for t in model.terms if t.kind is kind}
+    present = {round(t.q[2], 2) for t in model.terms if t.kind == kind}
     orders = [o for o in scan_orders(view, base, kind) if round(o, 2) not in present]
     if not orders:
         return None

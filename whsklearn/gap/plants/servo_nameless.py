@@ -14,7 +14,7 @@ def generic_basis(scene: Any, angle: Array, v: Array, u: Array) -> list[Array]:
     """Blocks of nameless columns, shape (n, k) each: by position, speed, drive, time and products."""
     q = angle
     t = np.arange(q.size) / q.size
-    q = (q - scene.middle) / scene.reach
+    q = (q - scene.centre) / scene.reach
     v, u = v / (2 * scene.speed), u / (2 * scene.torque)
     s = np.sign(v)
     powers = [q, v, u, q * v, q * q, v * v, q**3, v**3, q * q * v, q * v * v, s, s * q, s * v, s * q * q, q * u]

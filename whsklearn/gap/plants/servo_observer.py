@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from whsklearn.effects import Scales
 from whsklearn.gap import evidence as rules
 from whsklearn.gap.axis_model import AxisModel
-from whsklearn.gap.candidates import Scene
 from whsklearn.gap.filters import ResidualFilter, autoregression, solve_whitening, whiten
 from whsklearn.gap.least_squares import Fit, jacobian, least_squares
 from whsklearn.gap.plant import Judged, Linearised, Look, ViewDefaults
@@ -60,7 +60,7 @@ class ObserverView(ViewDefaults):
 
     record: ServoRecord
     filter: ResidualFilter
-    scene: Scene
+    scene: Scales
     noise: float
     start: tuple[Array, Array]
     train: NDArray[np.bool_]
@@ -78,7 +78,7 @@ class ObserverView(ViewDefaults):
     def held_near(self, model: AxisModel) -> tuple[Array, Array, Array, Array]:
         """The same, and the twist of the coupling with its rate, shape (n, 2); a run that diverges is held finite."""
         out = model.follow(self.record.drive, self.record.position, self.filter.gains, start=self.start)
-        far = LOST * (self.scene.reach + abs(self.scene.middle)), LOST * self.scene.speed
+        far = LOST * (self.scene.reach + abs(self.scene.centre)), LOST * self.scene.speed
         if all(np.all(np.abs(x) < f) for x, f in zip(out[:3], (far[0], far[0], far[1]), strict=True)):
             return out
         held = [

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from whsklearn.effects import codes as k
-from whsklearn.gap.candidates import Candidate
-from whsklearn.gap.filters import whiten
+from whsklearn.gap.axis_candidates import Candidate
+from whsklearn.gap.filters import CUTOFF_SIGMA, whiten
+from whsklearn.gap.plants.servo_columns import Signals
 
 Array = NDArray[Any]
 
@@ -21,13 +21,13 @@ Array = NDArray[Any]
 def scan_values(kind: Candidate, view: Any) -> Array:
     """The grid of a scan: steps of a quarter of the resolution that the record has."""
     s = view.scene
-    if kind.scanned == "time":
-        return np.linspace(0.05, 0.95, 181) * s.seconds
+    if kind.scanned == "step":
+        return np.linspace(*kind.ranged(s)[0], 181)
     fastest = 2.0 * view.filter.cutoff
-    if kind.scanned == "frequency":
-        return np.arange(kind.ranged(s)[0][0], fastest, 0.3 / s.seconds)
-    low = kind.ranged(s)[0][0]
-    highest = float(np.clip(2 * np.pi * fastest / max(s.speed, 1e-9), 3.0 * max(low, 1.0), 400.0 * max(low, 1.0)))
+    if kind.scanned == "time":
+        return np.arange(kind.ranged(s)[0][0], fastest, 0.3 / s.duration)
+    low, most = kind.ranged(s)[0]
+    highest = min(float(np.clip(2 * np.pi * fastest / max(s.speed, 1e-9), 3 * max(low, 1.0), 400 * max(low, 1.0))), most)
     step = max(0.2 * np.pi / s.reach, highest / 900)
     grid = np.arange(low, highest, step)
     whole = np.arange(np.ceil(low), highest + 1) if highest < 300 else np.zeros(0)
@@ -47,10 +47,10 @@ def scan(
     q, _ = np.linalg.qr(base)
     r = residual - q @ (q.T @ residual)
     gains = np.zeros(values.size)
-    signals = _signals(kind, view, angle, speed)
+    signals, front = _seen(kind, view, angle, speed)
     for i in range(0, values.size, 128):
         part = values[i : i + 128]
-        columns = _columns(kind, view, part, *signals)
+        columns = _columns(kind, view, part, signals, front)
         z = whiten(columns, view.ar)[mask]
         z -= q @ (q.T @ z)
         n = part.size
@@ -66,36 +66,29 @@ def scan(
     return values, gains
 
 
-def _signals(kind: Candidate, view: Any, angle: Array, speed: Array) -> tuple[Array, Array, Array, Array]:
-    """Angle, speed, the factor on the wave and time, decimated."""
-    pick = view.filter.pick
-    time = np.arange(len(view.record)) * view.scene.dt
-    factor = {
-        k.TORQUE_RIPPLE: view.record.drive,
-        k.POSITION_FRICTION: np.sign(speed),
-        k.CHANGE_VISCOUS: speed,
-        k.CHANGE_COULOMB: np.sign(speed),
-        k.CHANGE_GAIN: view.record.drive,
-    }.get(kind.code)
-    if kind.code == k.CHANGE_INERTIA:
-        factor = np.gradient(speed, view.scene.dt)
-    blurred = np.ones(pick(angle).size) if factor is None else view.filter.blur(factor)
-    return pick(angle), pick(speed), blurred, pick(time)
+def _seen(kind: Candidate, view: Any, angle: Array, speed: Array) -> tuple[Signals, Array]:
+    """(signals of the tracked motion, decimated; what stands before a wave, blurred: its column at order zero)."""
+    f, dt = view.filter, view.scene.dt
+    time, drive, acceleration = np.arange(angle.size) * dt, view.record.drive, np.gradient(speed, dt)
+    front = np.ones(0)
+    if kind.paired:
+        front = f.blur(kind.unit_columns((0.0,), Signals(time, angle, speed, acceleration, drive))[:, 0])
+    seen = Signals(f.pick(time), f.pick(angle), f.pick(speed), f.blur(acceleration), f.blur(drive))
+    return seen, front
 
 
-def _columns(
-    kind: Candidate, view: Any, values: Array, angle: Array, speed: Array, factor: Array, time: Array
-) -> Array:
+def _columns(kind: Candidate, view: Any, values: Array, s: Signals, front: Array) -> Array:
+    """Columns at every value: of a wave all cosines and then all sines, behind the view's Gaussian."""
+    if not kind.paired:
+        return np.column_stack([kind.unit_columns((float(x),), s)[:, 0] for x in values])
+    sigma = CUTOFF_SIGMA / (2 * np.pi * view.filter.cutoff)
     if kind.scanned == "time":
-        return factor[:, None] * (time[:, None] >= values[None, :])
-    sigma = 0.833 / (2 * np.pi * view.filter.cutoff)
-    if kind.scanned == "frequency":
-        phase = 2 * np.pi * time[:, None] * values[None, :]
-        size = np.ones((time.size, 1)) * np.exp(-0.5 * (2 * np.pi * values * sigma) ** 2)[None, :]
+        phase = 2 * np.pi * s.time[:, None] * values[None, :]
+        rate = np.broadcast_to(2 * np.pi * values, phase.shape)
     else:
-        phase = angle[:, None] * values[None, :]
-        size = np.exp(-0.5 * (speed[:, None] * values[None, :] * sigma) ** 2)
-    size = size * factor[:, None]
+        phase = s.position[:, None] * values[None, :]
+        rate = s.velocity[:, None] * values[None, :]
+    size = front[:, None] * np.exp(-0.5 * (rate * sigma) ** 2)
     return np.concatenate([size * np.cos(phase), size * np.sin(phase)], axis=1)
 
 

@@ -14,30 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn.effects import codes as k
-from whsklearn.gap.axis_model import AxisModel, Term, size_unit
-from whsklearn.gap.candidates import CATALOGUE, Candidate, change_times
+from whsklearn.gap.axis_candidates import TWO_MASS, Candidate, usable
+from whsklearn.gap.axis_model import AxisModel, Term
 from whsklearn.gap.least_squares import Fit, gain_of
 from whsklearn.gap.plant import Look
 from whsklearn.gap.plants.servo_scan import scan, zoom
 
 Array = NDArray[Any]
 SMALL = 0.01  # share of the rms drive at which signatures are taken
-
-
-TWO_MASS = {k.BACKLASH, k.FLEXIBLE_COUPLING}
-
-# Heredity: what modifies dry or viscous friction is asked for only once that friction is there.
-PARENTS = {
-    k.STRIBECK_EXP: "coulomb",
-    k.DAHL: "coulomb",
-    k.POSITION_FRICTION: "coulomb",
-    k.LOAD_FRICTION: "coulomb",
-    k.FRICTION_DRIFT: "coulomb",
-    k.CHANGE_COULOMB: "coulomb",
-    k.CHANGE_VISCOUS: "viscous",
-    k.ASYMMETRIC_VISCOUS: "viscous",
-    k.QUADRATIC_DRAG: "viscous",
-}
 
 
 @dataclass
@@ -73,7 +57,7 @@ def _signature(view: Any, model: AxisModel, residual: Array, kind: Candidate, sh
     """Columns of the whitened residual, one a linear slot, or the difference for a block."""
     if kind.linear == 0:
         return (view.residual(model.with_term(Term(kind, shape))) - residual)[:, None]
-    unit = SMALL * size_unit(kind, (0.0,) * kind.linear + shape, view.scene)
+    unit = SMALL * kind.size_unit(view.scene)
     columns = []
     for j in range(kind.linear):
         sizes = tuple(unit if i == j else 0.0 for i in range(kind.linear))
@@ -90,7 +74,7 @@ def screen(view: Any, model: AxisModel, fit: Fit) -> list[Start]:
     q, _ = np.linalg.qr(base)
     quiet = view.quiet_variance()
     trials = []
-    for kind in usable_kinds(model):
+    for kind in usable([t.kind for t in model.terms]):
         scanned = None
         starts = kind.starts(view.scene)
         if kind.scanned:
@@ -113,7 +97,7 @@ def screen(view: Any, model: AxisModel, fit: Fit) -> list[Start]:
                     kind, drop, visible, start=shape, sizes=tuple(map(float, c)) if kind.linear else (), scanned=scanned
                 )
                 if kind.linear:
-                    unit = 0.02 * size_unit(kind, (0.0,) * kind.linear + shape, view.scene)
+                    unit = 0.02 * kind.size_unit(view.scene)
                     best.expected = total * visible**2 * unit**2 / kind.linear / quiet
         trials.append(best)
     return sorted(trials, key=lambda t: -t.screened)
@@ -126,7 +110,7 @@ def look_of(view: Any, start: Start, fit: Fit, *, first: bool) -> Look:
     return Look(
         kind.name, float(np.clip(start.screened / max(fit.cost, 1e-300), 0.0, 1.0)), start,
         n_numbers=start.n_parameters, n_looks=looks, expected=start.expected if kind.linear else np.inf,
-        elementary=kind.elementary, costly=first and kind.substeps > 1,
+        elementary=kind.elementary, costly=first and kind.cls.port == "block",
     )  # fmt: skip
 
 
@@ -143,7 +127,7 @@ def refine(view: Any, model: AxisModel, start: Start, *, max_iterations: int = 1
         return best
     grown = model.with_term(Term(start.kind, (*start.sizes, *start.start)))
     best, _ = view.fitted(grown, max_iterations=max_iterations)
-    if start.kind.scanned == "time":
+    if start.kind.scanned == "step":
         best, _ = view.fitted(_locate_change(view, best), max_iterations=max_iterations)
     return best
 
@@ -188,8 +172,8 @@ def _locate_change(view: Any, model: AxisModel) -> AxisModel:
     """The time of a change, looked for on the whole record, since one stretch alone holds it."""
     index = len(model.terms) - 1
     term = model.terms[index]
-    span, best = 0.12 * view.scene.seconds, term.q[1]
-    low, high = change_times(view.scene)
+    span, best = 0.12 * view.scene.duration, term.q[1]
+    low, high = term.kind.ranged(view.scene)[0]
 
     def cost(t: float) -> float:
         w = view.whitened(view.gap(model.with_terms((*model.terms[:index], term.with_slot(1, t)))), on="all")
@@ -200,23 +184,3 @@ def _locate_change(view: Any, model: AxisModel) -> AxisModel:
         best = float(grid[int(np.argmin([cost(float(t)) for t in grid]))])
         span /= 5.0
     return model.with_terms((*model.terms[:index], term.with_slot(1, best)))
-
-
-def usable_kinds(model: AxisModel, catalogue: tuple[Candidate, ...] = CATALOGUE) -> tuple[Candidate, ...]:
-    """Candidates that the model does not hold yet; one two-mass effect at the most, one term of a name.
-
-    Effects that come in several copies (cogging of two orders, two tones) may come again.
-    """
-    present = [t.kind for t in model.terms]
-    names = {p.name for p in present}
-    several = {"cogging", "disturbance_tone", "torque_ripple", "position_friction"}
-    out = []
-    for kind in catalogue:
-        if any(p.name == kind.name for p in present) and kind.name not in several:
-            continue
-        if kind.code in TWO_MASS and any(p.code in TWO_MASS for p in present):
-            continue
-        if kind.name == "sensor_rectification" or PARENTS.get(kind.code, kind.name) not in names | {kind.name}:
-            continue
-        out.append(kind)
-    return tuple(out)

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import fftconvolve
 
+from whsklearn.effects import Scales
 from whsklearn.gap.axis_model import AxisModel
-from whsklearn.gap.candidates import Scene
 from whsklearn.gap.evidence import DEFAULT_TOLERANCE
 from whsklearn.gap.filters import CUTOFF_SIGMA, gaussian_derivatives, residual_filter
 from whsklearn.gap.plants.servo_inverse import InverseView, base_model, best_view
@@ -40,15 +40,15 @@ def start_of(record: ServoRecord, law: tuple[str, ...], goal: float) -> tuple[In
     first = min(FIRST_CUTOFF, 0.04 / dt)
     q, v, a = motion(y, dt, first)
     rms = float(np.sqrt(np.mean(record.drive**2)))
-    scene = Scene(
+    scene = Scales(
         torque=rms,
         inertia=0.3 * rms / max(float(np.sqrt(np.mean(a**2))), 1e-12),
         speed=max(float(np.sqrt(np.mean(v**2))), 1e-12),
         reach=float(np.ptp(y) / 2),
-        middle=float((y.max() + y.min()) / 2),
-        seconds=float(y.size * dt),
+        centre=float((y.max() + y.min()) / 2),
+        duration=float(y.size * dt),
         dt=dt,
-        load=float(np.abs(record.drive).max()),
+        peak=float(np.abs(record.drive).max()),
         resonance=min(90.0, 0.2 / dt),
     )
     view = InverseView(record, scene, first, (q, v))
@@ -60,14 +60,14 @@ def start_of(record: ServoRecord, law: tuple[str, ...], goal: float) -> tuple[In
 
 
 def observer_view(
-    record: ServoRecord, scene: Scene, start: tuple[Array, Array], *, tolerance: float = DEFAULT_TOLERANCE
+    record: ServoRecord, scene: Scales, start: tuple[Array, Array], *, tolerance: float = DEFAULT_TOLERANCE
 ) -> ObserverView:
     """The observer view of a record.
 
     Parameters
     ----------
     record : ServoRecord
-    scene : Scene
+    scene : Scales
         With the inertia of the first fit.
     start : tuple of ndarray
         Smoothed position and velocity.

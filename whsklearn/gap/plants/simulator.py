@@ -22,7 +22,6 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from whsklearn.effects import get_effect
-from whsklearn.gap.candidates import COMMONER
 from whsklearn.gap.data_check import Problem, check_servo
 from whsklearn.gap.evidence import WHITENED
 from whsklearn.gap.filters import autoregression, whiten, whiteness
@@ -34,7 +33,6 @@ from whsklearn.gap.record import ServoRecord, blocks, lattice, noise_level
 
 Array = NDArray[Any]
 AR_ORDER = 12
-ELEMENTARY = ("input_offset", "viscous", "coulomb")
 PROMISING = 0.5  # of the error: an effect that leaves less is fitted again under the weights of what it leaves
 
 
@@ -137,7 +135,7 @@ class SimulatorPlant(PlantDefaults, ViewDefaults):
             best = tuple(known[i] for _, i in ranked[:STARTS])
             numbers = len(best[0].coefficients) + len(best[0].shape_fields()) or 1
             expected = np.inf
-            common = name in ELEMENTARY  # always simulated: in closed loop a constant shows in no derivative
+            common = shapes[0].elementary  # always simulated: in closed loop a constant shows in no derivative
             gain = max(float(ranked[0][0]), 1e-9 if common else 0.0)
             out.append(Look(name, gain, best, numbers, max(1, len(known)), expected, elementary=common))
         return out
@@ -281,7 +279,7 @@ class SimulatorPlant(PlantDefaults, ViewDefaults):
 
     def commoner(self, name: str) -> tuple[str, ...]:
         """Names preferred on a tie."""
-        return COMMONER.get(name, ())
+        return get_effect(name).commoner if name in _known() else ()
 
     def linearised(self, model: SimulatorModel) -> Linearised:
         """Of the whitened, profiled training residual by the numbers of all effects."""

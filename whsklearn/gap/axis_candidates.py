@@ -1,0 +1,251 @@
+"""What an axis may be missing: every effect that is defined, the library's and a user's, as a search takes it.
+
+An effect says itself where its numbers lie, where a search begins, which of them only a fine grid finds, without
+what it is not asked for (`whsklearn.effects.base`).  A `Candidate` is one effect in one variant of its text fields,
+seen from one side of a transmission; nothing here knows an effect by name but those that no torque shows.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from whsklearn.effects import Effect, Scales, codes, effect_names, get_effect
+from whsklearn.effects.columns import values
+
+Array = NDArray[Any]
+
+# Read off the record itself (a lattice, a folded sign), or the same as another zero or another slope of the reference:
+# no torque is missing where one of these is.
+UNSEEN = ("quantization", "sensor_rectification", "output_offset", "output_drift")
+SEEN = 0.01  # of an effect's largest value over its starts: a start at which it shows less is beside the travel
+N_POINTS = 701  # of the motion on which an effect's largest value is taken
+
+
+class Signals:
+    """A motion of one record's scales on which every effect shows: seven swings over the travel; shape (n,) each."""
+
+    def __init__(self, scales: Scales):
+        phase = np.linspace(0.0, 14.0 * np.pi, N_POINTS)
+        self.time = np.linspace(0.0, scales.duration, N_POINTS)
+        self.position = scales.centre - scales.reach * np.cos(phase)
+        self.velocity = np.sqrt(2.0) * scales.speed * np.sin(phase)
+        self.acceleration = np.sqrt(2.0) * scales.torque / scales.inertia * np.cos(phase)
+        self.drive = np.sqrt(2.0) * scales.torque * np.cos(phase)
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One effect in one variant.
+
+    Parameters
+    ----------
+    cls : type
+        The effect.
+    choice : tuple of (str, str)
+        What its text fields are.
+    on_load : bool
+        Whether the encoder sits behind the transmission.
+    """
+
+    cls: type[Effect]
+    choice: tuple[tuple[str, str], ...] = ()
+    on_load: bool = False
+
+    @property
+    def name(self) -> str:
+        """Canonical name."""
+        return self.cls.name
+
+    @cached_property
+    def options(self) -> dict[str, str]:
+        """The text fields."""
+        return dict(self.choice)
+
+    @cached_property
+    def code(self) -> int:
+        """What compiled kernels call it."""
+        return int(self.cls(**self.options).code)
+
+    @cached_property
+    def linear(self) -> int:
+        """How many leading numbers the torque is linear in: 1, 2 (cosine and sine), or 0."""
+        return self.cls.linear()
+
+    @cached_property
+    def fields(self) -> tuple[str, ...]:
+        """Names of the numbers, linear ones first."""
+        first = {0: (), 1: (self.cls.size,), 2: ("cosine", "sine")}[self.linear]
+        return (*first, *self.cls.searched())
+
+    @property
+    def n_slots(self) -> int:
+        """Numbers in use."""
+        return len(self.fields)
+
+    @property
+    def paired(self) -> bool:
+        """Whether the size is a cosine and a sine."""
+        return self.linear == 2
+
+    @cached_property
+    def scanned(self) -> str:
+        """How a fine grid finds the one number that starts would miss: ``position``, ``time``, ``step``; or empty."""
+        field = self.cls.scanned()
+        return self.cls.quantities[field].scan if field else ""
+
+    @property
+    def positive(self) -> bool:
+        """Whether a physical size is positive; the two weights of a wave are free."""
+        return not self.paired and self.cls.quantities[self.cls.size].positive
+
+    @property
+    def elementary(self) -> bool:
+        """Whether it is so common that it goes first where several effects are missing."""
+        return self.cls.elementary
+
+    @property
+    def repeats(self) -> bool:
+        """Whether a model may hold several."""
+        return self.cls.repeats
+
+    @cached_property
+    def parent(self) -> str:
+        """The effect without which it is not asked for."""
+        return self.cls.parent_of(**self.options)
+
+    @property
+    def finest(self) -> float:
+        """Largest step (s) at which its simulation is right."""
+        return self.cls.finest
+
+    @cached_property
+    def held(self) -> tuple[int, ...]:
+        """Shape numbers, counted behind the linear ones, that keep their start."""
+        return tuple(i for i, f in enumerate(self.fields[self.linear :]) if f in self.cls.held)
+
+    @cached_property
+    def driven(self) -> bool:
+        """Whether its columns hold the drive, which they could then explain by itself: asked of the equation."""
+        if self.linear == 0:
+            return self.cls.column_kind != "none"
+        signals, scales = Signals(Scales()), Scales()
+        shape = self.starts(scales)[0]
+        with_drive = self.unit_columns(shape, signals)
+        signals.drive = np.zeros(N_POINTS)
+        return not np.array_equal(with_drive, self.unit_columns(shape, signals))
+
+    def ratios(self, shape: int) -> bool:
+        """Whether a shape number is moved in ratios."""
+        q = self.cls.quantities[self.fields[self.linear + shape]]
+        return q.log or q.low > 0.0 or bool(q.scan)
+
+    @property
+    def label(self) -> str:
+        """Name with the variant, for internal use."""
+        extra = "".join(f"[{v}]" for v in self.options.values())
+        return f"{self.name}{extra}{'L' if self.on_load else ''}"
+
+    def ranged(self, scales: Scales) -> list[tuple[float, float]]:
+        """(low, high) of every shape number in one record."""
+        return _ranged(self, scales)
+
+    def starts(self, scales: Scales) -> list[tuple[float, ...]]:
+        """Shape numbers from which a search of one record begins."""
+        return self.cls.starts(scales)
+
+    def spread(self, shape: int, scales: Scales) -> float:
+        """A typical change of a shape number that is not moved in ratios."""
+        q = self.cls.quantities[self.fields[self.linear + shape]]
+        unit, _ = scales.of(q.unit, q.scale)
+        return max(unit if unit is not None else (q.high - q.low) / 6.0, 1e-6)
+
+    def size_unit(self, scales: Scales) -> float:
+        """The size at which the effect is at its largest as large as the rms drive (or a hundredth of the travel)."""
+        return _size_unit(self, scales)
+
+    def effect(self, q: Array) -> Any:
+        """The effect with these numbers."""
+        return self.cls.from_row(q, **self.options)
+
+    def unit_columns(self, shape: tuple[float, ...], signals: Any) -> Array:
+        """Torque (or reading) a unit of each linear number, shape (n, linear), by the effect's own equation."""
+        effect = self.cls(**self.options)
+        return np.column_stack([values(effect, (*unit, *shape), signals) for unit in np.eye(self.linear)])
+
+
+@lru_cache(maxsize=1024)
+def _ranged(candidate: Candidate, scales: Scales) -> list[tuple[float, float]]:
+    return candidate.cls.bounds(scales)
+
+
+@lru_cache(maxsize=1024)
+def _size_unit(candidate: Candidate, scales: Scales) -> float:
+    whole = 0.01 * scales.reach if candidate.cls.port == "output" else scales.torque
+    if candidate.linear == 0:
+        return whole
+    signals = Signals(scales)
+    tops = np.array([np.abs(candidate.unit_columns(s, signals)).max() for s in candidate.starts(scales)])
+    seen = tops[tops > SEEN * tops.max()]
+    return float(whole / seen.min()) if seen.size else whole
+
+
+def catalogue() -> tuple[Candidate, ...]:
+    """Every effect that is defined and that a missing torque can show, in all variants.
+
+    Examples
+    --------
+    >>> [c.label for c in catalogue() if c.name == "flexible_coupling"]
+    ['flexible_coupling', 'flexible_couplingL']
+    """
+    return tuple(c for name in effect_names() if name not in UNSEEN for c in variants(get_effect(name)))
+
+
+def variants(cls: type[Effect]) -> tuple[Candidate, ...]:
+    """One candidate for every choice of the text fields, and either side of what splits the inertia."""
+    sides = (False, True) if cls.port == "block" else (False,)
+    return tuple(Candidate(cls, tuple(v.items()), side) for side in sides for v in cls.variants())
+
+
+def candidate(name: str) -> Candidate:
+    """The first candidate of a canonical name.
+
+    Raises
+    ------
+    ValueError
+        If there is no such effect, or no missing torque can show it.
+    """
+    if name not in effect_names() or name in UNSEEN:
+        known = ", ".join(sorted(n for n in effect_names() if n not in UNSEEN))
+        raise ValueError(f"{name!r} cannot stand in the law of an axis; expected one of {known}.")
+    return variants(get_effect(name))[0]
+
+
+def aliases(name: str) -> tuple[str, ...]:
+    """Names that no record of drive and position can tell from ``name``.
+
+    What is the same to first order only (a delay and a lag) is told apart by simulation.
+    """
+    cls = get_effect(name)
+    return () if cls.column_kind == "first_order" else cls.aliases
+
+
+TWO_MASS = frozenset((codes.BACKLASH, codes.FLEXIBLE_COUPLING))
+
+
+def usable(present: list[Candidate]) -> tuple[Candidate, ...]:
+    """Candidates that a model with those ``present`` may still get: one that splits the inertia at the most, one of
+    a name unless it repeats, and what modifies another effect only beside that one.
+    """
+    names = {p.name for p in present}
+    split = any(p.cls.port == "block" for p in present)
+    return tuple(
+        c for c in catalogue()
+        if (c.name not in names or c.repeats)
+        and not (split and c.cls.port == "block")
+        and (not c.parent or c.parent in names)
+    )  # fmt: skip
