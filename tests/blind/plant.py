@@ -21,7 +21,9 @@ NAMES = (
     "backlash flex_ratio flex_stiffness flex_damping cogging cogging_k cogging_phase gravity gravity_phase "
     "spring spring_centre cubic end_stop end_stop_at output_offset output_drift rectify eccentricity eccentricity_k "
     "eccentricity_phase quantum tone tone_hz tone_phase step_inertia step_viscous step_coulomb step_at "
-    "x_theta_v x_dead_velocity x_square x_square_k x_warm_spring x_accel x_sin_v duration load_side"
+    "x_theta_v x_dead_velocity x_square x_square_k x_warm_spring x_accel x_sin_v duration load_side "
+    "x_bump x_bump_at x_bump_width x_patch x_patch_at x_patch_width x_hump x_hump_at x_hump_width "
+    "x_bend x_bend_at x_bend_width"
 ).split()
 SLOT = {name: i for i, name in enumerate(NAMES)}
 (
@@ -29,6 +31,7 @@ SLOT = {name: i for i, name in enumerate(NAMES)}
     P_DZ, P_SAT, P_DEL, P_LAG, P_RIP, P_RIPK, P_RIPP, P_BL, P_FR, P_FK, P_FDAMP, P_CG, P_CGK, P_CGP, P_GR, P_GRP,
     P_SP, P_SPC, P_CU, P_ES, P_ESA, P_OO, P_OD, P_RECT, P_EC, P_ECK, P_ECP, P_Q, P_TO, P_TOF, P_TOP, P_SJ, P_SB,
     P_SFC, P_SAT_T, P_XTV, P_XDV, P_XSQ, P_XSQK, P_XWS, P_XA, P_XSV, P_T, P_LS,
+    P_XB, P_XBA, P_XBW, P_XP, P_XPA, P_XPW, P_XH, P_XHA, P_XHW, P_XN, P_XNA, P_XNW,
 ) = range(len(NAMES))  # fmt: skip
 
 
@@ -44,6 +47,10 @@ def _smooth(p, th, v, u, t):
     f += p[P_RIP] * u * math.sin(p[P_RIPK] * th + p[P_RIPP])
     f += p[P_TO] * math.sin(2 * math.pi * p[P_TOF] * t + p[P_TOP])
     f -= p[P_XTV] * th * v + p[P_XSV] * math.sin(th) * v + p[P_XWS] * th * t / p[P_T]
+    if p[P_XB] != 0.0:
+        f -= p[P_XB] * math.exp(-(((th - p[P_XBA]) / p[P_XBW]) ** 2))
+    if p[P_XN] != 0.0:
+        f -= p[P_XN] * math.tanh((th - p[P_XNA]) / p[P_XNW])
     if p[P_XSQ] != 0.0:
         f -= p[P_XSQ] * (1.0 if math.sin(p[P_XSQK] * th) > 0 else -1.0) * math.sin(3.0 * t)
     return f
@@ -61,6 +68,10 @@ def _dry(p, th, v, u, t, s):
         fc += p[P_ST] * math.exp(-((abs(v) / p[P_STV]) ** p[P_STD]))
     if p[P_PF] != 0.0:
         fc += p[P_PF] * math.sin(p[P_PFK] * th + p[P_PFP])
+    if p[P_XP] != 0.0:
+        fc += p[P_XP] * math.exp(-(((th - p[P_XPA]) / p[P_XPW]) ** 2))
+    if p[P_XH] != 0.0:
+        fc += p[P_XH] * math.exp(-(((abs(v) - p[P_XHA]) / p[P_XHW]) ** 2))
     if p[P_XDV] != 0.0:
         fc += p[P_XDV] * max(abs(v) - 2.0, 0.0)
     return fc

@@ -18,6 +18,7 @@ EFFECTS = (
 ).split()
 INVISIBLE = ("output_offset", "output_drift")
 FOREIGN = ("theta_v", "dead_velocity", "square_beat", "warm_spring", "angle_inertia", "sine_drag")
+LEARNABLE = ("bump", "patch", "hump", "bend")  # outside the catalogue too: drawn by name, never by chance
 NOISES = (2e-5, 1e-4, 4e-4)
 
 
@@ -211,10 +212,26 @@ def _draw_foreign(name: str, size: float, rig: _Rig, rng: np.random.Generator) -
         return {"x_square": goal * np.sqrt(2), "x_square_k": k}
     if name == "warm_spring":
         return {"x_warm_spring": goal / _rms(y * t / t[-1])}
+    if name == "magnet":  # the example of `whsklearn.effects.Effect`
+        return _local("bump", y, 0.0, rng.uniform(0.1, 0.4), goal * rng.choice([-1.0, 1.0]))
+    if name in ("bump", "patch"):
+        at, width = rng.uniform(-0.6, 0.6) * np.abs(y).max(), rng.uniform(0.08, 0.4)
+        return _local(name, y, at, width, goal)
+    if name == "hump":
+        return _local(name, np.abs(v), rng.uniform(0.3, 1.2) * _rms(v), rng.uniform(0.15, 0.4) * _rms(v), goal)
+    if name == "bend":
+        at, width = rng.uniform(-0.4, 0.4) * np.abs(y).max(), rng.uniform(0.1, 0.5)
+        return {"x_bend": goal / _rms(np.tanh((y - at) / width)), "x_bend_at": at, "x_bend_width": width}
     if name == "angle_inertia":
         a = np.gradient(v, 1.0 / rig.rate)
         return {"x_accel": min(goal / (rig.p[0] * _rms(np.cos(y) * a)), 0.6)}
     return {"x_sin_v": goal / _rms(np.sin(y) * v)}
+
+
+def _local(name: str, signal: np.ndarray, at: float, width: float, goal: float) -> dict[str, float]:
+    """A Gaussian hill over a signal."""
+    size = goal / _rms(np.exp(-(((signal - at) / width) ** 2)))
+    return {f"x_{name}": size, f"x_{name}_at": at, f"x_{name}_width": width}
 
 
 def make_case(

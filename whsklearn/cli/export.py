@@ -15,22 +15,26 @@ FORMAT_NAMES = ("mjcf", "urdf", "isaac", "c", "st", "fmu")  # as in `whsklearn.e
 @click.argument("model", type=click.Path(exists=True, dir_okay=False))
 @click.option("--to", type=click.Choice(FORMAT_NAMES), required=True, help="The format.")
 @click.option("--out", type=click.Path(), required=True, help="A folder, or the path of the file.")
+@click.option("--effects", type=click.Path(exists=True, dir_okay=False), help="A Python file with effects of your own.")
 @click.option("--what", type=click.Choice(["model", "compensator"]), default="model", help="Of c and st.")
 @click.option("--real", type=click.Choice(["double", "float"]), default="double", help="Numbers of the C code.")
-def main(model: str, to: str, out: str, what: str, real: str) -> None:
+def main(model: str, to: str, out: str, what: str, real: str, effects: str | None) -> None:
     """Write MODEL (model.json of identify, repaired.json of gap) for another tool.
 
     What the format cannot hold is listed with its size, and stands as a comment in the file.
 
     Example: whsklearn export model.json --to mjcf --out axis.xml
     """
-    guarded(write, model=Path(model), to=to, out=out, what=what, real=real)
+    guarded(write, model=Path(model), to=to, out=out, what=what, real=real, effects=effects)
 
 
-def write(model: Path, to: str, out: str, what: str, real: str) -> None:
+def write(model: Path, to: str, out: str, what: str, real: str, effects: str | None = None) -> None:
     """Export, and say what the format cannot hold and where the files are."""
+    from whsklearn.cli.own_effects import load_effects
     from whsklearn.export import FORMATS, export_model
 
+    if effects is not None:
+        load_effects(effects)
     try:
         done = export_model(model, to=to, out=out, what=what, real=real)
     except RuntimeError as error:  # a compiler that is not there or fails

@@ -14,6 +14,7 @@ import click
 from tqdm import tqdm
 
 from whsklearn.cli.job import UNUSABLE, job, say_where, tracker_for, wrapped, writable_folder
+from whsklearn.cli.own_effects import load_effects
 from whsklearn.cli.records import longest, note, read, reading_options, roles_of
 
 if TYPE_CHECKING:
@@ -71,6 +72,9 @@ def orders_of(_context: Any, _option: Any, text: str | None) -> tuple[int, int, 
     "--tolerance", type=float, default=0.004, help="Smallest effect worth a name, share of the rms drive or output."
 )
 @click.option("--max-effects", type=click.IntRange(min=1, max=5), default=3, help="Effects added at the most.")
+@click.option(
+    "--effects", type=click.Path(exists=True, dir_okay=False), help="A Python file with effects of your own to search."
+)
 @click.option("--simulator", type=click.Path(exists=True, dir_okay=False), help="A MuJoCo model.xml or an FMU.")
 @click.option("--joint", help="Joint of the simulator.")
 @click.option("--test", "second", type=click.Path(exists=True), help="Another log of the axis, to test the result on.")
@@ -82,11 +86,14 @@ def main(**options: Any) -> None:
 
     \b
     whsklearn gap axis.csv --time time_s --drive torque_nm --position position_rad --report gap
+    whsklearn gap axis.csv --effects my_effects.py --report gap
     whsklearn gap robot.mcap --drive /joint_states.effort.elbow --position /joint_states.position.elbow
     """  # noqa: D301 - click reads the backspace
     from whsklearn.logs.errors import ColumnError, LogError
 
     folder = writable_folder(options["report"])
+    if options["effects"]:
+        load_effects(options["effects"])
     try:
         log = longest(read_log(options))
     except ColumnError:

@@ -23,14 +23,16 @@ Array = NDArray[Any]
 # no torque is missing where one of these is.
 UNSEEN = ("quantization", "sensor_rectification", "output_offset", "output_drift")
 SEEN = 0.01  # of an effect's largest value over its starts: a start at which it shows less is beside the travel
-N_POINTS = 701  # of the motion on which an effect's largest value is taken
+N_POINTS = 2001  # of the motion on which an effect's largest value is taken: a thousandth of the travel apart
 
 
 class Signals:
-    """A motion of one record's scales on which every effect shows: seven swings over the travel; shape (n,) each."""
+    """A motion of one record's scales on which every effect shows: seven swings and a bit over the travel, so
+    that no two pass the same places; shape (n,) each.
+    """
 
     def __init__(self, scales: Scales):
-        phase = np.linspace(0.0, 14.0 * np.pi, N_POINTS)
+        phase = np.linspace(0.0, 14.6 * np.pi, N_POINTS)
         self.time = np.linspace(0.0, scales.duration, N_POINTS)
         self.position = scales.centre - scales.reach * np.cos(phase)
         self.velocity = np.sqrt(2.0) * scales.speed * np.sin(phase)

@@ -21,7 +21,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from whsklearn.effects import Effect, FrictionLaw
+from whsklearn.effects import Effect, FrictionLaw, effect_names, get_effect
 from whsklearn.models.axis import AxisModel
 from whsklearn.models.base import IdentifiedModel
 from whsklearn.models.chain import ChainModel
@@ -142,5 +142,21 @@ def _decoded(name: str, value: Any) -> Any:
     """What `_coded` made of a field."""
     if name not in ("law", "effects"):
         return value
-    effects = [decode({TAG: "effect", "class": v["class"], "fields": v["fields"]}, []) for v in value]
+    effects: list[Any] = [_effect(v) for v in value]
     return FrictionLaw(effects) if name == "law" else tuple(effects)
+
+
+def _effect(coded: dict[str, Any]) -> Effect:
+    """An effect of the library's by its class, one of a user's own by its name."""
+    own, name = effect_names(), coded.get("name", "")
+    if name in own and get_effect(name).evaluate is not None:
+        return get_effect(name)(**coded["fields"])
+    try:
+        return decode({TAG: "effect", "class": coded["class"], "fields": coded["fields"]}, [])  # type: ignore[no-any-return]
+    except ValueError as error:
+        if not name or name in own or "no Effect" not in str(error):
+            raise
+        raise ValueError(
+            f"its effect {str(name)[:40]!r} is none of the library's; import the module that defines it, "
+            "or name that file with --effects."
+        ) from None

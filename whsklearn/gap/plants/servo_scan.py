@@ -27,7 +27,9 @@ def scan_values(kind: Candidate, view: Any) -> Array:
     if kind.scanned == "time":
         return np.arange(kind.ranged(s)[0][0], fastest, 0.3 / s.duration)
     low, most = kind.ranged(s)[0]
-    highest = min(float(np.clip(2 * np.pi * fastest / max(s.speed, 1e-9), 3 * max(low, 1.0), 400 * max(low, 1.0))), most)
+    highest = min(
+        float(np.clip(2 * np.pi * fastest / max(s.speed, 1e-9), 3 * max(low, 1.0), 400 * max(low, 1.0))), most
+    )
     step = max(0.2 * np.pi / s.reach, highest / 900)
     grid = np.arange(low, highest, step)
     whole = np.arange(np.ceil(low), highest + 1) if highest < 300 else np.zeros(0)

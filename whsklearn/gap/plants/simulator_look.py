@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from whsklearn.effects import Effect, effect_names, get_effect
+from whsklearn.effects import Effect, Scales, effect_names, get_effect
 from whsklearn.gap.filters import CUTOFF_SIGMA, filtered, gaussian_derivatives
 from whsklearn.gap.record import noise_level
 
@@ -100,8 +100,11 @@ def columns_of(effect: Effect, signals: Any) -> Array:
 
 
 def ladder(cls: type[Effect], record: Any, signals: Any) -> Iterator[Effect]:
-    """One effect at every shape that is worth a look in this record."""
+    """One effect at every shape that is worth a look in this record; one of a user's own at its own starts."""
     torque = float(np.sqrt(np.mean(record.drive**2))) or 1.0
+    if cls.evaluate is not None:
+        yield from (cls.from_row((0.1 * torque, *shape)) for shape in cls.starts(_scales(record, signals)))
+        return
     grids: dict[str, Array] = {}
     for name in cls.shape_fields():
         grids[name] = _grid(name, cls.quantities[name].unit, record, signals)
@@ -116,6 +119,16 @@ def ladder(cls: type[Effect], record: Any, signals: Any) -> Iterator[Effect]:
                 yield cls(**{cls.size: size}, **o)
             except (ValueError, TypeError):
                 continue
+
+
+def _scales(record: Any, signals: Any) -> Scales:
+    """How large everything is in the record; of the inertia nothing is known here."""
+    return Scales(
+        torque=float(np.sqrt(np.mean(record.drive**2))) or 1.0, peak=float(np.max(np.abs(record.drive))),
+        speed=float(np.sqrt(np.mean(signals.velocity**2))) or 1.0, reach=0.5 * float(np.ptp(signals.position)) or 1.0,
+        centre=0.5 * float(signals.position.min() + signals.position.max()), duration=float(signals.time[-1]),
+        dt=record.dt,
+    )  # fmt: skip
 
 
 def _sizes(cls: type[Effect], record: Any, torque: float) -> Array:
@@ -162,7 +175,7 @@ def catalogue(record: Any, signals: Any) -> dict[str, list[Effect]]:
         cls = get_effect(name)
         if cls.column_kind == "none" or name in ("output_offset", "output_drift", "viscous", "coulomb"):
             continue
-        fields = cls.shape_fields()
+        fields = cls.shape_fields() if cls.evaluate is None else ()
         if any(_grid(f, cls.quantities[f].unit, record, signals).size == 0 for f in fields):
             fixed = cls()
             out[name] = [fixed.resized(0.1 * float(np.sqrt(np.mean(record.drive**2))))]

@@ -1,0 +1,93 @@
+"""An effect of one's own, searched: the magnet of `whsklearn.effects.Effect` hidden in drawn servo logs.
+
+    python -m benchmarks.own_effect
+
+The class below is all that is added to the library. The logs are of the blind generator (``tests/blind``), whose
+integrator and whose magnet are not ours: 20 with the magnet at 5 %, 20 at 15 % of the rms drive, 20 without it.
+Each is diagnosed from its table alone; the target is the magnet's name in 18 of 20, and in none of 20 without it.
+"""
+
+from __future__ import annotations
+
+import math
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+import click
+from tqdm import tqdm
+
+from benchmarks.blind import rate
+from tests.blind import servo
+from whsklearn.effects import Effect, Quantity
+from whsklearn.gap import GapFinder
+from whsklearn.models import load_model
+
+
+@dataclass(frozen=True)
+class Magnet(Effect):
+    """A magnet beside the path pulls at one place, c exp(-(q/w)^2) (Nm)."""
+
+    torque: float = 0.1
+    width: float = 0.2
+
+    name: ClassVar[str] = "magnet"
+    place: ClassVar[str] = "position"
+    equation: ClassVar[str] = "c exp(-(q/w)^2)"
+    size: ClassVar[str] = "torque"
+    quantities: ClassVar[dict[str, Quantity]] = {
+        "torque": Quantity("Nm", -1, 1),
+        "width": Quantity("rad", 0.01, 1, log=True),
+    }
+    signature: ClassVar[str] = "a bump over the position"
+    needs: ClassVar[str] = "slow passes over the magnet"
+
+    @staticmethod
+    def evaluate(p: Any, time: float, position: float, velocity: float, drive: float) -> float:
+        """The torque; ``p`` holds the fields."""
+        return p[0] * math.exp(-((position / p[1]) ** 2))
+
+
+def diagnose(share: float, seed: int) -> dict[str, Any]:
+    """One log: verdict, names, relative errors of torque and width, whether ``repaired.json`` holds the magnet."""
+    hidden, kind = (("magnet",), "foreign") if share else ((), "none")
+    case = servo.make_case(kind, seed, effects=hidden, size=share or 0.05, noise=servo.NOISES[seed % 3])
+    finder = GapFinder("servo").fit(case.frame, **servo.COLUMNS)
+    found = next((e.effect for e in finder.effects_ if e.name == "magnet"), None)
+    row: dict[str, Any] = {"verdict": finder.verdict_, "names": [e.name for e in finder.effects_],
+                           "closure": finder.diagnosis_.closure, "kept": False}  # fmt: skip
+    if found is not None and share:
+        row["torque"] = abs(found.torque / case.parameters["x_bump"] - 1.0)
+        row["width"] = abs(found.width / case.parameters["x_bump_width"] - 1.0)
+        with tempfile.TemporaryDirectory() as folder:
+            page = finder.report(folder).read_text(encoding="utf-8")
+            row["kept"] = found in load_model(Path(folder) / "repaired.json").effects and "magnet" in page
+    return row
+
+
+@click.command(help=__doc__)
+@click.option("--count", default=20, help="Logs a cell.")
+@click.option("--first-seed", default=500)
+@click.option("--shares", default="0.05,0.15,0")
+def main(count: int, first_seed: int, shares: str) -> None:
+    for share in map(float, shares.split(",")):
+        rows = [diagnose(share, first_seed + i) for i in tqdm(range(count))]
+        if not share:
+            click.echo(rate("magnet named without one", ["magnet" in r["names"] for r in rows], "0"))
+            continue
+        right = [r["verdict"] == "named" and r["names"] == ["magnet"] for r in rows]
+        click.echo(rate(f"magnet of {100 * share:g} % named", right, ">= 90"))
+        click.echo(rate("  in repaired.json and on the page", [r["kept"] for r in rows], ">= 90"))
+        for number in ("torque", "width"):
+            errors = sorted(r[number] for r in rows if number in r)
+            if errors:
+                click.echo(f"  error of the {number}: median {100 * errors[len(errors) // 2]:.1f} %")
+        click.echo(f"  closure: least {min(r['closure'] for r in rows):.3f}")
+        for r, hit in zip(rows, right, strict=True):
+            if not hit:
+                click.echo(f"  missed: {r['verdict']} {r['names']} closure {r['closure']:.2f}")
+
+
+if __name__ == "__main__":
+    main()

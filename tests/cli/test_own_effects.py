@@ -1,0 +1,74 @@
+"""``--effects``: a file with effects of one's own, and the sentences where it is not one."""
+
+from __future__ import annotations
+
+import pytest
+
+from whsklearn import ServoAxis
+from whsklearn.cli.own_effects import load_effects
+from whsklearn.effects import base as registry
+from whsklearn.effects import effect_names
+from whsklearn.gap.repaired import as_model
+from whsklearn.models import load_model, save_model
+
+FILE = """
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+from whsklearn.effects import Effect, Quantity
+
+@dataclass(frozen=True)
+class Magnet(Effect):
+    torque: float = 0.1
+    width: float = 0.2
+    name: ClassVar[str] = "NAME"
+    place: ClassVar[str] = "position"
+    equation: ClassVar[str] = "c exp(-(q/w)^2)"
+    size: ClassVar[str] = "torque"
+    quantities: ClassVar = {"torque": Quantity("Nm", -1, 1), "width": Quantity("rad", 0.01, 1, log=True)}
+    signature: ClassVar[str] = "a bump over the position"
+    needs: ClassVar[str] = "slow passes"
+
+    @staticmethod
+    def evaluate(p, time, position, velocity, drive):
+        return BODY
+"""
+BODY = "p[0] * math.exp(-((position / p[1]) ** 2))"
+
+
+@pytest.fixture
+def write(tmp_path, monkeypatch):
+    """A file of effects, and the catalogue as it was when the test is over."""
+    monkeypatch.setattr(registry, "_REGISTRY", dict(registry._REGISTRY))
+
+    def written(name: str = "magnet", body: str = BODY, text: str = FILE):
+        path = tmp_path / "my_own_effects.py"
+        path.write_text(text.replace("NAME", name).replace("BODY", body), encoding="utf-8")
+        return path
+
+    return written
+
+
+def test_a_file_is_loaded_and_a_model_with_its_effect_read_again(write, tmp_path):
+    (magnet,) = load_effects(write())
+    assert "magnet" in effect_names()
+    axis = ServoAxis(effects=[magnet(0.3, 0.1)])
+    save_model(as_model(axis), tmp_path / "repaired.json")
+    assert load_model(tmp_path / "repaired.json").effects == axis.effects
+    del registry._REGISTRY["magnet"]
+    with pytest.raises(ValueError, match="--effects"):
+        load_model(tmp_path / "repaired.json")
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"text": "x = 1"}, "defines no effect"),
+        ({"text": "import nothing_of_that_name"}, "cannot be run: ModuleNotFoundError"),
+        ({"name": "cogging"}, "the library has already"),
+        ({"body": "p[0] * unknown(position)"}, "cannot be compiled"),
+    ],
+)
+def test_what_is_wrong_is_said(write, change, sentence):
+    with pytest.raises(ValueError, match=sentence):
+        load_effects(write(**change))

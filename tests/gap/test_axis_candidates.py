@@ -1,0 +1,83 @@
+"""Candidates are what the effects say of themselves, and one of a user's own is among them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import pytest
+
+from whsklearn.effects import Effect, Quantity, Scales
+from whsklearn.effects import base as registry
+from whsklearn.gap.axis_candidates import Signals, candidate, catalogue, usable
+
+SCALES = Scales(torque=0.5, peak=1.4, speed=2.0, reach=2.5, centre=0.3, duration=40.0, inertia=0.05, resonance=90.0)
+LINEAR = [c for c in catalogue() if c.linear and c.cls.port != "output"]
+
+
+@pytest.fixture
+def magnet(monkeypatch):
+    """The example of the docstring, in the catalogue for one test."""
+    monkeypatch.setattr(registry, "_REGISTRY", dict(registry._REGISTRY))
+
+    @dataclass(frozen=True)
+    class Magnet(Effect):
+        torque: float = 0.1
+        width: float = 0.2
+        name: ClassVar[str] = "magnet"
+        place: ClassVar[str] = "position"
+        size: ClassVar[str] = "torque"
+        quantities: ClassVar[dict[str, Quantity]] = {
+            "torque": Quantity("Nm", -1, 1),
+            "width": Quantity("rad", 0.01, 1, log=True),
+        }
+
+        @staticmethod
+        def evaluate(p, time, position, velocity, drive):
+            return p[0] * math.exp(-((position / p[1]) ** 2))
+
+    return Magnet
+
+
+def test_an_effect_of_ones_own_is_a_candidate(magnet):
+    (own,) = [c for c in usable([]) if c.cls is magnet]
+    assert (own.linear, own.fields, own.driven) == (1, ("torque", "width"), False)
+    assert own.size_unit(SCALES) == pytest.approx(SCALES.torque, rel=0.05)
+    assert own.effect(np.array([0.2, 0.3])) == magnet(0.2, 0.3)
+
+
+@pytest.mark.parametrize("kind", LINEAR, ids=lambda c: c.label)
+def test_at_its_size_unit_an_effect_is_as_large_as_the_drive(kind):
+    signals, unit = Signals(SCALES), kind.size_unit(SCALES)
+    tops = [unit * np.abs(kind.unit_columns(s, signals)).max() for s in kind.starts(SCALES)]
+    assert max(tops) >= SCALES.torque * (1 - 1e-9), "no start asks for more"
+    assert min(t for t in tops if t > 0.01 * max(tops)) == pytest.approx(SCALES.torque)
+
+
+def test_what_holds_the_drive_is_asked_of_the_equation():
+    driven = {c.label for c in catalogue() if c.linear and c.driven}
+    assert driven == {"load_friction", "torque_ripple", "parameter_change[gain]"}
+
+
+def test_what_modifies_friction_waits_for_it():
+    names = {c.name for c in usable([])}
+    assert "coulomb" in names
+    assert not names & {"stribeck", "position_friction", "load_friction"}
+    assert {"stribeck", "position_friction"} <= {c.name for c in usable([candidate("coulomb")])}
+
+
+def test_one_transmission_and_one_of_a_name_but_several_waves():
+    taken = [candidate("backlash"), candidate("cogging"), candidate("gravity_imbalance")]
+    names = {c.name for c in usable(taken)}
+    assert "cogging" in names
+    assert not names & {"backlash", "flexible_coupling", "gravity_imbalance"}
+
+
+@pytest.mark.parametrize("kind", catalogue(), ids=lambda c: c.label)
+def test_starts_lie_in_their_range_and_make_an_effect(kind):
+    ranges = kind.ranged(SCALES)
+    for shape in kind.starts(SCALES):
+        assert all(a <= x <= b for x, (a, b) in zip(shape, ranges, strict=True))
+        kind.effect(np.array([*[0.1] * kind.linear, *shape]))
