@@ -56,10 +56,6 @@ def test_a_linear_base_names_the_saturation_between_its_blocks_and_the_model_has
     assert np.std(frame["y"] - y_hat) < 1.5 * d.after["rmse"]
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="the base fit of a free law does not see a constant error: one step ahead it is 3 of an rms of 3",
-)
 def test_a_free_law_leaves_nothing_of_a_bend_that_no_effect_has():
     frame, _ = static_record(lambda x: np.where(x > 0, x, 0.3 * x) + 0.1 * x**2, noise=0.02)
     free = GapFinder("wiener-hammerstein", law="piecewise_linear:10", orders=(2, 2, 2, 1), direct=1, n_twins=0)

@@ -79,3 +79,12 @@ def test_an_outlier_costs_no_more_than_the_cap():
     drift = e.size * np.log(deviance(bad)[0] / deviance(e)[0])
     assert 0.0 < drift < CAP + 3.0
     assert weights_of(bad)[0][10] < 1e-6
+
+
+def test_the_colour_of_the_noise_cannot_take_a_constant_out_of_the_errors():
+    difference = np.array([-1.0, 0.0, 0.0, 0.0, 0.0, 0.0])  # A(q) = 1 - q^-1 leaves nothing of a constant
+    held = bm.shortened_colour(difference)
+    assert np.abs(np.roots([1.0, *held])).max() < bm.LONGEST_COLOUR
+    assert bm.coloured(np.ones(200), held)[-1] > 0.04
+    short = np.array([-0.9, 0.1, 0.0, 0.0, 0.0, 0.0])
+    np.testing.assert_array_equal(bm.shortened_colour(short), short)
