@@ -35,14 +35,24 @@ def free_run_error(plant: Any, model: Any, horizon: float, *beside: Any) -> Free
     return FreeRun(float(np.mean(e**2) / np.var(y[held])), float(np.mean(e)), float(np.sqrt(np.mean(e**2))))
 
 
-def closure(before: float, after: float, floor: float) -> float:
+def closure(before: float, after: float, floor: float, spread: float = np.inf) -> float:
     """Share of the gap that is gone, 1 - (after - floor) / (before - floor), within -1 and 1.
+
+    ``spread`` is the error of no model at all, the record's deviation from its mean.  A base model that diverges is
+    beyond it and no yardstick: beside it any repair would close the whole gap.  So the gap counts from there, and a
+    repaired model that is no better than none has closed nothing.
 
     Examples
     --------
     >>> closure(2.0, 1.1, 1.0)
     0.9
+    >>> closure(1000.0, 2.5, 0.0, spread=5.0), closure(1000.0, 6.0, 0.0, spread=5.0)
+    (0.5, 0.0)
     """
+    if before > spread:
+        if spread <= after <= before:
+            return 0.0
+        before = spread if after < spread else before
     gap = before - floor
     if after > before * (1.0 + FLAT):
         return float(max(-1.0, (before - after) / max(gap, FLAT * before)))
@@ -59,6 +69,8 @@ def prove(plant: Any, base: Any, model: Any, rng: np.random.Generator) -> list[d
     below this floor is luck of the noise and the floor is never printed above it.
     """
     twin = plant.surrogate(model, rng)
+    y, held = plant.measured(base, model)
+    spread = float(np.std(y[held]))
     given, first = plant.as_given(base)
     rows = []
     for horizon in plant.horizons:
@@ -68,6 +80,6 @@ def prove(plant: Any, base: Any, model: Any, rng: np.random.Generator) -> list[d
         floor = min(free_run_error(twin, model, horizon).rmse, after.rmse, before.rmse)
         rows.append({
             "horizon": horizon, "before": before.rmse, "after": after.rmse, "floor": floor,
-            "closure": closure(before.rmse, after.rmse, floor), "first": before, "last": after,
+            "closure": closure(before.rmse, after.rmse, floor, spread), "first": before, "last": after,
         })  # fmt: skip
     return rows

@@ -150,7 +150,11 @@ class ChainPlant:
         return self._on_whole[id(model)][1]
 
     def surrogate(self, model: ChainModel, rng: np.random.Generator) -> ChainPlant:
-        """The plant of a record that the model made, with the least noise that any model or the spectrum allows."""
+        """The plant of a record that the model made, with the least noise that any model or the spectrum allows.
+
+        What generic functions still find in the model's errors is no noise: a wrong repair would else be held against
+        a floor as high as its own error, and seem to close all.
+        """
         other = ChainPlant(
             self.u, self.y, self.law, orders=self.orders, direct=self.direct, tolerance=self.tolerance, dt=self.dt
         )
@@ -160,10 +164,11 @@ class ChainPlant:
             at = self._larger.setting
             miss = (at.y - free_run(at, self._larger.model))[at.fit]
             most = min(most, float(np.sqrt(np.mean(miss**2))))
-        twin = twin_setting(s, self.on_record(model), rng, most=most)
+        fitted = self.on_record(model)
+        twin = twin_setting(s, fitted, rng, most=most, share=self.whole_view.noise_share(fitted))
         other._views = [dataclasses.replace(self.whole_view, setting=twin, minima=[], quick=True, _left={}, _doubts={})]
         other.y = twin.y
-        other._on_whole = {id(model): (model, self.on_record(model))}
+        other._on_whole = {id(model): (model, fitted)}
         return other
 
     def falls_short(self, base: ChainModel, model: ChainModel) -> str:

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 DEGREE, KNOTS = 3, 8  # where the name gives none
-# shares of the samples between which knots lie: beyond them the curve is a line, and samples that bend away from it pass
+# shares of the samples between which knots lie: beyond, the curve is a line, and samples that bend away from it pass
 # for outliers of the capped fit; still further out a segment has too few samples for a slope
 REACH = (0.005, 0.995)
 

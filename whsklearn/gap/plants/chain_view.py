@@ -79,8 +79,12 @@ class ChainView:
 
     def floor(self, model: ChainModel) -> float:
         """What of the gap follows no function of the chain's signals: its rms without what generic functions take."""
+        return self.rms(self.gap(model)) * self.noise_share(model)
+
+    def noise_share(self, model: ChainModel) -> float:
+        """Rms of what no generic function finds, over the rms of the gap."""
         left = self.left(model)
-        return self.rms(self.gap(model)) * float(np.sqrt(1.0 - min(left.share, 0.99) if left.p_value < FITS else 1.0))
+        return float(np.sqrt(1.0 - min(left.share, 0.99))) if left.p_value < FITS else 1.0
 
     def left(self, model: ChainModel) -> Remainder:
         """The test of what is left, computed once a model."""
@@ -193,11 +197,14 @@ def _capped(e: Array) -> Array:
     return held * float(np.sqrt(deviance(e)[0] / max(float(held @ held), 1e-300)))
 
 
-def twin_setting(s: Setting, m: ChainModel, rng: np.random.Generator, *, most: float = np.inf) -> Setting:
-    """The setting with an output that the model made, with noise of the same colour and size, or ``most`` at the most.
+def twin_setting(
+    s: Setting, m: ChainModel, rng: np.random.Generator, *, most: float = np.inf, share: float = 1.0
+) -> Setting:
+    """The setting with an output that the model made, with noise of the colour of its errors.
 
-    ``most`` is the rms of that noise at the output.  Over the held-out samples it has the size that is expected of it,
-    so that a floor read off this one record has no error of sampling.
+    The noise has the size of the errors times ``share``, and ``most`` (rms at the output) at the most.  Over the
+    held-out samples it has the size that is expected of it, so that a floor read off this one record has no error of
+    sampling.
     """
     from scipy.signal import lfilter
 
@@ -212,7 +219,7 @@ def twin_setting(s: Setting, m: ChainModel, rng: np.random.Generator, *, most: f
     clean = chain(s, m, free=True)[2]
     noisy = chain(s, m, free=True, noise=lfilter([1.0], colour, white))[2] - clean
     held = s.held >= 0
-    expected = float(np.sqrt(variance)) * gain_behind(s, m, colour)
+    expected = share * float(np.sqrt(variance)) * gain_behind(s, m, colour)
     size = min(expected, most) / max(float(np.sqrt(np.mean(noisy[held] ** 2))), 1e-300)
     noise = size * lfilter([1.0], colour, white)
     return dataclasses.replace(s, y=np.ascontiguousarray(chain(s, m, free=True, noise=noise)[2]))
