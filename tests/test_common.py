@@ -57,11 +57,20 @@ DYNAMIC = [
 ]
 
 
+WEIGHTS = "check_sample_weight_equivalence_on_dense_data"
+
+
 def expected(estimator):
     """Checks that this estimator must fail, with the reason."""
     if isinstance(estimator, WienerHammersteinLags):
         return PAST
-    return {} if getattr(estimator, "lags", None) is None else ORDER
+    if estimator.lags is not None:
+        return ORDER | {WEIGHTS: "a sample of weight zero drives the state, one that is left out does not"}
+    if isinstance(estimator, MultiInnovationGradientRegressor):
+        return {WEIGHTS: "a step for a row of weight two is not two steps"}
+    if isinstance(estimator, MILSRegressor):
+        return {WEIGHTS: "the last p - 1 rows have not been in all their windows, and repeated rows fill them sooner"}
+    return {}
 
 
 @parametrize_with_checks(ON_ROWS + DYNAMIC + [WienerHammersteinLags()], expected_failed_checks=expected)

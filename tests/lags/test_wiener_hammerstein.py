@@ -7,8 +7,10 @@ import pandas as pd
 import pytest
 from sklearn.base import clone
 from sklearn.exceptions import NotFittedError
+from sklearn.pipeline import make_union
+from sklearn.preprocessing import StandardScaler
 
-from whsklearn import WienerHammersteinLags, WienerHammersteinSystem
+from whsklearn import InverseDynamicsLags, WienerHammersteinLags, WienerHammersteinSystem
 from whsklearn.datasets import make_wiener_hammerstein
 from whsklearn.effects import Coulomb, FrictionLaw, Viscous
 from whsklearn.effects.law import piecewise_linear_law, polynomial_law, smooth_law
@@ -151,3 +153,22 @@ def test_nothing_before_fit(record):
     X, y, _ = record
     with pytest.raises(NotFittedError):
         WienerHammersteinLags().transform(X, y)
+
+
+def test_it_stands_in_a_union_where_it_needs_no_output_and_says_so_where_it_does(record):
+    X, y, _ = record
+    moving = WienerHammersteinLags(2, 1, 2, 0)
+    union = make_union(moving, StandardScaler())
+    rows = union.fit_transform(X, y)
+    np.testing.assert_array_equal(union.transform(X), rows)
+    np.testing.assert_array_equal(rows[:, :-1], moving.fit_transform(X, y))
+    with pytest.raises(ValueError, match="a Pipeline or FeatureUnion transforms X alone"):
+        make_union(WienerHammersteinLags()).fit(X, y).transform(X)
+
+
+def test_the_rows_of_an_axis_stand_in_a_union(record):
+    X = np.cumsum(record[0], axis=0)
+    lags = InverseDynamicsLags(100.0)
+    union = make_union(lags, "passthrough")
+    rows = union.fit_transform(X)
+    np.testing.assert_array_equal(rows[:, :-1], lags.fit_transform(X))

@@ -8,8 +8,9 @@ import pytest
 from whsklearn import WienerHammersteinSystem
 from whsklearn.datasets import make_wiener_hammerstein
 from whsklearn.effects.law import polynomial_law
-from whsklearn.recursion.gauss_newton import refine, refine_part, solve_damped
+from whsklearn.recursion.gauss_newton import Prior, refine, refine_part, solve_damped
 from whsklearn.recursion.memory_cost import BUDGET, COST, replay, work_size
+from whsklearn.recursion.memory_cost import Memory as KeptSamples
 from whsklearn.recursion.predictor import record_errors, state_size
 from whsklearn.recursion.predictor_block import LENGTH
 from whsklearn.systems.stability import is_stable
@@ -36,12 +37,16 @@ class Memory:
         self.history = int(max(self.dims[0], self.dims[3], 1))
         self.n = natural(system).size
 
+    @property
+    def kernel(self):
+        return self.dims, self.law.codes, self.law.shapes
+
     def padded(self, values):
         return np.concatenate([np.zeros((self.history, *values.shape[1:])), values])
 
     def shared(self, tail=1, forgetting=1.0, origin=None):
         origin = np.zeros(state_size(self.dims)) if origin is None else origin
-        return (
+        return KeptSamples(
             origin, self.padded(self.X), self.padded(self.y), self.restart, self.y.size, self.history, tail,
             forgetting ** np.arange(self.y.size)[::-1] * ~self.still[: self.y.size],
         )  # fmt: skip
@@ -49,17 +54,7 @@ class Memory:
     def replay(self, theta, kappa=KAPPA, **settings):
         information, slope = np.zeros((self.n, self.n)), np.zeros(self.n)
         state = np.zeros(state_size(self.dims))
-        cost = replay(
-            theta,
-            self.dims,
-            self.law.codes,
-            self.law.shapes,
-            kappa,
-            *self.shared(**settings),
-            information,
-            slope,
-            state,
-        )  # fmt: skip
+        cost = replay(theta, self.kernel, kappa, self.shared(**settings), information, slope, state)
         return cost, information, slope, state
 
     def errors(self, theta, kappa=KAPPA):
@@ -70,10 +65,8 @@ class Memory:
 
     def refine(self, theta, prior_theta, prior_information, iterations=30, **settings):
         information, state = np.zeros((self.n, self.n)), np.zeros(state_size(self.dims))
-        cost = refine(
-            theta, self.dims, self.law.codes, self.law.shapes, KAPPA, *self.shared(**settings), prior_theta,
-            prior_information, iterations, information, state,
-        )  # fmt: skip
+        prior = Prior(prior_theta, prior_information)
+        cost = refine(theta, self.kernel, KAPPA, self.shared(**settings), prior, iterations, information, state)
         return cost, information
 
 
@@ -109,10 +102,11 @@ def test_the_state_handed_over_is_where_the_next_window_starts(tail):
     rest = Memory(system, n=100)
     h = rest.history
     information, slope, end = np.zeros((9, 9)), np.zeros(9), np.zeros_like(state)
-    cost = replay(
-        theta, rest.dims, rest.law.codes, rest.law.shapes, KAPPA, state, whole.X[begin - h :], whole.y[begin - h :],
-        np.zeros(100 - begin, dtype=bool), 100 - begin, h, 1, np.ones(100 - begin), information, slope, end,
-    )  # fmt: skip
+    left = 100 - begin
+    kept = KeptSamples(
+        state, whole.X[begin - h :], whole.y[begin - h :], np.zeros(left, dtype=bool), left, h, 1, np.ones(left)
+    )
+    cost = replay(theta, rest.kernel, KAPPA, kept, information, slope, end)
     assert cost == pytest.approx(np.sum(e[begin:] ** 2))
 
 
@@ -183,10 +177,8 @@ def test_in_parts_it_is_the_same_to_the_bit(budget):
     got, state = np.zeros((9, 9)), np.zeros(state_size(memory.dims))
     work, parts = np.zeros(work_size(memory.dims, state.size)), 1
     work[BUDGET] = budget
-    while not refine_part(
-        theta, memory.dims, memory.law.codes, memory.law.shapes, KAPPA, *memory.shared(), np.zeros(9), nothing, 3, got,
-        state, work,
-    ):  # fmt: skip
+    prior = Prior(np.zeros(9), nothing)
+    while not refine_part(theta, memory.kernel, KAPPA, memory.shared(), prior, 3, got, state, work):
         work[BUDGET], parts = budget, parts + 1
     assert parts >= 400 * 2 / (budget + LENGTH)  # a part is one stretch at least, and ends with the stretch it is in
     assert work[COST] == cost

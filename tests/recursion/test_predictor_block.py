@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from whsklearn.effects.terms import ASYMMETRIC_VISCOUS, COULOMB, POSITION_FRICTION, STRIBECK_TANH, VISCOUS
-from whsklearn.recursion.memory_cost import replay
+from whsklearn.recursion.memory_cost import Memory, replay
 from whsklearn.recursion.predictor import advance, parameter_count, predict, state_size
 from whsklearn.recursion.predictor_block import LENGTH, dot, through_denominator
 from whsklearn.recursion.starts import random_start
@@ -52,9 +52,8 @@ def test_it_is_the_predictor_sample_by_sample(n_inputs, orders, kappa, tail):
     weights, origin = rng.uniform(size=n), rng.normal(size=state_size(dims))
     size = parameter_count(dims)
     information, slope, end = np.zeros((size, size)), np.zeros(size), np.zeros(origin.size)
-    cost = replay(
-        theta, dims, CODES, SHAPES, kappa, origin, u, y, restart, n, history, tail, weights, information, slope, end,
-    )  # fmt: skip
+    memory = Memory(origin, u, y, restart, n, history, tail, weights)
+    cost = replay(theta, (dims, CODES, SHAPES), kappa, memory, information, slope, end)
     e, psi, expected = sample_by_sample(theta, dims, kappa, u, y, restart, n_inputs, history, origin.copy(), tail)
     w = weights * np.minimum(np.arange(n, 0, -1) / tail, 1.0)
     assert cost == pytest.approx(w @ e**2, rel=1e-12)

@@ -11,7 +11,8 @@ from whsklearn.effects.friction import Coulomb, Viscous
 from whsklearn.effects.law import FrictionLaw, polynomial_law, reduced_law
 from whsklearn.recursion.covariance import covariance
 from whsklearn.recursion.least_squares import block_update
-from whsklearn.recursion.pseudolinear import BLOCK, GRADIENT, REEVALUATED, auxiliary_size, run_pseudolinear
+from whsklearn.recursion.pseudolinear import BLOCK, GRADIENT, REEVALUATED, Published, auxiliary_size, run_pseudolinear
+from whsklearn.recursion.subinnovations import Samples
 
 SYSTEMS = {
     "example": WienerHammersteinSystem.example(),
@@ -33,8 +34,8 @@ def run(system, X, y, mode, p=3, theta0=None, p0=1e6, forgetting=1.0):
     state = np.zeros(auxiliary_size(dims))
     ud, loss, power = np.eye(theta.size) * p0, np.zeros(2), np.zeros(1)
     run_pseudolinear(
-        theta, ud, state, loss, power, np.zeros(lags), np.zeros(lags), 0, forgetting, np.inf, dims, law.codes,
-        law.shapes, law.key, p, mode, X, y,
+        Published(theta, ud, state, loss, power), Samples(np.zeros(lags), np.zeros(lags), np.ones(lags)), 0,
+        forgetting, np.inf, (dims, law.codes, law.shapes, law.key), p, mode, Samples(X, y, np.ones(len(y))),
     )  # fmt: skip
     return theta, covariance(ud), state
 

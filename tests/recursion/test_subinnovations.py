@@ -13,12 +13,23 @@ from whsklearn.effects.static import Power
 from whsklearn.recursion.covariance import covariance
 from whsklearn.recursion.least_squares import block_update
 from whsklearn.recursion.predictor import advance, predict, record_errors, state_size
-from whsklearn.recursion.subinnovations import IDLE, MOVING, STILL, mark_still, relative_sharpness, run_windows
+from whsklearn.recursion.subinnovations import (
+    IDLE,
+    MOVING,
+    STILL,
+    Models,
+    Samples,
+    mark_still,
+    relative_sharpness,
+    run_windows,
+)
 
 LINEAR = polynomial_law([0.0, 1.0, 0.5])  # with n_a = 1, n_b = 0, n_c = 1 the model is linear in its parameters
 
 
-def run(dims, law, theta0, X, y, p=4, frozen=False, p0=1.0, kappa=3.0, forgetting=(1.0, 1.0, 0.99), chunks=1):
+def run(
+    dims, law, theta0, X, y, p=4, frozen=False, p0=1.0, kappa=3.0, forgetting=(1.0, 1.0, 0.99), chunks=1, weight=None
+):
     """All state arrays of one model after the record."""
     n = theta0.size
     lags = p + max(dims[0], dims[3], 1)
@@ -28,10 +39,12 @@ def run(dims, law, theta0, X, y, p=4, frozen=False, p0=1.0, kappa=3.0, forgettin
         "recent_u": np.zeros(lags), "recent_y": np.zeros(lags),
     }  # fmt: skip
     since, seen, forgetting = 0, 0, np.array(forgetting)
+    weight, recent_weight = np.ones(len(y)) if weight is None else weight, np.ones(lags)
     for part in np.array_split(np.arange(len(y)), chunks):
         since = run_windows(
-            *s.values(), since, seen, forgetting, np.inf, np.array([kappa]), 0.0, dims, law.codes, law.shapes, p,
-            frozen, X[part], y[part], np.zeros(len(part), dtype=np.uint8),
+            Models(*(s[name] for name in Models._fields)), Samples(s["recent_u"], s["recent_y"], recent_weight), since,
+            seen, forgetting, np.inf, np.array([kappa]), 0.0, (dims, law.codes, law.shapes), p, frozen,
+            Samples(X[part], y[part], weight[part]), np.zeros(len(part), dtype=np.uint8),
         )  # fmt: skip
         seen += len(part)
     return s

@@ -125,6 +125,35 @@ def inside(denominator: Array) -> Array:
     return denominator * (RADIUS / largest) ** np.arange(1, denominator.size + 1)
 
 
+def linear_blocks(natural: Array, s: Structure, delays: tuple[int, int], dt: float) -> tuple[Any, Any]:
+    """(L1, L2) as `scipy.signal.dlti`; L1 is a tuple of systems where there are several inputs."""
+    if isinstance(dt, bool) or not isinstance(dt, (int, float, np.number)) or not 0.0 < dt < math.inf:
+        raise ValueError(f"dt is {dt!r}, expected a positive number, the sampling interval in seconds.")
+    a, b, _, c, d = (natural[i] for i in s.slices())
+    numerators = np.append(1.0, a).reshape(-1, s.n_inputs).T
+    first = tuple(_block(n, b, delays[0], dt) for n in numerators)
+    return (first if s.n_inputs > 1 else first[0]), _block(np.append(1.0, c), d, delays[1], dt)
+
+
+def _block(numerator: Array, denominator: Array, delay: int, dt: float) -> Any:
+    """q^-delay numerator / (1 + denominator), in powers of z."""
+    from scipy.signal import dlti
+
+    over = np.append(1.0, denominator)
+    under = np.concatenate([np.zeros(delay), numerator])
+    width = max(over.size, under.size)
+    under, over = np.pad(under, (0, width - under.size)), np.pad(over, (0, width - over.size))
+    surplus = min(_zeros_at_end(under), _zeros_at_end(over))  # poles at z = 0 that zeros cancel
+    under, over = under[: width - surplus], over[: width - surplus]
+    first = np.flatnonzero(under)
+    return dlti(under[first[0] :] if first.size else np.zeros(1), over, dt=float(dt))
+
+
+def _zeros_at_end(p: Array) -> int:
+    there = np.flatnonzero(p)
+    return p.size - 1 - int(there[-1]) if there.size else p.size - 1
+
+
 def free_run(
     natural: Array, s: Structure, u: Array, restart: NDArray[np.bool_], covariance: Array | None = None
 ) -> Array:

@@ -26,8 +26,12 @@ INFERENCE = 20.0  # sharpness at which the covariance is taken, see `PEMRegresso
 class PredictionError:
     """Residuals and Jacobian of one record, as scipy.optimize.least_squares takes them."""
 
-    def __init__(self, s: wh.Structure, u: Array, y: Array, restart: NDArray[np.bool_], rng: np.random.Generator):
+    def __init__(
+        self, s: wh.Structure, u: Array, y: Array, restart: NDArray[np.bool_], rng: np.random.Generator,
+        weights: Array | None = None,
+    ):  # fmt: skip
         self.structure, self.u, self.y, self.restart = s, u, y, restart
+        self.weights, self.root = weights, np.float64(1.0) if weights is None else np.sqrt(weights)
         self.kernel = s.dims, s.law.codes, s.law.shapes
         self.scales = term_scales(self.kernel, u, y, restart, rng)
         self.b = s.slices()[1]
@@ -46,7 +50,8 @@ class PredictionError:
         moves = not np.isin(s.law.codes, (POWER, HINGE, CONSTANT, NATURAL_SPLINE)).all()
         law = FrictionLaw([Viscous() if moves else Power()])
         dims = np.append(s.dims[:4], 1)
-        linear = PredictionError(s._replace(dims=dims, law=law, key=0), self.u, self.y, self.restart, rng)
+        inner = s._replace(dims=dims, law=law, key=0)
+        linear = PredictionError(inner, self.u, self.y, self.restart, rng, self.weights)
         _, found = min((linear.climb(linear.start(1 + i, rng), LADDER[:1]) for i in range(4)), key=lambda f: f[0])
         weight = self.b.stop
         return np.concatenate([found[:weight], np.zeros(len(s.law)), found[weight + 1 :]])
@@ -61,7 +66,7 @@ class PredictionError:
         if not is_stable(np.ascontiguousarray(theta[self.b]), 0.999):
             return np.full(self.y.size, 1e3 * (np.abs(self.y).max() + 1.0))
         record_errors(theta, *self.kernel, kappa, self.u, self.y, self.restart, errors, self.no_rows)
-        return np.nan_to_num(np.clip(errors, -1e100, 1e100), nan=1e100)
+        return np.nan_to_num(np.clip(errors, -1e100, 1e100), nan=1e100) * self.root
 
     def jacobian(self, theta: Array, kappa: float) -> Array:
         """Derivatives of `residuals`."""
@@ -69,7 +74,7 @@ class PredictionError:
         if is_stable(np.ascontiguousarray(theta[self.b]), 0.999):
             errors = np.empty(self.y.size)
             record_errors(theta, *self.kernel, kappa, self.u, self.y, self.restart, errors, rows)
-        return -np.nan_to_num(np.clip(rows, -1e100, 1e100))
+        return -np.nan_to_num(np.clip(rows, -1e100, 1e100)) * np.reshape(self.root, (-1, 1))
 
     def climb(self, theta: Array, ladder: tuple[float, ...] = LADDER) -> tuple[float, Array]:
         """(least sum of squares under the true sign, its parameters) over the rungs."""

@@ -9,7 +9,8 @@ import numpy as np
 
 from whsklearn._inputs import starts
 from whsklearn.estimators import _model as wh
-from whsklearn.estimators._streams import FullStream, PublishedStream, RowsStream, Stream
+from whsklearn.estimators._records import Given, checked_weights, joined
+from whsklearn.estimators._streams import FullStream, PublishedStream, RowsStream, Stream, noise_variance
 from whsklearn.estimators._undo import copied
 from whsklearn.estimators.base import AxisRegressor
 from whsklearn.recursion.pseudolinear import BLOCK
@@ -37,7 +38,9 @@ class RecursiveRegressor(AxisRegressor):
 
     p: int = 1
 
-    def fit(self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None) -> Self:
+    def fit(
+        self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None, sample_weight: ArrayLike | None = None
+    ) -> Self:
         """Learn a record from a clean start.
 
         The record goes through the recursion once; with ``gradient="full"`` the samples
@@ -45,12 +48,15 @@ class RecursiveRegressor(AxisRegressor):
 
         Parameters
         ----------
-        X : array-like of shape (n, n_features)
-            Input u of shape (n, 1); with ``lags=None``, rows.
-        y : array-like of shape (n,)
+        X : array-like of shape (n, n_features), or list of them
+            Input u of shape (n, 1); with ``lags=None``, rows.  The records of a list are experiments of their own.
+        y : array-like of shape (n,), or list of them
             Output.
         groups : array-like of shape (n,), optional
             Experiments; the state restarts where one begins.
+        sample_weight : array-like of shape (n,), optional
+            Of the squared errors, as 1 / variance.  A sample of weight zero teaches nothing, as a row; as a sample
+            of a chain it drives the state all the same.  Rows that a filter makes (`InverseDynamicsLags`) take none.
 
         Raises
         ------
@@ -60,29 +66,35 @@ class RecursiveRegressor(AxisRegressor):
         with self._unchanged_if_refused():
             self._keep_lags()
             self._check_parameters()
-            X, y = self._validate(X, y, reset=True)
+            given = joined(X, y, groups, sample_weight)
+            groups = given.groups
+            X, y = self._validate(given.X, given.y, reset=True)
             self._need_rows(len(X))
             restart = starts(groups, len(X), first=True)
+            weights = self._weights(given.sample_weight, len(X), some=True)
             self._warn_degenerate(X, y)
+            self._warn_of_structure(X, y, restart)
             rows, targets = (X, y) if self._is_wiener_hammerstein else self._rows(X, y, groups)
             if len(targets) != len(restart):
                 restart = starts(None, len(targets), first=True)
             seed = self._draw_seed()
             stream = self._make_stream(rows.shape[1], seed)
             state = stream.initial()
-            stream.run(state, rows, targets, restart)
+            stream.run(state, rows, targets, restart, weights)
             stream.settle(state)
             self._keep(stream, state, seed, groups)
         return self
 
-    def partial_fit(self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None) -> Self:
+    def partial_fit(
+        self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None, sample_weight: ArrayLike | None = None
+    ) -> Self:
         """Learn further samples; the chunks in which they come make no difference.
 
         All of them or none: a call that an exception or Ctrl-C ends leaves what was learnt before it, to the bit.
 
         Parameters
         ----------
-        X, y, groups
+        X, y, groups, sample_weight
             As for `fit`. Without ``groups`` the samples continue the last experiment.
 
         Raises
@@ -94,6 +106,7 @@ class RecursiveRegressor(AxisRegressor):
         if (
             type(stream) is RowsStream
             and groups is None
+            and sample_weight is None
             and type(X) is np.ndarray
             and type(y) is np.ndarray
             and X.shape == stream.row
@@ -105,8 +118,9 @@ class RecursiveRegressor(AxisRegressor):
             and stream.step(self.state_, X, y)
         ):
             return self
-        if stream is None or groups is not None or not _plain(X, y, self.n_features_in_):
-            return self._partial_fit_checked(X, y, groups)
+        told = groups is not None or sample_weight is not None
+        if stream is None or told or not _plain(X, y, self.n_features_in_):
+            return self._partial_fit_checked(X, y, groups, sample_weight)
         n = len(y)  # type: ignore[arg-type]  # an array, as _plain has seen
         undo = stream.undo
         undo.before(self.state_, X, y)  # type: ignore[arg-type]
@@ -118,7 +132,9 @@ class RecursiveRegressor(AxisRegressor):
             raise
         return self
 
-    def _partial_fit_checked(self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None) -> Self:
+    def _partial_fit_checked(
+        self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None, sample_weight: ArrayLike | None
+    ) -> Self:
         """`partial_fit` with every check; also the first call and the one after parameters changed."""
         before = self.__dict__.copy()
         first = "state_" not in before
@@ -126,18 +142,20 @@ class RecursiveRegressor(AxisRegressor):
             if name in before:
                 before[name] = made(before[name])
         try:
-            self._learn_checked(X, y, groups, first)
+            self._learn_checked(joined(X, y, groups, sample_weight, 0 if first else self.state_["seen"]), first)
         except BaseException:
             self.__dict__ = before
             raise
         return self
 
-    def _learn_checked(self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None, first: bool) -> None:
+    def _learn_checked(self, given: Given, first: bool) -> None:
         """Check and learn, in place; whoever calls puts back what was if this fails."""
         if first:
             self._keep_lags()
         self._check_parameters()
-        X, y = self._validate(X, y, reset=first)
+        groups = given.groups
+        X, y = self._validate(given.X, given.y, reset=first)
+        weights = self._weights(given.sample_weight, len(X), some=False)
         last = None if first else self.state_["group"]
         restart = starts(groups, len(X), first=first, last=last)
         seed = self._draw_seed() if first else self.state_["seed"]
@@ -146,7 +164,7 @@ class RecursiveRegressor(AxisRegressor):
             self._keep_lags()
             self._check_state(self.state_)
         if first and len(X) >= FIRST_RERUN:  # the first rows of a stream may well stand still
-            self._warn_degenerate(X, y, stacklevel=4)
+            self._warn_degenerate(X, y, stacklevel=5)
         rows, targets = X, y
         if not self._is_wiener_hammerstein and self.lags is not None:
             rows, targets = self.lags_.partial_rows(X, y)
@@ -156,7 +174,7 @@ class RecursiveRegressor(AxisRegressor):
         if not first and stream is not self.__dict__.get("_stream"):
             self._check_state(state)
         if len(targets):
-            stream.run(state, np.ascontiguousarray(rows), np.ascontiguousarray(targets), restart)
+            stream.run(state, np.ascontiguousarray(rows), np.ascontiguousarray(targets), restart, weights)
         stream.undo.clear()
         self._keep(stream, state, seed, groups)
 
@@ -201,6 +219,11 @@ class RecursiveRegressor(AxisRegressor):
         seen = rows[:, 1] > 0
         return float((rows[seen, 0] / rows[seen, 1]).min()) if seen.any() else float("nan")
 
+    def _noise_variance(self) -> float:
+        if self._is_wiener_hammerstein:
+            return self.innovation_variance_
+        return noise_variance(self.state_["loss"], self.state_["theta"].size)
+
     # -- settings ------------------------------------------------------------------------
 
     def _check_parameters(self) -> None:
@@ -227,6 +250,16 @@ class RecursiveRegressor(AxisRegressor):
             self._lags.dims()
             if self.gradient == "pseudolinear":
                 self._lags.key_term()
+
+    def _weights(self, sample_weight: ArrayLike | None, n: int, *, some: bool) -> Array | None:
+        """Weights of samples; None where all are one."""
+        weights = checked_weights(sample_weight, n, some=some)
+        if weights is not None and self.lags is not None and not self._is_wiener_hammerstein:
+            raise ValueError(
+                f"sample_weight is given, and {type(self.lags).__name__} filters samples into fewer rows; leave it "
+                "out, or weigh the rows of lags.rows(X, y) with lags=None."
+            )
+        return weights
 
     def _theta0(self, n: int, default: float) -> Array:
         """theta(0) of the right length."""

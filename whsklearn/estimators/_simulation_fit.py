@@ -25,12 +25,13 @@ BATCHES = 60  # of the scores, for a covariance that does not take the error for
 
 
 class SimulationFit(NamedTuple):
-    """Orders, law and delays as found, the natural vector, its covariance, and the sum of squared errors."""
+    """Orders, law and delays as found, the natural vector, its covariance, the (weighted) sum of squares, sigma^2."""
 
     lags: dict[str, Any]
     natural: Array
     covariance: Array
     cost: float
+    noise: float
 
 
 def scale_free(law: FrictionLaw) -> bool:
@@ -54,6 +55,7 @@ def from_record(
     y: Array,
     restart: NDArray[np.bool_],
     start: Array | None,
+    weights: Array | None = None,
 ) -> SimulationFit:
     """Fit a record.
 
@@ -67,12 +69,18 @@ def from_record(
         The record.
     start : ndarray or None
         A natural vector to begin with; None divides the best linear model.
+    weights : ndarray of shape (n,), optional
+        Of the squared errors.
     """
     delays = (0, 0) if lags is None else tuple(int(d) for d in lags.delays)
-    late, data = sum(delays), record(u, y, restart)
+    late, data = sum(delays), record(u, y, restart, weights)
     if late:
-        lagged, answer, again, _ = wh.shifted(u, y, restart, -late)
-        data = record(lagged, answer, again)
+        lagged, answer, again, to = wh.shifted(u, y, restart, -late)
+        heavy = None
+        if weights is not None:
+            heavy = np.zeros(len(answer))
+            heavy[to] = weights
+        data = record(lagged, answer, again, heavy)
         ends = data.bounds[1:]
         for k in range(late):
             data.counts[ends - 1 - k] = False  # the answers that come after an experiment's last measurement
@@ -88,9 +96,10 @@ def described(fitted: Fitted, data: IOData, delays: tuple[int, ...], *, normed: 
     chain = monic(fitted.chain) if normed else fitted.chain
     orders = {"n_a": chain.b1.shape[1], "n_b": chain.a1.size - 1, "n_c": chain.b2.size, "n_d": chain.a2.size - 1}
     natural, at = natural_of(chain)
-    covariance = _covariance(sensitivities(chain, data)[1][at] * data.counts, fitted.error, int(data.counts.sum()))
+    count = int(data.counts.sum())
+    covariance = _covariance(sensitivities(chain, data)[1][at] * data.scale, fitted.error, count)
     lags = {**orders, "law": chain.law.reweighted(chain.weights), "delays": tuple(delays)}
-    return SimulationFit(lags, natural, covariance, fitted.cost)
+    return SimulationFit(lags, natural, covariance, fitted.cost, fitted.cost / max(count - natural.size, 1))
 
 
 def natural_of(chain: Chain) -> tuple[Array, NDArray[np.int64]]:

@@ -18,8 +18,9 @@ from whsklearn.recursion import multistart
 from whsklearn.recursion.covariance import WIND_UP, covariance, inflate
 from whsklearn.recursion.least_squares import run_gradient, run_one_row, run_rows
 from whsklearn.recursion.memory_posterior import has_posterior, posterior
-from whsklearn.recursion.pseudolinear import auxiliary_size, run_pseudolinear
+from whsklearn.recursion.pseudolinear import Published, auxiliary_size, run_pseudolinear
 from whsklearn.recursion.sign_posterior import Gaussian
+from whsklearn.recursion.subinnovations import Samples
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -38,8 +39,8 @@ class Stream(Protocol):
     def initial(self) -> State:
         """The state that has seen nothing."""
 
-    def run(self, state: State, u: Array, y: Array, restart: NDArray[np.bool_]) -> None:
-        """Learn from samples, in place."""
+    def run(self, state: State, u: Array, y: Array, restart: NDArray[np.bool_], weight: Array | None = None) -> None:
+        """Learn from samples, in place; ``weight`` is of their squared errors."""
 
     def settle(self, state: State) -> None:
         """Read the record once more where the stream keeps one, in place."""
@@ -85,8 +86,11 @@ class RowsStream:
             "targets": np.zeros(self.p),
         }
 
-    def run(self, state: State, u: Array, y: Array, restart: NDArray[np.bool_]) -> None:
+    def run(self, state: State, u: Array, y: Array, restart: NDArray[np.bool_], weight: Array | None = None) -> None:
         """One update a row; an experiment's first window does not reach into the one before."""
+        seen = len(y)
+        if weight is not None:
+            u, y, restart = _weighted(u, y, restart, weight)
         for piece in pieces(restart):
             if restart[piece.start]:
                 state["since"] = 0
@@ -100,7 +104,7 @@ class RowsStream:
                     state["theta"], state["ud"], state["loss"], *window, self.forgetting, self.ceiling, self.p,
                     self.variance, u[piece], y[piece],
                 )  # fmt: skip
-        state["seen"] += len(y)
+        state["seen"] += seen
 
     def step(self, state: State, u: Array, y: Array) -> bool:
         """One row of float64; False, with nothing changed, if it needs the full validation."""
@@ -163,20 +167,24 @@ class PublishedStream:
             "power": np.zeros(1),
             "recent_u": np.zeros(lags * s.n_inputs),
             "recent_y": np.zeros(lags),
+            "recent_weight": np.ones(lags),
         }
 
-    def run(self, state: State, u: Array, y: Array, restart: NDArray[np.bool_]) -> None:
+    def run(self, state: State, u: Array, y: Array, restart: NDArray[np.bool_], weight: Array | None = None) -> None:
         """One window a sample."""
+        weight = np.ones(len(y)) if weight is None else weight
         s = self.structure
+        model = Published(*(state[name] for name in Published._fields))
+        recent = Samples(state["recent_u"], state["recent_y"], state["recent_weight"])
+        law = s.dims, s.law.codes, s.law.shapes, s.key
         for piece in pieces(restart):
             if restart[piece.start]:
                 state["since"] = 0
                 for name in ("before", "recent_u", "recent_y"):
                     state[name][:] = 0.0
             state["since"] = run_pseudolinear(
-                state["theta"], state["ud"], state["before"], state["loss"], state["power"], state["recent_u"],
-                state["recent_y"], state["since"], self.forgetting, self.ceiling, s.dims, s.law.codes, s.law.shapes,
-                s.key, self.p, self.mode, u[piece], y[piece],
+                model, recent, state["since"], self.forgetting, self.ceiling, law, self.p, self.mode,
+                Samples(u[piece], y[piece], weight[piece]),
             )  # fmt: skip
         state["seen"] += len(y)
 
@@ -209,9 +217,9 @@ class FullStream:
         """The state of `multistart`."""
         return multistart.initial_state(self.reading)
 
-    def run(self, state: State, u: Array, y: Array, restart: NDArray[np.bool_]) -> None:
+    def run(self, state: State, u: Array, y: Array, restart: NDArray[np.bool_], weight: Array | None = None) -> None:
         """One window a sample and start, the memory at its instants."""
-        self._page = multistart.run(state, self.reading, u, y, restart, self._page)
+        self._page = multistart.run(state, self.reading, u, y, restart, self._page, weight)
 
     def settle(self, state: State) -> None:
         """Re-run the memory, so that the whole record speaks at the present parameters."""
@@ -264,6 +272,15 @@ class FullStream:
         """By the delta method."""
         j = paper_jacobian(self.natural(state), self.structure)
         return j @ self.natural_covariance(state) @ j.T
+
+
+def _weighted(u: Array, y: Array, restart: NDArray[np.bool_], weight: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Rows and targets times the root of their weight; those of weight zero are left out."""
+    kept = weight > 0.0
+    root = np.sqrt(weight[kept])
+    experiment = np.cumsum(restart)[kept]
+    begins = np.diff(experiment, prepend=0) > 0
+    return np.ascontiguousarray(u[kept] * root[:, None]), y[kept] * root, begins
 
 
 def _forget_past(state: State, samples: float, ceiling: float) -> None:

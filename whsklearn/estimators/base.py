@@ -16,6 +16,9 @@ from sklearn.utils.validation import check_is_fitted, validate_data
 from whsklearn._inputs import check_lengths, in_one_sentence, starts, writeable
 from whsklearn.effects import as_law
 from whsklearn.estimators import _model as wh
+from whsklearn.estimators._records import Given, checked_weights, joined
+from whsklearn.estimators._spread import draws, noise_spread, rows_spread
+from whsklearn.estimators._summary import Summary, described
 from whsklearn.state.files import read_state, write_state
 
 if TYPE_CHECKING:
@@ -30,6 +33,9 @@ if TYPE_CHECKING:
 
 OUTPUTS = ("expected", "simulation")
 LEARNT = ("theta", "ud", "loss", "memory_u", "memory_y", "recent_u", "recent_y", "rows", "targets", "before")
+# A static system in white noise leaves nothing that the past explains: by chance 6/n, so 10 % at the fewest samples.
+# A delay of one sample gives 100 %, Example 5.1 at 7.5 dB 30 to 42 % (40 seeds, tests/estimators/test_records.py).
+PAST, FEWEST, DYNAMIC = 3, 60, 0.2
 
 
 class AxisRegressor(RegressorMixin, BaseEstimator):
@@ -42,6 +48,7 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
     lags: Any
     _states_errors: ClassVar[bool] = True  # False where the method has no covariance, which its docstring says
     _default_output = "simulation"  # of `predict`
+    _fits_free_run = False  # whether the error that was minimised is that of the free run, and not one step ahead
 
     # -- what the model is ---------------------------------------------------------------
 
@@ -145,7 +152,9 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
 
     # -- prediction ----------------------------------------------------------------------
 
-    def predict(self, X: ArrayLike, groups: ArrayLike | None = None, *, output: str | None = None) -> Array:
+    def predict(
+        self, X: ArrayLike, groups: ArrayLike | None = None, *, output: str | None = None, return_std: bool = False
+    ) -> Any:
         """Free run: the output from X alone, at rest before the first sample.
 
         Where the law jumps with sign(dx), a sample at which dx is small may have either sign for parameters that the
@@ -157,40 +166,94 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
 
         Parameters
         ----------
-        X : array-like of shape (n, n_features)
-            Input u; with ``lags=None`` the rows themselves.
+        X : array-like of shape (n, n_features), or list of them
+            Input u; with ``lags=None`` the rows themselves.  Several records as a list give a list.
         groups : array-like of shape (n,), optional
             Experiments; each starts at rest.
         output : {"expected", "simulation"}, optional
             By default what is expected for an estimator that has a posterior of its parameters, as the recursive ones
             with ``gradient="full"``, and the simulation of `parameters_` for others.  They differ for a law with
             sign(dx) only.
+        return_std : bool, default=False
+            Whether the standard deviation of the measured output about the free run is wanted too.  It holds what
+            is not known of the parameters (the spread of the free runs of 100 draws from their Gaussian) and the
+            noise: constant where the free run was fitted, else the one-step error through L2's denominator.
 
         Returns
         -------
-        ndarray of shape (n,)
+        y_hat : ndarray of shape (n,)
             Finite whatever the estimate: poles outside the unit circle are drawn inside.
+        std : ndarray of shape (n,)
+            With ``return_std`` only; infinite before anything is known of the noise.
+
+        Raises
+        ------
+        ValueError
+            If X or a setting cannot be, or a standard deviation is asked of an estimator that has no covariance.
         """
         check_is_fitted(self, "state_")
         output = self._default_output if output is None else output
         if output not in OUTPUTS:
             raise ValueError(f"output is {output!r}, expected one of {', '.join(map(repr, OUTPUTS))}.")
-        with in_one_sentence(X):
-            u: Array = validate_data(self, X, dtype=np.float64, reset=False)
+        if return_std and not self._states_errors:
+            raise ValueError(f"{type(self).__name__} has no covariance, so no return_std; use RMILSRegressor.")
+        given = joined(X, groups=groups)
+        with in_one_sentence(given.X):
+            u: Array = validate_data(self, given.X, dtype=np.float64, reset=False)
+        y_hat, std = self._predicted(u, given.groups, output, return_std)
+        return (given.apart(y_hat), given.apart(std)) if return_std else given.apart(y_hat)
+
+    def _predicted(self, u: Array, groups: ArrayLike | None, output: str, with_std: bool) -> tuple[Array, Array]:
+        """(free run, its standard deviation or as many zeros)."""
+        std = np.zeros(len(u))
         if not self._is_wiener_hammerstein:
             rows: Array = u if self.lags is None else np.asarray(self.lags_.transform(u, groups=groups))
-            return rows @ self._theta()
+            if with_std:
+                std = rows_spread(rows, self._covariance(), self._noise_variance())
+            return rows @ self._theta(), std
         restart = starts(groups, len(u), first=True)
-        covariance = self._natural_covariance() if output == "expected" else None
-        return _finite(wh.free_run(self._natural(), self._structure(), writeable(u), restart, covariance))
+        natural, structure, u = self._natural(), self._structure(), writeable(u)
+        covariance = self._natural_covariance() if with_std or output == "expected" else None
+        smeared = covariance if output == "expected" else None
+        if with_std:
+            assert covariance is not None
+            noise = noise_spread(self._noise_variance(), self._noise_filter(natural, structure), restart)
+            std = np.hypot(draws(natural, covariance, structure, u, restart), noise)
+        return _finite(wh.free_run(natural, structure, u, restart, smeared)), std
 
-    def predict_ahead(self, X: ArrayLike, y: ArrayLike, horizon: int = 1, groups: ArrayLike | None = None) -> Array:
+    def _noise_variance(self) -> float:
+        """Variance of the error that was minimised; NaN where it is not known."""
+        return float("nan")
+
+    def _noise_filter(self, natural: Array, structure: wh.Structure) -> Array:
+        """Denominator behind which the error that was minimised stands in the free run: L2's in (2)."""
+        return wh.inside(natural[structure.slices()[4]])
+
+    def score(
+        self, X: ArrayLike, y: ArrayLike, sample_weight: ArrayLike | None = None, groups: ArrayLike | None = None
+    ) -> float:
+        """R2 of the free run.
+
+        Parameters
+        ----------
+        X, y : array-like of shape (n, n_features), (n,), or lists of them
+        sample_weight : array-like of shape (n,), optional
+        groups : array-like of shape (n,), optional
+            Experiments; each starts at rest.
+        """
+        from sklearn.metrics import r2_score
+
+        given = joined(X, y, groups, sample_weight)
+        y_hat = self.predict(given.X, given.groups)
+        return float(r2_score(given.y, y_hat, sample_weight=given.sample_weight))
+
+    def predict_ahead(self, X: ArrayLike, y: ArrayLike, horizon: int = 1, groups: ArrayLike | None = None) -> Any:
         """Prediction ``horizon`` samples ahead: y is known up to t - horizon, u up to t - 1.
 
         Parameters
         ----------
-        X : array-like of shape (n, n_features)
-            Input.
+        X : array-like of shape (n, n_features), or list of them
+            Input; several records as a list give a list.
         y : array-like of shape (n,)
             Measured output.
         horizon : int, default=1
@@ -206,15 +269,70 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
         check_is_fitted(self, "state_")
         if isinstance(horizon, bool) or not isinstance(horizon, (int, np.integer)) or horizon < 1:
             raise ValueError(f"horizon is {horizon!r}, expected a whole number of samples, 1 or more.")
+        given = joined(X, y, groups)
+        X, y, groups = given.X, given.y, given.groups
         with in_one_sentence(X, y):
             u, known = validate_data(self, X, y, dtype=np.float64, reset=False, y_numeric=True)
         known = writeable(np.asarray(known, dtype=np.float64))
         check_lengths(u, known)
         if not self._is_wiener_hammerstein:
-            return self.predict(X, groups)
+            return given.apart(np.asarray(self.predict(X, groups)))
         restart = starts(groups, len(u), first=True)
         natural, structure = self._natural(), self._structure()
-        return _finite(wh.predictions(natural, structure, writeable(u), known, restart, int(horizon)))
+        return given.apart(_finite(wh.predictions(natural, structure, writeable(u), known, restart, int(horizon))))
+
+    # -- in words, and for other tools -----------------------------------------------------
+
+    def summary(self) -> Summary:
+        """Structure, parameters with 95 % intervals, poles and noise, to print or to show in a notebook.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from whsklearn import RLSRegressor
+        >>> X = np.random.default_rng(0).standard_normal((100, 2))
+        >>> RLSRegressor().fit(X, X @ [1.0, -2.0] + 0.1 * X[:, 0] ** 2).summary().table.index.tolist()
+        ['x0', 'x1']
+        """
+        check_is_fitted(self, "state_")
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # the table shows which errors are NaN
+            return described(self, self._noise_variance())
+
+    def to_dlti(self, dt: float = 1.0) -> tuple[Any, Any]:
+        """L1 and L2 as linear systems in discrete time; the law between them is in `parameters_`.
+
+        Parameters
+        ----------
+        dt : float, default=1.0
+            Sampling interval in seconds.
+
+        Returns
+        -------
+        first, second : scipy.signal.dlti
+            u to x and v to y, with their delays; several inputs give a tuple of systems, one an input, as the first.
+
+        Raises
+        ------
+        ValueError
+            If the estimator works on rows and has no blocks, or ``dt`` is no positive number.
+
+        Examples
+        --------
+        >>> from whsklearn import RMILSRegressor, WienerHammersteinLags
+        >>> from whsklearn.datasets import make_wiener_hammerstein
+        >>> X, y = make_wiener_hammerstein(400, snr_db=40, random_state=0)
+        >>> first, second = RMILSRegressor(WienerHammersteinLags(), random_state=0).fit(X, y).to_dlti(dt=0.01)
+        >>> first.num.round(1), first.den.round(1)
+        (array([1. , 2.2]), array([1. , 1. , 0.5]))
+        """
+        check_is_fitted(self, "state_")
+        if not self._is_wiener_hammerstein:
+            raise ValueError(
+                f"This {type(self).__name__} was fitted on rows and has no linear blocks; give "
+                "lags=WienerHammersteinLags()."
+            )
+        return wh.linear_blocks(self._natural(), self._structure(), self._lags.delays, dt)
 
     # -- state ---------------------------------------------------------------------------
 
@@ -329,18 +447,18 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
         check_lengths(u, target)
         return writeable(u), writeable(target)
 
-    def _checked_record(
-        self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None
-    ) -> tuple[Array, Array, NDArray[np.bool_]]:
-        """X, y and the starts of experiments for a batch fit; all attributes as before if refused."""
+    def _checked_record(self, given: Given) -> tuple[Array, Array, NDArray[np.bool_], Array | None]:
+        """X, y, starts of experiments and weights for a batch fit; all attributes as before if refused."""
         with self._unchanged_if_refused():
             self._keep_lags()
-            X, y = self._validate(X, y, reset=True)
+            X, y = self._validate(given.X, given.y, reset=True)
             self._need_rows(len(X))
-            restart = starts(groups, len(X), first=True)
+            restart = starts(given.groups, len(X), first=True)
+            weights = checked_weights(given.sample_weight, len(X), some=True)
             self._structure()
             self._warn_degenerate(X, y, stacklevel=4)
-        return X, y, restart
+            self._warn_of_structure(X, y, restart, stacklevel=5)
+        return X, y, restart, weights
 
     def _rows(self, X: Array, y: Array, groups: ArrayLike | None) -> tuple[Array, Array]:
         """Rows and targets of a record, as the lags other than the Wiener-Hammerstein ones make them."""
@@ -375,6 +493,26 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
                 )
                 return
 
+    def _warn_of_structure(self, X: Array, y: Array, restart: NDArray[np.bool_], stacklevel: int = 3) -> None:
+        """Where ``lags`` was left out, what it stands for is not the same for all estimators: say what was taken."""
+        if self.lags is not None:
+            return
+        name, n = type(self).__name__, X.shape[1]
+        if self._is_wiener_hammerstein and n > 1:
+            warnings.warn(
+                f"X has {n} columns and lags was left out: {name} takes them for {n} inputs of one Wiener-Hammerstein "
+                "chain; give lags=WienerHammersteinLags() if they are, or fit RLSRegressor if they are regressors.",
+                UserWarning,
+                stacklevel=stacklevel,
+            )
+        elif not self._is_wiener_hammerstein and n == 1 and (share := _told_by_past(X, y, restart)) > DYNAMIC:
+            warnings.warn(
+                f"X has one column and lags was left out: {name} fits y = theta x, and the samples before explain "
+                f"{100 * share:.0f} % of what that leaves; give lags=WienerHammersteinLags() for a dynamic system.",
+                UserWarning,
+                stacklevel=stacklevel,
+            )
+
     def _draw_seed(self) -> int:
         """One whole number from ``random_state``; 0 where nothing is drawn."""
         if not self._is_wiener_hammerstein or getattr(self, "gradient", "full") != "full":
@@ -386,6 +524,19 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
         # a strictly delayed dynamic model cannot fit the static data of the generic checks
         tags.regressor_tags.poor_score = self.lags is not None
         return tags
+
+
+def _told_by_past(u: Array, y: Array, restart: NDArray[np.bool_]) -> float:
+    """Share of what y = theta u leaves that its own last three values and those of u explain; 0 where too short."""
+    late = np.convolve(restart, np.ones(PAST + 1), "full")[: len(u)] == 0
+    if np.count_nonzero(late) < FEWEST:
+        return 0.0
+    left = y - u[:, 0] * float(u[:, 0] @ y) / max(float(u[:, 0] @ u[:, 0]), 1e-300)
+    if left @ left <= 1e-20 * (y @ y):
+        return 0.0
+    before = np.column_stack([np.roll(v, k)[late] for v in (u[:, 0], left) for k in range(1, PAST + 1)])
+    explained = before @ np.linalg.lstsq(before, left[late], rcond=None)[0]
+    return float(explained @ explained) / max(float(left[late] @ left[late]), 1e-300)
 
 
 def _finite(y_hat: Array) -> Array:

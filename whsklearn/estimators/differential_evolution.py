@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 
 from whsklearn.estimators import _model as wh
+from whsklearn.estimators._records import joined
 from whsklearn.estimators.pem import PEMRegressor
 
 if TYPE_CHECKING:
@@ -66,14 +67,22 @@ class DifferentialEvolutionRegressor(PEMRegressor):
         self.bound = bound
         self.random_state = random_state
 
-    def fit(self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None) -> Self:
+    _fits_free_run: ClassVar[bool] = True  # type: ignore[misc]
+
+    def _found_lags(self) -> None:
+        return None
+
+    def fit(
+        self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None, sample_weight: ArrayLike | None = None
+    ) -> Self:
         """Fit a record; arguments as for `PEMRegressor.fit`."""
         from scipy.optimize import differential_evolution
 
         for name, value in (("n_generations", self.n_generations), ("bound", self.bound)):
             if isinstance(value, bool) or not isinstance(value, (int, float, np.number)) or not value > 0:
                 raise ValueError(f"{name} is {value!r}, expected a positive number.")
-        X, y, restart = self._checked_record(X, y, groups)
+        X, y, restart, weights = self._checked_record(joined(X, y, groups, sample_weight))
+        root = np.float64(1.0) if weights is None else np.sqrt(weights)
         structure = self._structure()
         blocks = structure.slices()
         n = blocks[-1].stop
@@ -87,7 +96,7 @@ class DifferentialEvolutionRegressor(PEMRegressor):
             return out
 
         def cost(genes: Any) -> float:
-            e: Any = y - wh.free_run(natural(genes), structure, u, restart)
+            e: Any = root * (y - wh.free_run(natural(genes), structure, u, restart))
             return float(min(e @ e, 1e300))
 
         found = differential_evolution(
@@ -95,7 +104,8 @@ class DifferentialEvolutionRegressor(PEMRegressor):
         )
         theta = natural(found.x)
         self.cost_ = float(found.fun)
-        self.state_ = {"theta": theta, "covariance": np.full((n, n), np.nan), "seen": len(y)}
+        noise = self.cost_ / max(len(y) - n, 1)
+        self.state_ = {"theta": theta, "covariance": np.full((n, n), np.nan), "seen": len(y), "noise": noise}
         return self
 
 

@@ -5,25 +5,25 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
-from sklearn.base import clone
-from sklearn.utils.validation import check_is_fitted
 
 from whsklearn.effects import as_law
 from whsklearn.estimators import _model as wh
+from whsklearn.estimators._chain import ChainRegressor
 from whsklearn.estimators._prediction_error import PredictionError
+from whsklearn.estimators._records import joined
 from whsklearn.estimators._simulation_fit import from_record, scale_free
-from whsklearn.estimators.base import AxisRegressor
-from whsklearn.lags.wiener_hammerstein import WienerHammersteinLags
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
+
+    from whsklearn.lags.wiener_hammerstein import WienerHammersteinLags
 
     Array = NDArray[np.float64]
 
 CRITERIA = ("prediction", "simulation")
 
 
-class PEMRegressor(AxisRegressor):
+class PEMRegressor(ChainRegressor):
     """Batch fit of a Wiener-Hammerstein system: the least error one step ahead, or in free run.
 
     ``criterion="prediction"`` minimises the one-step prediction error by Levenberg-Marquardt from
@@ -111,39 +111,28 @@ class PEMRegressor(AxisRegressor):
         self.random_state = random_state
 
     @property
-    def _is_wiener_hammerstein(self) -> bool:
-        return True
+    def _fits_free_run(self) -> bool:  # type: ignore[override]
+        return self.criterion == "simulation"
 
-    @property
-    def _takes_direct_paths(self) -> bool:
-        return True
+    def _found_lags(self) -> dict[str, Any] | None:
+        found: dict[str, Any] | None = self.state_.get("lags")
+        return found
 
-    @property
-    def _given_lags(self) -> WienerHammersteinLags:
-        return WienerHammersteinLags() if self.lags is None else self.lags
-
-    @property
-    def _lags(self) -> WienerHammersteinLags:
-        state = self.__dict__.get("state_", {})
-        return WienerHammersteinLags(**state["lags"]) if "lags" in state else super()._lags
-
-    @property
-    def structure_(self) -> WienerHammersteinLags:
-        """Orders, law and delays as found."""
-        check_is_fitted(self, "state_")
-        return clone(self._lags)
-
-    def fit(self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None) -> Self:
-        """Fit a record.
+    def fit(
+        self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None, sample_weight: ArrayLike | None = None
+    ) -> Self:
+        """Fit a record, or several.
 
         Parameters
         ----------
-        X : array-like of shape (n, 1)
-            Input.
-        y : array-like of shape (n,)
+        X : array-like of shape (n, 1), or list of them
+            Input; the records of a list are experiments of their own.
+        y : array-like of shape (n,), or list of them
             Output.
         groups : array-like of shape (n,), optional
             Experiments; the state restarts where one begins.
+        sample_weight : array-like of shape (n,), optional
+            Of the squared errors, as 1 / variance; a sample of weight zero drives the state and is not fitted.
 
         Raises
         ------
@@ -156,34 +145,40 @@ class PEMRegressor(AxisRegressor):
             raise ValueError(f"criterion is {self.criterion!r}, expected one of: {', '.join(CRITERIA)}.")
         before = self.__dict__.pop("state_", None)
         try:
-            X, y, restart = self._checked_record(X, y, groups)
+            X, y, restart, weights = self._checked_record(joined(X, y, groups, sample_weight))
         except BaseException:
             if before is not None:
                 self.state_ = before
             raise
         if self.criterion == "simulation":
-            return self._fit_simulation(X, y, restart)
-        self.state_ = self._fit_prediction(X, y, restart)
+            return self._fit_simulation(X, y, restart, weights)
+        self.state_ = self._fit_prediction(X, y, restart, weights)
         return self
 
-    def _fit_prediction(self, X: Array, y: Array, restart: NDArray[np.bool_]) -> dict[str, Any]:
+    def _fit_prediction(self, X: Array, y: Array, restart: NDArray[np.bool_], weights: Array | None) -> dict[str, Any]:
         structure = self._structure()
         if structure.advance:
-            X, y, restart, _ = wh.shifted(X, y, restart, structure.advance)
+            X, y, restart, to = wh.shifted(X, y, restart, structure.advance)
             structure = structure._replace(advance=0)
+            if weights is not None:
+                weights, given = np.zeros(len(y)), weights
+                weights[to] = given
         rng = np.random.default_rng(self._draw_seed())
-        problem = PredictionError(structure, np.ascontiguousarray(X), y, restart, rng)
+        problem = PredictionError(structure, np.ascontiguousarray(X), y, restart, rng, weights)
         found = [problem.climb(problem.start(i, rng)) for i in range(self.n_starts)]
         self.costs_ = np.array([cost for cost, _ in found])
         cost, natural = min(found, key=lambda f: f[0])
         self.cost_ = float(cost)
+        counted = len(y) if weights is None else int(np.count_nonzero(weights))
+        noise = float(cost) / max(counted - natural.size, 1)
         return {
             "theta": natural,
-            "covariance": cost / max(len(y) - natural.size, 1) * problem.inverse_information(natural),
+            "covariance": noise * problem.inverse_information(natural),
             "seen": len(y),
+            "noise": noise,
         }
 
-    def _fit_simulation(self, X: Array, y: Array, restart: NDArray[np.bool_]) -> Self:
+    def _fit_simulation(self, X: Array, y: Array, restart: NDArray[np.bool_], weights: Array | None) -> Self:
         law = as_law("cubic_spline" if self.lags is None else self.lags.law)
         many = X.shape[1] > 1
         if many and self.lags is None:
@@ -191,27 +186,20 @@ class PEMRegressor(AxisRegressor):
                 f"X has {X.shape[1]} inputs, and orders are searched for one; give lags=WienerHammersteinLags(...)."
             )
         # the best linear approximation says nothing of a law in dx, nor of how several inputs share L1
-        start = self._fit_prediction(X, y, restart)["theta"] if many or not scale_free(law) else None
-        fit = from_record(self.lags, law, X, y, restart, start)
+        start = self._fit_prediction(X, y, restart, weights)["theta"] if many or not scale_free(law) else None
+        fit = from_record(self.lags, law, X, y, restart, start, weights)
         self.__dict__.pop("costs_", None)
         self.cost_ = fit.cost
-        self.state_ = {"theta": fit.natural, "covariance": fit.covariance, "seen": len(y), "lags": fit.lags}
+        self.state_ = {
+            "theta": fit.natural, "covariance": fit.covariance, "seen": len(y), "lags": fit.lags, "noise": fit.noise
+        }  # fmt: skip
         return self
 
     def _natural(self) -> Array:
         return self.state_["theta"].copy()
 
-    def _theta(self) -> Array:
-        return wh.paper_vector(self._natural(), self._structure())
-
     def _natural_covariance(self) -> Array:
         return self.state_["covariance"].copy()
 
-    def _covariance(self) -> Array:
-        jacobian = wh.paper_jacobian(self._natural(), self._structure())
-        return jacobian @ self._natural_covariance() @ jacobian.T
-
-    def __sklearn_tags__(self) -> Any:
-        tags = super().__sklearn_tags__()
-        tags.regressor_tags.poor_score = True
-        return tags
+    def _noise_variance(self) -> float:
+        return float(self.state_.get("noise", np.nan))

@@ -8,13 +8,12 @@ import warnings
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
-from sklearn.utils.validation import check_is_fitted
 
 from whsklearn._inputs import starts
 from whsklearn.effects import as_law
-from whsklearn.estimators import _model as wh
+from whsklearn.estimators._chain import ChainRegressor
+from whsklearn.estimators._records import Given, checked_weights, joined
 from whsklearn.estimators._simulation_fit import natural_of, to_chain
-from whsklearn.estimators.base import AxisRegressor
 from whsklearn.estimators.pem import PEMRegressor
 from whsklearn.lags.wiener_hammerstein import WienerHammersteinLags
 from whsklearn.recursion.best_linear import IOData
@@ -29,7 +28,7 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 
-class StreamingPEMRegressor(AxisRegressor):
+class StreamingPEMRegressor(ChainRegressor):
     """Wiener-Hammerstein system by its simulation error, in one pass and bounded memory.
 
     The first ``n_start`` samples are kept and fitted as `PEMRegressor` with ``criterion="simulation"`` does
@@ -78,40 +77,27 @@ class StreamingPEMRegressor(AxisRegressor):
         self.n_start = n_start
         self.block = block
 
-    @property
-    def _is_wiener_hammerstein(self) -> bool:
-        return True
+    _fits_free_run = True
 
-    @property
-    def _takes_direct_paths(self) -> bool:
-        return True
+    def _found_lags(self) -> dict[str, Any] | None:
+        found: dict[str, Any] | None = self._answer()["lags"]
+        return found
 
-    @property
-    def _given_lags(self) -> WienerHammersteinLags:
-        return WienerHammersteinLags() if self.lags is None else self.lags
-
-    @property
-    def _lags(self) -> WienerHammersteinLags:
-        found = self._answer()["lags"] if "state_" in self.__dict__ else None
-        return super()._lags if found is None else WienerHammersteinLags(**found)
-
-    @property
-    def structure_(self) -> WienerHammersteinLags:
-        """Orders, law and delays as found."""
-        check_is_fitted(self, "state_")
-        return self._lags
-
-    def fit(self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None) -> Self:
+    def fit(
+        self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None, sample_weight: ArrayLike | None = None
+    ) -> Self:
         """Forget all and take a record in one pass; as `partial_fit` on a new estimator.
 
         Parameters
         ----------
-        X : array-like of shape (n, 1)
-            Input.
-        y : array-like of shape (n,)
+        X : array-like of shape (n, 1), or list of them
+            Input; the records of a list are experiments of their own.
+        y : array-like of shape (n,), or list of them
             Output.
         groups : array-like of shape (n,), optional
             Experiments; the state restarts where one begins.
+        sample_weight : array-like of shape (n,), optional
+            Of the squared errors, as 1 / variance; a sample of weight zero drives the state and is not fitted.
 
         Raises
         ------
@@ -121,29 +107,38 @@ class StreamingPEMRegressor(AxisRegressor):
         with self._unchanged_if_refused():
             for name in ("state_", "_early"):
                 self.__dict__.pop(name, None)
-            self.partial_fit(X, y, groups)
+            self._learn(joined(X, y, groups, sample_weight), some=True)
             if self.state_["lags"] is None:  # shorter than a start: fitted now, as whoever calls fit expects
                 self._early = {**self._started(self.state_), "of": self.state_["y"]}
         return self
 
-    def partial_fit(self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None) -> Self:
+    def partial_fit(
+        self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None, sample_weight: ArrayLike | None = None
+    ) -> Self:
         """Take further samples; without ``groups`` they continue the last experiment.  Raises as `fit`."""
-        first = not hasattr(self, "state_")
+        before = self.state_["seen"] if hasattr(self, "state_") else 0
         with self._unchanged_if_refused():
-            if first:
-                self._keep_lags()
-                self._check_settings()
-            X, y = self._validate(X, y, reset=first)
-            if first and self.lags is None and X.shape[1] > 1:
-                raise ValueError("Orders are searched for one input; give lags=WienerHammersteinLags(...).")
-            self.__dict__.pop("_early", None)
-            state = self._initial(X.shape[1]) if first else copy.copy(self.state_)
-            restart = starts(groups, len(X), first=first, last=state["group"])
-            if groups is not None:
-                state["group"] = str(np.asarray(groups)[-1])
-            self._take(state, X, y, restart)
-            self.state_ = state
+            self._learn(joined(X, y, groups, sample_weight, before), some=False)
         return self
+
+    def _learn(self, given: Given, *, some: bool) -> None:
+        """Check and learn; at least one weight is above zero if ``some`` says so."""
+        first = not hasattr(self, "state_")
+        if first:
+            self._keep_lags()
+            self._check_settings()
+        X, y = self._validate(given.X, given.y, reset=first)
+        weights = checked_weights(given.sample_weight, len(X), some=some)
+        groups = given.groups
+        if first and self.lags is None and X.shape[1] > 1:
+            raise ValueError("Orders are searched for one input; give lags=WienerHammersteinLags(...).")
+        self.__dict__.pop("_early", None)
+        state = self._initial(X.shape[1]) if first else copy.copy(self.state_)
+        restart = starts(groups, len(X), first=first, last=state["group"])
+        if groups is not None:
+            state["group"] = str(np.asarray(groups)[-1])
+        self._take(state, X, y, restart, np.ones(len(y)) if weights is None else weights)
+        self.state_ = state
 
     def _check_settings(self) -> None:
         for name, least in (("n_start", 50), ("block", 20)):
@@ -158,6 +153,7 @@ class StreamingPEMRegressor(AxisRegressor):
             "u": np.empty((0, m)),
             "y": np.empty(0),
             "restart": np.empty(0, dtype=bool),
+            "weight": np.empty(0),
             "theta": np.empty(0),
             "lags": None,
             "basis": np.empty((0, 0)),
@@ -165,7 +161,7 @@ class StreamingPEMRegressor(AxisRegressor):
             "loss": np.zeros(2),
         }
 
-    def _take(self, state: dict[str, Any], X: Array, y: Array, restart: NDArray[np.bool_]) -> None:
+    def _take(self, state: dict[str, Any], X: Array, y: Array, restart: NDArray[np.bool_], weight: Array) -> None:
         """Samples into the buffer; the start and every block at their counts, whatever the chunks."""
         done = 0
         while done < len(y):
@@ -173,14 +169,13 @@ class StreamingPEMRegressor(AxisRegressor):
             if state["lags"] is not None:
                 due += (state["seen"] - self.n_start) // self.block * self.block
             part = slice(done, min(len(y), done + due - state["seen"]))
-            state["u"] = np.concatenate([state["u"], X[part]])
-            state["y"] = np.concatenate([state["y"], y[part]])
-            state["restart"] = np.concatenate([state["restart"], restart[part]])
+            for name, values in (("u", X), ("y", y), ("restart", restart), ("weight", weight)):
+                state[name] = np.concatenate([state[name], values[part]])
             state["seen"] += part.stop - done
             done = part.stop
             if state["seen"] == due:
                 self._begin(state) if state["lags"] is None else self._block(state)
-                for name in ("u", "y", "restart"):
+                for name in ("u", "y", "restart", "weight"):
                     state[name] = state[name][-SKIP:].copy()
 
     @property
@@ -207,8 +202,9 @@ class StreamingPEMRegressor(AxisRegressor):
             warnings.simplefilter(
                 "ignore", UserWarning
             )  # a stream may well begin at rest; that is no mistake of its user
-            model.fit(state["u"], state["y"], groups=np.cumsum(restart))
-        return {"theta": model.state_["theta"], "lags": model.state_["lags"], "spread": model.state_["covariance"]}
+            model.fit(state["u"], state["y"], groups=np.cumsum(restart), sample_weight=state["weight"])
+        found = model.state_
+        return {"theta": found["theta"], "lags": found["lags"], "spread": found["covariance"], "noise": found["noise"]}
 
     def _block(self, state: dict[str, Any]) -> None:
         """The last ``block`` samples of the buffer."""
@@ -238,9 +234,6 @@ class StreamingPEMRegressor(AxisRegressor):
     def _natural(self) -> Array:
         return self._answer()["theta"].copy()
 
-    def _theta(self) -> Array:
-        return wh.paper_vector(self._natural(), self._structure())
-
     def _natural_covariance(self) -> Array:
         answer = self._answer()
         if self.state_["lags"] is None:
@@ -256,14 +249,12 @@ class StreamingPEMRegressor(AxisRegressor):
         at = natural_of(chain)[1]
         return covariance[np.ix_(at, at)]
 
-    def _covariance(self) -> Array:
-        jacobian = wh.paper_jacobian(self._natural(), self._structure())
-        return jacobian @ self._natural_covariance() @ jacobian.T
-
-    def __sklearn_tags__(self) -> Any:
-        tags = super().__sklearn_tags__()
-        tags.regressor_tags.poor_score = True
-        return tags
+    def _noise_variance(self) -> float:
+        answer = self._answer()
+        if self.state_["lags"] is None:
+            return float(answer["noise"])
+        loss, count = answer["loss"]
+        return float(loss / max(count - self.state_["information"].shape[0], 1.0))
 
 
 def _window(state: dict[str, Any], last: int, skip: int) -> IOData:
@@ -272,10 +263,13 @@ def _window(state: dict[str, Any], last: int, skip: int) -> IOData:
     counts = np.arange(n) >= (n - last if last else 0)
     for begin in np.flatnonzero(restart):
         counts[begin : begin + skip] = False
+    counts &= state["weight"] > 0.0
     restart[0] = True
     delay = sum(state["lags"]["delays"]) if state["lags"] else 0
     u = np.zeros_like(state["u"].T)
     bounds = np.append(np.flatnonzero(restart), n).astype(np.int64)
     for s, e in itertools.pairwise(bounds):
         u[:, s + delay : e] = state["u"].T[:, s : max(e - delay, s)]
-    return IOData(np.ascontiguousarray(u), state["y"], bounds, counts)
+    weight = state["weight"]
+    root = None if (weight == 1.0).all() else np.sqrt(weight)
+    return IOData(np.ascontiguousarray(u), state["y"], bounds, counts, root)

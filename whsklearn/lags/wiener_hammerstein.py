@@ -22,8 +22,9 @@ if TYPE_CHECKING:
 class WienerHammersteinLags(TransformerMixin, BaseEstimator):
     """Regressors phi(t) of (6) for any orders and law; carries x_hat and v_hat.
 
-    The columns depend on past y as well as on u, so this is no pipeline step: the
-    estimators own one (``lags=``), and a grid search reaches it as ``lags__n_a``.
+    The columns depend on past y as well as on u, so this is no step of a Pipeline and no part of a
+    FeatureUnion, which transform X alone: the estimators own one (``lags=``), and a grid search reaches it
+    as ``lags__n_a``.  With ``n_d=0`` they depend on u alone, and it may stand there; so may `InverseDynamicsLags`.
 
     Parameters
     ----------
@@ -159,7 +160,7 @@ class WienerHammersteinLags(TransformerMixin, BaseEstimator):
         X : array-like of shape (n, 1)
             Input u.
         y : array-like of shape (n,)
-            Output.
+            Output; not needed where ``n_d`` is 0.
         groups : array-like of shape (n,), optional
             Experiments; the past is forgotten where one begins.
 
@@ -210,7 +211,12 @@ class WienerHammersteinLags(TransformerMixin, BaseEstimator):
                 "pick the same inputs as in fit."
             )
         if y is None:
-            raise ValueError("y is missing, and the regressors of (6) hold past outputs; call with (X, y).")
+            if self.n_d:
+                raise ValueError(
+                    f"y is missing, and the regressors of (6) hold past outputs (n_d = {self.n_d}); call with (X, y), "
+                    "or give these lags to an estimator: a Pipeline or FeatureUnion transforms X alone."
+                )
+            y = np.zeros(len(u))
         with in_one_sentence(X, y):
             y_ = column_or_1d(check_array(y, ensure_2d=False, dtype=np.float64, input_name="y"))
         check_lengths(u, y_)

@@ -16,17 +16,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from whsklearn.recursion.gauss_newton import refine_part
+from whsklearn.recursion.gauss_newton import Prior, refine_part
 from whsklearn.recursion.memory_cost import AT, BUDGET, PHASE, UNBOUNDED, new_work
 from whsklearn.recursion.memory_posterior import Linearisation, has_posterior
 from whsklearn.recursion.memory_refit import (
     LIVE,
     Refit,
     adopted,
+    count_of,
     inference_sharpness,
     left_of_prior,
+    memory_of,
 )
-from whsklearn.recursion.subinnovations import MOVING, STILL, run_windows
+from whsklearn.recursion.subinnovations import MOVING, STILL, Models, Samples, run_windows
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -72,10 +74,10 @@ def shift_memory(state: State, r: Reading, n: int) -> None:
     h, rest = r.history, state["fill"] - n
     for name, before in (
         ("memory_u", h), ("memory_y", h), ("memory_restart", 0), ("memory_still", 0), ("memory_idle", 0),
-        ("memory_kept", 0),
+        ("memory_kept", 0), ("memory_weight", 0),
     ):  # fmt: skip
         state[name][: before + rest] = state[name][n : n + before + rest].copy()
-        state[name][before + rest :] = name == "memory_kept"
+        state[name][before + rest :] = name in ("memory_kept", "memory_weight")
     state["fill"] = rest
     state["blocks"] += 1
 
@@ -126,7 +128,7 @@ class BackgroundRefit:
             s.update(self._past)
         if self._models:
             s.update(self._models)
-            for name, live in zip(("theta", "ud", "before", "loss", "motion"), self._running, strict=True):
+            for name, live in zip(Models._fields, self._running, strict=True):
                 s[name][: len(live)] = live
         for name, value in self._given.items():
             s[name] = value[self._parents].copy()
@@ -158,7 +160,7 @@ class BackgroundRefit:
         self._given = refit.given
         if chosen:
             yield
-            self._models = yield from adopted(chosen, refit.weights.sum(), self._known)
+            self._models = yield from adopted(chosen, count_of(self.state, size), self._known)
             yield
             thetas = self._models["theta"]
             self._parents = [c.parent for c in chosen]
@@ -176,11 +178,8 @@ class BackgroundRefit:
             information, end = np.zeros((r.size, r.size)), np.zeros(state["before"].shape[1])
             kappa = inference_sharpness(theta, r, *refit.latest)
             self._work[AT] = self._work[PHASE] = 0
-            while not refine_part(
-                theta, *r.law, kappa, state["origin"][parent], state["memory_u"], state["memory_y"],
-                state["memory_restart"], m, r.history, 1, refit.weights, theta, nothing, 0, information, end,
-                self._work,
-            ):  # fmt: skip
+            memory = memory_of(state, r, m, refit.weights, state["origin"][parent], tail=1)
+            while not refine_part(theta, r.law, kappa, memory, Prior(theta, nothing), 0, information, end, self._work):
                 yield
             self._ends.append((information * refit.moved, end))
         yield
@@ -201,14 +200,16 @@ class BackgroundRefit:
         if not self._models:
             return
         new = self._models
-        self._running = tuple(new[name][:LIVE].copy() for name in ("theta", "ud", "before", "loss", "motion"))
+        self._running = Models(*(new[name][:LIVE].copy() for name in Models._fields))
         begun = np.flatnonzero(state["memory_restart"][:n])
         self._since = n - int(begun[-1]) if begun.size else n + h
-        self._recent_u, self._recent_y = np.zeros((k, r.n_inputs)), np.zeros(k)
+        recent_u, recent_y, weight = np.zeros((k, r.n_inputs)), np.zeros(k), np.ones(k)
         known = min(self._since, k, n + h)
-        self._recent_u[:known] = state["memory_u"][h + n - known : h + n][::-1]
-        self._recent_y[:known] = state["memory_y"][h + n - known : h + n][::-1]
-        self._recent_u = self._recent_u.ravel()
+        recent_u[:known] = state["memory_u"][h + n - known : h + n][::-1]
+        recent_y[:known] = state["memory_y"][h + n - known : h + n][::-1]
+        weighted = min(known, n)  # the samples before the memory's first are behind every window
+        weight[:weighted] = state["memory_weight"][n - weighted : n][::-1]
+        self._recent = Samples(recent_u.ravel(), recent_y, weight)
 
     def _catch_up(self) -> None:
         """Take the new models through the samples that came since."""
@@ -216,22 +217,23 @@ class BackgroundRefit:
         h = r.history
         rest = state["fill"] - n
         restart, kept = state["memory_restart"][n : n + rest], state["memory_kept"][n : n + rest]
-        cost = COST_OF_WINDOW * len(self._running[0])
+        cost = COST_OF_WINDOW * len(self._running.theta)
         while self._caught_up < rest and self._work[BUDGET] > 0:
             at = self._caught_up
             if restart[at]:
                 self._since = 0
-                for past in (self._running[2], self._recent_u, self._recent_y):
+                for past in (self._running.before, self._recent.u, self._recent.y):
                     past[:] = 0.0
             stop = min(at + 1 + int(min(self._work[BUDGET] / cost, rest)), rest)
             begun = np.flatnonzero(restart[at + 1 : stop] | (kept[at + 1 : stop] != kept[at : stop - 1]))
             stop = at + 1 + int(begun[0]) if begun.size else stop
             piece = slice(h + n + at, h + n + stop)
-            theta, ud, before, loss, motion = self._running
+            samples = Samples(
+                state["memory_u"][piece], state["memory_y"][piece], state["memory_weight"][n + at : n + stop]
+            )
             self._since = run_windows(
-                theta, ud, before, loss, motion, self._recent_u, self._recent_y, self._since, 0,
-                np.full(3, kept[at]), self._models["ceiling"], self._models["sharpness"], 0.0,
-                *r.law, r.p, r.frozen, state["memory_u"][piece], state["memory_y"][piece],
+                self._running, self._recent, self._since, 0, np.full(3, kept[at]), self._models["ceiling"],
+                self._models["sharpness"], 0.0, r.law, r.p, r.frozen, samples,
                 np.where(state["memory_still"][n + at : n + stop], STILL, MOVING).astype(np.uint8),
             )  # fmt: skip
             self._work[BUDGET] -= (stop - at) * cost

@@ -21,19 +21,27 @@ class IOData(NamedTuple):
     """Input and output, where experiments begin, and which samples count.
 
     The first samples of an experiment carry a transient that a model at rest cannot know: on the
-    benchmark they cost 1.2 mV where 0.28 is left without them.  ``u`` has a row an input, shape (m, n).
+    benchmark they cost 1.2 mV where 0.28 is left without them.  ``u`` has a row an input, shape (m, n);
+    ``root`` is the root of each sample's weight, None where all weigh the same.
     """
 
     u: Array
     y: Array
     bounds: NDArray[np.int64]
     counts: NDArray[np.bool_]
+    root: Array | None = None
+
+    @property
+    def scale(self) -> Array:
+        """What errors and sensitivities are multiplied by, shape (n,): 0 where a sample does not count."""
+        return self.counts.astype(np.float64) if self.root is None else self.counts * self.root
 
     def head(self, n: int) -> IOData:
         """The first n samples."""
         n = min(n, self.y.size)
         ends = np.append(self.bounds[self.bounds < n], n)
-        return IOData(np.ascontiguousarray(self.u[:, :n]), self.y[:n], ends, self.counts[:n])
+        root = None if self.root is None else self.root[:n]
+        return IOData(np.ascontiguousarray(self.u[:, :n]), self.y[:n], ends, self.counts[:n], root)
 
 
 class Ratio(NamedTuple):
@@ -74,19 +82,19 @@ def output_error(data: IOData, start: Ratio, iterations: int = 40) -> Ratio:
     """
     ratio = Ratio(start.b, stabilised(start.a))
     one, n_b = np.ones(1), start.b.size
-    error = (data.y - ratio.run(data)) * data.counts
+    error = (data.y - ratio.run(data)) * data.scale
     cost, damping = float(error @ error), 1e-2
     for _ in range(iterations):
         inner = filter_rows(one, ratio.a, np.vstack([data.u[:1], ratio.run(data)]), data.bounds)
         by_b = delayed_rows(inner[0], n_b, data.bounds)
         by_a = -delayed_rows(inner[1], ratio.a.size, data.bounds)[1:]
-        rows = np.vstack([by_b, by_a]) * data.counts
+        rows = np.vstack([by_b, by_a]) * data.scale
         before = cost
         for _ in range(8):
             step = damped_step(rows @ rows.T, rows @ error, damping)
             trial = Ratio(ratio.b + step[:n_b], ratio.a + np.append(0.0, step[n_b:]))
             if is_stable(np.ascontiguousarray(trial.a[1:]), EDGE):
-                left = (data.y - trial.run(data)) * data.counts
+                left = (data.y - trial.run(data)) * data.scale
                 if left @ left < cost:
                     ratio, error, cost, damping = trial, left, float(left @ left), damping / 8
                     break
@@ -126,7 +134,7 @@ def stabilised(a: Array) -> Array:
 
 
 def _cost(ratio: Ratio, data: IOData) -> float:
-    error = (data.y - ratio.run(data)) * data.counts
+    error = (data.y - ratio.run(data)) * data.scale
     cost = float(error @ error)
     return cost if np.isfinite(cost) else np.inf
 

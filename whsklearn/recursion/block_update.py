@@ -39,9 +39,9 @@ class Coordinates(NamedTuple):
         """(error, its sensitivities with the sign of dy) on the samples that count."""
         y, rows = sensitivities(chain, data)
         n = chain.linear_part.size
-        rows = np.vstack([rows[:n], self.basis @ rows[n:]]) * data.counts
+        rows = np.vstack([rows[:n], self.basis @ rows[n:]]) * data.scale
         rows[self.held] = 0.0
-        return (data.y - y) * data.counts, rows
+        return (data.y - y) * data.scale, rows
 
     def moved(self, chain: Chain, step: Array) -> Chain:
         """The chain after a step of theta."""
@@ -90,7 +90,7 @@ def block_update(chain: Chain, information: Array, data: IOData, at: Coordinates
             if not trial.stable:
                 continue
             away = gone + step
-            left = (data.y - run(trial, data).y) * data.counts
+            left = (data.y - run(trial, data).y) * data.scale
             new = float(left @ left + away @ information @ away)
             if new < cost:
                 chain, gone, gain, cost = trial, away, 1 - new / cost, new

@@ -11,6 +11,8 @@ Like a re-run itself (`replay`) it can be done in parts, so that no sample has t
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, NamedTuple
+
 import numpy as np
 
 from whsklearn._numba import njit
@@ -30,20 +32,29 @@ from whsklearn.recursion.memory_cost import (
 )
 from whsklearn.systems.stability import is_stable
 
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
 FIRST_RUN, PROPOSAL, TRIAL, DONE = range(4)
 
 
+class Prior(NamedTuple):
+    """What lies before the memory: mean of shape (n,) and information of shape (n, n)."""
+
+    theta: Array
+    information: Array
+
+
 @njit(cache=True, error_model="numpy")
-def refine_part(
-    theta, dims, codes, shapes, kappa, origin, memory_u, memory_y, restarts, fill, history, tail, weights,
-    prior_theta, prior_information, iterations, information, state, work,
-):  # fmt: skip
+def refine_part(theta, law, kappa, memory, prior, iterations, information, state, work):
     """Go on with a `refine` as far as the budget allows; True at its end, with ``work[COST]`` reached.
 
     It begins where ``work[PHASE]`` and ``work[AT]`` are 0.
     """
     n = theta.size
-    na, nb = dims[0], dims[1]
+    na, nb = law[0][0], law[0][1]
     slope = work[HEAD : HEAD + n]
     trial = work[HEAD + n : HEAD + 2 * n]
     slope_t = work[HEAD + 2 * n : HEAD + 3 * n]
@@ -51,12 +62,9 @@ def refine_part(
     state_t = work[HEAD + 3 * n + n * n : HEAD + 3 * n + n * n + state.size]
     while work[PHASE] != DONE:
         if work[PHASE] == FIRST_RUN:
-            if not replay_part(
-                theta, dims, codes, shapes, kappa, origin, memory_u, memory_y, restarts, fill, history, tail,
-                weights, information, slope, state, work,
-            ):  # fmt: skip
+            if not replay_part(theta, law, kappa, memory, information, slope, state, work):
                 return False
-            work[COST] = work[TOTAL] + _add_prior(theta, prior_theta, prior_information, information, slope)
+            work[COST] = work[TOTAL] + _add_prior(theta, prior, information, slope)
             work[DAMPING] = 1e-3
             work[ITERATION] = 0
             work[PHASE] = PROPOSAL
@@ -78,12 +86,9 @@ def refine_part(
             else:
                 _judge(work, np.inf)
         else:
-            if not replay_part(
-                trial, dims, codes, shapes, kappa, origin, memory_u, memory_y, restarts, fill, history, tail,
-                weights, information_t, slope_t, state_t, work,
-            ):  # fmt: skip
+            if not replay_part(trial, law, kappa, memory, information_t, slope_t, state_t, work):
                 return False
-            cost = work[TOTAL] + _add_prior(trial, prior_theta, prior_information, information_t, slope_t)
+            cost = work[TOTAL] + _add_prior(trial, prior, information_t, slope_t)
             if _judge(work, cost):
                 theta[:] = trial
                 slope[:] = slope_t
@@ -109,32 +114,26 @@ def _judge(work, cost):
 
 
 @njit(cache=True, error_model="numpy")
-def refine(
-    theta, dims, codes, shapes, kappa, origin, memory_u, memory_y, restarts, fill, history, tail, weights,
-    prior_theta, prior_information, iterations, information, state,
-):  # fmt: skip
+def refine(theta, law, kappa, memory, prior, iterations, information, state):
     """Levenberg-Marquardt steps (Marquardt 1963) on ``theta`` in place; returns the cost reached."""
-    work = np.zeros(work_size(dims, origin.size))
+    work = np.zeros(work_size(law[0], memory.origin.size))
     work[BUDGET] = UNBOUNDED
-    refine_part(
-        theta, dims, codes, shapes, kappa, origin, memory_u, memory_y, restarts, fill, history, tail, weights,
-        prior_theta, prior_information, iterations, information, state, work,
-    )  # fmt: skip
+    refine_part(theta, law, kappa, memory, prior, iterations, information, state, work)
     return work[COST]
 
 
 @njit(cache=True, error_model="numpy")
-def _add_prior(theta, prior_theta, prior_information, information, slope):
+def _add_prior(theta, prior, information, slope):
     """Add the prior's part to the Gauss-Newton matrix and slope; returns its part of the cost."""
     n = theta.size
     cost = 0.0
     for i in range(n):
         pull = 0.0
         for j in range(n):
-            pull += prior_information[i, j] * (theta[j] - prior_theta[j])
-            information[i, j] += prior_information[i, j]
+            pull += prior.information[i, j] * (theta[j] - prior.theta[j])
+            information[i, j] += prior.information[i, j]
         slope[i] -= pull
-        cost += pull * (theta[i] - prior_theta[i])
+        cost += pull * (theta[i] - prior.theta[i])
     return cost
 
 

@@ -6,11 +6,18 @@ parts: `work` holds where it stands and how many samples it may still read.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, NamedTuple
+
 import numpy as np
 
 from whsklearn._numba import njit
 from whsklearn.recursion.predictor import parameter_count
 from whsklearn.recursion.predictor_block import LENGTH, dot, empty_rows, forget, keep, move_on, predict_stretch, restore
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
 
 HUGE = 1e290
 COST_OF_PASS = 64.0  # samples that the beginning and end of a pass count for, with the step that follows from it
@@ -19,6 +26,35 @@ UNBOUNDED = 1e18
 # the head of ``work``: sample, sum of squares, budget in samples | phase, iteration, damping, cost (`gauss_newton`) |
 # samples read in all
 AT, TOTAL, BUDGET, PHASE, ITERATION, DAMPING, COST, SPENT, HEAD = range(9)
+
+
+class Memory(NamedTuple):
+    """Samples as a re-run reads them.
+
+    Attributes
+    ----------
+    origin : ndarray of shape (n_state,)
+        State before the first of them.
+    u, y : ndarrays of shape (history + m, n_inputs), (history + m,)
+        The first ``history`` precede the first sample, which is ``u[history]``.
+    restart : ndarray of bool, shape (m,)
+        Where an experiment begins.
+    fill, history : int
+        How many samples are read, and how many precede them.
+    tail : int
+        The last ``tail - 1`` samples count as far as the windows of p have used them.
+    weights : ndarray of shape (fill,)
+        Of each sample: the user's, and what forgetting has left of it.
+    """
+
+    origin: Array
+    u: Array
+    y: Array
+    restart: NDArray[np.bool_]
+    fill: int
+    history: int
+    tail: int
+    weights: Array
 
 
 @njit(cache=True, error_model="numpy")
@@ -34,24 +70,23 @@ def new_work(dims, n_state):
 
 
 @njit(cache=True, error_model="numpy")
-def replay_part(
-    theta, dims, codes, shapes, kappa, origin, memory_u, memory_y, restarts, fill, history, tail, weights,
-    information, slope, state, work,
-):  # fmt: skip
+def replay_part(theta, law, kappa, memory, information, slope, state, work):
     """Go on with a `replay` until the budget is spent, for one stretch at least; True at its end.
 
     It begins where ``work[AT]`` is 0 and leaves the sum in ``work[TOTAL]``.  It stops between
     stretches only, whose bounds the record sets, so the sums are the same however it was divided.
     """
-    past = work[work.size - origin.size - dims[0] - dims[3] :]
+    dims, codes, shapes = law
+    fill, tail, restarts, weights = memory.fill, memory.tail, memory.restart, memory.weights
+    past = work[work.size - memory.origin.size - dims[0] - dims[3] :]
     if work[AT] == 0:
         work[BUDGET] -= COST_OF_PASS
         work[SPENT] += COST_OF_PASS
         work[TOTAL] = 0.0
         information[:] = 0.0
         slope[:] = 0.0
-        begin_past(past, dims, origin, memory_u, memory_y, history)
-    rows = empty_rows(dims, memory_u.shape[1])
+        begin_past(past, dims, memory.origin, memory.u, memory.y, memory.history)
+    rows = empty_rows(dims, memory.u.shape[1])
     load_past(past, dims, rows)
     errors, weighted = np.empty(LENGTH), np.empty((2, LENGTH))
     handover = max(fill - tail + 1, 0)
@@ -63,7 +98,8 @@ def replay_part(
             keep(rows, state)
         stop = _end_of_stretch(t, fill, handover, restarts)
         e = errors[: stop - t]
-        load_samples(rows, memory_u[history + t : history + stop], memory_y[history + t : history + stop])
+        here = memory.history + t
+        load_samples(rows, memory.u[here : here + e.size], memory.y[here : here + e.size])
         predict_stretch(theta, dims, codes, shapes, kappa, rows, e)
         w, g = weighted[0, : e.size], weighted[1, : e.size]
         for i in range(e.size):
@@ -167,21 +203,12 @@ def load_samples(rows, new_u, new_y):
 
 
 @njit(cache=True, error_model="numpy")
-def replay(
-    theta, dims, codes, shapes, kappa, origin, memory_u, memory_y, restarts, fill, history, tail, weights,
-    information, slope, state,
-):  # fmt: skip
+def replay(theta, law, kappa, memory, information, slope, state):
     """Weighted sum of squared innovations of the memory, its Gauss-Newton matrix and slope.
 
-    ``memory_u[:history]`` precede the first sample, which is ``memory_u[history]``.  ``restarts`` tell
-    where an experiment begins, ``weights`` what forgetting has left of each sample.  The
-    last ``tail - 1`` samples count as far as the windows of p have used them.  ``state``
-    receives what holds before the first sample of the next window.
+    ``law`` is (dims, codes, shapes).  ``state`` receives what holds before the first sample of the next window.
     """
-    work = np.zeros(work_size(dims, origin.size))
+    work = np.zeros(work_size(law[0], memory.origin.size))
     work[BUDGET] = UNBOUNDED
-    replay_part(
-        theta, dims, codes, shapes, kappa, origin, memory_u, memory_y, restarts, fill, history, tail, weights,
-        information, slope, state, work,
-    )  # fmt: skip
+    replay_part(theta, law, kappa, memory, information, slope, state, work)
     return work[TOTAL]

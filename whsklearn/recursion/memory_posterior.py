@@ -25,7 +25,7 @@ from whsklearn.recursion.linearised_memory import (
     listed,
 )
 from whsklearn.recursion.memory_cost import begin_past
-from whsklearn.recursion.memory_refit import left_of_prior, weights_of
+from whsklearn.recursion.memory_refit import count_of, left_of_prior, weights_of
 from whsklearn.recursion.sign_posterior import Gaussian, frozen, posed, sample
 
 if TYPE_CHECKING:
@@ -150,7 +150,7 @@ class Linearisation:
         """M and number of samples of past and memory, and the signs of the past."""
         state, r, n = self.state, self.reading, self.theta.size
         left = left_of_prior(state, self.stop)
-        count = float(self.weights.sum())
+        count = count_of(state, self.stop)
         if state["past_count"][0] > 0.0:
             delta = self.theta - state["past_theta"]
             matrix = self.matrix + left * moved(state["past_matrix"], delta)

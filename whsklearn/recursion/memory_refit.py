@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from whsklearn.recursion.covariance import factorise
-from whsklearn.recursion.gauss_newton import refine_part
-from whsklearn.recursion.memory_cost import AT, BUDGET, COST, HEAD, HUGE, PHASE, SPENT, UNBOUNDED, new_work
+from whsklearn.recursion.gauss_newton import Prior, refine_part
+from whsklearn.recursion.memory_cost import AT, BUDGET, COST, HEAD, HUGE, PHASE, SPENT, UNBOUNDED, Memory, new_work
 from whsklearn.recursion.predictor import motion
 from whsklearn.recursion.starts import least_squares_start, random_start, scales_from, term_sizes
 from whsklearn.recursion.subinnovations import relative_sharpness
@@ -161,15 +161,12 @@ class Refit:
         n, n_state = r.size, state["before"].shape[1]
         n1 = int(r.dims[0] - 1 + r.dims[1])
         left = self.left
-        shared = (
-            self.given["origin"][parent], state["memory_u"], state["memory_y"], state["memory_restart"], self.size,
-            r.history, r.p, self.weights, self.given["prior_theta"][parent],
-            self.given["prior_information"][parent] * left,
-        )  # fmt: skip
+        memory = memory_of(state, r, self.size, self.weights, self.given["origin"][parent], tail=r.p)
+        prior = Prior(self.given["prior_theta"][parent], self.given["prior_information"][parent] * left)
 
         def refined(kappa: float, iterations: int, information: Array, before: Array) -> Generator[None, None, float]:
             work[AT] = work[PHASE] = 0
-            while not refine_part(theta, *r.law, kappa, *shared, iterations, information, before, work):
+            while not refine_part(theta, r.law, kappa, memory, prior, iterations, information, before, work):
                 yield
             return float(work[COST])
 
@@ -213,7 +210,7 @@ def consolidate(state: State, r: Reading) -> None:
     if chosen:
         parents = [c.parent for c in chosen]
         state.update({name: value[parents].copy() for name, value in refit.given.items()})
-        state.update(in_one(adopted(chosen, refit.weights.sum(), float(state["known"][0]))))
+        state.update(in_one(adopted(chosen, count_of(state, refit.size), float(state["known"][0]))))
         state["page_theta"] = state["theta"].copy()
 
 
@@ -240,7 +237,17 @@ def best_first(found: list[_Candidate | None]) -> list[_Candidate]:
     return kept
 
 
+def memory_of(state: State, r: Reading, size: int, weights: Array, origin: Array, tail: int) -> Memory:
+    """The first ``size`` samples in memory as the kernels take them."""
+    return Memory(origin, state["memory_u"], state["memory_y"], state["memory_restart"], size, r.history, tail, weights)
+
+
 def weights_of(state: State, fill: int) -> Array:
+    """Weights of the first ``fill`` samples of the memory: what forgetting has left, times the user's."""
+    return left_of(state, fill) * state["memory_weight"][:fill]
+
+
+def left_of(state: State, fill: int) -> Array:
     """What forgetting has left of each of the first ``fill`` samples of the memory; nothing of those that stood still.
 
     The factors are those that held when the samples came, so a re-run forgets what the recursion forgot.
@@ -248,6 +255,11 @@ def weights_of(state: State, fill: int) -> Array:
     kept = state["memory_kept"][:fill]
     left = np.cumprod(np.append(kept[1:], 1.0)[::-1])[::-1]
     return np.where(state["memory_still"][:fill], 0.0, left)
+
+
+def count_of(state: State, fill: int) -> float:
+    """How many samples these are, whatever they weigh: those of weight zero and those that stood still are none."""
+    return float(left_of(state, fill)[state["memory_weight"][:fill] > 0.0].sum())
 
 
 def inference_sharpness(theta: Array, r: Reading, u: Array, restart: NDArray[np.bool_]) -> float:
@@ -260,7 +272,7 @@ def left_of_prior(state: State, fill: int) -> float:
     return max(float(np.prod(state["memory_kept"][:fill])), LEAST)
 
 
-def adopted(chosen: list[_Candidate], weight: float, known: float) -> Generator[None, None, State]:
+def adopted(chosen: list[_Candidate], count: float, known: float) -> Generator[None, None, State]:
     """What the state holds of the chosen models at the end of the samples they were re-run on.
 
     Models that wait for the next re-run have no P of their own and do not answer.
@@ -276,7 +288,7 @@ def adopted(chosen: list[_Candidate], weight: float, known: float) -> Generator[
         "theta": np.array([c.theta for c in chosen]),
         "before": np.array([c.before for c in chosen]),
         "sharpness": np.array([c.sharpness for c in chosen]),
-        "loss": np.array([[c.cost if i < LIVE else HUGE, max(weight, 1.0)] for i, c in enumerate(chosen)]),
+        "loss": np.array([[c.cost if i < LIVE else HUGE, max(count, 1.0)] for i, c in enumerate(chosen)]),
         "motion": np.zeros((len(chosen), 2)),
         "ud": ud,
         # far from where it was learnt the model is another one: after an idle spell P must not be wide open

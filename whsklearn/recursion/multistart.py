@@ -26,7 +26,7 @@ from whsklearn.recursion.memory_refit import LIVE
 from whsklearn.recursion.predictor import state_size
 from whsklearn.recursion.reading import Reading, State
 from whsklearn.recursion.starts import random_start
-from whsklearn.recursion.subinnovations import MOVING, STILL, mark_still, run_windows
+from whsklearn.recursion.subinnovations import MOVING, STILL, Models, Samples, mark_still, run_windows
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -62,6 +62,7 @@ def initial_state(r: Reading) -> State:
         "sharpness": np.ones(n_models),
         "recent_u": np.zeros((r.p + h) * r.n_inputs),
         "recent_y": np.zeros(r.p + h),
+        "recent_weight": np.ones(r.p + h),
         # the pure recursion forgets its beginnings, a re-run mends them instead
         "forgetting": np.array([r.forgetting if m else min(0.95, r.forgetting), r.forgetting, 0.99]),
         "ceiling": WIND_UP * r.p0,
@@ -71,6 +72,7 @@ def initial_state(r: Reading) -> State:
         "memory_still": np.zeros(room, dtype=bool),
         "memory_idle": np.zeros(room, dtype=bool),
         "memory_kept": np.ones(room),
+        "memory_weight": np.ones(room),
         "fill": 0,
         "blocks": 0,
         "origin": np.zeros((n_models, state_size(r.dims))),
@@ -83,9 +85,11 @@ def initial_state(r: Reading) -> State:
 
 def run(
     state: State, r: Reading, u: NDArray[np.float64], y: NDArray[np.float64], restart: NDArray[np.bool_],
-    page: BackgroundRefit | None = None,
+    page: BackgroundRefit | None = None, weight: NDArray[np.float64] | None = None,
 ) -> BackgroundRefit | None:  # fmt: skip
     """Take the state through samples, in place; ``restart`` marks where an experiment begins.
+
+    ``weight`` is of the squared error of each sample, one for all by default.
 
     Returns the re-run of a page that goes on; given back with the next samples, it need not begin anew.
     """
@@ -93,6 +97,7 @@ def run(
     if r.memory:
         state["forgetting"][0] = r.forgetting
     at = 0
+    weight = np.ones(y.size) if weight is None else weight
     while at < y.size:
         if restart[at]:
             _begin_experiment(state)
@@ -105,13 +110,13 @@ def run(
             state["repeats"], state["recent_u"], state["recent_y"], state["known"], r.forgetting, u[at:stop],
             y[at:stop], still,
         )  # fmt: skip
-        _remember(state, r, u[at:stop], y[at:stop], still, bool(restart[at]))
-        live = [state[name][: LIVE if r.memory else None] for name in ("theta", "ud", "before", "loss", "motion")]
+        samples = Samples(u[at:stop], y[at:stop], weight[at:stop])
+        _remember(state, r, samples, still, bool(restart[at]))
+        models = Models(*(state[name][: LIVE if r.memory else None] for name in Models._fields))
+        recent = Samples(state["recent_u"], state["recent_y"], state["recent_weight"])
         state["since"] = run_windows(
-            *live, state["recent_u"], state["recent_y"], state["since"], state["seen"], state["forgetting"],
-            state["ceiling"], state["sharpness"],
-            0.0 if r.memory else PURE_SHARPEST, *r.law, r.p, r.frozen, u[at:stop], y[at:stop],
-            still,
+            models, recent, state["since"], state["seen"], state["forgetting"], state["ceiling"], state["sharpness"],
+            0.0 if r.memory else PURE_SHARPEST, r.law, r.p, r.frozen, samples, still,
         )  # fmt: skip
         state["seen"] += stop - at
         if r.memory:
@@ -174,22 +179,23 @@ def _until_event(state: State, r: Reading) -> int:
     return min([i for span in schedule(r, not state["blocks"]) for i in span if i > fill]) - fill
 
 
-def _remember(
-    state: State, r: Reading, u: NDArray[np.float64], y: NDArray[np.float64], still: NDArray[np.uint8], restarts: bool
-) -> None:
+def _remember(state: State, r: Reading, samples: Samples, still: NDArray[np.uint8], restarts: bool) -> None:
     """Append samples to the memory."""
     if not r.memory:
         return
+    u, y, weight = samples
     first, h, n = state["fill"], r.history, y.size
     if n == 1:  # the same for one sample, where slices would cost as much as its update
         state["memory_u"][h + first] = u[0]
         state["memory_y"][h + first] = y[0]
+        state["memory_weight"][first] = weight[0]
         state["memory_still"][first] = still[0] == STILL
         state["memory_idle"][first] = still[0] != MOVING
         state["memory_kept"][first] = state["forgetting"][1] if still[0] == MOVING else 1.0
     else:
         state["memory_u"][h + first : h + first + n] = u
         state["memory_y"][h + first : h + first + n] = y
+        state["memory_weight"][first : first + n] = weight
         state["memory_still"][first : first + n] = still == STILL
         state["memory_idle"][first : first + n] = still != MOVING
         state["memory_kept"][first : first + n] = np.where(still == MOVING, state["forgetting"][1], 1.0)

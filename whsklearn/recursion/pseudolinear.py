@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, NamedTuple
+
 import numpy as np
 
 from whsklearn._numba import njit
@@ -12,38 +14,40 @@ from whsklearn.recursion.auxiliary_model import auxiliary_size, rebuild, row
 from whsklearn.recursion.covariance import inflate, measurement_update
 from whsklearn.recursion.delay_line import push
 
-__all__ = ["BLOCK", "GRADIENT", "REEVALUATED", "auxiliary_size", "rebuild", "row", "run_pseudolinear"]
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+__all__ = ["BLOCK", "GRADIENT", "REEVALUATED", "Published", "auxiliary_size", "rebuild", "row", "run_pseudolinear"]
 
 BLOCK, REEVALUATED, GRADIENT = 0, 1, 2
 
 
+class Published(NamedTuple):
+    """theta of (6), factorised P, the auxiliary state before the window, [loss, count], and r of the gradient."""
+
+    theta: Array
+    ud: Array
+    before: Array
+    loss: Array
+    power: Array
+
+
 @njit(cache=True, error_model="numpy")
-def run_pseudolinear(
-    theta,
-    ud,
-    before,
-    loss,
-    power,
-    recent_u,
-    recent_y,
-    since,
-    forgetting,
-    ceiling,
-    dims,
-    codes,
-    shapes,
-    key,
-    p,
-    mode,
-    u,
-    y,
-):
+def run_pseudolinear(model, recent, since, forgetting, ceiling, law, p, mode, samples):
     """Take theta, P and the auxiliary model through samples; all state arrays change in place.
 
     ``mode`` is BLOCK for (7)-(9), REEVALUATED for (10)-(14) with each row built anew from the
     newest theta, GRADIENT for the stochastic gradient.  Every window starts from ``before``,
-    the auxiliary state before its first sample.  Weights are the paper's: 1 an innovation.
+    the auxiliary state before its first sample.  Weights are the paper's, 1 an innovation, times the
+    user's.  ``law`` is (dims, codes, shapes, key); ``recent`` and ``samples`` are `Samples`, the
+    former newest first.
     """
+    theta, ud, before, loss, power = model
+    recent_u, recent_y, recent_weight = recent
+    u, y, weights = samples
+    dims, codes, shapes, key = law
     n = theta.size
     m = u.shape[1]
     work = np.empty(before.size)
@@ -55,7 +59,9 @@ def run_pseudolinear(
         push(recent_u, u[t])
         for k in range(recent_y.size - 1, 0, -1):
             recent_y[k] = recent_y[k - 1]
+            recent_weight[k] = recent_weight[k - 1]
         recent_y[0] = y[t]
+        recent_weight[0] = weights[t]
         since += 1
         window = min(p, since)
         if forgetting != 1.0:
@@ -72,6 +78,9 @@ def run_pseudolinear(
             else:
                 rebuild(start, dims, codes, shapes, key, work, recent_u, (window - i + 1) * m)
             now = window - 1 - i
+            weight = recent_weight[now]
+            if weight == 0.0:
+                continue
             row(dims, codes, shapes, key, work, recent_u, (now + 2) * m, recent_y, now + 1, phi)
             e = recent_y[now]
             for k in range(n):
@@ -79,15 +88,15 @@ def run_pseudolinear(
             if mode == GRADIENT:
                 newest = 0.0
                 for k in range(n):
-                    step[k] += phi[k] * e
-                    newest += phi[k] * phi[k]
+                    step[k] += weight * phi[k] * e
+                    newest += weight * phi[k] * phi[k]
                 span += newest
             else:
-                measurement_update(ud, phi, 1.0, gain)
+                measurement_update(ud, phi, 1.0 / weight, gain)
                 for k in range(n):
                     theta[k] += gain[k] * e
             if now == 0:
-                loss[0] = forgetting * loss[0] + e * e
+                loss[0] = forgetting * loss[0] + weight * e * e
                 loss[1] = forgetting * loss[1] + 1.0
         if mode == GRADIENT:
             power[0] = forgetting * power[0] + newest

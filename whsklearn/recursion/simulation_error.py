@@ -107,8 +107,8 @@ def solve_law(chain: Chain, data: IOData) -> Fitted:
         return Fitted(chain, data.y, np.inf)
     columns = law_columns(chain.law.codes, chain.law.shapes, chain.weights, x, data.bounds, _kappa(chain, x, data))[0]
     basis = orthonormal(columns[:, data.counts])
-    rows = filter_rows(chain.b2, chain.a2, basis @ columns, data.bounds) * data.counts
-    target = data.y * data.counts
+    rows = filter_rows(chain.b2, chain.a2, basis @ columns, data.bounds) * data.scale
+    target = data.y * data.scale
     weights = damped_step(rows @ rows.T, rows @ target, 1e-10)
     error = target - weights @ rows
     cost = float(error @ error)
@@ -168,7 +168,7 @@ def refine(chain: Chain, data: IOData, iterations: int, *, free: bool = True) ->
         if free and i in PLACE_AT:
             anew = solve_law(normalised(best.chain, data), data)
             best = anew if anew.cost < 1.05 * best.cost else best  # a little worse for the moment is the price
-        rows = sensitivities(best.chain, data)[1] * data.counts
+        rows = sensitivities(best.chain, data)[1] * data.scale
         n = best.chain.linear_part.size
         rows[held] = 0.0
         information = _with_unit_scale(rows @ rows.T)

@@ -53,13 +53,19 @@ UNKNOWN = tuple(
 )
 
 
-def record(u: NDArray[np.float64], y: NDArray[np.float64], restart: NDArray[np.bool_]) -> IOData:
-    """A record for the fit, from u (n, m) and y (n,): where experiments begin, and which samples count."""
+def record(
+    u: NDArray[np.float64], y: NDArray[np.float64], restart: NDArray[np.bool_],
+    weights: NDArray[np.float64] | None = None,
+) -> IOData:  # fmt: skip
+    """A record for the fit, from u (n, m) and y (n,): where experiments begin, which samples count, and how much."""
     bounds = np.append(np.flatnonzero(restart), y.size).astype(np.int64)
     counts = np.ones(y.size, dtype=bool)
     for start, length in zip(bounds[:-1], np.diff(bounds), strict=True):
         counts[start : start + min(SKIP, length // 10)] = False
-    return IOData(np.ascontiguousarray(u.T), np.ascontiguousarray(y), bounds, counts)
+    if weights is not None:
+        counts &= weights > 0.0
+    root = None if weights is None else np.sqrt(weights)
+    return IOData(np.ascontiguousarray(u.T), np.ascontiguousarray(y), bounds, counts, root)
 
 
 def search(data: IOData, law: FrictionLaw, structures: tuple[Structure, ...] = UNKNOWN) -> Fitted:
@@ -87,7 +93,7 @@ def search(data: IOData, law: FrictionLaw, structures: tuple[Structure, ...] = U
 
 def squared_error(chain: Chain, data: IOData) -> float:
     """Sum of squared free-run errors over the samples that count."""
-    error = (data.y - run(chain, data).y) * data.counts
+    error = (data.y - run(chain, data).y) * data.scale
     total = float(error @ error)
     return total if np.isfinite(total) else np.inf
 

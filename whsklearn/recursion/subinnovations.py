@@ -9,6 +9,8 @@ block update (7)-(9), which by the block inversion lemma is p scalar updates.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, NamedTuple
+
 import numpy as np
 
 from whsklearn._numba import njit
@@ -16,6 +18,11 @@ from whsklearn.recursion.covariance import inflate, measurement_update
 from whsklearn.recursion.delay_line import push
 from whsklearn.recursion.predictor import advance, predict
 from whsklearn.systems.stability import is_stable
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
 
 STABLE_RADIUS = 0.999
 LARGEST_PARAMETER = 1e8
@@ -57,23 +64,51 @@ def mark_still(repeats, recent_u, recent_y, known, kept, u, y, still):
             known[0] = (kept if still[t] == MOVING else 1.0) * known[0] + 1.0
 
 
+class Models(NamedTuple):
+    """Models side by side, a row each.
+
+    Attributes
+    ----------
+    theta, ud, before : ndarrays of shape (S, n), (S, n, n), (S, n_state)
+        Parameters, factorised covariance and the state before the window.
+    loss : ndarray of shape (S, 2)
+        Weighted sum of squared innovations, and how many.
+    motion : ndarray of shape (S, 2)
+        The same of dx, which sets the scale of kappa.
+    """
+
+    theta: Array
+    ud: Array
+    before: Array
+    loss: Array
+    motion: Array
+
+
+class Samples(NamedTuple):
+    """Samples in time order, or the latest ones, newest first.
+
+    Attributes
+    ----------
+    u, y, weight : ndarrays
+        Input, of shape (m, n_inputs) or flat, output and weight of its squared error.
+    """
+
+    u: Array
+    y: Array
+    weight: Array
+
+
 @njit(cache=True, error_model="numpy")
 def run_windows(
-    theta, ud, before, loss, motion, recent_u, recent_y, since, seen, forgetting, ceiling, sharpness, sharpest,
-    dims, codes, shapes, p, frozen, u, y, still,
+    models, recent, since, seen, forgetting, ceiling, sharpness, sharpest, law, p, frozen, samples, still
 ):  # fmt: skip
-    """Take every model through the samples u, y; all state arrays change in place.
+    """Take every model through the samples; all state arrays change in place.
 
     Parameters
     ----------
-    theta, ud, before : ndarrays of shape (S, n), (S, n, n), (S, n_state)
-        Parameters, factorised covariance and the state before the window, a row a model.
-    loss : ndarray of shape (S, 2)
-        Weighted sum of squared innovations and sum of the weights.
-    motion : ndarray of shape (S, 2)
-        The same of dx, which sets the scale of kappa.
-    recent_u, recent_y : ndarrays of shape ((p + lags) * n_inputs,), (p + lags,)
-        The latest samples, newest first.
+    models : Models
+    recent : Samples
+        The latest ones, newest first: u of shape ((p + lags) * n_inputs,), y and weights of shape (p + lags,).
     since : int
         Samples since the experiment began.
     seen : int
@@ -86,6 +121,10 @@ def run_windows(
         kappa of each model.
     sharpest : float
         Where positive, kappa rises with the samples seen to this value (relative to dx).
+    law : tuple of ndarrays
+        dims, codes, shapes.
+    samples : Samples
+        The new ones.
     still : ndarray of shape (m,)
         By `mark_still`: STILL samples teach nothing, the state goes on and nothing else does; IDLE ones let nothing
         be forgotten.
@@ -95,6 +134,10 @@ def run_windows(
     int
         ``since`` after the last sample.
     """
+    theta, ud, before, loss, motion = models
+    dims, codes, shapes = law
+    u, y = samples.u, samples.y
+    recent_u, recent_y, recent_weight = recent
     n_models, n = theta.shape
     m = u.shape[1]
     na, nb = dims[0], dims[1]
@@ -107,7 +150,9 @@ def run_windows(
         push(recent_u, u[t])
         for k in range(recent_y.size - 1, 0, -1):
             recent_y[k] = recent_y[k - 1]
+            recent_weight[k] = recent_weight[k - 1]
         recent_y[0] = y[t]
+        recent_weight[0] = samples.weight[t]
         since += 1
         seen += 1
         window = min(p, since)
@@ -132,6 +177,9 @@ def run_windows(
                 else:
                     advance(start, dims, codes, shapes, sharpness[s], work, recent_u, (window - i + 1) * m)
                 now = window - 1 - i
+                weight = recent_weight[now]
+                if weight == 0.0:
+                    continue
                 e = recent_y[now] - predict(start if frozen else th, dims, work, recent_y, now + 1, psi)
                 if frozen:
                     for k in range(n):
@@ -141,10 +189,10 @@ def run_windows(
                     size += abs(psi[k])
                 usable = size < LARGEST_SIGNAL  # False for NaN too: an interim model that blows up teaches nothing
                 if now == 0:
-                    loss[s, 0] = LOSS_FORGETTING * loss[s, 0] + (e * e if usable else LARGEST_SIGNAL)
+                    loss[s, 0] = LOSS_FORGETTING * loss[s, 0] + (weight * e * e if usable else LARGEST_SIGNAL)
                     loss[s, 1] = LOSS_FORGETTING * loss[s, 1] + 1.0
                 if usable:
-                    measurement_update(ud[s], psi, float(p), gain)
+                    measurement_update(ud[s], psi, p / weight, gain)
                     _step(th, gain, e, na, nb, old)
             if since >= p:
                 dx = advance(th, dims, codes, shapes, sharpness[s], before[s], recent_u, p * m)

@@ -1,0 +1,67 @@
+"""What the fits of a Wiener-Hammerstein chain share, in one go or block by block."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from sklearn.base import clone
+from sklearn.utils.validation import check_is_fitted
+
+from whsklearn.estimators import _model as wh
+from whsklearn.estimators.base import AxisRegressor
+from whsklearn.lags.wiener_hammerstein import WienerHammersteinLags
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+
+class ChainRegressor(AxisRegressor):
+    """A chain whose orders and law may be found by the fit; blocks may have direct paths.
+
+    A subclass says where its natural vector and its covariance are, and by `_found_lags` what was found.
+    """
+
+    @property
+    def _is_wiener_hammerstein(self) -> bool:
+        return True
+
+    @property
+    def _takes_direct_paths(self) -> bool:
+        return True
+
+    @property
+    def _given_lags(self) -> WienerHammersteinLags:
+        return WienerHammersteinLags() if self.lags is None else self.lags
+
+    def _found_lags(self) -> dict[str, Any] | None:
+        """Settings of the lags that the fit found; None where it did not look for any."""
+        raise NotImplementedError
+
+    @property
+    def _lags(self) -> WienerHammersteinLags:
+        found = self._found_lags() if "state_" in self.__dict__ else None
+        return super()._lags if found is None else WienerHammersteinLags(**found)
+
+    @property
+    def structure_(self) -> WienerHammersteinLags:
+        """Orders, law and delays as found."""
+        check_is_fitted(self, "state_")
+        return clone(self._lags)
+
+    def _noise_filter(self, natural: Array, structure: wh.Structure) -> Array:
+        return np.empty(0) if self._fits_free_run else super()._noise_filter(natural, structure)
+
+    def _theta(self) -> Array:
+        return wh.paper_vector(self._natural(), self._structure())
+
+    def _covariance(self) -> Array:
+        jacobian = wh.paper_jacobian(self._natural(), self._structure())
+        return jacobian @ self._natural_covariance() @ jacobian.T
+
+    def __sklearn_tags__(self) -> Any:
+        tags = super().__sklearn_tags__()
+        tags.regressor_tags.poor_score = True
+        return tags

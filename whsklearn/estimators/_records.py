@@ -1,0 +1,116 @@
+"""Several records in one call: as a list, or as one array with ``groups``; and a weight for each sample."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    Array = NDArray[np.float64]
+
+
+class Given(NamedTuple):
+    """What a caller gave, joined: X, y, groups, sample_weight and, if records came as a list, their lengths."""
+
+    X: Any
+    y: Any
+    groups: Any
+    sample_weight: Any
+    lengths: tuple[int, ...] | None = None
+
+    def apart(self, values: Array) -> Any:
+        """An answer for every sample, as a list if records came as one."""
+        return values if self.lengths is None else np.split(values, np.cumsum(self.lengths)[:-1])
+
+
+def is_list_of_records(X: Any) -> bool:
+    """Whether X is a list or tuple of two-dimensional arrays or frames, and not of rows."""
+    return isinstance(X, (list, tuple)) and bool(X) and all(getattr(x, "ndim", 0) == 2 for x in X)
+
+
+def joined(
+    X: ArrayLike, y: ArrayLike | None = None, groups: ArrayLike | None = None, sample_weight: ArrayLike | None = None,
+    first: int = 0,
+) -> Given:  # fmt: skip
+    """Records of a list one after the other, each an experiment of its own; anything else as it is.
+
+    Parameters
+    ----------
+    X : array-like, or list of array-like of shape (n_i, n_features)
+    y, sample_weight : array-like or list of array-like of shape (n_i,), optional
+    groups : array-like, optional
+        Not together with a list.
+    first : int
+        Number of the first experiment.
+
+    Raises
+    ------
+    ValueError
+        If the lists are not of one length, or come with groups.
+    """
+    if not is_list_of_records(X):
+        return Given(X, y, groups, sample_weight)
+    if groups is not None:
+        raise ValueError("X is a list of records, and groups is given too; each record is an experiment: leave it out.")
+    records: Any = X
+    lengths = tuple(len(x) for x in records)
+    parts = {}
+    for name, values in (("y", y), ("sample_weight", sample_weight)):
+        if values is None:
+            continue
+        got = [np.shape(v)[:1] for v in values] if isinstance(values, (list, tuple)) else None
+        if got != [(n,) for n in lengths]:
+            raise ValueError(
+                f"X is a list of {len(lengths)} records, expected {name} as a list of as many arrays, each as long as "
+                "its record."
+            )
+        parts[name] = np.concatenate([np.asarray(v) for v in values])  # type: ignore[union-attr]
+    labels = np.repeat(np.arange(first, first + len(lengths)), lengths)
+    together = _stacked(records)
+    return Given(together, parts.get("y"), labels, parts.get("sample_weight"), lengths)
+
+
+def _stacked(X: Any) -> Any:
+    """Frames keep the names of their columns."""
+    if all(hasattr(x, "columns") and hasattr(x, "iloc") for x in X):
+        from pandas import concat
+
+        return concat(list(X), ignore_index=True)
+    widths = {np.shape(x)[1] for x in X}
+    if len(widths) > 1:
+        raise ValueError(f"The records have {sorted(widths)} columns, expected one number; pick the same inputs.")
+    return np.concatenate([np.asarray(x) for x in X])
+
+
+def checked_weights(sample_weight: ArrayLike | None, n: int, *, some: bool) -> Array | None:
+    """Weights as a float array; None where all are one, and an error where they cannot be.
+
+    Parameters
+    ----------
+    sample_weight : array-like of shape (n,), a number, or None
+    n : int
+    some : bool
+        Whether at least one must be above zero.
+
+    Raises
+    ------
+    ValueError
+        If they are of another shape, not finite, negative, or all zero.
+    """
+    if sample_weight is None:
+        return None
+    try:
+        weights = np.asarray(sample_weight, dtype=np.float64)
+    except (TypeError, ValueError):
+        weights = np.array(np.nan)
+    weights = np.full(n, float(weights)) if weights.ndim == 0 else weights
+    if weights.shape != (n,):
+        raise ValueError(f"sample_weight has shape {weights.shape}, expected ({n},): a weight a sample.")
+    if not np.isfinite(weights).all() or (weights < 0).any() or (weights > 1e12).any():
+        raise ValueError("sample_weight holds numbers that are no weights, expected 0 to 1e12; mend those samples.")
+    if some and n and not weights.any():
+        raise ValueError("sample_weight is zero for every sample, expected at least one above zero; weight some.")
+    return None if (weights == 1.0).all() else np.ascontiguousarray(weights)
