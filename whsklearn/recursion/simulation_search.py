@@ -109,8 +109,8 @@ def halving(data: IOData, law: FrictionLaw, structure: Structure) -> Fitted:
 def best_in_turn(pool: list[Fitted], kept: int) -> list[Fitted]:
     """The best of each way to divide the poles, then the second best of each, and so on.
 
-    After few iterations a way with more poles is ahead, and of little promise: on one of 8 segments of the benchmark the
-    first 8 by their cost held none that ends at the floor, and 12 of all 30 do.
+    After few iterations a way with more poles is ahead, and of little promise: on one of 8 segments of the benchmark
+    the first 8 by their cost held none that ends at the floor, and 12 of all 30 do.
     """
     ways: dict[tuple[int, int], list[Fitted]] = {}
     for f in sorted(pool, key=lambda f: f.cost):
