@@ -13,7 +13,7 @@ import matplotlib.pyplot as plt
 import whsklearn.effects
 from whsklearn.datasets import draw_effect, reference_signal
 from whsklearn.datasets.servo import default_axis
-from whsklearn.effects import PLACES, Effect
+from whsklearn.effects import PLACES, Effect, base
 from whsklearn.plot import EffectDisplay
 
 
@@ -37,6 +37,13 @@ def draw(folder: Path) -> None:
         display = EffectDisplay.from_run(effect, run)
         display.figure_.savefig(folder / f"{cls.__name__}.png", dpi=110)
         plt.close(display.figure_)
+
+
+def forget_own(gallery_conf, fname):
+    """Take effects that a page of the gallery defined out of the catalogue again, before and after each page."""
+    for name, cls in list(base._REGISTRY.items()):
+        if not cls.__module__.startswith("whsklearn."):
+            del base._REGISTRY[name]
 
 
 def describe(app, what, name, obj, options, lines):

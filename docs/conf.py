@@ -52,6 +52,8 @@ sphinx_gallery_conf = {
     "remove_config_comments": True,
     "show_memory": False,
     "min_reported_time": 30,
+    "reset_modules": ("matplotlib", "catalogue.forget_own"),
+    "reset_modules_order": "both",
 }
 
 suppress_warnings = ["ref.ref"]  # docstrings inherited from scikit-learn refer to its own user guide

@@ -178,43 +178,6 @@ bottom.set(xlabel="time, s", ylabel="position, rad")
 plt.show()
 
 # %%
-# An effect of your own
-# ---------------------
-# One class: fields with the size first, what they mean, and one method in plain ``math``.
-# It then has columns, is compiled into the simulator, and can be held against the contract.
-
-import math
-from dataclasses import dataclass
-from typing import ClassVar
-
-from whsklearn.checks import check_effect
-from whsklearn.effects import Effect, Quantity
-
-
-@dataclass(frozen=True)
-class Magnet(Effect):
-    """A torque in one place."""
-
-    torque: float = 0.1
-    width: float = 0.2
-
-    name: ClassVar[str] = "magnet"
-    place: ClassVar[str] = "position"
-    equation: ClassVar[str] = "c exp(-(q/w)^2)"
-    size: ClassVar[str] = "torque"
-    quantities: ClassVar[dict[str, Quantity]] = {
-        "torque": Quantity("Nm", -1.0, 1.0),
-        "width": Quantity("rad", 0.01, 1.0, log=True),
-    }
-
-    @staticmethod
-    def evaluate(p, time, position, velocity, drive):
-        return p[0] * math.exp(-((position / p[1]) ** 2))
-
-
-print("passed:", ", ".join(check_effect(Magnet)))
-
-# %%
 # Where the equations come from
 # -----------------------------
 # Authors, title, year and, for articles, volume and pages were held against the bibliographies of others. The
