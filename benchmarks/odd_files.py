@@ -10,10 +10,12 @@ takes minutes, and the verdict, the names and the exit status of the command sta
 from __future__ import annotations
 
 import argparse
+import gzip
 import io
 import json
 import tempfile
 import warnings
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -82,6 +84,39 @@ def parquet(f: pd.DataFrame) -> bytes:
     return buffer.getvalue()
 
 
+def lines(f: pd.DataFrame, header: str, row: Callable[[float, float, float], str]) -> bytes:
+    """A table written line by line."""
+    return (header + "\n" + "\n".join(row(*r) for r in f.to_numpy().tolist()) + "\n").encode()
+
+
+def clock(f: pd.DataFrame, start: float) -> list[str]:
+    """The stamps as hours, minutes and seconds of a day that began `start` seconds before."""
+    seconds = (f.time_s + start) % 86400
+    return [f"{int(t // 3600):02d}:{int(t // 60) % 60:02d}:{t % 60:09.6f}" for t in seconds]
+
+
+def zipped(**members: bytes) -> bytes:
+    """A ZIP archive of CSV files."""
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w") as archive:
+        for name, data in members.items():
+            archive.writestr(f"{name}.csv", data)
+    return buffer.getvalue()
+
+
+def arrays(f: pd.DataFrame) -> bytes:
+    """A NumPy archive."""
+    buffer = io.BytesIO()
+    np.savez(buffer, **{k: v.to_numpy() for k, v in f.items()})
+    return buffer.getvalue()
+
+
+def german(x: float) -> str:
+    """A number with points between thousands and a decimal comma."""
+    return f"{x:,.6f}".translate(str.maketrans(",.", ".,"))
+
+
+HEADER = ",".join(COLUMNS)
 Maker = Callable[[pd.DataFrame], bytes]
 FILES: dict[str, tuple[str, Maker, list[str]]] = {
     "decimal comma": ("a.csv", lambda f: csv(f, sep=";", decimal=","), []),
@@ -157,6 +192,95 @@ FILES: dict[str, tuple[str, Maker, list[str]]] = {
         lambda f: csv(f.rename(columns={"torque_nm": "<script>torque"})),
         ["--drive", "<script>torque"],
     ),
+    "a units row": (
+        "a.csv",
+        lambda f: lines(f, "time,torque,position\n[ms],[Nm],[rad]", lambda t, u, q: f"{1e3 * t},{u},{q}"),
+        [],
+    ),
+    "two header lines": ("a.csv", lambda f: b"Rig 7,,\n" + csv(f), []),
+    "a spreadsheet's first line": (
+        "a.csv",
+        lambda f: b"sep=;\r\n" + csv(f, sep=";", decimal=",", lineterminator="\r\n"),
+        [],
+    ),
+    "Windows text": (
+        "a.csv",
+        lambda f: csv(f.set_axis(["Zeit (s)", "Drehmoment (Nm)", "Winkel (°)"], axis=1)).decode().encode("cp1252"),
+        [],
+    ),
+    "UTF-16 without a mark": ("a.txt", lambda f: csv(f, sep="\t").decode().encode("utf-16-le"), []),
+    "thousands 1,234.5": (
+        "a.csv",
+        lambda f: lines(f, "time_s,torque_mnm,position_rad", lambda t, u, q: f'{t},"{1e6 * u:,.3f}",{q}'),
+        [],
+    ),
+    "thousands 1.234,5": (
+        "a.csv",
+        lambda f: lines(
+            f, "time_s;torque_mnm;position_rad", lambda t, u, q: f"{german(t)};{german(1e6 * u)};{german(q)}"
+        ),
+        [],
+    ),
+    "numbers with units": (
+        "a.csv",
+        lambda f: lines(f, "time,torque,position", lambda t, u, q: f"{t} s,{u} Nm,{q} rad"),
+        [],
+    ),
+    "quoted numbers": ("a.csv", lambda f: csv(f.astype(str), quoting=1), []),
+    "hexadecimal counts": (
+        "a.csv",
+        lambda f: lines(
+            f, "time_s,torque_nm,position_counts", lambda t, u, q: f"{t},{u},0x{int(32768 + 5000 * q):04X}"
+        ),
+        ["--unit", "position=counts/65536"],
+    ),
+    "mixed line ends": (
+        "a.csv",
+        lambda f: b"".join(t + (b"\n", b"\r\n")[i % 2] for i, t in enumerate(csv(f).split(b"\n"))),
+        [],
+    ),
+    "old Mac line ends": ("a.csv", lambda f: csv(f, lineterminator="\r"), []),
+    "trailing commas": ("a.csv", lambda f: csv(f).replace(b"\n", b",,\n"), []),
+    "commas at the end of rows only": ("a.csv", lambda f: lines(f, HEADER, lambda t, u, q: f"{t},{u},{q},"), []),
+    "one name twice": ("a.csv", lambda f: lines(f, HEADER + ",position_rad", lambda t, u, q: f"{t},{u},{q},0.5"), []),
+    "a footer": ("a.csv", lambda f: csv(f) + b"*** end of log ***\n", []),
+    "the header again": ("a.csv", lambda f: csv(f.iloc[:9000]) + csv(f.iloc[9000:]), []),
+    "a cut last line": ("a.csv", lambda f: csv(f)[:-20], []),
+    "newest row first": ("a.csv", lambda f: csv(f.iloc[::-1]), []),
+    "N/A and -": (
+        "a.csv",
+        lambda f: csv(with_value(with_value(f, "torque_nm", 50, "N/A"), "position_rad", 70, "-")),
+        [],
+    ),
+    "-9999 for none": ("a.csv", lambda f: csv(with_value(f, "position_rad", 70, -9999.0)), []),
+    "time of the day": ("a.csv", lambda f: csv(changed(f, time_s=clock(f, 32400.0))), []),
+    "over midnight": ("a.csv", lambda f: csv(changed(f, time_s=clock(f, 86394.0))), []),
+    "days of a spreadsheet": (
+        "a.csv",
+        lambda f: csv(changed(f, time_s=[f"{45000 + t / 86400:.12f}" for t in f.time_s])),
+        [],
+    ),
+    "a 32-bit counter of us": (
+        "a.csv",
+        lambda f: lines(
+            f, "time_us,torque_nm,position_rad", lambda t, u, q: f"{(round(1e6 * t) + 2**32 - 2000000) % 2**32},{u},{q}"
+        ),
+        [],
+    ),
+    "time in ms, no unit": (
+        "a.csv",
+        lambda f: lines(f, "time,torque_nm,position_rad", lambda t, u, q: f"{1e3 * t:.0f},{u},{q}"),
+        [],
+    ),
+    "gz without its ending": ("a.csv", lambda f: gzip.compress(csv(f)), []),
+    "a cut gz": ("a.csv.gz", lambda f: gzip.compress(csv(f))[:20000], []),
+    "a ZIP archive": ("a.zip", lambda f: zipped(a=csv(f)), []),
+    "a ZIP archive of two": ("a.zip", lambda f: zipped(a=csv(f), b=csv(f)), []),
+    "JSON lines": ("a.jsonl", lambda f: f.to_json(orient="records", lines=True).encode(), []),
+    "JSON of vectors": ("a.json", lambda f: json.dumps({"data": f.to_dict("list")}).encode(), []),
+    "cut JSON": ("a.json", lambda f: f.to_json(orient="records").encode()[:5000], []),
+    "NumPy archive": ("a.npz", arrays, []),
+    "one column for two": ("a.csv", csv, ["--drive", "torque_nm", "--position", "torque_nm"]),
 }
 
 

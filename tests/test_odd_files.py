@@ -18,6 +18,23 @@ EXPECTED = {
     "empty file": (3, "is empty"),
     "header only": (3, "no samples"),
     "a binary file": (3, "binary file"),
+    "a units row": (0, "Read as it is"),
+    "UTF-16 without a mark": (0, "Read as it is"),
+    "thousands 1,234.5": (0, "Separators of thousands"),
+    "thousands 1.234,5": (0, "Separators of thousands"),
+    "numbers with units": (0, "'Nm' stands behind each number"),
+    "commas at the end of rows only": (0, "Read as it is"),
+    "one name twice": (0, "the first keeps the name"),
+    "the header again": (0, "amid or below the data were left out, the first is row 9000"),
+    "newest row first": (0, "turned round"),
+    "-9999 for none": (0, "at row 70 (-1e+04"),
+    "over midnight": (0, "holds dates"),
+    "days of a spreadsheet": (0, "holds days"),
+    "a 32-bit counter of us": (0, "begins anew at 4294967296"),
+    "a cut gz": (3, "no whole archive"),
+    "a ZIP archive of two": (3, "a.csv, b.csv"),
+    "JSON of vectors": (0, "Read as it is"),
+    "one column for two": (2, "name two columns"),
 }
 
 

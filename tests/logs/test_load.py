@@ -122,7 +122,7 @@ def test_missing_values_are_refused_with_the_row_and_dropped_on_request(write):
     columns = table()
     columns["torque_nm"][[40, 41]] = np.nan
     file = write(columns)
-    with pytest.raises(ValueError, match=r"'torque_nm' has no finite value at row 40 \(no number; 2 such rows"):
+    with pytest.raises(ValueError, match=r"'torque_nm' has no value at row 40 \(no number; 2 such rows"):
         load_log(file, **NAMES, resample=False)
     with pytest.warns(LogWarning):
         log = load_log(file, **NAMES)

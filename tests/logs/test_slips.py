@@ -36,7 +36,8 @@ def test_each_slip_is_named_with_the_option_that_mends_it(seed):
         ({"y": np.gradient(good.y, dt)}, "--velocity"),
         ({"y": np.degrees(good.y)}, "position=deg"),
         ({"time": 1e3 * good.time}, "time=ms"),
-        ({"time": 1e-6 * good.time}, "time=s"),
+        ({"time": 1e-6 * good.time, "units": {"time": "us", "position": "rad"}}, "time=s"),
+        ({"time": 1e-6 * good.time}, "--rate"),  # the unit is s already: that it were s would be no advice
         ({"units": {"position": "rad/s"}}, "--velocity"),
     ):
         found = slips_in(log(seed=seed, **changes))

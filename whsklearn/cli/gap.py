@@ -101,18 +101,13 @@ def main(**options: Any) -> None:
     except LogError as error:
         data_problem(error, folder)
         raise
-    finder, page = diagnose(options, log, folder)
-    d = finder.diagnosis_
-    click.echo(wrapped(f"{d.verdict}: {d.sentence}"))
-    if d.interrupted:
-        click.echo("Interrupted: the report holds the rounds that were finished.")
-    click.echo(f"Report: {page}")
-    if d.verdict == "data_problem":
+    finder = diagnose(options, log, folder)
+    if finder.verdict_ == "data_problem":
         raise SystemExit(UNUSABLE)
 
 
-def diagnose(options: dict[str, Any], log: Bunch, folder: Path) -> tuple[GapFinder, Path]:
-    """Run the finder on a log, write the report, record both."""
+def diagnose(options: dict[str, Any], log: Bunch, folder: Path) -> GapFinder:
+    """Run the finder on a log, write the report, say what it holds, and record both: the record comes last."""
     from whsklearn.gap import GapFinder
     from whsklearn.gap.finder import STEPS
     from whsklearn.logs.slips import slips_in
@@ -122,9 +117,10 @@ def diagnose(options: dict[str, Any], log: Bunch, folder: Path) -> tuple[GapFind
         note(str(slip))
         log.notes = (*log.notes, str(slip))
     tracker = tracker_for("close_gap", options["track"], data=Path(options["log_file"]).stem)
-    with tracker.run(f"gap of {Path(options['log_file']).name}") as parent, tqdm(total=len(STEPS), leave=False) as bar:
+    with tracker.run(f"gap of {Path(options['log_file']).name}") as parent:
         parent.log_params({k: v for k, v in options.items() if v not in (None, (), False)})
         parent.log_input(log.X, log.y, Path(options["log_file"]).stem)
+        bar = tqdm(total=len(STEPS), leave=False)
 
         def progress(step: str) -> None:
             bar.set_description(step)
@@ -140,16 +136,21 @@ def diagnose(options: dict[str, Any], log: Bunch, folder: Path) -> tuple[GapFind
             random_state=options["seed"],
             progress=progress,
         )
-        finder.fit(record, **columns)
+        with bar:
+            finder.fit(record, **columns)
         d = finder.diagnosis_
         d.file, d.units = log.name, dict(log.units)
         d.notes = [origin(log), *log.notes, *d.notes]
         if options["second"] and d.verdict != "data_problem":
             test(options, finder)
         page = finder.report(folder)
+        click.echo(wrapped(f"{d.verdict}: {d.sentence}"))
+        if d.interrupted:
+            click.echo("Interrupted: the report holds the rounds that were finished.")
+        click.echo(f"Report: {page}")
         track(parent, finder, folder)
     say_where(tracker)
-    return finder, page
+    return finder
 
 
 def test(options: dict[str, Any], finder: GapFinder) -> None:

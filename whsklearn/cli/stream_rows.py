@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 BLOCK = 1 << 16
+AT_ONCE = 64  # lines handed out: between them a signal is heard and a checkpoint written, however slow the model is
 LONGEST = 1 << 20  # bytes of one line; what is longer is no row
 TOO_LONG = b"\0"
 POLL_SECONDS = 0.2
@@ -54,7 +55,8 @@ class LineSource:
         self.file, self.follow = file, follow
         self.offset, self.number = offset, number
         self.restarted = False
-        self._rest, self._dropped = b"", 0
+        self._rest, self._dropped = b"", 0  # the line begun, and how many bytes of it were not kept
+        self._ready: list[bytes] = []
         self._ended = self._open_end = False
         self._takes_open_end, self.left = open_end, b""
         if offset:
@@ -71,9 +73,11 @@ class LineSource:
         self.file.close()
 
     def read(self) -> list[bytes] | None:
-        """The lines that have come since; [] if none came for a moment, None at the end."""
+        """The next lines, at most `AT_ONCE`; [] if none came for a moment, None at the end."""
         if self._ended:
             return None
+        if self._ready:
+            return self._next()
         block = self._block()
         if block is None:
             return []
@@ -84,21 +88,26 @@ class LineSource:
             self._ended, self._open_end = True, bool(self._rest)
             if not self._takes_open_end:
                 self.left, self._rest = self._rest, b""
-            lines, self._rest = ([self._rest] if self._rest else []), b""
-            return self._taken(lines, sum(map(len, lines)))
-        *lines, rest = (self._rest + block).split(b"\n")
-        taken = self._taken(lines, sum(map(len, lines)) + len(lines))
+            self._ready, self._rest = ([self._rest] if self._rest else []), b""
+            self._count_dropped()
+            return self._next(unended=len(self._ready))
+        *self._ready, rest = (self._rest + block).split(b"\n")
+        self._count_dropped()
         if len(rest) > LONGEST:  # keep a mark that no parser takes in its stead
             self._dropped += len(rest) - len(TOO_LONG)
             rest = TOO_LONG
         self._rest = rest
-        return taken
+        return self._next()
 
-    def _taken(self, lines: list[bytes], size: int) -> list[bytes]:
-        """Count lines as handed out."""
-        if lines:
-            size, self._dropped = size + self._dropped, 0
-        self.offset += size
+    def _count_dropped(self) -> None:
+        """A line that was too long is now whole and the first to be handed out."""
+        if self._ready:
+            self.offset, self._dropped = self.offset + self._dropped, 0
+
+    def _next(self, unended: int = 0) -> list[bytes]:
+        """Lines that wait, counted as handed out."""
+        lines, self._ready = self._ready[:AT_ONCE], self._ready[AT_ONCE:]
+        self.offset += sum(map(len, lines)) + len(lines) - unended
         self.number += len(lines)
         return lines
 

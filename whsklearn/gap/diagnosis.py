@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
@@ -147,7 +148,11 @@ class Diagnosis:
     figures: tuple[float, float, float] = (0.0, 0.0, 0.0)  # missing share of drive or output: before, after, floor
 
     def as_dict(self) -> dict[str, Any]:
-        """The contract of ``gap.json``."""
+        """The contract of ``gap.json``.
+
+        ``seconds`` is null: what the run took stands in ``run.json`` and on the page, so that the same log and seed
+        give the same bytes here.
+        """
         raw = {
             "verdict": self.verdict,
             "effects": [e.as_dict() for e in self.effects],
@@ -158,13 +163,18 @@ class Diagnosis:
             "noise_floor_rmse": self.floor,
             "closure": self.closure,
             "next_experiment": self.next_experiment,
-            "seconds": self.seconds,
+            "seconds": None,
             "file": self.file,
             "units": self.units,
             "test": self.test,
             "version": __version__,
         }
         return _plain(raw)
+
+    def run(self) -> dict[str, Any]:
+        """What of a run differs from one time to the next: ``run.json``."""
+        now = datetime.now(UTC).isoformat(timespec="seconds")
+        return {"file": self.file, "seconds": self.seconds, "finished": now, "version": __version__}
 
 
 def _plain(value: Any) -> Any:

@@ -1,5 +1,5 @@
 """The report: ``gap.json`` for programs, ``gap.html`` for a person, ``repaired.json`` (or, of a
-MuJoCo model, ``repaired.xml``) with the repaired model.
+MuJoCo model, ``repaired.xml``) with the repaired model, ``run.json`` with date and duration.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ def write_report(diagnosis: Diagnosis, folder: str | os.PathLike[str], model: An
     target = Path(folder)
     target.mkdir(parents=True, exist_ok=True)
     rendered = render(diagnosis).encode()
-    text = json.dumps(diagnosis.as_dict(), indent=2, allow_nan=False)
-    atomic_write(target / "gap.json", (text + "\n").encode())
+    atomic_write(target / "gap.json", _json(diagnosis.as_dict()))
+    atomic_write(target / "run.json", _json(diagnosis.run()))
     for old in ("repaired.json", "repaired.xml"):
         (target / old).unlink(missing_ok=True)
     repaired = as_model(model, diagnosis.pictures.get("units", ("", "")))
@@ -38,3 +38,7 @@ def write_report(diagnosis: Diagnosis, folder: str | os.PathLike[str], model: An
     page = target / "gap.html"
     atomic_write(page, rendered)
     return page
+
+
+def _json(data: dict[str, Any]) -> bytes:
+    return (json.dumps(data, indent=2, allow_nan=False) + "\n").encode()

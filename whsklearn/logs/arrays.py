@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -111,8 +112,12 @@ def open_numpy(path: Path) -> Source:
     flat: dict[str, Any] = {}
     try:
         data = np.load(path, allow_pickle=False)
-        parts = dict(data) if hasattr(data, "files") else {"data": data}
-    except (ValueError, OSError, EOFError, KeyError) as error:
+        if hasattr(data, "files"):
+            with data:
+                parts = dict(data)
+        else:
+            parts = {"data": data}
+    except (ValueError, OSError, EOFError, KeyError, BadZipFile) as error:
         raise _damaged(path, "NumPy", error) from None
     for name, value in parts.items():
         if value.dtype.names:

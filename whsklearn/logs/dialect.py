@@ -5,10 +5,10 @@ from __future__ import annotations
 import re
 from typing import NamedTuple
 
+from whsklearn.logs.cells import is_number, plain
 from whsklearn.logs.units import symbol_of
 
 SEPARATORS = (",", ";", "\t", "|", r"\s+")
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$|[+-]?(nan|inf|infinity)$|$", re.IGNORECASE)
 _DATE = re.compile(r"\d{1,4}[-/.:]\d{1,2}[-/.:]\d{1,4}")
 _COMMENTS = ("#", "%", "//", "!")
 
@@ -53,14 +53,7 @@ def split(line: str, separator: str) -> list[str]:
     cells = (
         text.split() if separator == r"\s+" else re.split(re.escape(separator) + r'(?=(?:[^"]*"[^"]*")*[^"]*$)', text)
     )
-    return [c.strip().strip('"').strip("'").strip() for c in cells]
-
-
-def is_number(cell: str, decimal: str = ".") -> bool:
-    """Whether a cell holds a number, or nothing."""
-    if decimal == ",":
-        cell = cell.replace(",", ".") if "." not in cell else "x"
-    return _NUMBER.match(cell) is not None
+    return [plain(c) for c in cells]
 
 
 def _is_data(cells: list[str], decimal: str) -> bool:
@@ -111,7 +104,10 @@ def _header(
     lines: list[str], rows: list[tuple[int, list[str]]], start: int, width: int, separator: str, decimal: str
 ) -> tuple[list[str] | None, list[str] | None]:
     """Names and units of the columns, from the lines above the data or the last comment."""
-    above = [c for _, c in rows[max(0, start - 2) : start] if len(c) == width and not _is_data(c, decimal)]
+    above = [c for _, c in rows[max(0, start - 2) : start] if not _is_data(c, decimal)]
+    if all(not c[-1] for _, c in rows[start : start + 50]):  # every row ends in a separator, the header may do without
+        above = [[*c, ""] if len(c) == width - 1 else c for c in above]
+    above = [c for c in above if len(c) == width]
     if not above:
         return _commented(lines[: rows[start][0]], width, separator), None
     if len(above) == 2 and _all_units(above[1]):

@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable
 from pathlib import Path
 
-from whsklearn.logs import arrays, recorders, robots, text
+from whsklearn.logs import arrays, objects, packed, recorders, robots, text
 from whsklearn.logs.errors import LogError
 from whsklearn.logs.source import Source
 
@@ -14,7 +14,6 @@ _MAGIC: tuple[tuple[bytes, Callable[[Path], Source]], ...] = (
     (b"PAR1", arrays.open_parquet),
     (b"\x89HDF", arrays.open_hdf5),
     (b"MATLAB", arrays.open_matlab),
-    (b"PK\x03\x04", arrays.open_numpy),
     (b"\x93NUMPY", arrays.open_numpy),
     (b"TDSm", recorders.open_tdms),
     (b"MDF ", recorders.open_mdf),
@@ -37,8 +36,8 @@ def open_source(path: str | os.PathLike[str]) -> Source:
     Parameters
     ----------
     path : str or path
-        A CSV of any dialect (also gzipped), Parquet, MATLAB, HDF5, NumPy, TDMS, MDF4, MCAP or ROS 1 file, or the
-        folder of a ROS 2 bag or of a LeRobot data set.
+        A CSV of any dialect or JSON (also packed: gz, bz2, xz, zip), Parquet, MATLAB, HDF5, NumPy, TDMS, MDF4, MCAP or
+        ROS 1 file, or the folder of a ROS 2 bag or of a LeRobot data set.
 
     Returns
     -------
@@ -77,11 +76,39 @@ def open_source(path: str | os.PathLike[str]) -> Source:
     for magic, reader in _MAGIC:
         if head.startswith(magic):
             return reader(file)
+    if packed.is_packed(head):
+        return _unpacked(file, head)
     ending = _ENDINGS.get(file.suffix.lower())
     if ending is not None and ending is not arrays.open_matlab:
         what = file.suffix.lower().lstrip(".")
         raise LogError(f"{file.name} is empty." if not head else f"{file.name} is no {what} file: it begins otherwise.")
-    return arrays.open_matlab(file) if ending is not None and head else text.open_text(file)
+    if ending is not None and head:
+        return arrays.open_matlab(file)
+    return _of_text(file)
+
+
+def _of_text(path: Path) -> Source:
+    """JSON or a table."""
+    with packed.opened(path) as stream:
+        try:
+            head = stream.read(256)
+        except packed.DAMAGE:
+            head = b""  # said by the reader of tables
+    return objects.open_json(path) if objects.is_json(head) else text.open_text(path)
+
+
+def _unpacked(path: Path, head: bytes) -> Source:
+    """A packed log; NumPy's own archives are ZIP archives of arrays."""
+    if head.startswith(packed.ZIP) and all(n.endswith(".npy") for n in packed.members(path) or [""]):
+        return arrays.open_numpy(path)
+    with packed.opened(path) as stream:
+        try:
+            inside = stream.read(16)
+        except packed.DAMAGE:
+            inside = b""
+    if any(inside.startswith(magic) for magic, _ in _MAGIC):
+        raise LogError(f"{path.name} is packed and no table of text inside; unpack it first.")
+    return _of_text(path)
 
 
 def _folder(path: Path) -> Source:

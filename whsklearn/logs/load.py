@@ -12,7 +12,7 @@ from sklearn.utils import Bunch
 
 from whsklearn.logs import mend
 from whsklearn.logs.check import check_log
-from whsklearn.logs.errors import LogError, LogWarning
+from whsklearn.logs.errors import ColumnError, LogError, LogWarning
 from whsklearn.logs.findings import Finding, LogReport
 from whsklearn.logs.formats import open_source
 from whsklearn.logs.grid import even
@@ -51,8 +51,9 @@ def load_log(
     ----------
     path : str or path
         A text table of any dialect (comma, semicolon, tab or blanks, decimal comma, comments, with or without a header
-        line, gzipped), Parquet, MATLAB, HDF5, NumPy, TDMS, MDF4 or MCAP, a ROS bag or a LeRobot folder. All but text,
-        MATLAB (before 7.3) and NumPy need an extra, which the error names.
+        line), JSON or JSON lines, each also packed (gz, bz2, xz, zip), Parquet, MATLAB, HDF5, NumPy, TDMS, MDF4 or
+        MCAP, a ROS bag or a LeRobot folder. All but text, JSON, MATLAB (before 7.3) and NumPy need an extra, which the
+        error names.
     time : str or int, optional
         Column of the time stamps: numbers, ticks since 1970, or dates. Columns are named or counted from 0. Left out,
         rows are samples at `sample_rate`.
@@ -120,6 +121,10 @@ def load_log(
     given = stated(dict(units or {}))
     source = open_source(path)
     columns = {r: source.resolve(c, r) for r, c in asked.items() if c is not None}
+    if "drive" in columns and columns["drive"] == columns.get("position"):
+        raise ColumnError(
+            f"Column {columns['drive']!r} of {source.name} was named for drive and position; name two columns."
+        )
     table = read_columns(source, columns, given, sample_rate)
     if not resample:
         _refuse(source.name, table)

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 HUGE = 1e100  # no sensor tells more; squares of it overflow
 TINY = 1e-100  # a signal that never exceeds it is zero but for a slip of the unit
+NONE = (999.0, 9999.0, 99999.0, 999999.0)  # what loggers write for no value
+APART = 0.1  # of such a value: all others lie below
 HELD_SECONDS, HELD_ROWS = 1.0, 100  # drive and position without a single change of a digit for so long: not controlled
 LIVELY = 0.5  # share of rows in which the drive changes while the loop is closed
 BRAKED = 0.5  # s; an axis that stops sooner after its drive fell was braked, later it coasted
@@ -33,20 +35,37 @@ def missing_rows(signals: dict[str, Array], columns: dict[str, str]) -> tuple[ND
     """
     bad = np.zeros(len(next(iter(signals.values()))), dtype=bool)
     for values in signals.values():
-        bad |= ~(np.abs(values) < HUGE)
+        bad |= ~(np.abs(values) < HUGE) | no_value(values)
     if bad.size - bad.sum() < 3:
         raise LogError(f"Only {bad.size - bad.sum()} rows hold a number in every column; a log needs 3 at least.")
     if not bad.any():
         return bad, None
     rows = np.flatnonzero(bad)
-    role = next(r for r, v in signals.items() if not abs(v[rows[0]]) < HUGE)
+    role = next(r for r, v in signals.items() if not abs(v[rows[0]]) < HUGE or no_value(v)[rows[0]])
     value = signals[role][rows[0]]
     held = "no number" if math.isnan(value) else f"{value:.3g}"
     text = (
-        f"Column {columns[role]!r} has no finite value at row {rows[0]} ({held}; {rows.size} such rows in all); they "
+        f"Column {columns[role]!r} has no value at row {rows[0]} ({held}; {rows.size} such rows in all); they "
         "were left out and the gaps treated as lost samples."
     )
     return bad, finding("LOG010", "warning", rows, text, rows.size / bad.size)
+
+
+def no_value(values: Array) -> NDArray[np.bool_]:
+    """Samples of 999, -9999 and the like far from all others: a sensor's word for none.
+
+    Examples
+    --------
+    >>> no_value(np.array([0.1, -9999.0, 0.2, 0.3])).tolist(), no_value(np.array([900.0, 999.0])).any()
+    ([False, True, False, False], np.False_)
+    """
+    size = np.abs(values)
+    top = float(np.max(size, where=np.isfinite(values), initial=0.0))
+    if top not in NONE:
+        return np.zeros(values.size, dtype=bool)
+    there = size == top
+    rest = size[~there & np.isfinite(values)]
+    return there if rest.size > there.sum() and rest.max() < APART * top else np.zeros(values.size, dtype=bool)
 
 
 def too_small(role: str, column: str, values: Array) -> None:

@@ -67,6 +67,11 @@ def time_slips(time: Array, unit: str) -> list[Slip]:
     if period >= SLOW:
         text = f"There is one sample every {period:.4g} s: time looks like ms or a count of samples, not s."
         return [Slip(text, "--unit time=ms, or --rate HZ in place of --time")]
+    if period <= FAST and unit == "s":
+        text = (
+            f"There is one sample every {period:.3g} s, faster than any logger: time looks like hours or days, not s."
+        )
+        return [Slip(text, "--rate HZ in place of --time")]
     if period <= FAST:
         return [Slip(f"There is one sample every {period:.3g} s: time looks like s.", "--unit time=s")]
     return []

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
-import gzip
 from collections.abc import Sequence
 from pathlib import Path
-from typing import IO, Any, cast
+from typing import Any
 
 import numpy as np
 
-from whsklearn.logs.dialect import Dialect, dialect_of, is_number
+from whsklearn.logs.cells import as_numbers, is_plain, no_numbers
+from whsklearn.logs.dialect import Dialect, dialect_of
 from whsklearn.logs.errors import LogError
+from whsklearn.logs.packed import DAMAGE, opened
 from whsklearn.logs.source import Column, Source
 from whsklearn.logs.units import symbol_of
 
 HEAD = 1 << 16  # bytes that tell the dialect
 _BLOCK = 1 << 20
 _ROWS = 200_000  # of a chunk
+_FOOTER = 5  # rows at the end that may hold words and not data
+_DATE = r".*\d[-/:.T]\d.*"
 
 
 def open_text(path: Path) -> Source:
@@ -27,13 +30,16 @@ def open_text(path: Path) -> Source:
     LogError
         If it is empty, damaged, binary, or no table of numbers.
     """
-    with _open(path) as file:
-        head = file.read(HEAD)
+    try:
+        with opened(path) as file:
+            head = file.read(HEAD)
+    except DAMAGE as error:
+        raise LogError(f"{path.name} is no whole archive ({error}); copy or pack it again.") from None
     if not head.strip(b"\0 \t\r\n\xef\xbb\xbf"):
         what = "is empty" if not head else "holds nothing but blanks or zero bytes"
         raise LogError(f"{path.name} {what}; record the log again, or give another file.")
     encoding = _encoding(head, path.name)
-    lines = head.decode(encoding, errors="replace").splitlines()
+    lines = _logical(head.decode(encoding, errors="replace").splitlines())
     if len(head) == HEAD and len(lines) > 1:
         lines.pop()
     clean = [t for t in lines if "\0" not in t]
@@ -50,8 +56,15 @@ def open_text(path: Path) -> Source:
     if layout.names is None:
         notes.append(f"The file has no header line; its columns are called 0 to {layout.width - 1}.")
 
+    doubles = [n for i, n in enumerate(names) if n.removesuffix(f".{i}") in names[:i]]
+    if doubles:
+        first = doubles[0].rpartition(".")[0]
+        notes.append(
+            f"Several columns are called {first!r}; the first keeps the name, others are {', '.join(doubles)}."
+        )
+
     def fetch(wanted: Sequence[str]) -> dict[str, Column]:
-        return _read(path, encoding, layout, names, list(wanted), whole)
+        return _read(path, encoding, layout, names, list(wanted), whole, notes)
 
     return Source(path.name, names, fetch, layout.names is not None, units, notes)
 
@@ -60,15 +73,24 @@ def _unit(text: str) -> str:
     return symbol_of(text.strip("[]() ")) or ""
 
 
-def _open(path: Path) -> IO[bytes]:
-    """The file's bytes, unpacked if it is gzipped."""
-    return cast("IO[bytes]", gzip.open(path, "rb")) if path.suffix.lower() == ".gz" else path.open("rb")
+def _logical(lines: list[str]) -> list[str]:
+    """Lines, one for a name in quotes that goes over several, as spreadsheets write them."""
+    out: list[str] = []
+    for line in lines:
+        if out and out[-1].count('"') % 2 and len(out) < 20:
+            out[-1] += " " + line
+        else:
+            out.append(line)
+    return out
 
 
 def _encoding(head: bytes, name: str) -> str:
     """The encoding of a text; a refusal for what is no text."""
     if head.startswith((b"\xff\xfe", b"\xfe\xff")):
         return "utf-16"
+    even, odd = head[:4096:2].count(0), head[1:4096:2].count(0)
+    if max(even, odd) > 0.4 * min(len(head), 4096) / 2 and min(even, odd) < 0.01 * len(head[:4096]):
+        return "utf-16-be" if even > odd else "utf-16-le"  # without the mark that tells
     strange = sum(b < 9 or 13 < b < 32 for b in head.rstrip(b"\0")[:4096])
     if (strange > 0.02 * min(len(head), 4096) and head.rstrip(b"\0")[:4096].count(0) > 8) or strange > 200:
         start = head[:4].decode("latin-1").encode("unicode_escape").decode()
@@ -101,10 +123,10 @@ def _why_none(lines: list[str], name: str) -> str:
 
 def _whole_rows(path: Path, encoding: str, layout: Dialect) -> tuple[int | None, list[str]]:
     """How many rows may be read: all (None), or those above a tail of zero bytes that a power loss left."""
-    if encoding == "utf-16":
+    if encoding.startswith("utf-16"):
         return None, []
     lines, first = 0, None
-    with _open(path) as file:
+    with opened(path) as file:
         while block := file.read(_BLOCK):
             if first is None and b"\0" in block:
                 at = block.index(b"\0")
@@ -122,9 +144,9 @@ def _whole_rows(path: Path, encoding: str, layout: Dialect) -> tuple[int | None,
 
 
 def _read(
-    path: Path, encoding: str, layout: Dialect, names: list[str], wanted: list[str], whole: int | None
+    path: Path, encoding: str, layout: Dialect, names: list[str], wanted: list[str], whole: int | None, notes: list[str]
 ) -> dict[str, Column]:
-    """The columns asked for, as floats where they are numbers, else as text.
+    """The columns asked for, as floats where they are numbers, else as text; what was done is added to `notes`.
 
     The file is read in chunks with all its columns, of which only the wanted ones are kept: with ``usecols`` pandas
     would drop in silence what a row has too much, a decimal comma amid comma-separated cells above all.
@@ -136,7 +158,7 @@ def _read(
         "sep": layout.separator, "decimal": layout.decimal, "header": None, "skiprows": layout.first,
         "skipinitialspace": layout.separator != r"\s+", "comment": layout.comment, "encoding": encoding,
         "names": list(range(layout.width)), "index_col": False, "chunksize": _ROWS, "low_memory": False,
-        "nrows": whole, "compression": "gzip" if path.suffix.lower() == ".gz" else None,
+        "nrows": whole,
     }  # fmt: skip
     types = {i: _type(layout.sample[i] if i < len(layout.sample) else "", layout.decimal) for i in set(numbers)}
     try:
@@ -146,12 +168,52 @@ def _read(
             if isinstance(error, pd.errors.ParserError | UnicodeDecodeError):
                 raise
             parts = _chunks(path, numbers, {**options, "dtype": str})
-    except (pd.errors.ParserError, UnicodeDecodeError, pd.errors.EmptyDataError, EOFError, gzip.BadGzipFile) as error:
+    except (pd.errors.ParserError, UnicodeDecodeError, pd.errors.EmptyDataError, *DAMAGE) as error:
         reason = str(error).strip().rstrip(".")
         raise LogError(
             f"{path.name} is no readable CSV ({reason}); export it again as UTF-8 with one header line."
         ) from None
-    return {w: Column(_numbers(pd.Series(parts[i]), layout.decimal)) for w, i in zip(wanted, numbers, strict=True)}
+    return _typed({names[i]: parts[i] for i in dict.fromkeys(numbers)}, layout.decimal, notes)
+
+
+def _typed(cells: dict[str, Any], decimal: str, notes: list[str]) -> dict[str, Column]:
+    """Floats where all cells of a column are numbers, else the text; words below the data and headers amid it go."""
+    import pandas as pd
+
+    text = {n: pd.Series(v, dtype="string") for n, v in cells.items() if not pd.api.types.is_numeric_dtype(v)}
+    rows = len(next(iter(cells.values())))
+    again = np.zeros(rows, dtype=bool)
+    empty = np.ones(rows, dtype=bool)  # no number and no date in any column
+    for name, cell in cells.items():
+        if name not in text:
+            empty &= np.isnan(cell)
+            continue
+        values = text[name]
+        empty &= as_numbers(values, decimal)[0].isna().to_numpy() & ~_true(values.str.fullmatch(_DATE))
+        again |= _true(values.str.strip().str.strip('"') == name)
+    empty[:-_FOOTER] = False
+    out = again | empty
+    if out.any() and out.sum() < rows:
+        notes.append(
+            f"{out.sum()} row(s) of words amid or below the data were left out, the first is row {out.argmax()}."
+        )
+        cells = {n: v[~out] for n, v in cells.items()}
+        text = {n: v[~out].reset_index(drop=True) for n, v in text.items()}
+    found: dict[str, Column] = {}
+    for name, values in cells.items():
+        if name not in text:
+            found[name] = Column(values)
+            continue
+        numbers, unit, more = as_numbers(text[name], decimal)
+        notes += [m for m in more if m not in notes]
+        whole = not no_numbers(text[name], numbers).any()
+        found[name] = Column(numbers.to_numpy(dtype=float), unit=unit) if whole else Column(values)
+    return found
+
+
+def _true(flags: Any) -> Any:
+    """Flags as booleans, False where there was no cell."""
+    return flags.fillna(False).to_numpy(dtype=bool)
 
 
 def _chunks(path: Path, numbers: list[int], options: dict[str, Any]) -> dict[int, Any]:
@@ -159,7 +221,7 @@ def _chunks(path: Path, numbers: list[int], options: dict[str, Any]) -> dict[int
     import pandas as pd
 
     parts: dict[int, list[Any]] = {i: [] for i in numbers}
-    with pd.read_csv(path, **options) as reader:
+    with opened(path) as file, pd.read_csv(file, **options) as reader:
         for chunk in reader:
             for i in parts:
                 parts[i].append(chunk[i].to_numpy())
@@ -170,19 +232,4 @@ def _type(cell: str, decimal: str) -> type:
     """What a column is read as, going by its first cell: long whole numbers keep their last digits."""
     if len(cell.lstrip("+-")) > 15 and cell.lstrip("+-").isdigit():
         return np.int64
-    return float if is_number(cell, decimal) else str
-
-
-def _numbers(values: Any, decimal: str) -> Any:
-    """Numbers where all of a text column are numbers, else the text."""
-    import pandas as pd
-
-    if pd.api.types.is_numeric_dtype(values):
-        return values.to_numpy()
-    text = values.str.strip()
-    numeric = pd.to_numeric(text.str.replace(",", ".", regex=False) if decimal == "," else text, errors="coerce")
-    words = {"true": 1.0, "false": 0.0}
-    flags = text.str.lower().map(words)
-    if flags.notna().any():
-        numeric = numeric.fillna(flags)
-    return numeric.to_numpy(dtype=float) if not (numeric.isna() & values.notna()).any() else values.to_numpy()
+    return float if is_plain(cell, decimal) else str

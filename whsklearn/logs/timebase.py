@@ -15,10 +15,14 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 LONG_GAP = 5.0  # periods; four lost samples can be drawn across, over more an axis may have turned round
+TURNED = 0.9  # share of steps backwards above which a log is written newest first
 RESTART = 20.0  # periods back; less is rows out of order, as two threads write them
 _SINCE_1970 = (  # stamps between 2001 and 2100, by what they count
     ("s", 1e9, 4.2e9, 1.0), ("ms", 1e12, 4.2e12, 1e-3), ("us", 1e15, 4.2e15, 1e-6), ("ns", 1e18, 4.2e18, 1e-9),
 )  # fmt: skip
+_DAYS = (2e4, 8e4)  # days since 1900 between 1954 and 2119, as spreadsheets count
+_FASTEST = 2e-6  # s; what steps less is counted in a longer unit
+_COUNTERS = (2.0**16, 2.0**24, 2.0**32)  # ticks at which a counter begins anew
 _FACTORS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 
@@ -60,7 +64,29 @@ def to_seconds(values: NDArray[Any], unit: str, column: str) -> tuple[Array, tup
             note = f"Column {column!r} holds {name} since 1970; time begins at 0 with the first row."
             # Differences before the factor: 1.7e18 ns as a double is 256 ns coarse.
             return (values - start).astype(float) * factor, (Finding("LOG015", "info", note),)
-    return values.astype(float) * _FACTORS.get(unit, 1.0), ()
+    values = values.astype(float)
+    if _DAYS[0] <= first < _DAYS[1] and 0.0 < np.nanmedian(np.abs(np.diff(values))) < _FASTEST:
+        note = f"Column {column!r} holds days, as spreadsheets count them; time begins at 0 with the first row."
+        return (values - first) * 86400.0, (Finding("LOG015", "info", note),)
+    values, found = _unwound(values, column)
+    return values * _FACTORS.get(unit, 1.0), found
+
+
+def _unwound(values: Array, column: str) -> tuple[Array, tuple[Finding, ...]]:
+    """Ticks of a counter of 16, 24 or 32 bits that began anew, counted on."""
+    step = np.diff(values)
+    falls = np.flatnonzero(step < 0)
+    if not falls.size or not np.all(np.isfinite(values)):
+        return values, ()
+    usual = float(np.median(step))
+    for size in _COUNTERS:
+        if values.min() >= 0 and values.max() < size and np.all(np.abs(step[falls] + size - usual) <= 5.0 * usual):
+            text = (
+                f"The counter of column {column!r} begins anew at {size:.0f}, first at row {falls[0] + 1}; counted on."
+            )
+            out = values + size * np.r_[0.0, np.cumsum(step < 0)]
+            return out, (finding("LOG015", "info", falls + 1, text),)
+    return values, ()
 
 
 def _from_first(stamps: NDArray[Any]) -> Array:
@@ -84,6 +110,7 @@ def _dates(values: NDArray[Any], column: str) -> tuple[Array, tuple[Finding, ...
         attempts = ()
         try:
             since = pd.to_timedelta(text).dt.total_seconds().to_numpy(dtype=float)
+            since = since + 86400.0 * np.r_[0.0, np.cumsum(np.diff(since) < -43200.0)]  # over midnight
             return since - since[np.isfinite(since)][0], (_read_as_dates(column),)
         except (ValueError, TypeError):
             pass
@@ -129,6 +156,10 @@ def in_order(time: Array, same_rows: NDArray[np.bool_], rows: NDArray[np.intp]) 
         If fewer than three stamps increase.
     """
     found: list[Finding] = []
+    turned = np.mean(np.diff(time) < 0) > TURNED
+    if turned:
+        time, rows, same_rows = time[::-1], rows[::-1], same_rows[::-1]
+        found.append(Finding("LOG004", "warning", "The newest row stands first; the rows were turned round."))
     step = np.diff(time)
     rising = step[step > 0]
     period = float(np.median(rising)) if rising.size else 0.0

@@ -20,6 +20,7 @@ import json
 import math
 import os
 import re
+import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from importlib.metadata import version
@@ -211,15 +212,20 @@ class Tracker:
             status = "FINISHED"
         except KeyboardInterrupt:
             status = "KILLED"
-            run.log_tags({"reason": "interrupted"})
+            with contextlib.suppress(TrackingError):
+                run.log_tags({"reason": "interrupted"})
+            raise
+        except TrackingError:  # what failed is the record itself; a locked database makes every further try wait
             raise
         except BaseException as error:
-            run.log_tags({"reason": f"{type(error).__name__}: {store.sentence(error)}"})
+            with contextlib.suppress(TrackingError):
+                run.log_tags({"reason": f"{type(error).__name__}: {store.sentence(error)}"})
             raise
         finally:
             with contextlib.suppress(Exception) if status != "FINISHED" else contextlib.nullcontext():
-                run.flush()
-            self.client.set_terminated(run.id, status)
+                if not isinstance(sys.exception(), TrackingError):
+                    run.flush()
+                self.client.set_terminated(run.id, status)
 
 
 class Run:

@@ -122,7 +122,8 @@ class InSentences:
         @functools.wraps(value)
         def call(*args: Any, **kwargs: Any) -> Any:
             try:
-                return value(*args, **kwargs)
+                with quiet(logging.CRITICAL):  # what fails is said below, in a sentence and not in a traceback
+                    return value(*args, **kwargs)
             except Exception as error:
                 raise TrackingError(
                     f"The record at {public(self._client.tracking_uri)} cannot be written ({sentence(error)}); what "
@@ -178,7 +179,7 @@ class _OfThisThread(io.TextIOBase):
 
 
 @contextlib.contextmanager
-def quiet() -> Iterator[None]:
+def quiet(least: int = logging.ERROR) -> Iterator[None]:
     """Keep MLflow's chatter about itself from the terminal: migrations, versions, its own type hints."""
     loggers = [logging.getLogger(n) for n in ("mlflow", "alembic")]
     levels = [logger.level for logger in loggers]
@@ -186,7 +187,7 @@ def quiet() -> Iterator[None]:
         warnings.filterwarnings("ignore", message=".*Any type hint is inferred as AnyType", category=UserWarning)
         try:
             for logger in loggers:
-                logger.setLevel(logging.ERROR)
+                logger.setLevel(least)
             with contextlib.redirect_stderr(_OfThisThread()):  # type: ignore[type-var]
                 yield
         finally:

@@ -1,0 +1,69 @@
+"""Packed logs: gzip, bzip2, xz by their first bytes, and a ZIP archive with one log in it."""
+
+from __future__ import annotations
+
+import bz2
+import gzip
+import lzma
+import zipfile
+import zlib
+from pathlib import Path
+from typing import IO, Any, cast
+
+from whsklearn.logs.errors import LogError
+
+DAMAGE = (EOFError, gzip.BadGzipFile, lzma.LZMAError, zlib.error, zipfile.BadZipFile)
+_OPENERS: dict[bytes, Any] = {b"\x1f\x8b": gzip.open, b"BZh": bz2.open, b"\xfd7zXZ": lzma.open}
+ZIP = b"PK\x03\x04"
+
+
+def opened(path: Path) -> IO[bytes]:
+    """The bytes of a log, unpacked."""
+    with path.open("rb") as file:
+        head = file.read(8)
+    for magic, opener in _OPENERS.items():
+        if head.startswith(magic):
+            return cast("IO[bytes]", opener(path, "rb"))
+    if head.startswith(ZIP):
+        return zipfile.ZipFile(path).open(member(path))
+    return path.open("rb")
+
+
+def is_packed(head: bytes) -> bool:
+    """Whether a file's first bytes are those of a packed one."""
+    return head.startswith((*_OPENERS, ZIP))
+
+
+def members(path: Path) -> list[str]:
+    """The files in a ZIP archive, without what file managers leave there.
+
+    Raises
+    ------
+    LogError
+        If the archive is damaged.
+    """
+    try:
+        with zipfile.ZipFile(path) as archive:
+            names = [i.filename for i in archive.infolist() if not i.is_dir()]
+    except DAMAGE as error:
+        raise LogError(f"{path.name} is no whole ZIP archive ({error}); copy or pack it again.") from None
+    return [n for n in names if not n.startswith("__MACOSX/") and not Path(n).name.startswith(".")]
+
+
+def member(path: Path) -> str:
+    """The one log in a ZIP archive.
+
+    Raises
+    ------
+    LogError
+        If there is none, or more than one file.
+    """
+    names = members(path)
+    if "[Content_Types].xml" in names:
+        raise LogError(f"{path.name} is a spreadsheet; save its sheet as CSV.")
+    if len(names) != 1:
+        there = ", ".join(names[:8]) or "nothing"
+        raise LogError(
+            f"{path.name} holds {len(names)} files ({there}); unpack the log that is meant and give its path."
+        )
+    return names[0]
