@@ -115,7 +115,8 @@ def _verdict(
     total = closure(gap, after, floor)
     if view.limits.run_counts or view.demand(found.model) > 0.0:  # knocks a sample early or late are no path
         total = max(total, headline["closure"])
-    still = plant.follows(found.model)
+    at_floor = view.quiet(found.model, plant.tolerance * plant.scale)
+    still = 0.0 if at_floor else plant.follows(found.model)
     rivals, shares, same = rivals_of(plant, found, rng)
     names = list(dict.fromkeys(t.name for t in found.model.terms[found.model.n_base :]))
     verdict = verdict_of(names, total, rivals, quiet=bool(quiet), follows=1.0, left=left, still=still)

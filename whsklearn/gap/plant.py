@@ -167,6 +167,9 @@ class View(Protocol):
     def family(self, model: Any) -> Iterable[Trial]:
         """Further members of the last term's family (orders of a wave), each earned; empty for most effects."""
 
+    def trimmed(self, model: Any) -> Any:
+        """The same view without a stretch of the record that follows another law than the rest; mostly itself."""
+
     def surrogate(self, model: Any, rng: np.random.Generator) -> Any:
         """The same view of a record that the model itself made in the same experiment: nothing is missing in it."""
 
@@ -285,6 +288,10 @@ class ViewDefaults:
     def family(self, model: Any) -> Iterable[Trial]:
         """None: further orders are candidates like any other."""
         return ()
+
+    def trimmed(self, model: Any) -> Any:
+        """The view itself."""
+        return self
 
     def alike(self, a: Any, b: Any) -> bool:
         """No two effects are one and the same but for `Plant.aliases`."""

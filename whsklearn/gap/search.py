@@ -95,14 +95,14 @@ class Search:
         try:
             view = self.plant.view(base, None)
             while view is not None:
-                self._through(view, found)
+                view = self._through(view, found)
                 view = self.plant.view(found.model, view)
         except KeyboardInterrupt:
             found.interrupted = True
         return found
 
-    def _through(self, view: Any, found: Found) -> None:
-        """One view, to its end."""
+    def _through(self, view: Any, found: Found) -> Any:
+        """One view, to its end; returns it, trimmed where a stretch of the record follows another law."""
         found.model = view.fit(found.model)
         if not found.taken:
             found.base = found.model
@@ -122,14 +122,24 @@ class Search:
             if taken is None:
                 break
             found.add(taken, evidence, view)
-            for trial in view.family(found.model):
-                found.add(weigh(view, found.model, [trial])[0], [], view)
+            self._grow(view, found)
+            whole, view = view, view.trimmed(found.model)
+            if view is not whole:
+                found.views = [view if v is whole else v for v in found.views]
+                found.model, found.base = view.fit(found.model), view.fit(found.base)
+                self._grow(view, found)
             if self.on_round is not None:
                 self.on_round(found.rounds[-1])
             if len(found.taken) > 1:
                 self._exchange(view, found, null)
         if len(found.taken) > max(n_before, 1):
             self._prune(view, found, null)
+        return view
+
+    def _grow(self, view: Any, found: Found) -> None:
+        """Further members of the last effect's family."""
+        for trial in view.family(found.model):
+            found.add(weigh(view, found.model, [trial])[0], [], view)
 
     def try_all(self, view: Any, model: Any) -> tuple[list[Look], list[Evidence]]:
         """(all looks, evidence of the refined ones) on top of a model."""

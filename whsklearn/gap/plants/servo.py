@@ -29,6 +29,9 @@ from whsklearn.gap.record import ServoRecord
 Array = NDArray[Any]
 LARGE_GAP = 0.2  # of the variation of the drive: above, a wrong model carries the observer's estimate along and hides
 # what it lacks; blind records with effects of up to 15 % of the drive are named by the observer without error
+DRIFTS = (
+    1.5  # times the gap of inverse dynamics, behind a filter that lets less through: LAAS 2.7, blind records below 1.1
+)
 WIDER = 1.25  # cut-off over the one before for a second pass of inverse dynamics
 
 
@@ -49,8 +52,8 @@ class ServoPlant(PlantDefaults):
     inverse: InverseView
     observer: ObserverView
     whole = "drive"
-    horizons = (0.1, 0.5, 2.0)
-    headline = 0.5
+    horizons: tuple[float, ...] = (0.1, 0.5, 2.0)
+    headline = servo_free_run.LONGEST
 
     def __init__(self, record: ServoRecord, law: tuple[str, ...], given_model: Any, tolerance: float):
         self.record, self.law, self.given_model, self.tolerance = record, law, given_model, tolerance
@@ -96,6 +99,8 @@ class ServoPlant(PlantDefaults):
             return None
         if after is None and self.large(model):
             return self.inverse
+        if isinstance(after, InverseView):
+            self.inverse = after
         if isinstance(after, InverseView) and model.added and self.large(model):
             other = best_view(after, model, self.tolerance)
             if other.cutoff > WIDER * after.cutoff:
@@ -106,7 +111,19 @@ class ServoPlant(PlantDefaults):
         if isinstance(after, InverseView) and model.added:  # the inertia beside what was missing is the true one
             scene = dataclasses.replace(model.scene, inertia=model.inertia)
             self.observer = observer_view(self.record, scene, after.start, tolerance=self.tolerance)
+            if self.lost(model):
+                return None
         return self.observer
+
+    def lost(self, model: AxisModel) -> bool:
+        """Whether the observer's model leaves the record's path, and so sees more missing torque than there is.
+
+        Both views measure the same torque.  Under fast feedback, friction is known too badly for any model to run on
+        the drive alone (a motor whose inertia is a few milliseconds of its drive), and what the observer then calls
+        missing torque is its own drift.
+        """
+        seen = self.observer.rms(self.observer.gap(model))
+        return seen > DRIFTS * self.inverse.rms(self.inverse.gap(model))
 
     def judging(self, base: AxisModel) -> Any:
         """Inverse dynamics if the base model lacks much, the observer otherwise."""
@@ -120,10 +137,21 @@ class ServoPlant(PlantDefaults):
         return other
 
     def settle(self, model: AxisModel) -> AxisModel:
-        """The numbers for simulation: the model as found, or refitted by the observer, whichever runs freely better."""
+        """The numbers for simulation: the model as found, or refitted by the observer, whichever runs freely better.
+
+        The horizon of the proof is settled with them.
+        """
+        self.headline, self.horizons = self._horizons(model)
         if not self.large(model):
             return model
         return min((model, self.observer.fit(model)), key=lambda m: servo_free_run.train_error(self.observer, m, 0.5))
+
+    def _horizons(self, model: AxisModel) -> tuple[float, tuple[float, ...]]:
+        """(headline, all) horizons at which this model can be simulated at all (`servo_free_run.predictable`)."""
+        twin = self.surrogate(model, np.random.default_rng(0))
+        longest = servo_free_run.horizon_of(model, model.scene, self.tolerance)
+        headline = servo_free_run.predictable(twin.observer, model, longest)
+        return headline, (headline / 5.0, headline, 4.0 * headline)
 
     def follows(self, model: AxisModel) -> float:
         """Share of the gap that nameless functions of the motion predict; 0 beside a play.
@@ -212,8 +240,13 @@ class ServoPlant(PlantDefaults):
 
     def notes(self, base: AxisModel, model: AxisModel) -> list[str]:
         """Remarks on how the record was used."""
-        view = self.observer
-        return [
+        view, skipped = self.observer, self.inverse.skipped
+        left_out = (
+            f"{max(skipped[0], 0.0):.3g} to {skipped[1]:.3g} s follow another law than the rest: left out."
+            if skipped
+            else ""
+        )
+        return ([left_out] if left_out else []) + [
             f"Position noise {view.noise:.3g} {self.units[1]} (from sixth differences); the gap is seen "
             f"up to {view.filter.cutoff:.1f} Hz, where that noise makes {100 * view.floor() / self.scale:.2f} % "
             "of the rms drive.",

@@ -7,6 +7,7 @@ of the model as it was held near the record until then.
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -16,32 +17,91 @@ from whsklearn.gap.axis_model import AxisModel
 from whsklearn.gap.record import blocks
 
 Array = NDArray[Any]
+WINDOWS = (0.08, 0.04, 0.02, 0.01, 0.005)  # s
+OWN_MOTION = (
+    0.2  # of the rms speed that a model's own motion may differ from its smoothed self: a play's knocks reach 0.1
+)
+LONGEST = 0.5  # s
+SHORTER = (0.2, 0.1, 0.05, 0.02, 0.01, 0.005)  # s
+OWN_ERROR = 0.1  # of the path of a horizon that a model may miss of its own record by the noise of the restarts
+OFF_PATH = 0.05  # of the path that a run may leave by a torque that is worth no name
 
 
-def smoothed(position: Array, dt: float) -> tuple[Array, Array]:
-    """Position and velocity by local polynomials of degree 4 over 80 ms (Savitzky, Golay 1964)."""
+def smoothed(position: Array, dt: float, width: int) -> tuple[Array, Array]:
+    """Position and velocity by local polynomials of degree 4 over ``width`` samples (Savitzky, Golay 1964)."""
     from scipy.signal import savgol_filter
 
-    width = max(7, 2 * round(0.04 / dt) + 1)
     return savgol_filter(position, width, 4), savgol_filter(position, width, 4, deriv=1, delta=dt)
+
+
+def smoothing_width(position: Array, dt: float, noise: float) -> int:
+    """The widest window, in samples, that takes no more off the velocity than noise does.
+
+    A narrow window's velocity differs from a wide one's by its own noise, known from the window's weights, and by what
+    the wide one smooths away; the wide one goes while that is the smaller part (the rule of Lepski 1991 for a choice
+    of bandwidth).  A motor that cogs at 70 Hz under a stiff loop would else start every run a radian a second wrong.
+    """
+    from scipy.signal import savgol_coeffs
+
+    widths = sorted({max(7, 2 * round(w / 2 / dt) + 1) for w in WINDOWS}, reverse=True)
+    for wide, narrow in pairwise(widths):
+        apart = smoothed(position, dt, wide)[1] - smoothed(position, dt, narrow)[1]
+        own = noise * float(np.linalg.norm(savgol_coeffs(narrow, 4, deriv=1, delta=dt)))
+        if float(np.mean(apart[wide:-wide] ** 2)) < 2.0 * own**2:
+            return wide
+    return widths[-1]
 
 
 def restart_states(view: Any, model: AxisModel) -> tuple[tuple[Array, Array], Array]:
     """((angle, velocity), twist of the coupling with its rate) from which a run starts at any sample.
 
     The measurement smoothed, plus what sensor and smoothing take off the same model's own motion while it is held
-    near the record: the knocks of a play are faster than any smoother that keeps the noise out.
+    near the record: the knocks of a play are faster than any smoother that keeps the noise out.  A model that cannot be
+    held near the record has no say in where it starts.
     """
     dt = view.scene.dt
-    q, v = smoothed(view.record.position, dt)
+    width = smoothing_width(view.record.position, dt, view.noise)
+    q, v = smoothed(view.record.position, dt, width)
     y_hat, angle, speed, twist = view.held_near(model)
     folded = any(t.kind.name == "sensor_rectification" for t in model.terms)  # unfolded at the restart
     if folded or not (np.all(np.isfinite(y_hat)) and np.all(np.isfinite(twist))):
         return (q, v), np.zeros((0, 2))
-    own_q, own_v = smoothed(y_hat, dt)
+    own_q, own_v = smoothed(y_hat, dt, width)
     if model.load_side:
         angle, speed = angle - twist[:, 0], speed - twist[:, 1]
+    if float(np.sqrt(np.mean((speed - own_v) ** 2))) > OWN_MOTION * view.scene.speed:
+        return (q, v), np.zeros((0, 2))
     return (q + angle - own_q, v + speed - own_v), twist
+
+
+def horizon_of(model: AxisModel, scene: Any, tolerance: float) -> float:
+    """The longest horizon in s, 0.5 at the most, over which a torque not worth a name leaves a run near the path.
+
+    ``tolerance`` of the rms drive pushes an axis off by tau h^2 / (2 J) or, where viscous friction holds it, tau h / B;
+    the path over h is v h long.  Friction of a motor is never known better, so a longer run shows drift only.
+    """
+    viscous = sum(t.q[0] for t in model.terms if t.name == "viscous")
+    error = tolerance * scene.torque
+    if error <= OFF_PATH * viscous * scene.speed:
+        return LONGEST
+    longest = 2.0 * OFF_PATH * scene.speed * model.inertia / error
+    digits = 10.0 ** np.floor(np.log10(longest))
+    return float(np.clip(round(longest / digits) * digits, 10 * scene.dt, LONGEST))
+
+
+def predictable(twin: Any, model: AxisModel, longest: float) -> float:
+    """The longest horizon up to ``longest`` (s) over which the model predicts a record that it made itself.
+
+    Where a motion runs over unstable places (a motor that cogs under a soft drive tips from tooth to tooth), the noise
+    of a restart grows until a run shows nothing, whatever the model.
+    """
+    horizons = [longest, *(h for h in SHORTER if 10 * model.scene.dt <= h < longest)]
+    held = held_out(twin)
+    for h in horizons:
+        e = (twin.record.position - free_run(twin, model, h))[held]
+        if np.all(np.isfinite(e)) and float(np.sqrt(np.mean(e**2))) < OWN_ERROR * h * model.scene.speed:
+            return h
+    return longest
 
 
 def free_run(view: Any, model: AxisModel, horizon: float) -> Array:

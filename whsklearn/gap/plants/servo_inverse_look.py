@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
@@ -98,12 +99,15 @@ def term_gain(view: Any, base: Base, term: Term) -> float:
     return base.gain(view.term_columns(base.model, term, base.torque)[view.at])
 
 
-def scan_orders(view: Any, base: Base, kind: Candidate) -> list[float]:
-    """The best whole order and the best of all, on the decimated motion: a wave is damped by exp(-(k v s)^2 / 2)."""
+def scan_orders(view: Any, base: Base, kind: Candidate, without: Collection[float] = ()) -> list[float]:
+    """The best whole order but those ``without``, and the best of all, on the decimated motion.
+
+    A wave is damped by exp(-(k v s)^2 / 2).
+    """
     low = kind.ranged(view.scene)[0][0]
     speed = max(float(np.median(np.abs(view.motion.velocity))), 1e-9)
     high = float(np.clip(2 * np.pi * 1.5 * view.cutoff / speed, 4.0 * max(low, 1.0), HIGHEST))
-    whole = np.arange(np.ceil(low), high + 1)
+    whole = np.array([o for o in np.arange(np.ceil(low), high + 1) if o not in without])
     step = max(0.2 * np.pi / view.scene.reach, high / 300)
     grid = np.arange(low, high, step)
     gains = {}
@@ -206,10 +210,11 @@ def polished(view: Any, model: AxisModel, term: Term) -> AxisModel:
 
 
 def next_order(view: Any, model: AxisModel, kind: Candidate) -> AxisModel | None:
-    """The model with the best further order of a family."""
+    """The model with the best further order of a family; beside whole orders only whole ones belong to it."""
     base = Base(view, model)
     present = {round(t.q[2], 2) for t in model.terms if t.kind == kind}
-    orders = [o for o in scan_orders(view, base, kind) if round(o, 2) not in present]
+    whole = all(o.is_integer() for o in present)
+    orders = [o for o in scan_orders(view, base, kind, present) if o.is_integer() or not whole]
     if not orders:
         return None
     best = max(orders, key=lambda o: term_gain(view, base, Term(kind, (0.0, 0.0, o))))
