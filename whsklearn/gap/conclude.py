@@ -47,7 +47,7 @@ def conclude(plant: Any, found: Found, rng: np.random.Generator, say: Callable[[
         e.units = plant.units
     diagnosis.notes = plant.notes(found.base, found.model)
     diagnosis.pictures = plant.pictures(found.base, found.model)
-    diagnosis.horizon_unit = plant.horizon_unit
+    diagnosis.horizon, diagnosis.horizon_unit = plant.headline, plant.horizon_unit
     before, after, floor = (x / plant.scale for x in plant.figures(found.base, found.model))
     diagnosis.figures = (before, after, floor)
     diagnosis.sentence = summary(diagnosis, plant)

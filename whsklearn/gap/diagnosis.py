@@ -8,9 +8,12 @@ from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from whsklearn import __version__
 from whsklearn.gap.localisation import Place
+
+MAP_POINTS = 1440  # of a map over one turn: four to a degree, nine to a period of the highest order looked for
 
 
 @dataclass
@@ -55,7 +58,7 @@ class NamedEffect:
         return {in_units(k, self.units): v for k, v in self.standard_errors.items()}
 
     def as_dict(self) -> dict[str, Any]:
-        """For the report's file."""
+        """For the report's file; a family of waves has its orders and its map over one turn besides."""
         return {
             "name": self.name,
             "place": self.effect.place,
@@ -65,7 +68,45 @@ class NamedEffect:
             "delta_bic": self.delta_bic,
             "confidence": self.confidence,
             "aliases": self.aliases,
-        }
+        } | ({"orders": self.family, "map": self.map_over_turn()} if self.of_orders else {})
+
+    @property
+    def of_orders(self) -> bool:
+        """Whether it is a family of waves over the angle."""
+        return bool(self.orders) and hasattr(self.effect, "order")
+
+    @property
+    def family(self) -> list[dict[str, float]]:
+        """Order, amplitude, phase (rad) and the amplitude's standard error of every member, the largest first."""
+        rows = []
+        for e in (self, *self.orders):
+            label, amplitude = next(iter(e.parameters.items()))
+            order, phase = e.effect.order, e.effect.phase
+            rows.append(
+                {"order": order, "amplitude": amplitude, "phase_rad": phase, "standard_error": e.errors.get(label, 0.0)}
+            )
+        return sorted(rows, key=lambda r: -abs(r["amplitude"]))
+
+    def map_over_turn(self) -> dict[str, list[float]]:
+        """The sum of the family over one turn, at `MAP_POINTS` angles in rad.
+
+        Examples
+        --------
+        >>> from whsklearn.effects import Cogging
+        >>> more = NamedEffect(Cogging(0.1, order=8.0), {}, 0.0, 1.0, 1.0)
+        >>> one = NamedEffect(Cogging(0.3, order=4.0), {}, 0.0, 1.0, 1.0)
+        >>> two = NamedEffect(Cogging(0.3, order=4.0), {}, 0.0, 1.0, 1.0, orders=[more])
+        >>> max(one.map_over_turn()["value"]), max(two.map_over_turn()["value"])
+        (0.3, 0.4)
+        """
+        angle = np.arange(MAP_POINTS) * 2 * np.pi / MAP_POINTS
+        value = sum(wave_over(e.effect, angle) for e in (self, *self.orders))
+        return {"angle_rad": angle.tolist(), "value": np.asarray(value).tolist()}
+
+
+def wave_over(effect: Any, angle: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A wave of the angle by its amplitude, order and phase, shape (n,)."""
+    return effect.magnitude * np.cos(effect.order * angle + effect.phase)
 
 
 def in_units(label: str, units: tuple[str, str]) -> str:
@@ -132,6 +173,7 @@ class Diagnosis:
     seconds: float = 0.0
     problems: list[Any] = field(default_factory=list)
     horizons: list[dict[str, float]] = field(default_factory=list)
+    horizon: float = 0.0  # of the free runs of the first line
     horizon_unit: str = "s"
     shortfall: str = ""
     rounds: list[dict[str, Any]] = field(default_factory=list)
@@ -168,6 +210,9 @@ class Diagnosis:
             "units": self.units,
             "test": self.test,
             "version": __version__,
+            "missing": dict(zip(("before", "after", "floor"), self.figures, strict=True)),
+            "base": self.base_parameters,
+            "horizon": self.horizon,
         }
         return _plain(raw)
 

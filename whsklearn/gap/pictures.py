@@ -25,7 +25,9 @@ def draw(d: Diagnosis) -> list[tuple[str, str, str]]:
     out = []
     chain = "window" in d.pictures  # runs freely, in samples
     worst = (
-        "The worst held-out stretch, run freely." if chain else "The worst two held-out seconds, restarted every 0.5 s."
+        "The worst held-out stretch, run freely."
+        if chain
+        else f"The held-out stretch of {width_of(d):.3g} s that is worst, restarted every {d.horizon:g} s."
     )
     for title, caption, painter in (
         ("Simulation and measurement", worst, _overlay),
@@ -37,12 +39,18 @@ def draw(d: Diagnosis) -> list[tuple[str, str, str]]:
         ),
         ("Candidates", "Evidence of each against what chance and noise may reach (dashed).", _candidates),
         ("Frequency", "Amplitude spectrum of the gap.", _spectrum),
+        ("Map over one turn", "The sum of all orders of a family by the angle in the turn.", _map),
         ("Order", "Amplitude by periods a turn: a line here is tied to the angle.", _orders),
     ):
         image = _paint(painter, d)
         if image:
             out.append((title, caption, image))
     return out
+
+
+def width_of(d: Diagnosis) -> float:
+    """Seconds of the overlay: `WINDOW`, or ten restarts where these are short."""
+    return min(WINDOW, 10.0 * d.horizon) if d.horizon else WINDOW
 
 
 def _paint(painter: Callable[[Any, Diagnosis], bool], d: Diagnosis) -> str:
@@ -68,7 +76,7 @@ def _overlay(axes: Any, d: Diagnosis) -> bool:
     p = d.pictures
     t, y, held = p["time"], p["measured"], p["held"]
     error = np.where(held, np.abs(y - p["runs"]["before"]), 0.0)
-    width = p.get("window", max(2, int(WINDOW / (t[1] - t[0]))))
+    width = p.get("window", max(2, int(width_of(d) / (t[1] - t[0]))))
     power = np.convolve(error**2, np.ones(width), mode="valid")
     first = int(np.argmax(power)) if power.size else 0
     part = slice(first, first + width)
@@ -152,6 +160,18 @@ def _spectrum(axes: Any, d: Diagnosis) -> bool:
     )
     axes.legend(frameon=False, fontsize=8)
     return True
+
+
+def _map(axes: Any, d: Diagnosis) -> bool:
+    families = [e for e in d.effects if e.of_orders]
+    for e, colour in zip(families, (AFTER, BEFORE, MEASURED), strict=False):
+        over = e.map_over_turn()
+        axes.plot(np.rad2deg(over["angle_rad"]), over["value"], color=colour, lw=0.8, label=e.name.replace("_", " "))
+    axes.axhline(0, color=FLOOR, lw=0.6)
+    axes.set(xlabel="angle in the turn (deg)", ylabel=titled("size", d.pictures["units"][0]), xlim=(0, 360))
+    axes.set_xticks(range(0, 361, 60))
+    axes.legend(frameon=False, fontsize=8)
+    return bool(families)
 
 
 def _orders(axes: Any, d: Diagnosis) -> bool:

@@ -308,8 +308,11 @@ def _mended(name: str, table: _Table) -> Bunch:
 
 
 def _motions(signals: dict[str, Array], units: Mapping[str, str]) -> tuple[dict[str, Array], list[Finding]]:
-    """Wrapped angles unwrapped."""
+    """Wrapped angles unwrapped, a drive logged without its sign signed."""
     found, out = [], dict(signals)
+    if "drive" in signals:
+        out["drive"], told = mend.signed("drive", signals["drive"])
+        found += [told] if told is not None else []
     for role in ("position", "reference", "command"):
         if role in signals and (turn := mend.turn_in(signals[role], units.get(role, UNKNOWN))) is not None:
             out[role], text = mend.unwrap(role, signals[role], turn)

@@ -125,6 +125,32 @@ def unwrap(role: str, values: Array, turn: float) -> tuple[Array, Finding]:
     return out, finding("LOG012", "info", leaps, text, turn)
 
 
+def signed(role: str, values: Array) -> tuple[Array, Finding | None]:
+    """Whole numbers of 8, 16 or 32 bits whose negative ones were logged as large positive ones, brought back.
+
+    Two's complement leaves its mark: the values fill both ends of the range and leave the middle half empty.
+
+    Examples
+    --------
+    >>> signed("drive", np.array([3.0, 1.0, 65535.0, 65530.0, 2.0]))[0]
+    array([ 3.,  1., -1., -6.,  2.])
+    """
+    if values.size == 0 or values.min() < 0 or not np.all(values == np.round(values)):
+        return values, None
+    for bits in (8, 16, 32):
+        whole = 2.0**bits
+        if 0.75 * whole < values.max() < whole:
+            negative = values > 0.5 * whole
+            middle = (values > 0.25 * whole) & (values < 0.75 * whole)
+            if middle.any() or negative.all():
+                return values, None
+            text = f"The {role} holds {bits}-bit numbers above {whole / 2:.0f}, which are negative: less {whole:.0f}."
+            return np.where(negative, values - whole, values), finding(
+                "LOG021", "info", np.flatnonzero(negative), text, whole
+            )
+    return values, None
+
+
 def held(time: Array, drive: Array, position: Array) -> tuple[NDArray[np.bool_], Finding | None]:
     """Rows in which nothing was controlled: an emergency stop, a brake, a disabled drive.
 
