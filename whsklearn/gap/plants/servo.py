@@ -115,6 +115,14 @@ class ServoPlant(PlantDefaults):
                 return None
         return self.observer
 
+    def coarse(self, model: AxisModel) -> bool:
+        """Whether only inverse dynamics shows what this model lacks."""
+        return self.large(model) or (bool(model.added) and self.lost(model))
+
+    def trusted(self, model: AxisModel) -> InverseView | ObserverView:
+        """The view that judges this model."""
+        return self.inverse if self.coarse(model) else self.observer
+
     def lost(self, model: AxisModel) -> bool:
         """Whether the observer's model leaves the record's path, and so sees more missing torque than there is.
 
@@ -142,7 +150,7 @@ class ServoPlant(PlantDefaults):
         The horizon of the proof is settled with them.
         """
         self.headline, self.horizons = self._horizons(model)
-        if not self.large(model):
+        if not self.coarse(model):
             return model
         return min((model, self.observer.fit(model)), key=lambda m: servo_free_run.train_error(self.observer, m, 0.5))
 
@@ -158,7 +166,7 @@ class ServoPlant(PlantDefaults):
 
         The knocks of a play come a sample early or late: torque for an instant, and no path.
         """
-        return 0.0 if model.has_play else explainable(self.inverse if self.large(model) else self.observer, model)
+        return 0.0 if model.has_play else explainable(self.trusted(model), model)
 
     def read_off(self, model: AxisModel) -> list[Any]:
         """A coarse encoder, a folded sensor: what no missing torque shows; looked for where that shows nothing."""
@@ -181,8 +189,8 @@ class ServoPlant(PlantDefaults):
         return get_effect(name).commoner
 
     def linearised(self, model: AxisModel) -> Linearised:
-        """Of the observer's whitened training residual."""
-        return (self.inverse if self.large(model) else self.observer).linearised(model)
+        """Of the residual of the view that is to be trusted."""
+        return self.trusted(model).linearised(model)
 
     def as_given(self, base: AxisModel) -> tuple[ServoPlant, AxisModel]:
         """The record as it was given, before a folded reading was unfolded, and its base model."""
