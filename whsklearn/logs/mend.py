@@ -156,9 +156,11 @@ def held(time: Array, drive: Array, position: Array) -> tuple[NDArray[np.bool_],
 
     There drive and position keep their last digit for a second and more, in a log whose drive otherwise
     changes from row to row.  A stop of less than half a second before it was the brake's and goes too; a longer
-    one is a coast that tells friction, and stays.
+    one is a coast that tells friction, and stays.  A drive that stands at its limit while its axis is stalled is
+    controlled, and stays too.
     """
     n = drive.size
+    limit = (drive != 0) & ((drive == drive.max()) | (drive == drive.min()))
     changes = np.diff(drive) != 0
     constant = np.r_[False, ~changes & (np.diff(position) == 0)]
     edges = np.flatnonzero(np.diff(np.r_[0, constant.astype(np.int8), 0]))
@@ -166,7 +168,7 @@ def held(time: Array, drive: Array, position: Array) -> tuple[NDArray[np.bool_],
     long = [
         (int(a), int(b))
         for a, b in zip(edges[::2], edges[1::2], strict=True)
-        if b - a >= HELD_ROWS and (b - a) * period >= HELD_SECONDS
+        if b - a >= HELD_ROWS and (b - a) * period >= HELD_SECONDS and not limit[a]
     ]
     out = np.zeros(n, dtype=bool)
     for a, b in long:
