@@ -252,7 +252,7 @@ class InverseView(ViewDefaults):
         if self.skipped is not None:
             return self
         time, gap = self.time[:: self.every][self.at], self.gap(model)
-        width = ODD_WINDOW * self.scene.seconds
+        width = ODD_WINDOW * self.scene.duration
         number = (time // width).astype(np.intp)
         count = np.bincount(number)
         power = np.bincount(number, gap**2) / np.maximum(count, 1)
@@ -298,7 +298,7 @@ class InverseView(ViewDefaults):
         """
 
         def wave(t: Term) -> float | None:
-            return float(t.q[2]) if t.kind.scanned == "order" else None
+            return float(t.q[2]) if t.kind.repeats and t.kind.scanned == "position" else None
 
         order = wave(model.terms[index])
         others = [o for i, t in enumerate(model.terms) if i != index and (o := wave(t)) is not None]
