@@ -1,0 +1,90 @@
+"""Links of the pages lead somewhere, pages are reachable, and the commands that they show exist with their options."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from pathlib import Path
+
+import click
+import pytest
+
+from whsklearn.cli import main
+
+ROOT = Path(__file__).resolve().parents[2]
+DOCS = ROOT / "docs"
+PAGES = sorted([*ROOT.glob("*.md"), *DOCS.glob("*.md")])
+LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
+FENCED = re.compile(r"^```(\w*)\n(.*?)^```", re.DOTALL | re.MULTILINE)
+
+
+def anchors(page: Path) -> set[str]:
+    """Anchors of a page's headings, as GitHub and MyST make them."""
+    heads = re.findall(r"^#+ (.+)$", FENCED.sub("", page.read_text(encoding="utf-8")), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", h.lower()).strip().replace(" ", "-") for h in heads}
+
+
+def target_of(page: Path, link: str) -> Path:
+    """The file that a relative link means; a page of the gallery is made of its script."""
+    path = (page.parent / link).resolve()
+    if path.parent == DOCS / "auto_examples":
+        return DOCS / "examples" / f"{path.name.removesuffix('.rst')}.py" if path.name != "index" else DOCS / "examples"
+    if path.parent.parent == DOCS and path.parent.name == "api":
+        return DOCS / "reference.py"  # which writes the section
+    return path
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.stem)
+def test_relative_links_lead_to_files_and_headings(page: Path) -> None:
+    for link in LINK.findall(FENCED.sub("", page.read_text(encoding="utf-8"))):
+        if link.startswith(("http://", "https://", "mailto:")):
+            continue
+        name, _, anchor = link.partition("#")
+        path = target_of(page, name) if name else page
+        assert path.exists(), f"{page.name}: {link} leads nowhere"
+        if anchor and path.suffix == ".md":
+            assert anchor in anchors(path), f"{page.name}: {link} names a heading that is not there"
+
+
+def test_every_page_is_in_the_index() -> None:
+    listed = set(re.findall(r"^([\w/]+)$", (DOCS / "index.md").read_text(encoding="utf-8"), re.MULTILINE))
+    assert {p.stem for p in DOCS.glob("*.md")} - {"index"} <= listed
+
+
+def commands() -> list[tuple[str, str]]:
+    """Every line of the pages that calls whsklearn."""
+    found = []
+    for page in PAGES:
+        for language, block in FENCED.findall(page.read_text(encoding="utf-8")):
+            if language in ("", "console", "bash", "sh"):
+                lines = block.replace("\\\n", " ").splitlines()
+                found += [
+                    (page.name, line.strip()) for line in lines if re.search(r"(^|\| )whsklearn \w", line.strip())
+                ]
+    return found
+
+
+def test_commands_of_the_pages_exist_with_their_options() -> None:
+    context = click.Context(main, info_name="whsklearn")
+    lines = commands()
+    assert len(lines) > 15
+    for page, line in lines:
+        words = shlex.split(line.partition("whsklearn ")[2], comments=True)
+        name, *rest = words
+        command = main.get_command(context, name)
+        if name in ("COMMAND",) or name.startswith("--"):
+            continue
+        assert command is not None, f"{page}: {line}"
+        known = {o for p in command.params for o in (*p.opts, *p.secondary_opts)} | {"--help"}
+        unknown = [w for w in rest if re.fullmatch(r"--?[a-zA-Z][\w-]*", w) and w not in known]
+        assert not unknown, f"{page}: {line}: {unknown}"
+
+
+def test_scripts_that_the_pages_name_are_there() -> None:
+    for page in PAGES:
+        text = page.read_text(encoding="utf-8")
+        for name in set(re.findall(r"\b((?:benchmarks|docs|pipelines|tests)/[\w/]+\.(?:py|md))\b", text)):
+            assert (ROOT / name).exists(), f"{page.name}: {name}"
+        for name in set(re.findall(r"python -m ((?:benchmarks|pipelines)\.\w+)", text)):
+            if name != "pipelines.NAME":
+                assert (ROOT / f"{name.replace('.', '/')}.py").exists(), f"{page.name}: {name}"
