@@ -22,6 +22,7 @@ from whsklearn.effects.law import (
     reduced_law,
     smooth_law,
 )
+from whsklearn.effects.learned import LearnedTorque
 from whsklearn.effects.position import CableSpring, Cogging, EndStop, GravityImbalance, HardeningSpring
 from whsklearn.effects.quantity import Quantity
 from whsklearn.effects.scales import Scales
@@ -61,6 +62,7 @@ __all__ = [
     "Hinge",
     "InputDelay",
     "InputOffset",
+    "LearnedTorque",
     "LoadFriction",
     "LuGre",
     "NaturalSpline",

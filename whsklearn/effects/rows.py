@@ -14,6 +14,7 @@ from whsklearn.effects import codes
 from whsklearn.effects.drive import dead_zone, saturation, torque_ripple
 from whsklearn.effects.friction import coulomb, viscous
 from whsklearn.effects.hysteresis import N_STATES, advance_hysteresis, hysteresis_torque
+from whsklearn.effects.learned import learned_torque
 from whsklearn.effects.position import cable_spring, cogging, end_stop, gravity_imbalance, hardening_spring
 from whsklearn.effects.sensor import encoder_eccentricity, output_drift, quantized, sensor_rectification
 from whsklearn.effects.signs import smooth_sign
@@ -60,6 +61,9 @@ def motor_torque(code, p, i, t, q, v, s, ds, u):
         return parameter_change(w, p[i, 1], t, s), parameter_change(w, p[i, 1], t, ds)
     if code == codes.CHANGE_GAIN:
         return parameter_change(w, p[i, 1], t, -u), 0.0
+    if codes.LEARNED_POSITION <= code <= codes.LEARNED_DRIVE:
+        value, slope = learned_torque(code, p[i, 1], p[i, 2], p[i, 3], q, v, s, ds, u)
+        return w * value, w * slope
     return 0.0, 0.0
 
 

@@ -185,6 +185,7 @@ def _static_torque(effects, p, own, ends, position, velocity, kappa):  # type: i
 
 def compensated(code: int) -> bool:
     """Whether an effect is a function of position and velocity alone."""
-    timed = (codes.DISTURBANCE_TONE, codes.FRICTION_DRIFT, codes.LOAD_FRICTION, codes.TORQUE_RIPPLE)
+    timed = (codes.DISTURBANCE_TONE, codes.FRICTION_DRIFT)
+    driven = (codes.LOAD_FRICTION, codes.TORQUE_RIPPLE, codes.LEARNED_DRIVE)
     memory = codes.DAHL <= code <= codes.BOUC_WEN
-    return not memory and code not in timed and not codes.CHANGE_INERTIA <= code <= codes.CHANGE_GAIN
+    return not memory and code not in (*timed, *driven) and not codes.CHANGE_INERTIA <= code <= codes.CHANGE_GAIN

@@ -11,12 +11,14 @@ from whsklearn.gap import evidence as rules
 from whsklearn.gap import localisation, parameter_drift
 from whsklearn.gap.aliases import rivals_of
 from whsklearn.gap.candidate_table import candidate_table
-from whsklearn.gap.diagnosis import Diagnosis, NamedEffect, families
+from whsklearn.gap.diagnosis import Diagnosis, LearnedTorques, NamedEffect, families
 from whsklearn.gap.proof import closure, prove
 from whsklearn.gap.search import Found
 from whsklearn.gap.standard_errors import labelled_errors
 from whsklearn.gap.verdict import verdict_of
 from whsklearn.gap.words import next_experiment, summary
+
+UNFINISHED = ("unknown", "partial", "coloured_noise")  # verdicts beside which a nameless torque is learned
 
 
 def conclude(plant: Any, found: Found, rng: np.random.Generator, say: Callable[[str], None]) -> Diagnosis:
@@ -24,6 +26,8 @@ def conclude(plant: Any, found: Found, rng: np.random.Generator, say: Callable[[
     say("prove")
     diagnosis, rows = _judged(plant, found, rng)
     diagnosis.horizons = [{k: v for k, v in r.items() if k not in ("first", "last")} for r in rows]
+    if diagnosis.verdict in UNFINISHED and not diagnosis.shortfall:
+        rows = _learned(plant, found, diagnosis, rows, rng)
     headline = next(r for r in rows if r["horizon"] == plant.headline)
     diagnosis.before, diagnosis.after = headline["first"].as_dict(), headline["last"].as_dict()
     diagnosis.floor, diagnosis.closure = headline["floor"], headline["closure"]
@@ -87,6 +91,27 @@ def _judged(plant: Any, found: Found, rng: np.random.Generator) -> tuple[Diagnos
         _give_back(found)
         rows = prove(plant, found.base, found.base, rng)
     return diagnosis, rows
+
+
+def _learned(
+    plant: Any, found: Found, diagnosis: Diagnosis, rows: list[dict[str, Any]], rng: np.random.Generator
+) -> list[dict[str, Any]]:
+    """Add what has no name to the model as learned curves, where the free run gains by them at every horizon."""
+    learned = plant.learn(found.model)
+    if learned is None:
+        return rows
+    grown = prove(plant, found.base, learned.model, rng)
+    before, after = (next(r["after"] for r in rs if r["horizon"] == plant.headline) for rs in (rows, grown))
+    floor = min(r["floor"] for r in grown if r["horizon"] == plant.headline)
+    share = closure(before, after, floor)
+    worse = any(new["after"] > old["after"] for new, old in zip(grown, rows, strict=True))
+    if share < rules.LEARNED_CLOSURE or worse:
+        return rows
+    found.model = learned.model
+    diagnosis.learned = LearnedTorques(learned.curves, share)
+    if diagnosis.verdict == "coloured_noise":  # it follows a signal of the motion after all
+        diagnosis.verdict = "unknown"
+    return grown
 
 
 def _give_back(found: Found) -> None:

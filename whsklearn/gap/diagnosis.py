@@ -126,6 +126,23 @@ def in_units(label: str, units: tuple[str, str]) -> str:
 
 
 @dataclass
+class LearnedTorques:
+    """What has no name and was learned: its curves (`whsklearn.gap.plant.Curve`), the share of the gap they close."""
+
+    curves: tuple[Any, ...]
+    closure: float
+
+    @property
+    def signals(self) -> list[str]:
+        """What the curves depend on, each once."""
+        return list(dict.fromkeys(s for c in self.curves for s in c.signals))
+
+    def as_dict(self) -> dict[str, Any]:
+        """For the report's file."""
+        return {"signals": self.signals, "closure": self.closure}
+
+
+@dataclass
 class CandidateLine:
     """One line of the table of candidates."""
 
@@ -162,6 +179,7 @@ class Diagnosis:
     verdict: str
     sentence: str
     effects: list[NamedEffect] = field(default_factory=list)
+    learned: LearnedTorques | None = None
     candidates: list[CandidateLine] = field(default_factory=list)
     where: list[Place] = field(default_factory=list)
     where_sentence: str = ""
@@ -189,6 +207,11 @@ class Diagnosis:
     test: list[dict[str, float]] = field(default_factory=list)  # free run on a second record, a row a horizon
     figures: tuple[float, float, float] = (0.0, 0.0, 0.0)  # missing share of drive or output: before, after, floor
 
+    @property
+    def repaired(self) -> bool:
+        """Whether the model after is another than the model before."""
+        return bool(self.effects) or self.learned is not None
+
     def as_dict(self) -> dict[str, Any]:
         """The contract of ``gap.json``.
 
@@ -198,6 +221,7 @@ class Diagnosis:
         raw = {
             "verdict": self.verdict,
             "effects": [e.as_dict() for e in self.effects],
+            "learned": self.learned.as_dict() if self.learned else {"signals": [], "closure": 0.0},
             "candidates": [c.as_dict() for c in self.candidates],
             "where": [p.as_dict() for p in self.where],
             "before": self.before,

@@ -41,6 +41,9 @@ MOSTLY, MOSTLY_MARGIN = 0.9, 40.0  # or the commoner one explains nine tenths an
 SURE = 0.9  # share of bootstrap draws in which the winner beats the runner-up
 ELEMENTARY_SHARE = 0.7  # of the best one's explained power that suffices for an elementary law to go first: with two
 # effects missing, the wrong one of two candidates reaches up to 0.65 of the right one's power (blind pairs)
+MOST_CURVES = 2  # learned curves of one record: each is a function of one or two signals
+LEARNED_SHARE = 0.1  # of the cross-validated power left over that a learned curve must explain (`benchmarks.learned`)
+LEARNED_CLOSURE = 0.1  # of the gap in simulation that learned curves must close, or they are left out
 VISIBLE = 150.0  # delta BIC that two percent of the rms drive must be able to reach, or an effect is not testable
 
 

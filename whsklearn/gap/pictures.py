@@ -37,6 +37,7 @@ def draw(d: Diagnosis) -> list[tuple[str, str, str]]:
             "Mean of the gap by bin with its standard error; the line is what is left after.",
             _where,
         ),
+        ("Learned torque", "What has no name: the curve that was learned, with two standard deviations.", _learned),
         ("Candidates", "Evidence of each against what chance and noise may reach (dashed).", _candidates),
         ("Frequency", "Amplitude spectrum of the gap.", _spectrum),
         ("Map over one turn", "The sum of all orders of a family by the angle in the turn.", _map),
@@ -82,7 +83,7 @@ def _overlay(axes: Any, d: Diagnosis) -> bool:
     part = slice(first, first + width)
     axes.plot(t[part], y[part], color=MEASURED, lw=1.6, label="measured")
     axes.plot(t[part], p["runs"]["before"][part], color=BEFORE, lw=1.2, label="model before")
-    if d.effects:
+    if d.repaired:
         axes.plot(t[part], p["runs"]["after"][part], color=AFTER, lw=1.2, ls="--", label="model after")
     axes.fill_between(t[part], y[part], p["runs"]["before"][part], color=BEFORE, alpha=0.2, lw=0)
     axes.set(xlabel=titled("time", p.get("clock", "s")), ylabel=titled(p.get("output", "position"), p["units"][1]))
@@ -94,7 +95,7 @@ def _over_time(axes: Any, d: Diagnosis) -> bool:
     p = d.pictures
     keep = p["usable"]
     axes.plot(p["gap_time"][keep], p["gap_before"][keep], color=BEFORE, lw=0.6, label="before")
-    if d.effects:
+    if d.repaired:
         axes.plot(p["gap_time"][keep], p["gap_after"][keep], color=AFTER, lw=0.6, label="after")
     axes.axhspan(-2 * p["floor"], 2 * p["floor"], color=FLOOR, alpha=0.3, lw=0, label="twice the noise floor")
     axes.set(xlabel=titled("time", p.get("clock", "s")), ylabel=titled(p["what"], p["units"][0]))
@@ -113,7 +114,7 @@ def _where(axes: Any, d: Diagnosis) -> bool:
     count = np.maximum(np.bincount(bins, minlength=edges.size - 1), 1)
     centres = 0.5 * (edges[1:] + edges[:-1])
     before, after = p["gap_before"][p["usable"]], p["gap_after"][p["usable"]]
-    if d.effects:
+    if d.repaired:
         fitted = np.bincount(bins, before - after, edges.size - 1) / count
         axes.plot(centres, fitted, color=AFTER, lw=1.3, label="the fitted effect")
         axes.plot(centres, np.bincount(bins, after, edges.size - 1) / count, color=FLOOR, lw=1, label="left after")
@@ -136,6 +137,21 @@ def _shown_axis(d: Diagnosis) -> Any:
     return d.where[0]
 
 
+def _learned(axes: Any, d: Diagnosis) -> bool:
+    if d.learned is None or not d.learned.curves:
+        return False
+    curve, p = d.learned.curves[0], d.pictures
+    axes.fill_between(curve.x, curve.y - curve.band, curve.y + curve.band, color=AFTER, alpha=0.25, lw=0)
+    axes.plot(curve.x, curve.y, color=AFTER, lw=1.4)
+    axes.axhline(0, color=FLOOR, lw=0.6)
+    first, *second = curve.signals
+    unit = {"velocity": f"{p['units'][1]}/s", "speed": f"{p['units'][1]}/s", "drive": p["units"][0]}
+    by = {"direction": " x sign(velocity)", "velocity": " x velocity"}.get(second[0], "") if second else ""
+    brake = " against the motion" if first == "speed" else ""
+    axes.set(xlabel=titled(first, unit.get(first, p["units"][1])), ylabel=titled(f"learned{brake}{by}", p["units"][0]))
+    return True
+
+
 def _candidates(axes: Any, d: Diagnosis) -> bool:
     shown = [c for c in d.candidates if c.delta_bic > 0][:10][::-1]
     if not shown:
@@ -152,7 +168,7 @@ def _candidates(axes: Any, d: Diagnosis) -> bool:
 def _spectrum(axes: Any, d: Diagnosis) -> bool:
     p = d.pictures
     axes.semilogy(p["frequency"], p["spectrum"][0], color=BEFORE, lw=0.9, label="before")
-    if d.effects:
+    if d.repaired:
         axes.semilogy(p["frequency"], p["spectrum"][1], color=AFTER, lw=0.9, label="after")
     axes.set(
         xlabel=titled("frequency", "Hz" if p.get("clock", "s") == "s" else "cycles a sample"),
@@ -179,7 +195,7 @@ def _orders(axes: Any, d: Diagnosis) -> bool:
     if p["orders"].size < 5:
         return False
     axes.plot(p["orders"], p["order_spectrum"][0], color=BEFORE, lw=0.9, label="before")
-    if d.effects:
+    if d.repaired:
         axes.plot(p["orders"], p["order_spectrum"][1], color=AFTER, lw=0.9, label="after")
     axes.set(
         xlabel="order (periods a turn)" if p["units"][1] else "order (periods in 2 pi of x)",

@@ -120,6 +120,37 @@ class Judged(NamedTuple):
     n_effective: float
 
 
+class Curve(NamedTuple):
+    """A learned torque over one signal (times the sign or the value of a second one).
+
+    Attributes
+    ----------
+    signals : tuple of str
+        What it depends on, the axis of the picture first.
+    x, y, band : ndarray of shape (n,)
+        Where, how much (in the unit of the drive), and two standard deviations of it.
+    """
+
+    signals: tuple[str, ...]
+    x: Array
+    y: Array
+    band: Array
+
+
+class Learned(NamedTuple):
+    """A model with what has no name, and its curves.
+
+    Attributes
+    ----------
+    model : object
+    curves : tuple of Curve
+        Empty where the plant has no picture of them.
+    """
+
+    model: Any
+    curves: tuple[Curve, ...]
+
+
 class View(Protocol):
     """One way to weigh what a model lacks."""
 
@@ -231,6 +262,9 @@ class Plant(Protocol):
     def follows(self, model: Any) -> float:
         """Cross-validated share of the gap that nameless functions of the motion explain."""
 
+    def learn(self, model: Any) -> Learned | None:
+        """What a model still lacks as nameless functions of the motion that it then simulates; None: none is earned."""
+
     def read_off(self, model: Any) -> list[Any]:
         """Effects read off the record itself (`NamedEffect`) beside those of a model: a coarse grid, a folded sign."""
 
@@ -306,6 +340,10 @@ class PlantDefaults:
     def falls_short(self, base: Any, model: Any) -> str:
         """Nothing: the base model has no order that could be too low."""
         return ""
+
+    def learn(self, model: Any) -> Learned | None:
+        """Nothing: this plant learns no torque."""
+        return None
 
 
 class Linearised(NamedTuple):

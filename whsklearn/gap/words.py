@@ -52,6 +52,16 @@ def numbers(named: Any) -> str:
     return ", ".join(out)
 
 
+def learned(d: Any) -> str:
+    """What a nameless torque depends on and how much of the gap it closes; empty where none was learned."""
+    if d.learned is None:
+        return ""
+    on = article_list(d.learned.signals)
+    share = f"{100 * max(d.learned.closure, 0):.0f} %"
+    rest = "what is left" if d.effects else "the gap in simulation"
+    return f"A smooth torque that depends on {on} was learned beside it; it closes {share} of {rest}. "
+
+
 def summary(d: Any, plant: Any) -> str:
     """The verdict in one paragraph."""
 
@@ -76,6 +86,7 @@ def summary(d: Any, plant: Any) -> str:
         return (
             opening
             + f"The gap resembles {article_list([e.name for e in d.effects])}, which explains a part only. "
+            + learned(d)
             + left
         )
     if d.shortfall:
@@ -84,7 +95,7 @@ def summary(d: Any, plant: Any) -> str:
         return (
             opening
             + "Something follows the motion, and it is none of the effects in the catalogue. "
-            + d.where_sentence
+            + (learned(d) + left if d.learned else d.where_sentence)
         )
     if d.verdict == "coloured_noise":
         return (

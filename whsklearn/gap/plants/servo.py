@@ -17,8 +17,8 @@ from whsklearn.gap.axis_candidates import aliases, candidate
 from whsklearn.gap.axis_model import AxisModel
 from whsklearn.gap.data_check import Problem, check_servo
 from whsklearn.gap.filters import whiteness
-from whsklearn.gap.plant import Linearised, PlantDefaults
-from whsklearn.gap.plants import servo_free_run
+from whsklearn.gap.plant import Learned, Linearised, PlantDefaults
+from whsklearn.gap.plants import servo_free_run, servo_learned
 from whsklearn.gap.plants.servo_inverse import InverseView, best_view
 from whsklearn.gap.plants.servo_nameless import explainable
 from whsklearn.gap.plants.servo_observer import ObserverView
@@ -32,6 +32,7 @@ LARGE_GAP = 0.2  # of the variation of the drive: above, a wrong model carries t
 DRIFTS = (
     1.5  # times the gap of inverse dynamics, behind a filter that lets less through: LAAS 2.7, blind records below 1.1
 )
+HOLD = 0.5  # samples of age that a drive held over a sample has on average
 WIDER = 1.25  # cut-off over the one before for a second pass of inverse dynamics
 
 
@@ -167,6 +168,19 @@ class ServoPlant(PlantDefaults):
         The knocks of a play come a sample early or late: torque for an instant, and no path.
         """
         return 0.0 if model.has_play else explainable(self.trusted(model), model)
+
+    def learn(self, model: AxisModel) -> Learned | None:
+        """Curves of the inverse view; the age of the drive is that with which the free run is best on fitted samples.
+
+        Inverse dynamics counts half a sample of age for the hold, which a simulation does by itself.
+        """
+        found = servo_learned.learn(self.inverse, model)
+        if found is None:
+            return None
+        ages = (model.timing, found.model.timing - HOLD, found.model.timing)
+        tried = [dataclasses.replace(found.model, timing=age) for age in ages]
+        best = min(tried, key=lambda m: servo_free_run.train_error(self.observer, m, self.headline))
+        return found._replace(model=best)
 
     def read_off(self, model: AxisModel) -> list[Any]:
         """A coarse encoder, a folded sensor: what no missing torque shows; looked for where that shows nothing."""

@@ -1,0 +1,105 @@
+"""A torque that no equation of the catalogue gives: cubic splines over position, speed or drive.
+
+A learned curve is a sum of equal hills at equal distances, one `LearnedTorque` each; three numbers more than its
+height say where a hill stands, how wide it is and after which turn it comes back.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+from whsklearn._numba import njit
+from whsklearn.effects import codes
+from whsklearn.effects.base import Effect
+from whsklearn.effects.quantity import Quantity
+
+
+@njit(error_model="numpy")
+def hill(z):
+    """The cubic B-spline on knots -2, -1, 0, 1, 2, scaled to one at zero (de Boor 1978, ch. IX)."""
+    z = abs(z)
+    if z >= 2.0:
+        return 0.0
+    if z >= 1.0:
+        return 0.25 * (2.0 - z) ** 3
+    return 1.0 - 1.5 * z * z + 0.75 * z * z * z
+
+
+@njit(error_model="numpy")
+def distance(x, centre, period):
+    """x - centre, the short way round where the signal comes back after a period above zero."""
+    d = x - centre
+    if period > 0.0:
+        d -= period * math.floor(d / period + 0.5)
+    return d
+
+
+@njit(error_model="numpy")
+def learned_torque(code, centre, width, period, q, v, s, ds, u):
+    """Torque a unit of height, and its slope by velocity where a sign changes at rest."""
+    if code == codes.LEARNED_SPEED:
+        h = hill(distance(abs(v), centre, 0.0) / width)
+        return h * s, h * ds
+    if code == codes.LEARNED_VELOCITY:
+        return hill(distance(v, centre, 0.0) / width), 0.0
+    if code == codes.LEARNED_DRIVE:
+        return hill(distance(u, centre, 0.0) / width), 0.0
+    h = hill(distance(q, centre, period) / width)
+    if code == codes.LEARNED_FRICTION:
+        return h * s, h * ds
+    if code == codes.LEARNED_DAMPING:
+        return h * v, h
+    return h, 0.0
+
+
+_FORMS = {
+    "position": codes.LEARNED_POSITION,
+    "speed": codes.LEARNED_SPEED,
+    "position and direction": codes.LEARNED_FRICTION,
+    "position and velocity": codes.LEARNED_DAMPING,
+    "velocity": codes.LEARNED_VELOCITY,
+    "drive": codes.LEARNED_DRIVE,
+}
+
+
+@dataclass(frozen=True)
+class LearnedTorque(Effect):
+    """One hill of a learned curve, c B((x - x_0) / w) r (Nm) with the cubic spline B and x, r by ``over``.
+
+    ``over`` is ``position`` (x = q, r = 1), ``speed`` (|v|, sign(v)), ``position and direction`` (q, sign(v)),
+    ``position and velocity`` (q, v), ``velocity`` (v, 1) or ``drive`` (u, 1); a curve is a sum of them.
+
+    Examples
+    --------
+    >>> LearnedTorque(0.4, centre=1.0, width=0.5).value(position=[0.0, 0.5, 1.0]).tolist()
+    [0.0, 0.1, 0.4]
+    """
+
+    torque: float = 0.1
+    centre: float = 0.0
+    width: float = 0.5
+    period: float = 0.0
+    over: str = "position"
+
+    name: ClassVar[str] = "learned_torque"
+    place: ClassVar[str] = "static"  # it names nothing, so no search tries it
+    equation: ClassVar[str] = "sum of c B((x - x_0)/w)"
+    size: ClassVar[str] = "torque"
+    quantities: ClassVar[dict[str, Quantity]] = {
+        "torque": Quantity("Nm", -1e3, 1e3),
+        "centre": Quantity("1", -1e6, 1e6, starts=(0.0,)),
+        "width": Quantity("1", 1e-9, 1e6, log=True, starts=(0.5,)),
+        "period": Quantity("1", 0.0, 1e6, starts=(0.0,)),
+    }
+    signature: ClassVar[str] = "what is left follows a signal, and no law of the catalogue"
+    needs: ClassVar[str] = "several passes over the same places or speeds"
+    reference: ClassVar[str] = "Eilers, Marx 1996, Flexible smoothing with B-splines and penalties, Stat. Sci. 11(2)"
+    choices: ClassVar[dict[str, tuple[str, ...]]] = {"over": tuple(_FORMS)}
+    held: ClassVar[tuple[str, ...]] = ("centre", "width", "period")
+
+    @property
+    def code(self) -> int:  # type: ignore[override]
+        """The compiled code of the signals that it is a function of."""
+        return _FORMS[self.over]

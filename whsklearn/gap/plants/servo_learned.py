@@ -1,0 +1,248 @@
+"""What follows the motion and has no name, learned: a sparse sum of splines over one or two signals.
+
+In the inverse view drive = J a + sum of terms + sum of curves is linear in the curves' heights. A curve is a row of
+cubic B-splines whose second differences are penalised (Eilers, Marx 1996, Stat. Sci. 11(2), 89-121); base model and
+curve are solved together, and how smooth it is, over which signals, and whether there is one at all is decided by
+cross-validation over ten blocks of the record. Simple symmetric forms go first: a function of the angle, a brake that
+depends on speed and is the same both ways, friction and damping that depend on the angle; a free function of the
+velocity or of the drive only where those leave more.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import block_diag
+
+from whsklearn.effects import LearnedTorque
+from whsklearn.effects.learned import hill
+from whsklearn.gap import evidence as rules
+from whsklearn.gap.axis_candidates import TWO_MASS, Candidate
+from whsklearn.gap.axis_model import AxisModel, Term
+from whsklearn.gap.plant import Curve, Learned
+from whsklearn.gap.plants import inverse_dynamics as ols
+
+Array = NDArray[Any]
+KNOTS = (16, 48, 120)  # hills over the range of a signal: half a percent of the travel is the finest place
+PENALTIES = np.geomspace(1e-5, 1.0, 6)  # of second differences, as a share of the columns' power
+RIDGE = 1e-4  # the same, of the heights themselves: what a term of the base model can say is left to that term
+TURNS = 1.5  # turns of travel from which on the angle in the turn is a signal of its own
+DROPPED = 0.02  # of the largest height: hills below are left out
+
+
+class Form(NamedTuple):
+    """One kind of curve: what `LearnedTorque.over` calls it, its signals, period and the range of the hills."""
+
+    over: str
+    period: float
+    low: float
+    high: float
+
+    @property
+    def kind(self) -> Candidate:
+        """The hill as a candidate."""
+        return Candidate(LearnedTorque, (("over", self.over),))
+
+    @property
+    def signals(self) -> tuple[str, ...]:
+        """Names of the signals for a person."""
+        first, *second = self.over.split(" and ")
+        return ("angle in the turn" if self.period else first, *second)
+
+
+class Fit(NamedTuple):
+    """A curve solved beside the base model and the curves before it.
+
+    Attributes
+    ----------
+    columns, penalty : ndarray of shape (n, k), (k, k)
+        Of its k hills.
+    numbers : ndarray
+        Of all columns: inertia, linear numbers, timing, curves before, its own heights.
+    covariance : ndarray of shape (k, k)
+        Of its heights.
+    error : float
+        Cross-validated sum of squares.
+    """
+
+    form: Form
+    centres: Array
+    width: float
+    columns: Array
+    penalty: Array
+    numbers: Array
+    covariance: Array
+    error: float
+
+
+def forms(view: Any, torque: Array | None) -> list[Form]:
+    """Curves that a record can show, simple ones first."""
+    s = view.motion
+    low, high = (float(x) for x in np.quantile(s.position, [0.0, 1.0]))
+    places = [(0.0, low, high)]
+    if high - low > TURNS * 2 * np.pi:  # what comes back every turn needs a turn's hills only
+        places.insert(0, (2 * np.pi, 0.0, 2 * np.pi))
+    fast = float(np.quantile(np.abs(s.velocity), 0.999))
+    out = [Form("speed", 0.0, 0.0, fast)]
+    for over in ("position", "position and direction", "position and velocity"):
+        out += [Form(over, *place) for place in places]
+    out.append(Form("velocity", 0.0, -fast, fast))
+    if torque is not None:
+        most = float(np.quantile(np.abs(torque), 0.999))
+        out.append(Form("drive", 0.0, -most, most))
+    return out
+
+
+def learn(view: Any, model: AxisModel) -> Learned | None:
+    """The model with what it still lacks as learned curves, or None where cross-validation earns none."""
+    if any(t.kind.code in TWO_MASS for t in model.terms):
+        return None
+    torque = view.torque(model)
+    problem = Problem(view, model, torque)
+    found: list[Fit] = []
+    while len(found) < rules.MOST_CURVES:
+        open_forms = [f for f in forms(view, torque) if f not in [g.form for g in found]]
+        fits = [fit for f in open_forms for n in KNOTS if (fit := problem.fitted(f, n)) is not None]
+        if not fits:
+            break
+        best = min(f.error for f in fits)
+        gain = problem.gain(best)
+        if gain < view.limits.least or 1.0 - best / problem.error < rules.LEARNED_SHARE:
+            break
+        chosen = next(f for f in fits if problem.gain(f.error) > gain - rules.LEAST_MARGIN)  # the simplest of the best
+        found.append(chosen)
+        problem = Problem(view, model, torque, tuple(found))
+    if not found:
+        return None
+    heights = heights_of(found)
+    curves = tuple(curve_of(f, w) for f, w in zip(found, heights, strict=True))
+    return Learned(with_curves(view, model, found, heights), curves)
+
+
+class Problem:
+    """Penalised least squares of one record: the base model's columns, timing, and the curves found so far."""
+
+    def __init__(self, view: Any, model: AxisModel, torque: Array | None, curves: tuple[Fit, ...] = ()):
+        self.view, self.model, self.torque, self.curves = view, model, torque, curves
+        _, full, _, sizes, _ = view.solved(model)
+        x, positive = view.columns(model, torque)
+        rate = ols.slope(full[:, : x.shape[1]] @ sizes[: x.shape[1]], view.step)
+        self.base = np.column_stack([x, rate])[view.at]
+        self.positive = np.append(positive, False)
+        self.target = view.drive[view.at]
+        nothing = np.zeros((0, 0))
+        self.error = curves[-1].error if curves else self.cross_validated(self.base, self._penalty(nothing))
+
+    def _penalty(self, new: Array) -> Array:
+        """Quadratic form on [base, curves before, the new curve's heights]."""
+        base = ols.RIDGE * self.target.size * np.diag(np.mean(self.base**2, axis=0))
+        return block_diag(base, *(c.penalty for c in self.curves), new)
+
+    def columns(self, new: Array) -> Array:
+        """Base, curves before and new hills side by side."""
+        return np.column_stack([self.base, *(c.columns for c in self.curves), new])
+
+    def solved(self, z: Array, penalty: Array) -> tuple[Array, NDArray[np.bool_]]:
+        """Numbers of all columns, those that must be positive left out where they are not."""
+        free = np.ones(z.shape[1], dtype=bool)
+        gram, right = z.T @ z + penalty, z.T @ self.target
+        numbers = np.zeros(z.shape[1])
+        for _ in range(self.positive.size):
+            numbers[:] = 0.0
+            numbers[free] = np.linalg.solve(gram[np.ix_(free, free)], right[free])
+            bad = np.flatnonzero((numbers[: self.positive.size] < 0.0) & self.positive)
+            if not bad.size:
+                break
+            free[bad[np.argmin(numbers[bad])]] = False
+        return numbers, free
+
+    def cross_validated(self, z: Array, penalty: Array) -> float:
+        """Sum of squares of every block predicted from the others."""
+        _, free = self.solved(z, penalty)
+        z, penalty = z[:, free], penalty[np.ix_(free, free)]
+        gram, right = z.T @ z + penalty, z.T @ self.target
+        total = 0.0
+        for b in np.unique(self.view.block):
+            part = self.view.block == b
+            zb, yb = z[part], self.target[part]
+            left = yb - zb @ np.linalg.solve(gram - zb.T @ zb, right - zb.T @ yb)
+            total += float(left @ left)
+        return total
+
+    def gain(self, error: float) -> float:
+        """n_eff ln(CV before / CV after), as every candidate of this view is weighed."""
+        return float(self.view.n_effective * np.log(self.error / max(error, 1e-300)))
+
+    def hills(self, form: Form, n: int) -> tuple[Array, Array, float]:
+        """(columns of n hills behind the view's Gaussian at the judged samples, their centres, their width)."""
+        if form.period:
+            width = form.period / n
+            centres = width * np.arange(n)
+        else:
+            width = (form.high - form.low) / (n - 1)
+            centres = form.low + width * np.arange(-1, n + 1)
+        s = self.view.motion if self.torque is None else self.view.motion._replace(drive=self.torque)
+        kind = form.kind
+        raw = np.column_stack([kind.unit_columns((float(c), width, form.period), s)[:, 0] for c in centres])
+        return self.view.blur(raw)[self.view.at], centres, width
+
+    def fitted(self, form: Form, n: int) -> Fit | None:
+        """The curve of a form at its best smoothness; None where the record does not reach its hills."""
+        new, centres, width = self.hills(form, n)
+        seen = np.sqrt(np.mean(new**2, axis=0))
+        if seen.max() <= 0.0 or not np.all(np.isfinite(new)):
+            return None
+        k, power = centres.size, self.target.size * float(np.mean(seen**2))
+        rough, z = second_differences(k, bool(form.period)), self.columns(new)
+        penalties = [power * (weight * rough + RIDGE * np.eye(k)) for weight in PENALTIES]
+        errors = [self.cross_validated(z, self._penalty(p)) for p in penalties]
+        own = penalties[int(np.argmin(errors))]
+        penalty = self._penalty(own)
+        numbers, free = self.solved(z, penalty)
+        left = self.target - z @ numbers
+        inverse = np.linalg.inv((z.T @ z + penalty)[np.ix_(free, free)])[-k:, -k:]
+        variance = float(left @ left) / max(self.view.n_effective - z.shape[1], 1.0)
+        covariance = variance * inverse * self.target.size / self.view.n_effective
+        return Fit(form, centres, width, new, own, numbers, covariance, min(errors))
+
+
+def second_differences(k: int, periodic: bool) -> Array:
+    """D'D of the second differences of k heights, round the turn where they are periodic; shape (k, k)."""
+    eye = np.eye(k)
+    d = np.roll(eye, 1, axis=1) - 2 * eye + np.roll(eye, -1, axis=1)
+    d = d if periodic else d[1:-1]
+    return d.T @ d
+
+
+def heights_of(fits: list[Fit]) -> list[Array]:
+    """The hills' heights of every curve, as solved together with the last one."""
+    numbers = fits[-1].numbers
+    ends = numbers.size - np.cumsum([0, *(f.centres.size for f in fits[::-1])])[::-1]
+    return [numbers[a:b] for a, b in pairwise(ends)]
+
+
+def with_curves(view: Any, model: AxisModel, fits: list[Fit], heights: list[Array]) -> AxisModel:
+    """The model with its own numbers as solved beside the curves, and the curves' hills as terms."""
+    own = fits[-1].numbers[: fits[-1].numbers.size - sum(h.size for h in heights)]
+    model = view.with_sizes(model, own)
+    terms = list(model.terms)
+    for f, weights in zip(fits, heights, strict=True):
+        for centre, weight in zip(f.centres, weights, strict=True):
+            if abs(weight) > DROPPED * np.abs(weights).max():
+                terms.append(Term(f.form.kind, (float(weight), float(centre), f.width, f.form.period)))
+    return dataclasses.replace(model, terms=tuple(terms))
+
+
+def curve_of(fit: Fit, weights: Array, n: int = 200) -> Curve:
+    """The curve on a grid, with two standard deviations either side."""
+    x = np.linspace(fit.form.low, fit.form.high, n)
+    d = x[:, None] - fit.centres[None, :]
+    if fit.form.period:
+        d -= fit.form.period * np.round(d / fit.form.period)
+    basis = np.array([[hill(z) for z in row] for row in d / fit.width])
+    band = 2.0 * np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", basis, fit.covariance, basis), 0.0))
+    return Curve(fit.form.signals, x, basis @ weights, band)
