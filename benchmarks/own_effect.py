@@ -2,8 +2,8 @@
 
     python -m benchmarks.own_effect
 
-The class below is all that is added to the library. The logs are of the blind generator (``tests/blind``), whose
-integrator and whose magnet are not ours: 20 with the magnet at 5 %, 20 at 15 % of the rms drive, 20 without it.
+The class below is all that is added to the library. The logs, 20 s each, are of the blind generator (``tests/blind``),
+whose integrator and whose magnet are not ours: 20 with the magnet at 5 %, 20 at 15 % of the rms drive, 20 without it.
 Each is diagnosed from its table alone; the target is the magnet's name in 18 of 20, and in none of 20 without it.
 """
 
@@ -52,7 +52,7 @@ class Magnet(Effect):
 def diagnose(share: float, seed: int) -> dict[str, Any]:
     """One log: verdict, names, relative errors of torque and width, whether ``repaired.json`` holds the magnet."""
     hidden, kind = (("magnet",), "foreign") if share else ((), "none")
-    case = servo.make_case(kind, seed, effects=hidden, size=share or 0.05, noise=servo.NOISES[seed % 3])
+    case = servo.make_case(kind, seed, effects=hidden, size=share or 0.05, noise=servo.NOISES[seed % 3], seconds=20.0)
     finder = GapFinder("servo").fit(case.frame, **servo.COLUMNS)
     found = next((e.effect for e in finder.effects_ if e.name == "magnet"), None)
     row: dict[str, Any] = {"verdict": finder.verdict_, "names": [e.name for e in finder.effects_],
