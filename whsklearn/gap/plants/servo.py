@@ -174,6 +174,8 @@ class ServoPlant(PlantDefaults):
 
         Inverse dynamics counts half a sample of age for the hold, which a simulation does by itself.
         """
+        if self.inverse.quiet(model, self.tolerance * self.scale):
+            return None
         found = servo_learned.learn(self.inverse, model)
         if found is None:
             return None

@@ -62,11 +62,13 @@ class Fit(NamedTuple):
     columns, penalty : ndarray of shape (n, k), (k, k)
         Of its k hills.
     numbers : ndarray
-        Of all columns: inertia, linear numbers, timing, curves before, its own heights.
+        Of all columns: the terms' linear numbers, the heights of the curves before, its own.
     covariance : ndarray of shape (k, k)
         Of its heights.
     error : float
         Cross-validated sum of squares.
+    inertia, timing : float
+        Of the model without the curve; timing in samples.
     """
 
     form: Form
@@ -77,6 +79,8 @@ class Fit(NamedTuple):
     numbers: Array
     covariance: Array
     error: float
+    inertia: float
+    timing: float
 
 
 def forms(view: Any, torque: Array | None) -> list[Form]:
@@ -124,16 +128,16 @@ def learn(view: Any, model: AxisModel) -> Learned | None:
 
 
 class Problem:
-    """Penalised least squares of one record: the base model's columns, timing, and the curves found so far."""
+    """Penalised least squares of one record: the base model's friction and effects, and the curves found so far."""
 
     def __init__(self, view: Any, model: AxisModel, torque: Array | None, curves: tuple[Fit, ...] = ()):
         self.view, self.model, self.torque, self.curves = view, model, torque, curves
-        _, full, _, sizes, _ = view.solved(model)
+        fitted, full, target, sizes, _ = view.solved(model)
         x, positive = view.columns(model, torque)
-        rate = ols.slope(full[:, : x.shape[1]] @ sizes[: x.shape[1]], view.step)
-        self.base = np.column_stack([x, rate])[view.at]
-        self.positive = np.append(positive, False)
-        self.target = view.drive[view.at]
+        self.inertia, self.timing, p = float(sizes[0]), fitted.timing, x.shape[1]
+        # a curve over the position of a motion that repeats can stand for inertia and timing, so these are held
+        self.target = (target - full[:, p:] @ sizes[p:] - x[:, 0] * self.inertia)[view.at]
+        self.base, self.positive = x[view.at, 1:], positive[1:]
         nothing = np.zeros((0, 0))
         self.error = curves[-1].error if curves else self.cross_validated(self.base, self._penalty(nothing))
 
@@ -207,7 +211,7 @@ class Problem:
         inverse = np.linalg.inv((z.T @ z + penalty)[np.ix_(free, free)])[-k:, -k:]
         variance = float(left @ left) / max(self.view.n_effective - z.shape[1], 1.0)
         covariance = variance * inverse * self.target.size / self.view.n_effective
-        return Fit(form, centres, width, new, own, numbers, covariance, min(errors))
+        return Fit(form, centres, width, new, own, numbers, covariance, min(errors), self.inertia, self.timing)
 
 
 def second_differences(k: int, periodic: bool) -> Array:
@@ -227,8 +231,9 @@ def heights_of(fits: list[Fit]) -> list[Array]:
 
 def with_curves(view: Any, model: AxisModel, fits: list[Fit], heights: list[Array]) -> AxisModel:
     """The model with its own numbers as solved beside the curves, and the curves' hills as terms."""
-    own = fits[-1].numbers[: fits[-1].numbers.size - sum(h.size for h in heights)]
-    model = view.with_sizes(model, own)
+    last = fits[-1]
+    own = last.numbers[: last.numbers.size - sum(h.size for h in heights)]
+    model = view.with_sizes(model, np.array([last.inertia, *own, last.timing * view.scene.dt]))
     terms = list(model.terms)
     for f, weights in zip(fits, heights, strict=True):
         for centre, weight in zip(f.centres, weights, strict=True):

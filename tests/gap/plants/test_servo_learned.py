@@ -1,0 +1,77 @@
+"""What has no name is learned where it follows the motion, and nothing where nothing is missing."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from whsklearn.effects import LearnedTorque
+from whsklearn.export.axis_code import torque_code
+from whsklearn.export.languages import C
+from whsklearn.gap.axis_candidates import catalogue
+from whsklearn.gap.plants.servo import ServoPlant
+from whsklearn.gap.proof import prove
+from whsklearn.gap.record import ServoRecord
+from whsklearn.gap.repaired import as_model
+from whsklearn.models import load_model, save_model
+from whsklearn.systems import Sensor, ServoAxis
+
+RATE, SECONDS = 500.0, 16.0
+BUMP = [LearnedTorque(0.5, centre=0.3, width=0.2), LearnedTorque(0.25, centre=0.5, width=0.2)]
+
+
+def plant_of(*effects):
+    """The plant of a slow swing with a ripple, on an axis with these effects, and its base model."""
+    t = np.arange(int(RATE * SECONDS)) / RATE
+    path = 1.2 * np.sin(1.7 * t) + 0.25 * np.sin(5.3 * t + 0.4)
+    axis = ServoAxis(inertia=0.05, effects=effects, sensor=Sensor(noise=2e-5), sample_rate=RATE)
+    out = axis.simulate(path, random_state=3)
+    plant = ServoPlant(ServoRecord(out.time, out.torque, out.position), ("viscous", "coulomb"), None, 0.004)
+    return plant, plant.base(np.random.default_rng(0))
+
+
+@pytest.fixture(scope="module")
+def bump():
+    """A bump at one angle, what was learned of it, and the proof."""
+    plant, base = plant_of(*BUMP)
+    learned = plant.learn(base)
+    return plant, base, learned, prove(plant, base, learned.model, np.random.default_rng(1))
+
+
+def test_a_bump_at_one_angle_is_learned_and_closed(bump):
+    learned, rows = bump[2:]
+    assert learned.curves[0].signals[0] == "position"
+    assert all(r["closure"] > 0.8 for r in rows)
+    assert learned.model.inertia == pytest.approx(0.05, rel=0.05)
+
+
+def test_the_curve_is_the_bump_within_a_few_of_its_bands(bump):
+    curve = bump[2].curves[0]
+    inside = (curve.x > -1.1) & (curve.x < 1.1)
+    truth = sum(e.value(position=curve.x[inside]) for e in BUMP)
+    left = curve.y[inside] - np.mean(curve.y[inside] - truth) - truth  # a constant is friction's as well
+    assert np.std(left) < 0.1 * np.std(truth)
+    assert np.all(curve.band > 0.0)
+
+
+def test_the_model_is_saved_and_simulates_the_same(bump, tmp_path):
+    plant, _, learned, _ = bump
+    model = as_model(plant.system(learned.model))
+    save_model(model, tmp_path / "repaired.json")
+    again = load_model(tmp_path / "repaired.json")
+    drive = plant.record.drive[:800]
+    np.testing.assert_array_equal(again.simulate(drive), model.simulate(drive))
+
+
+def test_a_compensator_holds_it(bump):
+    part = torque_code(bump[0].system(bump[2].model), C())
+    assert len(part.lines) > 5
+
+
+def test_nothing_is_learned_where_nothing_is_missing():
+    plant, base = plant_of()
+    assert plant.learn(base) is None
+
+
+def test_no_search_tries_it():
+    assert "learned_torque" not in {c.name for c in catalogue()}
