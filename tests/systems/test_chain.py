@@ -7,6 +7,8 @@ import pytest
 
 from whsklearn import WienerHammersteinSystem
 from whsklearn import effects as fx
+from whsklearn.effects.hysteresis import N_STATES
+from whsklearn.systems.chain_ports import coupled
 
 BLOCKS = {"a": [1.0, 2.2], "b": [1.0, 0.5], "c": [1.0, 0.2], "d": [0.15, 0.4]}
 
@@ -93,3 +95,12 @@ def test_noise_of_the_equation_passes_the_sensor(u):
 def test_what_has_no_place_is_refused(stranger):
     with pytest.raises(ValueError, match=r"no place|two more poles"):
         system(stranger)
+
+
+def test_a_coupling_is_a_mass_on_a_spring_whose_drive_is_held_over_each_sample():
+    from tests.blind.filtered_chain import coupled as two_masses  # by SciPy's ODE solver
+
+    x = np.random.default_rng(0).normal(size=80)
+    memory = np.zeros((1, N_STATES))
+    out = [coupled(0.2, 0.15, memory, 0, value, 1.0) for value in x]
+    np.testing.assert_allclose(out, two_masses(x, 0.2, 0.15), atol=1e-5)

@@ -49,10 +49,18 @@ def coupling_torque(twist, slip, motor, load, stiffness, damping, gap, give, h):
 
 @_equation
 def resonance(frequency, ratio, dt):
-    """b_1 and b_2 of (1 + b_1 + b_2) / (1 + b_1 z^-1 + b_2 z^-2), a resonance in Hz sampled every dt seconds."""
-    radius = math.exp(-2.0 * math.pi * ratio * frequency * dt)
+    """a_0, a_1, b_1, b_2 of (a_0 + a_1 z^-1) / (1 + b_1 z^-1 + b_2 z^-2), a resonance in Hz of static gain one.
+
+    Its input is held over each sample of dt seconds, so that at the end of each it is exact (Astrom and Wittenmark
+    1997, Computer-Controlled Systems, table 2.1; frequency and damping w and z, damped frequency w sqrt(1 - z^2)).
+    """
+    decay = 2.0 * math.pi * ratio * frequency * dt
+    radius = math.exp(-decay)
     turn = 2.0 * math.pi * frequency * dt * math.sqrt(max(1.0 - ratio * ratio, 0.0))
-    return -2.0 * radius * math.cos(turn), radius * radius
+    lag = decay * (math.sin(turn) / turn if turn > 0.0 else 1.0)
+    first = 1.0 - radius * (math.cos(turn) + lag)
+    second = radius * (radius + lag - math.cos(turn))
+    return first, second, -2.0 * radius * math.cos(turn), radius * radius
 
 
 @_equation

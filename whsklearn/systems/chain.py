@@ -144,7 +144,7 @@ def packed(effects: Sequence[Effect]) -> Ports | None:
         if not isinstance(e, Effect) or e.code < 0:
             raise ValueError(f"{e!r} has no place in a Wiener-Hammerstein chain; take one of the catalogue.")
         if e.name == "flexible_coupling":
-            raise ValueError("A flexible_coupling of a chain is two more poles; raise the order n_b instead.")
+            raise ValueError("A flexible_coupling of a chain is two more poles; raise the orders n_a and n_b instead.")
     own = [type(e) for e in effects if e.code in (k.USER_TORQUE, k.USER_OUTPUT)]
     rows = np.zeros((len(effects), k.N_NUMBERS))
     for row, effect in zip(rows, effects, strict=True):

@@ -120,11 +120,12 @@ def transmitted(codes, rows, memory, x, dt):
 
 @njit(cache=False, error_model="numpy")
 def coupled(frequency, ratio, memory, j, x, dt):
-    """x behind a resonance of static gain one, two more poles between L1 and the law."""
-    p1, p2 = resonance(frequency, ratio, dt)
-    out = (1.0 + p1 + p2) * x - p1 * memory[j, 0] - p2 * memory[j, 1]
+    """x behind a resonance of static gain one between L1 and the law; ``memory`` holds its last two values and x."""
+    a0, a1, b1, b2 = resonance(frequency, ratio, dt)
+    out = a0 * x + a1 * memory[j, 2] - b1 * memory[j, 0] - b2 * memory[j, 1]
     memory[j, 1] = memory[j, 0]
     memory[j, 0] = out
+    memory[j, 2] = x
     return out
 
 

@@ -325,7 +325,7 @@ def effect_of(candidate: Candidate, numbers: Iterable[float]) -> tuple[str, dict
         named["fraction"] = min(named["fraction"], 1.0)
     equation = str(cls.equation)
     if candidate.name == "flexible_coupling":
-        equation = "two more poles between L1 and the law, gain one, natural frequency f, damping zeta"
+        equation = "a resonance of gain one between L1 and the law, natural frequency f, damping zeta"
     elif candidate.name == "backlash":
         equation = "x_l = play of x, gap b"
     return equation, named
