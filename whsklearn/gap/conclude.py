@@ -131,7 +131,7 @@ def _verdict(
     if not found.taken:
         follows = 0.0 if quiet else plant.follows(found.base)
         verdict = verdict_of([], 0.0, [], quiet=bool(quiet), follows=follows)
-        if verdict == "no_gap" and _blind_share(found) > 0.5:
+        if verdict == "no_gap" and _blind_share(found) > rules.MOSTLY_BLIND:
             verdict = "not_testable"
         return verdict, [], [], []
     after, floor = view.rms(view.gap(found.model)), min(floor, view.floor(found.model))

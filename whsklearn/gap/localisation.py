@@ -15,6 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from whsklearn.gap import evidence as rules
+
 Array = NDArray[Any]
 NOWHERE = "The gap follows none of the signals that were looked at."
 N_BINS = 20
@@ -204,7 +206,7 @@ def since_reversal(speed: Array, dt: float, quiet: float) -> Array:
 
 def sentence(places: list[Place]) -> str:
     """Where the gap lives, in words."""
-    telling = [p for p in places if p.p_value <= 0.05]
+    telling = [p for p in places if p.p_value <= rules.PLACE_LEVEL]
     if not telling:
         return NOWHERE
     p = max(telling, key=lambda p: p.share - p.width)
@@ -212,7 +214,7 @@ def sentence(places: list[Place]) -> str:
     if p.signal == "reversal":
         when = f"between {p.low:.2g} and {p.high:.2g} s after a reversal"
         return f"{share:.0f} % of the gap lives {when} ({width:.0f} % of the time)."
-    if p.share - p.width < 0.08:
+    if p.share - p.width < rules.PLACE_EXCESS:
         return f"The gap follows {p.signal}, and is spread over its whole range."
     stretch = f"{p.signal} is between {p.low:.3g} and {p.high:.3g} {p.unit}"
     return f"{share:.0f} % of the gap lives where {stretch} ({width:.0f} % of the time)."

@@ -13,12 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from whsklearn.gap import evidence as rules
 from whsklearn.gap.localisation import dependence
 
 Array = NDArray[Any]
 MEMORY = 1.0  # s
-TELLING = 0.1  # share of the gap that a constant must take up to be spoken of
-LEVEL = 0.02  # of the p-value
 SETTLED = 3.0  # memories before the path counts
 
 
@@ -63,7 +62,7 @@ def drift(plant: Any, model: Any, rng: np.random.Generator) -> list[dict]:
         }  # fmt: skip
         for signal, (x, _) in signals.items():
             share, p = dependence(x[at], change, rng, along_time=signal == "time", n_blocks=n_blocks)
-            if p < LEVEL and share > row["share"]:
+            if p < rules.DRIFT_LEVEL and share > row["share"]:
                 row |= {"follows": signal, "share": share, "p_value": p}
         out.append(row)
     return sorted(out, key=lambda r: -r["taken"])
@@ -71,7 +70,9 @@ def drift(plant: Any, model: Any, rng: np.random.Generator) -> list[dict]:
 
 def sentence(rows: list[dict]) -> str:
     """The most restless constant in words; empty if none follows a signal."""
-    telling = [r for r in rows[:1] if r["follows"] and r["share"] > 0.1 and r["taken"] > TELLING]
+    telling = [
+        r for r in rows[:1] if r["follows"] and r["share"] > rules.DRIFT_SHARE and r["taken"] > rules.DRIFT_SHARE
+    ]
     if not telling:
         return ""
     r = telling[0]

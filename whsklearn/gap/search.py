@@ -13,11 +13,6 @@ from whsklearn.gap import evidence as rules
 from whsklearn.gap.evidence import Evidence, objections, weigh
 from whsklearn.gap.plant import Look, Trial
 
-MOST_REFINED = 7  # looks fitted jointly a round: a right effect ranked lower than fifth in no blind case
-FEW = 2  # of them where the gap is at the floor already
-WORTH_REFINING = 0.3  # of the best look's gain
-WORTH_AMONG_FIRST = 0.03  # the same for the first five
-
 
 @dataclass
 class Round:
@@ -148,11 +143,11 @@ class Search:
         cheap = [k for k in looks if k.gain > 0 and (wanting or not k.costly)]
         top = max(cheap[0].gain, 1e-300) if cheap else 0.0
         worth = [
-            k for i, k in enumerate(cheap) if k.elementary or k.gain > WORTH_REFINING * top
-            or (i < 5 and k.gain > WORTH_AMONG_FIRST * top)
+            k for i, k in enumerate(cheap) if k.elementary or k.gain > rules.WORTH_REFINING * top
+            or (i < rules.FIRST_LOOKS and k.gain > rules.WORTH_AMONG_FIRST * top)
         ]  # fmt: skip
         elementary = [k for k in worth if k.elementary]
-        others = [k for k in worth if not k.elementary][: MOST_REFINED if wanting else FEW]
+        others = [k for k in worth if not k.elementary][: rules.MOST_REFINED if wanting else rules.FEW_REFINED]
         trials = [Trial(k, view.refine(model, k)) for k in (*elementary, *others)]
         evidence = weigh(view, model, trials)
         if wanting and (not evidence or evidence[0].closure < rules.NAMED):

@@ -13,6 +13,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from whsklearn.effects import get_effect
+from whsklearn.gap import evidence as rules
 from whsklearn.gap.axis_candidates import aliases, candidate
 from whsklearn.gap.axis_model import AxisModel
 from whsklearn.gap.data_check import Problem, check_servo
@@ -27,11 +28,6 @@ from whsklearn.gap.plants.servo_start import observer_view, start_of
 from whsklearn.gap.record import ServoRecord
 
 Array = NDArray[Any]
-LARGE_GAP = 0.2  # of the variation of the drive: above, a wrong model carries the observer's estimate along and hides
-# what it lacks; blind records with effects of up to 15 % of the drive are named by the observer without error
-DRIFTS = (
-    1.5  # times the gap of inverse dynamics, behind a filter that lets less through: LAAS 2.7, blind records below 1.1
-)
 HOLD = 0.5  # samples of age that a drive held over a sample has on average
 WIDER = 1.25  # cut-off over the one before for a second pass of inverse dynamics
 
@@ -77,7 +73,7 @@ class ServoPlant(PlantDefaults):
         if straight is not None:
             given = self.record, self.inverse, self.observer, base
             unfolded = self._open(dataclasses.replace(self.record, position=straight))
-            if servo_free_run.misfit(self.observer, unfolded) < 0.1 * servo_free_run.misfit(given[2], base):
+            if servo_free_run.misfit(self.observer, unfolded) < rules.UNFOLDED * servo_free_run.misfit(given[2], base):
                 self._folded = (given[2], base)
                 return unfolded
             self.record, self.inverse, self.observer, base = given
@@ -92,7 +88,7 @@ class ServoPlant(PlantDefaults):
 
     def large(self, model: AxisModel) -> bool:
         """Whether so much is missing that only inverse dynamics shows it."""
-        return self.inverse.rms(self.inverse.gap(model)) > LARGE_GAP * float(np.std(self.record.drive))
+        return self.inverse.rms(self.inverse.gap(model)) > rules.LARGE_GAP * float(np.std(self.record.drive))
 
     def view(self, model: AxisModel, after: Any | None) -> Any | None:
         """Inverse dynamics while much is missing, again behind the filter that its gap allows, then the observer."""
@@ -132,7 +128,7 @@ class ServoPlant(PlantDefaults):
         missing torque is its own drift.
         """
         seen = self.observer.rms(self.observer.gap(model))
-        return seen > DRIFTS * self.inverse.rms(self.inverse.gap(model))
+        return seen > rules.DRIFTS * self.inverse.rms(self.inverse.gap(model))
 
     def judging(self, base: AxisModel) -> Any:
         """Inverse dynamics if the base model lacks much, the observer otherwise."""

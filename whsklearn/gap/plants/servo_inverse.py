@@ -26,7 +26,7 @@ from whsklearn.gap.plant import Judged, Linearised, Look, Trial, ViewDefaults
 from whsklearn.gap.plants import inverse_dynamics as ols
 from whsklearn.gap.plants import servo_two_mass as two_mass
 from whsklearn.gap.plants.servo_columns import Signals, effect_columns
-from whsklearn.gap.plants.servo_observer import BESIDE_A_PLAY, negative_damping
+from whsklearn.gap.plants.servo_observer import negative_damping
 from whsklearn.gap.record import ServoRecord, lattice, noise_level
 
 Array = NDArray[Any]
@@ -34,20 +34,13 @@ PER_CUTOFF = 5.0  # samples a period of the cut-off that decimation keeps
 LATEST = 1.5  # samples of age of the drive that are bookkeeping: hold alone gives 0.5, a logger one more
 NOISY = 3.0  # standard deviations of the velocity's noise below which its sign is not known
 SLOW = 0.01  # of the rms velocity, the same for records without noise
-DRIVE_KNOWN = 0.35  # share of the rms drive that the model may leave for its predicted torque to stand for the drive
-ORDER_NEED = 20.0  # of cross-validated evidence for one more order of a family (three numbers)
-MOST_ORDERS = 12
 SEVERAL_TURNS = 6 * np.pi  # rad of travel
-WHOLE = 1.1  # times the gain of the best whole order that a fractional one must have
 KEPT = 40  # columns remembered: a polish moves one shape and leaves the others
-STEEPEST_ERROR = 0.3  # rad a rad
 HIGHEST_CUTOFF, LOWEST_CUTOFF = 0.08, 2.0  # of the sampling rate; Hz: where the search of the filter starts and ends
-LARGEST_FLOOR = 0.1  # of the rms drive that noise may make behind any filter
 DRIVE_NOISE = (
     2.5  # times the noise of the acceleration: twins leave 0.0037 to 0.0047 of the drive where the formula says
 )
 # 0.0015 to 0.0019, since the controller puts the encoder's noise into the drive as well
-BLIND_SHARE = 0.03  # of the time, in motion, in which noise may hide the direction: each reversal costs friction
 
 # Of the record: a window, and the longest stretch that may be left out.
 ODD_WINDOW, ODD_SHARE = 0.02, 0.06
@@ -57,7 +50,6 @@ ODD, EVEN = 4.0, 2.0
 # Robust standard deviations, which a Gaussian never reaches; the first 0.15 s of LAAS (before the index pulse, 2 % of
 # the samples and 60 % of what is left) reach 15.
 CAP = 6.0
-OF_THE_GAP = 0.2  # of the gap that noise may make
 
 
 class InverseView(ViewDefaults):
@@ -196,7 +188,7 @@ class InverseView(ViewDefaults):
         sizes = self.sizes(model)
         predicted = x @ sizes
         left = float(np.sqrt(np.mean((self.drive - predicted)[self.at] ** 2)))
-        if left > DRIVE_KNOWN * self.scene.torque:
+        if left > rules.DRIVE_KNOWN * self.scene.torque:
             return None
         return np.interp(self.time, self.time[:: self.every], predicted)
 
@@ -284,7 +276,7 @@ class InverseView(ViewDefaults):
     def objection(self, model: AxisModel, index: int) -> str:
         """What is wrong with the sign or the range of a term's numbers; empty if nothing."""
         t = model.terms[index]
-        if t.name == "encoder_eccentricity" and float(np.hypot(t.q[0], t.q[1])) * t.q[2] > STEEPEST_ERROR:
+        if t.name == "encoder_eccentricity" and float(np.hypot(t.q[0], t.q[1])) * t.q[2] > rules.STEEPEST_ERROR:
             return "an encoder error so steep would let the reading stand still while the axis turns"
         if t.kind.positive and t.q[0] <= 0:
             return f"its size would be {t.q[0]:.3g}, and a physical one is positive"
@@ -310,7 +302,7 @@ class InverseView(ViewDefaults):
 
     def demand(self, model: AxisModel) -> float:
         """Beside a play a further effect must explain most of what is left."""
-        return BESIDE_A_PLAY if model.has_play else 0.0
+        return rules.BESIDE_A_PLAY if model.has_play else 0.0
 
     def replaceable(self, model: AxisModel, index: int) -> bool:
         """Further orders of a family stand and fall with its first."""
@@ -343,12 +335,12 @@ class InverseView(ViewDefaults):
         last = model.terms[-1]
         if not (last.kind.repeats and last.kind.scanned == "position"):
             return
-        for _ in range(MOST_ORDERS - 1):
+        for _ in range(rules.MOST_ORDERS - 1):
             grown = next_order(self, model, last.kind)
             if grown is None:
                 return
             trial = Trial(Look(last.name, 1.0, n_numbers=3), grown)
-            if weigh(self, model, [trial])[0].delta_bic < ORDER_NEED:
+            if weigh(self, model, [trial])[0].delta_bic < rules.ORDER_NEED:
                 return
             model = grown
             yield trial
@@ -387,11 +379,11 @@ def best_view(view: InverseView, model: AxisModel, goal: float) -> InverseView:
         _, g1, _ = gaussian_derivatives(CUTOFF_SIGMA / (2 * np.pi * min(2 * cutoff, 0.1 / dt)), dt)
         slowest = NOISY * noise * float(np.linalg.norm(g1))
         other = InverseView(view.record, scene, float(cutoff), view.start, view.skipped)
-        if np.mean((speed < slowest) & (speed > SLOW * scene.speed)) > BLIND_SHARE:
+        if np.mean((speed < slowest) & (speed > SLOW * scene.speed)) > rules.BLIND_SHARE:
             continue
         floor = DRIVE_NOISE * noise * other.fit(model).inertia * float(np.linalg.norm(g2))
         if floor <= max(
-            goal * scene.torque, min(OF_THE_GAP * other.rms(other.gap(model)), LARGEST_FLOOR * scene.torque)
+            goal * scene.torque, min(rules.OF_THE_GAP * other.rms(other.gap(model)), rules.LARGEST_FLOOR * scene.torque)
         ):
             break
     return other

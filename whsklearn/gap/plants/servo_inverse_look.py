@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn.effects import codes as k
+from whsklearn.gap import evidence as rules
 from whsklearn.gap.axis_candidates import TWO_MASS, Candidate
 from whsklearn.gap.axis_model import AxisModel, Term
 from whsklearn.gap.filters import CUTOFF_SIGMA
@@ -18,7 +19,6 @@ Array = NDArray[Any]
 GAPS = (0.002, 0.004, 0.009, 0.018, 0.037, 0.075, 0.15)  # rad
 CONTACTS = (6.0, 12.0, 25.0, 60.0)  # Hz, of the antiresonance in contact
 ANTIRESONANCES = np.geomspace(0.8, 65.0, 20)  # Hz
-WHOLE = 1.1  # times the gain of the best whole order that a fractional one must have
 N_LINES = 3  # of a spectrum that are looked at as tones
 POLISH = 4  # rounds over the shape numbers, the step shrunk to 0.55 in each: a tenth of the start's spacing
 HIGHEST = 160.0  # periods a turn
@@ -118,7 +118,7 @@ def scan_orders(view: Any, base: Base, kind: Candidate, without: Collection[floa
             gains[float(values[i])] = float(g[i])
     best = max(gains, key=gains.__getitem__)
     first = float(next(iter(gains)))
-    return [first] if gains[best] < WHOLE * gains[first] else [best, first]
+    return [first] if gains[best] < rules.WHOLE_ORDER * gains[first] else [best, first]
 
 
 def wave_gains(view: Any, base: Base, kind: Candidate, values: Array) -> Array:

@@ -31,7 +31,6 @@ KNOTS = (16, 48, 120)  # hills over the range of a signal: half a percent of the
 PENALTIES = np.geomspace(1e-5, 1.0, 6)  # of second differences, as a share of the columns' power
 RIDGE = 1e-4  # the same, of the heights themselves: what a term of the base model can say is left to that term
 TURNS = 1.5  # turns of travel from which on the angle in the turn is a signal of its own
-DROPPED = 0.02  # of the largest height: hills below are left out
 
 
 class Form(NamedTuple):
@@ -237,7 +236,7 @@ def with_curves(view: Any, model: AxisModel, fits: list[Fit], heights: list[Arra
     terms = list(model.terms)
     for f, weights in zip(fits, heights, strict=True):
         for centre, weight in zip(f.centres, weights, strict=True):
-            if abs(weight) > DROPPED * np.abs(weights).max():
+            if abs(weight) > rules.HILL_DROPPED * np.abs(weights).max():
                 terms.append(Term(f.form.kind, (float(weight), float(centre), f.width, f.form.period)))
     return dataclasses.replace(model, terms=tuple(terms))
 

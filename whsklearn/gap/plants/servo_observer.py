@@ -25,8 +25,6 @@ from whsklearn.gap.record import ServoRecord
 
 Array = NDArray[Any]
 AR_ORDER = 12
-BESIDE_A_PLAY = 0.66  # share of the rms left beside a play: what impacts leave over follows everything a little
-STEEPEST_ERROR = 0.3  # rad a rad: an encoder error steeper than that would let the reading stand still
 LOST = 1e3  # times the travel or the speed of the record: a run beyond has diverged
 
 
@@ -179,7 +177,7 @@ class ObserverView(ViewDefaults):
         """What is wrong with the sign or the range of a term's numbers; empty if nothing."""
         term = model.terms[index]
         q = term.q
-        if term.name == "encoder_eccentricity" and float(np.hypot(q[0], q[1])) * q[2] > STEEPEST_ERROR:
+        if term.name == "encoder_eccentricity" and float(np.hypot(q[0], q[1])) * q[2] > rules.STEEPEST_ERROR:
             return "an encoder error so steep would let the reading stand still while the axis turns"
         if term.kind.positive and q[0] <= 0:
             return f"its size would be {q[0]:.3g}, and a physical one is positive"
@@ -187,7 +185,7 @@ class ObserverView(ViewDefaults):
 
     def demand(self, model: AxisModel) -> float:
         """Beside a play a further effect must explain most of what is left."""
-        return BESIDE_A_PLAY if model.has_play else 0.0
+        return rules.BESIDE_A_PLAY if model.has_play else 0.0
 
     def replaceable(self, model: AxisModel, index: int) -> bool:
         """Whether others may be tried in a term's place: nothing else disconnects a load."""

@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-NEAR_FLOOR = 1.3  # gap over floor up to which the grid explains all that is left
-COARSE = 2.5e-4  # step of the grid as a share of half the travel; finer ones are any encoder's
+from whsklearn.gap import evidence as rules
 
 
 def coarse_encoder(view: Any, base: Any) -> list[Any]:
@@ -17,10 +16,10 @@ def coarse_encoder(view: Any, base: Any) -> list[Any]:
     from whsklearn.gap.diagnosis import NamedEffect
 
     step = view.quantum
-    if step < COARSE * view.scene.reach or step / 12**0.5 < 0.7 * view.noise:
+    if step < rules.COARSE_GRID * view.scene.reach or step / 12**0.5 < rules.GRID_NOISE * view.noise:
         return []
     effect = get_effect("quantization")(step=step)  # type: ignore[call-arg]
-    if view.rms(view.gap(base)) > NEAR_FLOOR * view.floor():
+    if view.rms(view.gap(base)) > rules.NEAR_GRID * view.floor():
         return []
     return [NamedEffect(effect, {}, 0.0, 0.95, 1.0)]
 
