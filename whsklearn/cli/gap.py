@@ -140,7 +140,7 @@ def diagnose(options: dict[str, Any], log: Bunch, folder: Path) -> GapFinder:
             finder.fit(record, **columns)
         d = finder.diagnosis_
         d.file, d.units = log.name, dict(log.units)
-        d.notes = [origin(log), *log.notes, *d.notes]
+        d.origin, d.notes = origin(log), [*log.notes, *d.notes]
         if options["second"] and d.verdict != "data_problem":
             test(options, finder)
         page = finder.report(folder)
@@ -163,7 +163,7 @@ def test(options: dict[str, Any], finder: GapFinder) -> None:
     d.test = on_second_record(finder, record, **columns)
     told = ", ".join(f"{r['before']:.3g} to {r['after']:.3g} over {r['horizon']:g} s" for r in d.test)
     text = f"On {second.name}, of which nothing was fitted, the free run's RMSE goes from {told}."
-    d.notes.insert(1, text)
+    d.notes.insert(0, text)
     tqdm.write(wrapped(text))
 
 

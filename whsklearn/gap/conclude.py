@@ -14,7 +14,7 @@ from whsklearn.gap.candidate_table import candidate_table
 from whsklearn.gap.diagnosis import Diagnosis, LearnedTorques, NamedEffect, families
 from whsklearn.gap.proof import closure, prove
 from whsklearn.gap.search import Found
-from whsklearn.gap.standard_errors import labelled_errors
+from whsklearn.gap.standard_errors import errors_of, labelled_errors
 from whsklearn.gap.verdict import verdict_of
 from whsklearn.gap.words import next_experiment, summary
 
@@ -44,8 +44,7 @@ def conclude(plant: Any, found: Found, rng: np.random.Generator, say: Callable[[
         for r in found.rounds
     ]  # fmt: skip
     diagnosis.residual_tests = plant.residual_tests(found.base, found.model)
-    first, last = plant.parameters(found.base), plant.parameters(found.model)
-    diagnosis.base_parameters = [{"name": k, "before": v, "after": last[k]} for k, v in first.items()]
+    diagnosis.base_parameters = _base_numbers(plant, found)
     diagnosis.next_experiment = next_experiment(diagnosis)
     for e in diagnosis.effects:
         e.units = plant.units
@@ -56,6 +55,18 @@ def conclude(plant: Any, found: Found, rng: np.random.Generator, say: Callable[[
     diagnosis.figures = (before, after, floor)
     diagnosis.sentence = summary(diagnosis, plant)
     return diagnosis
+
+
+def _base_numbers(plant: Any, found: Found) -> list[dict[str, Any]]:
+    """The base model's own numbers before and after the repair, with standard errors and units."""
+    first, last = plant.parameters(found.base), plant.parameters(found.model)
+    before, after = (errors_of(plant.linearised(m), plant.parameters) for m in (found.base, found.model))
+    units = plant.parameter_units(found.base)
+    return [
+        {"name": k, "before": v, "after": last[k], "before_error": before.get(k), "after_error": after.get(k),
+         "unit": units.get(k, "")}
+        for k, v in first.items()
+    ]  # fmt: skip
 
 
 def _judged(plant: Any, found: Found, rng: np.random.Generator) -> tuple[Diagnosis, list[dict[str, Any]]]:

@@ -203,6 +203,7 @@ class Diagnosis:
     notes: list[str] = field(default_factory=list)
     pictures: dict[str, Any] = field(default_factory=dict)
     file: str = ""  # name of the log
+    origin: str = ""  # file, columns, span, rate, date and version in a sentence
     units: dict[str, str] = field(default_factory=dict)  # by role, as logged
     test: list[dict[str, float]] = field(default_factory=list)  # free run on a second record, a row a horizon
     figures: tuple[float, float, float] = (0.0, 0.0, 0.0)  # missing share of drive or output: before, after, floor

@@ -51,6 +51,8 @@ def render(diagnosis: Diagnosis) -> str:
     return environment.from_string(source).render(
         d=diagnosis,
         pictures=pictures,
+        unit=diagnosis.pictures.get("units", ("", ""))[1],
+        drive=diagnosis.pictures.get("units", ("", ""))[0],
         colour=COLOURS.get(diagnosis.verdict, "#5a6773"),
         silence=SILENCE.get(diagnosis.verdict, ""),
     )

@@ -13,6 +13,7 @@ from whsklearn.gap.diagnosis import Diagnosis
 
 BEFORE, AFTER, MEASURED, FLOOR = "#c2552d", "#1b7f4d", "#1c2530", "#8a97a5"
 WINDOW = 2.0  # s shown of the overlay
+DRAWN = 3000  # stretches of a series of which the extremes are drawn: two a pixel of a wide screen
 
 
 def titled(name: str, unit: str) -> str:
@@ -21,7 +22,7 @@ def titled(name: str, unit: str) -> str:
 
 
 def draw(d: Diagnosis) -> list[tuple[str, str, str]]:
-    """(title, caption, PNG in base 64) of every picture that the diagnosis has data for."""
+    """(title, caption, SVG in base 64) of every picture that the diagnosis has data for."""
     out = []
     chain = "window" in d.pictures  # runs freely, in samples
     worst = (
@@ -55,22 +56,47 @@ def width_of(d: Diagnosis) -> float:
 
 
 def _paint(painter: Callable[[Any, Diagnosis], bool], d: Diagnosis) -> str:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    """A picture of lines, so that it stays sharp at any size; the same data give the same bytes."""
+    import matplotlib
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(6.2, 3.3), dpi=110, layout="constrained")
-    FigureCanvasAgg(figure)
-    axes = figure.subplots()
-    axes.spines[["top", "right"]].set_visible(False)
-    try:
-        drawn = painter(axes, d)
-    except KeyError:  # a line without these series
-        return ""
-    if not drawn:
-        return ""
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png")
+    with matplotlib.rc_context({"svg.fonttype": "path", "svg.hashsalt": painter.__name__, "path.simplify": True}):
+        figure = Figure(figsize=(6.2, 3.3), layout="constrained")
+        FigureCanvasSVG(figure)
+        axes = figure.subplots()
+        axes.spines[["top", "right"]].set_visible(False)
+        try:
+            drawn = painter(axes, d)
+        except KeyError:  # a line without these series
+            return ""
+        if not drawn:
+            return ""
+        buffer = io.BytesIO()
+        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
     return base64.b64encode(buffer.getvalue()).decode("ascii")
+
+
+def thinned(*series: Any) -> list[Any]:
+    """Series over one axis at the least and the largest value of each stretch, so that a long record stays drawable.
+
+    The first is the axis, the second leads; further ones are taken at the same samples.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> t = np.arange(1e6)
+    >>> thinned(t, np.sin(t))[1].size <= 2 * DRAWN
+    True
+    """
+    x, lead = series[0], np.asarray(series[1])
+    if lead.size <= 2 * DRAWN:
+        return list(series)
+    width = -(-lead.size // DRAWN)
+    whole = lead.size // width * width
+    rows = lead[:whole].reshape(-1, width)
+    at = np.sort(np.r_[rows.argmin(1), rows.argmax(1)].reshape(2, -1) + width * np.arange(len(rows)), axis=None)
+    return [np.asarray(s)[at] for s in (x, lead, *series[2:])]
 
 
 def _overlay(axes: Any, d: Diagnosis) -> bool:
@@ -94,9 +120,9 @@ def _overlay(axes: Any, d: Diagnosis) -> bool:
 def _over_time(axes: Any, d: Diagnosis) -> bool:
     p = d.pictures
     keep = p["usable"]
-    axes.plot(p["gap_time"][keep], p["gap_before"][keep], color=BEFORE, lw=0.6, label="before")
+    axes.plot(*thinned(p["gap_time"][keep], p["gap_before"][keep]), color=BEFORE, lw=0.6, label="before")
     if d.repaired:
-        axes.plot(p["gap_time"][keep], p["gap_after"][keep], color=AFTER, lw=0.6, label="after")
+        axes.plot(*thinned(p["gap_time"][keep], p["gap_after"][keep]), color=AFTER, lw=0.6, label="after")
     axes.axhspan(-2 * p["floor"], 2 * p["floor"], color=FLOOR, alpha=0.3, lw=0, label="twice the noise floor")
     axes.set(xlabel=titled("time", p.get("clock", "s")), ylabel=titled(p["what"], p["units"][0]))
     axes.legend(frameon=False, fontsize=8)
@@ -167,9 +193,9 @@ def _candidates(axes: Any, d: Diagnosis) -> bool:
 
 def _spectrum(axes: Any, d: Diagnosis) -> bool:
     p = d.pictures
-    axes.semilogy(p["frequency"], p["spectrum"][0], color=BEFORE, lw=0.9, label="before")
+    axes.semilogy(*thinned(p["frequency"], p["spectrum"][0]), color=BEFORE, lw=0.9, label="before")
     if d.repaired:
-        axes.semilogy(p["frequency"], p["spectrum"][1], color=AFTER, lw=0.9, label="after")
+        axes.semilogy(*thinned(p["frequency"], p["spectrum"][1]), color=AFTER, lw=0.9, label="after")
     axes.set(
         xlabel=titled("frequency", "Hz" if p.get("clock", "s") == "s" else "cycles a sample"),
         ylabel=titled("amplitude", p["units"][0]),

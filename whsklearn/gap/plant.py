@@ -283,6 +283,9 @@ class Plant(Protocol):
     def parameters(self, model: Any) -> dict[str, float]:
         """The base model's numbers by name."""
 
+    def parameter_units(self, model: Any) -> dict[str, str]:
+        """Units of the base model's numbers, where they have one."""
+
     def figures(self, base: Any, model: Any) -> tuple[float, float, float]:
         """(gap before, gap after, floor) of the first line, in the unit of drive or output."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -31,18 +32,23 @@ def labelled_errors(fit: Linearised, index: int) -> dict[str, float]:
     The covariance of the free numbers is carried to labels such as amplitude and phase by drawing.  Numbers that
     the draws do not move have none.
     """
-    centre = fit.rebuild(fit.x).terms[index].effect.labelled()
+    return errors_of(fit, lambda model: model.terms[index].effect.labelled())
+
+
+def errors_of(fit: Linearised, read: Callable[[Any], Mapping[str, float | str]]) -> dict[str, float]:
+    """Standard errors of the numbers that ``read`` finds in a model."""
+    centre = {k: v for k, v in read(fit.rebuild(fit.x)).items() if not isinstance(v, str)}
     values, vectors = np.linalg.eigh(covariance(fit))
     spread = vectors * np.sqrt(np.maximum(values, 0.0))
     rng = np.random.default_rng(0)
-    draws: dict[str, list[float]] = {k: [] for k, v in centre.items() if not isinstance(v, str)}
+    draws: dict[str, list[float]] = {k: [] for k in centre}
     for z in np.clip(fit.x + rng.standard_normal((N_DRAWS, fit.x.size)) @ spread.T, fit.low, fit.high):
         try:
-            labels = fit.rebuild(z).terms[index].effect.labelled()
+            labels = read(fit.rebuild(z))
         except (ValueError, OverflowError):
             continue
         for k, seen in draws.items():
-            gap = labels[k] - centre[k]
+            gap = float(labels[k]) - centre[k]
             seen.append((gap + np.pi) % (2 * np.pi) - np.pi if k.startswith("phase") else gap)
     errors = {k: float(np.std(v)) for k, v in draws.items() if v}
     return {k: v for k, v in errors.items() if np.isfinite(v) and v > 0.0}

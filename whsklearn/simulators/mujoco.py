@@ -163,6 +163,14 @@ class MuJoCoSimulator:
         """What `refit` moves: inertia about the joint, damping, dry friction, stiffness; those that are not zero."""
         return dict(self._own)
 
+    @property
+    def parameter_units(self) -> dict[str, str]:
+        """Units of the `parameters`, of a hinge or of a slide."""
+        mujoco = _library()
+        if self.model.jnt_type[self.index] == mujoco.mjtJoint.mjJNT_SLIDE:
+            return {"inertia": "kg", "damping": "N s/m", "frictionloss": "N", "stiffness": "N/m"}
+        return {"inertia": "kg m²", "damping": "Nm s/rad", "frictionloss": "Nm", "stiffness": "Nm/rad"}
+
     def _numbers_of_its_own(self) -> dict[str, float]:
         """The `parameters` of the model as compiled, which has no effects yet."""
         m, i = self.model, self.dof

@@ -287,6 +287,10 @@ class ChainPlant:
         names += [f"c_{i}" for i in range(2, nc + 1)] + [f"d_{i}" for i in range(1, nd + 1)]
         return dict(zip(names, map(float, model.theta), strict=True))
 
+    def parameter_units(self, model: ChainModel) -> dict[str, str]:
+        """None: the numbers of a chain are those of its difference equations."""
+        return {}
+
     def notes(self, base: ChainModel, model: ChainModel) -> list[str]:
         """Remarks on how the record was used."""
         s = self.whole_view.setting

@@ -258,6 +258,14 @@ class ServoPlant(PlantDefaults):
         rows |= {t.name: t.q[0] for t in model.terms[: model.n_base]}
         return rows | {"age of the drive (samples)": model.timing}
 
+    def parameter_units(self, model: AxisModel) -> dict[str, str]:
+        """In drive and position as logged; an inertia by its own name where the drive is a torque or a force."""
+        drive, position = self.units
+        inertia = {("Nm", "rad"): "kg m²", ("N", "m"): "kg"}.get(self.units, f"{drive} s²/{position}")
+        units = {t.name: next(iter(t.effect.quantities.values())).unit for t in model.terms[: model.n_base]}
+        spelled = {k: u.replace("Nm", drive).replace("rad", position) for k, u in units.items()}
+        return {"inertia": inertia, **{k: "" if u == "1" else u for k, u in spelled.items()}}
+
     def notes(self, base: AxisModel, model: AxisModel) -> list[str]:
         """Remarks on how the record was used."""
         view, skipped = self.observer, self.inverse.skipped

@@ -308,6 +308,11 @@ class SimulatorPlant(PlantDefaults, ViewDefaults):
         told = getattr(self.fits.built(model).simulator, "parameters", None)
         return {k: float(v) for k, v in told.items()} if isinstance(told, dict) else {}
 
+    def parameter_units(self, model: SimulatorModel) -> dict[str, str]:
+        """The simulator's ``parameter_units``, if it tells them."""
+        told = getattr(self.fits.built(model).simulator, "parameter_units", None)
+        return dict(told) if isinstance(told, dict) else {}
+
     def figures(self, base: SimulatorModel, model: SimulatorModel) -> tuple[float, float, float]:
         """(gap before, after, floor)."""
         return self.rms(self.gap(base)), self.rms(self.gap(model)), self.floor()
