@@ -9,7 +9,7 @@ EXTRAS := all,dev,docs
 
 export MLFLOW_DISABLE_TELEMETRY := true
 
-.PHONY: help setup demo test test-lowest ui lint bench docs clean
+.PHONY: help setup demo test test-lowest ui lint bench docs wheel clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 14
@@ -52,6 +52,17 @@ lint: setup  ## ruff, the direction of imports, mypy
 	$(PY) -m ruff format --check .
 	$(VENV)/bin/lint-imports
 	$(PY) -m mypy
+
+# Users install a wheel, not a checkout: does it hold all that is needed, with the oldest and with the newest that it admits?
+wheel: setup  ## build the wheel and try it in two clean environments
+	rm -rf dist .venv-wheel
+	$(PY) -m uv build --quiet --wheel --out-dir dist .
+	for resolution in lowest-direct highest; do \
+	    $(PYTHON) -m venv --without-pip .venv-wheel && \
+	    $(PY) -m uv pip compile --quiet --resolution $$resolution --python .venv-wheel/bin/python pyproject.toml -o dist/needs.txt && \
+	    $(PY) -m uv pip install --quiet --python .venv-wheel/bin/python -r dist/needs.txt dist/*.whl && \
+	    (cd dist && ../.venv-wheel/bin/python -W error::FutureWarning ../tests/smoke.py) && rm -rf .venv-wheel || exit 1; \
+	done
 
 ui: setup  ## the recorded runs in the browser
 	$(PY) -m pipelines.ui

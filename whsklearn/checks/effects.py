@@ -159,7 +159,7 @@ def _check_neutral(e: Effect) -> None:
 def _check_repeatable(e: Effect) -> None:
     """Two simulations are the same, finite, and other than without the effect."""
     base, drive = _experiment()
-    axis = base.with_effect(_visible(e, base, drive))
+    axis = base.with_effect(_visible(e, drive))
     once, twice = (
         axis.simulate_drive(drive, initial_position=START).position,
         axis.simulate_drive(drive, initial_position=START).position,
@@ -237,7 +237,7 @@ def _signals_of(record: Bunch, axis: Any) -> Bunch:
     )
 
 
-def _visible(e: Effect, base: Any, drive: NDArray[np.float64]) -> Effect:
+def _visible(e: Effect, drive: NDArray[np.float64]) -> Effect:
     """The effect as it is, or a limit that the experiment reaches."""
     return e.resized(0.5 * float(np.abs(drive).max())) if math.isinf(e.neutral) else e
 

@@ -75,7 +75,7 @@ def guarded(function: Callable[..., None], **kwargs: Any) -> None:
 def _end_as_interrupt() -> Any:
     """Let SIGTERM raise in the main thread; the handler before, or None where there can be no handler."""
 
-    def end(number: int, frame: Any) -> None:
+    def end(_number: int, _frame: Any) -> None:
         raise Ended
 
     try:

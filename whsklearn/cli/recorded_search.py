@@ -21,7 +21,7 @@ def recorded(search_class: type) -> type:
         on_results: Callable[[dict[str, Any]], None] | None = None
 
         def _run_search(self, evaluate_candidates: Any, callback_ctx: Any = None) -> None:
-            def in_chunks(candidates: Any, cv: Any = None, more_results: Any = None, callback_ctx: Any = None) -> Any:
+            def in_chunks(candidates: Any, cv: Any = None, more_results: Any = None, callback_ctx: Any = None) -> Any:  # noqa: ARG001 - scikit-learn passes it
                 candidates = list(candidates)
                 # Halving asks with its own columns, a rung at a time; those stay whole.
                 size = len(candidates) if more_results else max(1, 2 * effective_n_jobs(self.n_jobs))

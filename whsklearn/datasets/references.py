@@ -77,7 +77,7 @@ def reference_signal(
     return make(np.arange(n) / sample_rate, peak, np.random.default_rng(random_state))
 
 
-def _sine(t: NDArray[np.float64], peak: float, rng: np.random.Generator) -> NDArray[np.float64]:
+def _sine(t: NDArray[np.float64], peak: float, _rng: np.random.Generator) -> NDArray[np.float64]:
     """The paper's reference."""
     return peak * np.sin(0.4 * math.pi * t)
 
@@ -111,7 +111,7 @@ def _rich(t: NDArray[np.float64], peak: float, rng: np.random.Generator) -> NDAr
     return _scaled(_triangle(t, min(20.0, t[-1])) * _faded(t) + fast, peak)
 
 
-def _staircase(t: NDArray[np.float64], peak: float, rng: np.random.Generator) -> NDArray[np.float64]:
+def _staircase(t: NDArray[np.float64], peak: float, _rng: np.random.Generator) -> NDArray[np.float64]:
     """Eight speeds, each forth and back, with soft changes of direction."""
     speeds = np.geomspace(0.02, 1.0, 8)
     edges = np.linspace(0.0, t[-1] * (1 + 1e-12), 17)
@@ -123,7 +123,7 @@ def _staircase(t: NDArray[np.float64], peak: float, rng: np.random.Generator) ->
     return _scaled(np.cumsum(soft * _faded(t)), peak)
 
 
-def _sweep(t: NDArray[np.float64], peak: float, rng: np.random.Generator) -> NDArray[np.float64]:
+def _sweep(t: NDArray[np.float64], peak: float, _rng: np.random.Generator) -> NDArray[np.float64]:
     """A geometric sweep from 0.1 to 5 Hz whose velocity keeps its height."""
     low, high = 0.1, 5.0
     frequency = low * (high / low) ** (t / t[-1])

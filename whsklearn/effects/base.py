@@ -76,8 +76,8 @@ _REGISTRY: dict[str, type[Effect]] = {}
 class Effect:
     """Base of every effect; subclass it, give it a ``name``, and it is registered.
 
-    Class attributes
-    ----------------
+    Attributes
+    ----------
     name : str
         Canonical name, the one that reports and files use.
     place : str

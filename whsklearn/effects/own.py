@@ -20,7 +20,7 @@ SIGNATURE = types.float64(
 )  # which, numbers, time, position, velocity, drive
 
 
-def _none(which, p, time, position, velocity, drive):
+def _none(_which, _p, _time, _position, _velocity, _drive):
     return 0.0
 
 
@@ -68,7 +68,7 @@ def _dispatched(functions: tuple[Any, ...]) -> Any:
     first = functions[0]
     if len(functions) == 1:
 
-        def only(which, p, time, position, velocity, drive):
+        def only(_which, p, time, position, velocity, drive):
             return first(p, time, position, velocity, drive)
 
         return only

@@ -36,7 +36,7 @@ def open_mcap(path: Path) -> Source:
 
     def messages() -> Iterator[Message]:
         with path.open("rb") as file:
-            reader = make_reader(file, decoder_factories=_decoders(path))
+            reader = make_reader(file, decoder_factories=_decoders())
             for schema, channel, message in reader.iter_messages():
                 content = _decoded(path, schema, channel, message, reader)
                 yield channel.topic, message.log_time, content
@@ -44,7 +44,7 @@ def open_mcap(path: Path) -> Source:
     return _of_messages(path, messages, failures)
 
 
-def _decoders(path: Path) -> list[Any]:
+def _decoders() -> list[Any]:
     """What turns ROS 2 messages into objects, if it is installed."""
     try:
         from mcap_ros2.decoder import DecoderFactory

@@ -28,7 +28,7 @@ class Orders(NamedTuple):
     poles_2: int
 
 
-def divisions(ratio: Ratio, orders: Orders, *, proper: bool = True) -> Iterator[tuple[Ratio, Ratio]]:
+def divisions(ratio: Ratio, orders: Orders) -> Iterator[tuple[Ratio, Ratio]]:
     """All pairs of blocks whose product has the zeros and poles of the ratio, conjugate pairs kept together.
 
     Parameters
@@ -36,9 +36,7 @@ def divisions(ratio: Ratio, orders: Orders, *, proper: bool = True) -> Iterator[
     ratio : Ratio
         The linear model.
     orders : Orders
-        What the blocks can hold.
-    proper : bool, default=True
-        Leave out blocks with more zeros than poles, but for one zero without a pole.
+        What the blocks can hold.  A block with more zeros than poles is left out, but for one zero without a pole.
     """
     zeros, poles = _groups(np.roots(ratio.b)), _groups(np.roots(ratio.a))
     found = 0

@@ -94,7 +94,7 @@ def run(chain: Chain, data: IOData) -> Signals:
     """Simulate the chain from rest."""
     x = first_block(chain, data)
     columns, by_x, by_dx = law_columns(
-        chain.law.codes, chain.law.shapes, chain.weights, x, data.bounds, _kappa(chain, x, data)
+        chain.law.codes, chain.law.shapes, chain.weights, x, data.bounds, _kappa(x, data)
     )
     v = chain.weights @ columns
     return Signals(x, v, filter_rows(chain.b2, chain.a2, v[None, :], data.bounds)[0], columns, by_x, by_dx)
@@ -105,7 +105,7 @@ def solve_law(chain: Chain, data: IOData) -> Fitted:
     x = first_block(chain, data)
     if not np.isfinite(x).all():
         return Fitted(chain, data.y, np.inf)
-    columns = law_columns(chain.law.codes, chain.law.shapes, chain.weights, x, data.bounds, _kappa(chain, x, data))[0]
+    columns = law_columns(chain.law.codes, chain.law.shapes, chain.weights, x, data.bounds, _kappa(x, data))[0]
     basis = orthonormal(columns[:, data.counts])
     rows = filter_rows(chain.b2, chain.a2, basis @ columns, data.bounds) * data.scale
     target = data.y * data.scale
@@ -204,7 +204,7 @@ def normalised(chain: Chain, data: IOData) -> Chain:
     return chain._replace(b1=chain.b1 / scale, b2=chain.b2 / max(float(np.linalg.norm(chain.b2)), 1e-300), law=law)
 
 
-def _kappa(chain: Chain, x: Array, data: IOData) -> float:
+def _kappa(x: Array, data: IOData) -> float:
     """Sharpness of the law's signs: their value is exact, their slope that of a tanh."""
     moving = np.diff(x[data.counts])
     rms = float(np.sqrt(np.mean(moving**2))) if moving.size else 0.0

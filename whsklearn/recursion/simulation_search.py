@@ -127,7 +127,7 @@ def starts(data: IOData, law: FrictionLaw, structure: Structure) -> list[Fitted]
     tried = 0
     for poles, zeros in structure.linear:
         ratio = best_linear(centred, poles, zeros)
-        ways = divisions(ratio, structure.blocks if structure.exact else square(poles), proper=not structure.exact)
+        ways = divisions(ratio, structure.blocks if structure.exact else square(poles))
         found = []
         for first, second in ways:
             first, second = _at_least(first, second, structure)

@@ -117,7 +117,7 @@ def screen(s: Setting, stand: Stand, kinds: list[Candidate], z: Scales) -> list[
     residual = stand.leftover(stand.errors[:, None])[:, 0]
     found = []
     for kind in kinds:
-        shapes = _tone_shapes(s, stand, kind, z) if kind.name == "disturbance_tone" else kind.shapes(z)
+        shapes = _tone_shapes(s, stand, z) if kind.name == "disturbance_tone" else kind.shapes(z)
         best: Screened | None = None
         for shape in shapes:
             one = _score(s, stand, kind, shape, z, residual)
@@ -150,7 +150,7 @@ def _score(
     return Screened(Term(kind, (*numbers, *shape)), gain, left, columns / np.linalg.norm(columns, axis=0))
 
 
-def _tone_shapes(s: Setting, stand: Stand, kind: Candidate, z: Scales) -> list[tuple[float, ...]]:
+def _tone_shapes(s: Setting, stand: Stand, z: Scales) -> list[tuple[float, ...]]:
     """Frequencies worth a look: the largest lines of the errors."""
     e = np.zeros(s.u.size)
     e[s.fit] = stand.errors

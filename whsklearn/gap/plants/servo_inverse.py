@@ -389,7 +389,7 @@ def best_view(view: InverseView, model: AxisModel, goal: float) -> InverseView:
     return other
 
 
-def base_model(record: ServoRecord, law: tuple[str, ...], scene: Scales) -> AxisModel:
+def base_model(law: tuple[str, ...], scene: Scales) -> AxisModel:
     """The base model's structure, with sizes yet to be solved."""
     kinds = [candidate(name) for name in law]
     terms = tuple(Term(c, (*([0.0] * c.linear), *c.starts(scene)[0])) for c in kinds)

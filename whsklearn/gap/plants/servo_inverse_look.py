@@ -75,7 +75,7 @@ def best_start(view: Any, base: Base, kind: Candidate) -> tuple[Term | None, flo
         play = kind.code == k.BACKLASH
         grid = [(g, f) for g in GAPS for f in CONTACTS] if play else [(0.0, f) for f in ANTIRESONANCES]
         grid = [(g, f) for g, f in grid if f < 0.2 / view.scene.dt and g < view.scene.reach]
-        terms = [two_mass.start(view, model, kind, g, f, 0.15 if play else 0.05) for g, f in grid]
+        terms = [two_mass.start(model, kind, g, f, 0.15 if play else 0.05) for g, f in grid]
     elif kind.scanned == "position":
         orders = scan_orders(view, base, kind)
         terms = [Term(kind, (0.0, 0.0, order)) for order in orders]

@@ -52,7 +52,7 @@ def start_of(record: ServoRecord, law: tuple[str, ...], goal: float) -> tuple[In
         resonance=min(90.0, 0.2 / dt),
     )
     view = InverseView(record, scene, first, (q, v))
-    model = view.fit(base_model(record, law, scene))
+    model = view.fit(base_model(law, scene))
     scene = dataclasses.replace(scene, inertia=model.inertia)
     model = dataclasses.replace(model, scene=scene)
     view = best_view(view, model, goal)

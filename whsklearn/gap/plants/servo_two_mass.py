@@ -104,7 +104,7 @@ def with_sizes(view: Any, model: AxisModel, solved: Array) -> AxisModel:
     return dataclasses.replace(model, inertia=motor + load, timing=timing, terms=tuple(terms))
 
 
-def start(view: Any, model: AxisModel, kind: Any, gap: float, hz: float, zeta: float) -> Term:
+def start(model: AxisModel, kind: Any, gap: float, hz: float, zeta: float) -> Term:
     """A term of the kind with this antiresonance, half of the inertia behind it."""
     share, w = 0.5, 2 * np.pi * hz
     held = zeta / np.sqrt(1 - share)
