@@ -74,6 +74,8 @@ def summary(d: Any, plant: Any) -> str:
     left = (
         f"The {what} falls to {percent(after)}, and {100 * max(d.closure, 0):.0f} % of the gap in simulation is closed."
     )
+    if before == after:  # a coarse reading: it is in the record, not in the model's run
+        left = "That is all the noise there is: nothing else is missing that this record could show."
     if d.verdict == "named":
         parts = [f"{e.name.replace('_', ' ')} ({numbers(e)})" for e in d.effects]
         alias = sorted({a for e in d.effects for a in e.aliases})

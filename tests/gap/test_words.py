@@ -1,0 +1,48 @@
+"""Sentences of a diagnosis."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import pytest
+
+from whsklearn.gap.words import article_list, summary
+
+PLANT = SimpleNamespace(gap_word="missing torque", whole="drive")
+
+
+def effect(name, aliases=()):
+    return SimpleNamespace(name=name, aliases=list(aliases), parameters={"size_nm": 0.5})
+
+
+def diagnosis(verdict="named", effects=(), figures=(0.1, 0.02, 0.01), closure=0.9, **more):
+    return SimpleNamespace(
+        verdict=verdict, effects=list(effects), figures=figures, closure=closure, learned=None, shortfall="",
+        where_sentence="", **more,
+    )  # fmt: skip
+
+
+def test_names_are_joined_as_in_prose():
+    assert article_list(["cogging"]) == "cogging"
+    assert article_list(["cable_spring", "stribeck"]) == "cable spring and stribeck"
+    assert article_list(["a", "b", "c"]) == "a, b and c"
+
+
+def test_a_name_comes_with_size_and_with_what_cannot_be_told_from_it():
+    text = summary(diagnosis(effects=[effect("input_offset", ["asymmetric_coulomb"])]), PLANT)
+    assert "input offset (size_nm 0.5)" in text
+    assert "cannot" in text or "can tell it from asymmetric coulomb" in text
+    assert "10.00 %" in text
+    assert "90 %" in text
+
+
+def test_a_coarse_reading_is_not_said_to_close_a_gap():
+    text = summary(diagnosis(effects=[effect("quantization")], figures=(0.02, 0.02, 0.019), closure=0.0), PLANT)
+    assert "quantization" in text
+    assert "nothing else is missing" in text
+    assert "closed" not in text
+
+
+@pytest.mark.parametrize("verdict", ["named", "ambiguous", "partial"])
+def test_every_verdict_with_effects_says_what_is_left(verdict):
+    assert "falls to 2.00 %" in summary(diagnosis(verdict, [effect("cogging", ["torque_ripple"])]), PLANT)
