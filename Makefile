@@ -9,7 +9,7 @@ EXTRAS := all,dev,docs
 
 export MLFLOW_DISABLE_TELEMETRY := true
 
-.PHONY: help setup demo test test-lowest ui lint bench docs wheel clean
+.PHONY: help setup demo test test-lowest clean-room ui lint bench docs wheel clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 14
@@ -63,6 +63,9 @@ wheel: setup  ## build the wheel and try it in two clean environments
 	    $(PY) -m uv pip install --quiet --python .venv-wheel/bin/python -r dist/needs.txt dist/*.whl && \
 	    (cd dist && ../.venv-wheel/bin/python -W error::FutureWarning ../tests/smoke.py) && rm -rf .venv-wheel || exit 1; \
 	done
+
+clean-room: setup  ## five stories of a stranger, with the built wheel in an empty environment
+	$(PY) tests/clean_room.py
 
 ui: setup  ## the recorded runs in the browser
 	$(PY) -m pipelines.ui

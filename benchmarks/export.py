@@ -25,7 +25,15 @@ from whsklearn.effects import CableSpring, Effect, effect_names, get_effect
 from whsklearn.export import export_model
 
 # sizes that can be seen where the default is too small or too large for an axis of 0.05 kg m2
-SIZES = {"saturation": 0.8, "compliance": 1e-2, "input_delay": 3e-3, "actuator_lag": 3e-3, "end_stop": 10.0}
+SIZES = {
+    "coulomb": 0.2,
+    "asymmetric_viscous": 0.02,
+    "saturation": 0.8,
+    "compliance": 1e-2,
+    "input_delay": 3e-3,
+    "actuator_lag": 3e-3,
+    "end_stop": 10.0,
+}
 REPLAY = """
 #include "model.h"
 void replay(const double *u, double *y, long n)

@@ -15,7 +15,7 @@ from tqdm import tqdm
 
 from whsklearn.cli.job import UNUSABLE, job, say_where, tracker_for, wrapped, writable_folder
 from whsklearn.cli.own_effects import load_effects
-from whsklearn.cli.records import longest, note, read, reading_options, roles_of
+from whsklearn.cli.records import liveliest, note, read, reading_options, roles_of, segments
 
 if TYPE_CHECKING:
     from whsklearn.logs.errors import LogError
@@ -95,19 +95,29 @@ def main(**options: Any) -> None:
     if options["effects"]:
         load_effects(options["effects"])
     try:
-        log = longest(read_log(options))
+        log, *others = segments(read_log(options))
+        log = liveliest(log)
+        second = (
+            liveliest(segments(read_log({**options, "log_file": options["second"]}))[0]) if options["second"] else None
+        )
     except ColumnError:
         raise
     except LogError as error:
         data_problem(error, folder)
         raise
-    finder = diagnose(options, log, folder)
+    if second is None and others and options["kind"] == "servo":
+        second = liveliest(others[0])
+        second.name = f"the next segment of {log.name}"
+    finder = diagnose(options, log, second, folder)
     if finder.verdict_ == "data_problem":
         raise SystemExit(UNUSABLE)
 
 
-def diagnose(options: dict[str, Any], log: Bunch, folder: Path) -> GapFinder:
-    """Run the finder on a log, write the report, say what it holds, and record both: the record comes last."""
+def diagnose(options: dict[str, Any], log: Bunch, second: Bunch | None, folder: Path) -> GapFinder:
+    """Run the finder on a log, write the report, say what it holds, and record both: the record comes last.
+
+    `second` is another record of the axis, of which nothing is fitted: a log of its own or another segment.
+    """
     from whsklearn.gap import GapFinder
     from whsklearn.gap.finder import STEPS
     from whsklearn.logs.slips import slips_in
@@ -141,8 +151,8 @@ def diagnose(options: dict[str, Any], log: Bunch, folder: Path) -> GapFinder:
         d = finder.diagnosis_
         d.file, d.units = log.name, dict(log.units)
         d.origin, d.notes = origin(log), [*log.notes, *d.notes]
-        if options["second"] and d.verdict != "data_problem":
-            test(options, finder)
+        if second is not None and d.verdict != "data_problem":
+            test(options, finder, second)
         page = finder.report(folder)
         click.echo(wrapped(f"{d.verdict}: {d.sentence}"))
         if d.interrupted:
@@ -153,16 +163,19 @@ def diagnose(options: dict[str, Any], log: Bunch, folder: Path) -> GapFinder:
     return finder
 
 
-def test(options: dict[str, Any], finder: GapFinder) -> None:
-    """The free run of the repaired model on the second log, into the diagnosis and onto the terminal."""
+def test(options: dict[str, Any], finder: GapFinder, second: Bunch) -> None:
+    """The free run of the repaired model on a second record, into the diagnosis and onto the terminal."""
     from whsklearn.gap.second_record import on_second_record
 
-    second = longest(read_log({**options, "log_file": options["second"]}))
     record, columns = as_record(options, second)
     d = finder.diagnosis_
-    d.test = on_second_record(finder, record, **columns)
-    told = ", ".join(f"{r['before']:.3g} to {r['after']:.3g} over {r['horizon']:g} s" for r in d.test)
-    text = f"On {second.name}, of which nothing was fitted, the free run's RMSE goes from {told}."
+    try:
+        d.test = on_second_record(finder, record, **columns)
+    except ValueError as error:
+        text = f"The result was not tested on {second.name}: {error}"
+    else:
+        told = ", ".join(f"{r['before']:.3g} to {r['after']:.3g} over {r['horizon']:g} s" for r in d.test)
+        text = f"On {second.name}, of which nothing was fitted, the free run's RMSE goes from {told}."
     d.notes.insert(0, text)
     tqdm.write(wrapped(text))
 

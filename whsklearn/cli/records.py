@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from whsklearn.logs.source import Source
 
 _QUIET = ("LOG005", "LOG006", "LOG007")  # in the report; on the terminal they would be said of nearly every log
+MOST_ROWS = 300_000  # of a diagnosis: five minutes at 1 kHz, in half a GB and a minute or two
 _SIGNALS = ("X", "y", "time", "reference", "command", "groups", "frame")
 
 
@@ -111,20 +112,52 @@ def note(text: str) -> None:
 
 def longest(log: Bunch) -> Bunch:
     """The longest segment of a log; a note if there are others."""
+    return segments(log)[0]
+
+
+def segments(log: Bunch) -> list[Bunch]:
+    """The segments of a log, the longest first; a note if there are several."""
     import numpy as np
-    from sklearn.utils import Bunch
 
     counts = np.bincount(log.groups)
     if counts.size == 1:
-        return log
-    rows = log.groups == int(counts.argmax())
+        return [log]
+    order = np.argsort(-counts, kind="stable")
+    first, *rest = (_cut(log, log.groups == k) for k in order)
     text = (
-        f"{rows.sum()} of {rows.size} samples, the longest of {counts.size} segments from "
-        f"{log.time[rows][0]:.6g} to {log.time[rows][-1]:.6g} s, are used."
+        f"{first.y.size} of {log.y.size} samples, the longest of {counts.size} segments from "
+        f"{first.time[0]:.6g} to {first.time[-1]:.6g} s, are used."
     )
     note(text)
-    cut = {k: v[rows] if k in _SIGNALS and v is not None else v for k, v in log.items()}
-    return Bunch(**{**cut, "notes": (*log.notes, text)})
+    first.notes = (*first.notes, text)
+    return [first, *rest]
+
+
+def liveliest(log: Bunch) -> Bunch:
+    """The part of a very long log in which the axis travels most; a note if something is left out."""
+    import numpy as np
+
+    n = log.y.size
+    if n <= MOST_ROWS:
+        return log
+    path = np.r_[0.0, np.cumsum(np.abs(np.diff(log.y)))]
+    starts = np.linspace(0, n - MOST_ROWS, 50).astype(int)
+    start = int(starts[np.argmax(path[starts + MOST_ROWS - 1] - path[starts])])
+    part = _cut(log, slice(start, start + MOST_ROWS))
+    text = (
+        f"{MOST_ROWS} of {n} samples are used, from {part.time[0]:.6g} to {part.time[-1]:.6g} s, where the axis "
+        "travels most; more would tell hardly more. Another part, cut out, can be given with --test."
+    )
+    note(text)
+    part.notes = (*part.notes, text)
+    return part
+
+
+def _cut(log: Bunch, rows: Any) -> Bunch:
+    """Some rows of a log."""
+    from sklearn.utils import Bunch
+
+    return Bunch(**{k: v[rows] if k in _SIGNALS and v is not None else v for k, v in log.items()})
 
 
 def record_of(options: dict[str, Any], file: str | None = None) -> Record:

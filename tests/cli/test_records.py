@@ -1,0 +1,41 @@
+"""What of a log a diagnosis takes: its longest segment, and of a very long one the liveliest part."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from sklearn.utils import Bunch
+
+from whsklearn.cli import records
+
+
+def log(n, groups=None):
+    time = np.arange(n) / 100.0
+    y = np.where(time < 20.0, 0.01, 1.0) * np.sin(7.0 * time)
+    groups = np.zeros(n, dtype=int) if groups is None else groups
+    return Bunch(
+        X=y[:, None], y=y, time=time, reference=None, command=None, groups=groups, frame=None, notes=(), name="a"
+    )
+
+
+def test_segments_come_longest_first_and_all_are_there(capsys):
+    parts = records.segments(log(100, np.repeat([0, 1, 2], [20, 70, 10])))
+    assert [p.y.size for p in parts] == [70, 20, 10]
+    assert "70 of 100 samples" in capsys.readouterr().err
+    assert "70 of 100 samples" in parts[0].notes[0]
+    np.testing.assert_array_equal(parts[1].time, np.arange(20) / 100.0)
+
+
+@pytest.mark.parametrize("n", [3000, 4000])
+def test_of_a_long_log_the_part_with_the_most_travel_is_taken(n, monkeypatch):
+    monkeypatch.setattr(records, "MOST_ROWS", 1000)
+    part = records.liveliest(log(n))
+    assert part.y.size == part.time.size == len(part.X) == 1000
+    assert part.time[0] >= 19.0  # the axis hardly moves before 20 s
+    assert f"1000 of {n} samples" in part.notes[0]
+
+
+def test_a_log_of_usual_length_is_left_as_it_is():
+    whole = log(500)
+    assert records.liveliest(whole) is whole
+    assert records.segments(whole) == [whole]
