@@ -9,7 +9,7 @@ import numpy as np
 
 from whsklearn.estimators import _model as wh
 from whsklearn.gap.data_check import Problem
-from whsklearn.gap.plant import Linearised
+from whsklearn.gap.plant import Linearised, PlantDefaults
 from whsklearn.gap.plants import chain_pictures, chain_structure
 from whsklearn.gap.plants.chain_base import Base, base_of
 from whsklearn.gap.plants.chain_candidates import BETWEEN
@@ -44,7 +44,7 @@ ALIASES = {
 COMMONER = {"cogging": ("gravity_imbalance",), "presliding_hysteresis": ("stribeck",)}
 
 
-class ChainPlant:
+class ChainPlant(PlantDefaults):
     """u -> L1 -> law -> L2 -> y, whose input and output are logged.
 
     Parameters

@@ -5,12 +5,12 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from whsklearn.gap import evidence as rules
-from whsklearn.gap.plant import Judged, Linearised, Look
+from whsklearn.gap.plant import Judged, Linearised, Look, ViewDefaults
 from whsklearn.gap.plants import chain_doubts as doubts
 from whsklearn.gap.plants.chain_candidates import Scales
 from whsklearn.gap.plants.chain_fit import deviance, refit, rms_dx, weights_of
@@ -40,7 +40,7 @@ HELD_TO = 4.0  # robust deviations: what a fit lets one sample cost at the most
 
 
 @dataclass(eq=False)
-class ChainView:
+class ChainView(ViewDefaults):
     """One record, or a first stretch of it, under one split.
 
     Attributes
@@ -164,10 +164,6 @@ class ChainView:
     def replaceable(self, model: ChainModel, index: int) -> bool:
         """Every effect but the last, which has just been chosen."""
         return index < len(model.terms) - 1
-
-    def family(self, model: ChainModel) -> Sequence[Any]:
-        """None: an order of a wave in a chain is an effect of its own."""
-        return ()
 
     def surrogate(self, model: ChainModel, rng: np.random.Generator) -> ChainView:
         """The view of a record that the model itself made of the same input."""
