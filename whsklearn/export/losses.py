@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from whsklearn.effects import Effect
+from whsklearn.effects import Effect, LearnedTorque
 from whsklearn.systems.servo import ServoAxis
 
 
@@ -65,7 +65,18 @@ def parts_of(axis: ServoAxis) -> list[Effect]:
 
 def left_out(axis: ServoAxis, held: Callable[[Effect], bool], reason: str) -> list[Loss]:
     """A loss for each term or effect that is not held."""
-    return [Loss(e.name, size_of(e), reason) for e in parts_of(axis) if not held(e)]
+    return losses_of([e for e in parts_of(axis) if not held(e)], reason)
+
+
+def losses_of(lost: list[Effect], reason: str) -> list[Loss]:
+    """A loss for each effect, one for all hills of a learned torque."""
+    hills = [e for e in lost if isinstance(e, LearnedTorque)]
+    out = [Loss(e.name, size_of(e), reason) for e in lost if not isinstance(e, LearnedTorque)]
+    if hills:
+        most = max(abs(e.torque) for e in hills)
+        over = " and over ".join(dict.fromkeys(e.over for e in hills))
+        out.append(Loss("learned_torque", f"{len(hills)} hills over {over}, up to {most:.6g} Nm", reason))
+    return out
 
 
 def lost_parts(axis: ServoAxis, *, timing: bool, transmission: bool, limit: bool) -> list[Loss]:

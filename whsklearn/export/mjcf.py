@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from whsklearn.effects import Effect
 from whsklearn.effects.hysteresis import LuGre, PreslidingHysteresis
 from whsklearn.export.code import render
-from whsklearn.export.losses import Loss, lost_parts, parts_of, size_of
+from whsklearn.export.losses import Loss, losses_of, lost_parts, parts_of, size_of
 from whsklearn.export.model import Exported
 from whsklearn.systems._servo_drive import chain_of
 from whsklearn.systems._servo_pack import pack
@@ -95,6 +95,7 @@ def mapped(axis: ServoAxis, linear: bool = False) -> Mjcf:
     if axis.sensor.resolution:
         m.losses.append(Loss("encoder", f"step {axis.sensor.resolution:.6g} rad", "MuJoCo's sensors have no lattice"))
     effects = parts_of(axis)
+    m.losses += losses_of([e for e in effects if e.name not in _HOLDERS], "MuJoCo has nothing like it")
     for effect in effects:
         if linear and effect.name == "gravity_imbalance":
             m.losses.append(Loss(effect.name, size_of(effect), "a slide has no angle"))
@@ -104,12 +105,9 @@ def mapped(axis: ServoAxis, linear: bool = False) -> Mjcf:
 
 
 def hold_in(m: Mjcf, effect: Effect, others: list[Effect]) -> None:
-    """Put one effect into ``m``, or a loss; ``others`` are the effects beside it."""
-    holder = _HOLDERS.get(effect.name)
-    if holder is None:
-        m.losses.append(Loss(effect.name, size_of(effect), "MuJoCo has nothing like it"))
-    else:
-        holder(m, effect, others)
+    """Put one effect into ``m``, if MuJoCo holds its like; ``others`` are the effects beside it."""
+    if effect.name in _HOLDERS:
+        _HOLDERS[effect.name](m, effect, others)
 
 
 def _viscous(m: Mjcf, e: Effect, _: list[Effect]) -> None:

@@ -25,9 +25,9 @@ def conclude(plant: Any, found: Found, rng: np.random.Generator, say: Callable[[
     """The diagnosis; ``found.model`` is left at the model that is handed back."""
     say("prove")
     diagnosis, rows = _judged(plant, found, rng)
-    diagnosis.horizons = [{k: v for k, v in r.items() if k not in ("first", "last")} for r in rows]
     if diagnosis.verdict in UNFINISHED and not diagnosis.shortfall:
         rows = _learned(plant, found, diagnosis, rows, rng)
+    diagnosis.horizons = [{k: v for k, v in r.items() if k not in ("first", "last")} for r in rows]
     headline = next(r for r in rows if r["horizon"] == plant.headline)
     diagnosis.before, diagnosis.after = headline["first"].as_dict(), headline["last"].as_dict()
     diagnosis.floor, diagnosis.closure = headline["floor"], headline["closure"]

@@ -206,6 +206,8 @@ def _spectrum(axes: Any, d: Diagnosis) -> bool:
 
 def _map(axes: Any, d: Diagnosis) -> bool:
     families = [e for e in d.effects if e.of_orders]
+    if not families:
+        return False
     for e, colour in zip(families, (AFTER, BEFORE, MEASURED), strict=False):
         over = e.map_over_turn()
         axes.plot(np.rad2deg(over["angle_rad"]), over["value"], color=colour, lw=0.8, label=e.name.replace("_", " "))
@@ -213,7 +215,7 @@ def _map(axes: Any, d: Diagnosis) -> bool:
     axes.set(xlabel="angle in the turn (deg)", ylabel=titled("size", d.pictures["units"][0]), xlim=(0, 360))
     axes.set_xticks(range(0, 361, 60))
     axes.legend(frameon=False, fontsize=8)
-    return bool(families)
+    return True
 
 
 def _orders(axes: Any, d: Diagnosis) -> bool:

@@ -57,9 +57,10 @@ def learned(d: Any) -> str:
     if d.learned is None:
         return ""
     on = article_list(d.learned.signals)
+    if not d.effects:
+        return f"A smooth torque that depends on {on} was learned in its place. "
     share = f"{100 * max(d.learned.closure, 0):.0f} %"
-    rest = "what is left" if d.effects else "the gap in simulation"
-    return f"A smooth torque that depends on {on} was learned beside it; it closes {share} of {rest}. "
+    return f"A smooth torque that depends on {on} was learned beside it and closes {share} of what it leaves. "
 
 
 def summary(d: Any, plant: Any) -> str:
