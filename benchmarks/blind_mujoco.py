@@ -13,7 +13,6 @@ Dry friction and limits use constraints stiffer than MuJoCo's default (``solreff
 
 from __future__ import annotations
 
-import csv
 import math
 import time
 from dataclasses import dataclass, field
@@ -305,6 +304,11 @@ def diagnose(case: Case) -> dict[str, Any]:
     return row
 
 
+def read_rows(path: str) -> list[dict[str, Any]]:
+    """Rows of a table that an earlier run wrote."""
+    return pd.read_csv(path, keep_default_na=False).to_dict("records")  # type: ignore[return-value]
+
+
 def summary(rows: list[dict[str, Any]]) -> str:
     """Rates with Wilson intervals, and what was missed."""
     hidden, empty = [r for r in rows if r["effect"] != "none"], [r for r in rows if r["effect"] == "none"]
@@ -342,18 +346,21 @@ def summary(rows: list[dict[str, Any]]) -> str:
 @click.option("--seconds", default=30.0, help="Length of a log.")
 @click.option("--save", type=click.Path(file_okay=False), help="Write the logs there as CSV, with their MJCF.")
 @click.option("--diagnose/--no-diagnose", "judged", default=True, help="Without: only draw (and save) the logs.")
-@click.option("--out", type=click.Path(dir_okay=False), help="Write the table there.")
+@click.option("--out", type=click.Path(dir_okay=False), help="Write the table there, row by row.")
+@click.option("--resume/--no-resume", default=False, help="Keep the rows that the file has and go on.")
 def main(
-    cases: int, empties: int, seeds: int, only: str, seconds: float, save: str | None, judged: bool, out: str | None
-) -> None:
+    cases: int, empties: int, seeds: int, only: str, seconds: float, save: str | None, judged: bool, out: str | None,
+    resume: bool,
+) -> None:  # fmt: skip
     names = list(EFFECTS)
     plan = [(names[i % len(names)], seeds + i // len(names)) for i in range(cases)]
     plan += [("none", seeds + i) for i in range(empties)]
     wanted = {n for n in only.split(",") if n}
     if unknown := wanted - {*names, "none"}:
         raise click.BadParameter(f"unknown effects {sorted(unknown)}; expected some of none, {', '.join(names)}.")
-    rows = []
-    for effect, seed in tqdm([p for p in plan if not wanted or p[0] in wanted]):
+    rows: list[dict[str, Any]] = read_rows(out) if resume and out and Path(out).exists() else []
+    done = {(r["effect"], r["seed"]) for r in rows}
+    for effect, seed in tqdm([p for p in plan if p not in done and (not wanted or p[0] in wanted)]):
         case = make_case(effect, seed, seconds)
         if save:
             folder = Path(save)
@@ -367,11 +374,8 @@ def main(
                     f"{rows[-1][k]!s:<14}" for k in ("effect", "seed", "verdict", "names", "top", "closure", "seconds")
                 )
             )
-    if out and rows:
-        with open(out, "w", newline="", encoding="utf-8") as file:
-            writer = csv.DictWriter(file, FIELDS)
-            writer.writeheader()
-            writer.writerows(rows)
+            if out:
+                pd.DataFrame(rows, columns=FIELDS).to_csv(out, index=False)
     if rows:
         click.echo(summary(rows))
 

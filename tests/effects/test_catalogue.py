@@ -13,6 +13,7 @@ from whsklearn import effects
 from whsklearn.checks import check_effect
 from whsklearn.effects import (
     BoucWen,
+    ContactStop,
     Coulomb,
     Effect,
     GeneralizedMaxwellSlip,
@@ -70,6 +71,7 @@ def test_every_effect_keeps_the_contract(name):
         GeneralizedMaxwellSlip(0.1, 0.01, 8.0, 1.5),
         BoucWen(0.1, 0.02, 0.5),
         PreslidingHysteresis(0.1, 0.05),
+        *(ContactStop(8.0, 0.3, side=s) for s in ("upper", "lower", "both")),
         *(ParameterChange(0.02, 1.5, p) for p in ("inertia", "viscous", "coulomb", "gain")),
     ],
 )

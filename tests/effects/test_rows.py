@@ -10,7 +10,7 @@ import pytest
 from sklearn.utils import Bunch
 
 import whsklearn
-from whsklearn.effects import ParameterChange, effect_names, get_effect
+from whsklearn.effects import ContactStop, ParameterChange, effect_names, get_effect
 from whsklearn.systems import WienerHammersteinSystem
 from whsklearn.systems import servo_observer as ob
 
@@ -19,7 +19,8 @@ TRANSCENDENTAL = {"cos", "sin", "exp", "expm1", "tanh", "sign", "clip", "hypot"}
 CHANGES = [ParameterChange(0.3, 1.0, p) for p in ("viscous", "coulomb", "gain")]
 BUILT_IN = [get_effect(n)() for n in effect_names() if get_effect(n).__module__.startswith("whsklearn.")]
 TORQUES = [e for e in BUILT_IN if e.port == "torque" and e.column_kind == "exact"]
-MEMORYLESS = [e for e in TORQUES if e.name not in ("presliding_hysteresis", "parameter_change")]
+STOPS = [ContactStop(9.0, 0.6, 0.1, 0.2, side=s) for s in ("upper", "lower", "both")]
+MEMORYLESS = [*(e for e in TORQUES if e.name not in ("presliding_hysteresis", "parameter_change")), *STOPS]
 
 
 def identity(effect):

@@ -23,7 +23,7 @@ from whsklearn.effects.law import (
     smooth_law,
 )
 from whsklearn.effects.learned import LearnedTorque
-from whsklearn.effects.position import CableSpring, Cogging, EndStop, GravityImbalance, HardeningSpring
+from whsklearn.effects.position import CableSpring, Cogging, ContactStop, EndStop, GravityImbalance, HardeningSpring
 from whsklearn.effects.quantity import Quantity
 from whsklearn.effects.scales import Scales
 from whsklearn.effects.sensor import (
@@ -47,6 +47,7 @@ __all__ = [
     "BoucWen",
     "CableSpring",
     "Cogging",
+    "ContactStop",
     "Coulomb",
     "DeadZone",
     "DisturbanceTone",

@@ -139,7 +139,7 @@ class Saturation(Effect):
     size: ClassVar[str] = "limit"
     quantities: ClassVar[dict[str, Quantity]] = {
         "limit": Quantity(
-            "Nm", 1e-3, 1e4, log=True, scale="peak", span=(0.1, 1.1), starts=(0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
+            "Nm", 1e-3, 1e4, log=True, scale="peak", span=(0.01, 1.1), starts=(0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
         )
     }
     signature: ClassVar[str] = "a gap at high drive only, with wind-up after it"

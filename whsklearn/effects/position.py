@@ -10,7 +10,7 @@ from whsklearn._numba import njit
 from whsklearn.effects import codes
 from whsklearn.effects.base import Effect
 from whsklearn.effects.quantity import Quantity
-from whsklearn.effects.signs import clipped, wave
+from whsklearn.effects.signs import wave
 
 _equation = njit(cache=False, error_model="numpy")
 
@@ -41,11 +41,15 @@ def hardening_spring(stiffness, centre, angle):
 
 
 @_equation
-def end_stop(stiffness, limit, angle):
-    """k (q - clip(q, -q_s, q_s)), which is k max(|q| - q_s, 0) sign(q) (Nm)."""
-    return stiffness * (angle - clipped(angle, limit))
+def end_stop(stiffness, limit, relaxation, side, angle, velocity):
+    """k max(d + tau dd/dt, 0) in contact, d = side q - q_s > 0: it pushes back and never pulls (Nm)."""
+    depth = side * angle - limit
+    if depth <= 0.0:
+        return 0.0
+    return side * stiffness * max(depth + relaxation * side * velocity, 0.0)
 
 
+_SIDES = {"both": codes.END_STOP, "upper": codes.END_STOP_UPPER, "lower": codes.END_STOP_LOWER}
 _PHASE = Quantity("rad", -math.pi, math.pi)
 _CENTRE = Quantity("rad", -10.0, 10.0, span=(-3.0, 3.0), starts=(0.0,))
 
@@ -199,6 +203,7 @@ class EndStop(Effect):
 
     See Also
     --------
+    ContactStop : the same with a damper, at one end or about another centre.
     HardeningSpring : grows from the centre on.
     Saturation : limits the drive; both show where the motion is largest.
 
@@ -225,3 +230,58 @@ class EndStop(Effect):
     needs: ClassVar[str] = "travel into the stop"
     reference: ClassVar[str] = "Brogliato 1999, Nonsmooth Mechanics, 2nd ed., Springer"
     code: ClassVar[int] = codes.END_STOP
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Lower and upper end of the free travel (rad)."""
+        return -self.angle, self.angle
+
+
+@dataclass(frozen=True)
+class ContactStop(EndStop):
+    """A stop that is a spring with a damper and only pushes, k max(d + tau dd/dt, 0) at the depth d > 0 (Nm).
+
+    ``side`` says which end of the travel has it: ``upper`` (d = q - q_0 - q_s), ``lower`` (d = q_0 + q_s - q) or
+    ``both``, at q_0 - q_s and q_0 + q_s.
+
+    See Also
+    --------
+    EndStop : elastic, about zero.
+
+    Examples
+    --------
+    >>> ContactStop(10.0, -0.5, relaxation=0.1, side="lower").value(position=[-1.0, -1.0], velocity=[0.0, 9.0]).tolist()
+    [-5.0, 0.0]
+    >>> ContactStop(10.0, 0.5, centre=2.0, side="both").ends
+    (1.5, 2.5)
+    """
+
+    stiffness: float = 10.0
+    angle: float = 1.0
+    relaxation: float = 0.01
+    centre: float = 0.0
+    side: str = "upper"
+
+    equation: ClassVar[str] = "k max(d + tau dd/dt, 0) where d > 0, d the depth beyond the end at q_0 + q_s"
+    quantities: ClassVar[dict[str, Quantity]] = {
+        "stiffness": Quantity("Nm/rad", 1e-2, 1e7, log=True),
+        "angle": Quantity("rad", -1e2, 1e2, span=(-1.5, 1.5), starts=(0.8,)),
+        "relaxation": Quantity("s", 0.0, 1.0, span=(0.0, 0.05), starts=(0.0,)),
+        "centre": _CENTRE,
+    }
+    choices: ClassVar[dict[str, tuple[str, ...]]] = {"side": tuple(_SIDES)}
+    held: ClassVar[tuple[str, ...]] = ("centre",)
+    reference: ClassVar[str] = "Brogliato 1999, Nonsmooth Mechanics, 2nd ed., Springer, on Kelvin and Voigt's contact"
+
+    @property
+    def code(self) -> int:  # type: ignore[override]
+        """The compiled code of the side."""
+        return _SIDES[self.side]
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Lower and upper end of the free travel (rad); infinite where there is no stop."""
+        if self.side == "both":
+            return self.centre - abs(self.angle), self.centre + abs(self.angle)
+        end = self.centre + self.angle
+        return (-math.inf, end) if self.side == "upper" else (end, math.inf)

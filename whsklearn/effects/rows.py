@@ -68,8 +68,8 @@ def motor_torque(code, p, i, t, q, v, s, ds, u):
 
 
 @njit(error_model="numpy")
-def load_torque(code, p, i, t, q):
-    """Torque of row i that acts on the load's side (Nm), a function of the load's position and of time."""
+def load_torque(code, p, i, t, q, v):
+    """Torque of row i that acts on the load's side (Nm), a function of the load's motion and of time."""
     w = p[i, 0]
     if code == codes.GRAVITY_IMBALANCE:
         return gravity_imbalance(w, p[i, 1], q)
@@ -78,7 +78,11 @@ def load_torque(code, p, i, t, q):
     if code == codes.HARDENING_SPRING:
         return hardening_spring(w, p[i, 1], q)
     if code == codes.END_STOP:
-        return end_stop(w, p[i, 1], q)
+        return end_stop(w, abs(p[i, 1]), p[i, 2], 1.0 if q > p[i, 3] else -1.0, q - p[i, 3], v)
+    if code == codes.END_STOP_UPPER:
+        return end_stop(w, p[i, 1], p[i, 2], 1.0, q - p[i, 3], v)
+    if code == codes.END_STOP_LOWER:
+        return end_stop(w, -p[i, 1], p[i, 2], -1.0, q - p[i, 3], v)
     if code == codes.DISTURBANCE_TONE:
         return disturbance_tone(w, p[i, 1], p[i, 2], t)
     return 0.0
@@ -104,7 +108,7 @@ def reading(code, p, i, t, q):
 @njit(error_model="numpy")
 def on_load(code):
     """Whether a code is a torque on the load's side."""
-    return codes.GRAVITY_IMBALANCE <= code <= codes.DISTURBANCE_TONE
+    return codes.GRAVITY_IMBALANCE <= code <= codes.END_STOP_LOWER
 
 
 @njit(error_model="numpy")
@@ -128,7 +132,7 @@ def values_along(code, p, time, position, velocity, acceleration, drive, kappa):
                 advance_hysteresis(code, p, z, 0, q - position[k - 1], v)
             out[k] = p[0, 0] * hysteresis_torque(code, p, z, 0, v)[0]
         elif on_load(code):
-            out[k] = load_torque(code, p, 0, t, q)
+            out[k] = load_torque(code, p, 0, t, q, v)
         elif code == codes.DEAD_ZONE:
             out[k] = dead_zone(p[0, 0], u)
         elif code == codes.SATURATION:

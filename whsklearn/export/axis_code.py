@@ -180,7 +180,7 @@ def torque_code(axis: ServoAxis, language: Language) -> Part:
 def _static_torque(effects, p, own, ends, position, velocity, kappa):  # type: ignore[no-untyped-def]
     s, ds = smooth_sign(velocity, kappa)
     torque, _slope = motor_sum(effects, p, own, ends, 0, 0.0, position, velocity, s, ds, 0.0)
-    return torque + load_sum(effects, p, ends, 0.0, position)
+    return torque + load_sum(effects, p, ends, 0.0, position, velocity)
 
 
 def compensated(code: int) -> bool:

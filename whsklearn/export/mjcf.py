@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
 
 from whsklearn.effects import Effect
 from whsklearn.effects.hysteresis import LuGre, PreslidingHysteresis
@@ -22,6 +25,8 @@ FINEST = 2.5e-4
 CREEP = 2e-3  # time constant of friction at rest (s), eight steps; MuJoCo's default of 20 ms creeps visibly
 BRISTLE = 1e-4  # rad: over which Stribeck's curve, which has no presliding, is reached where LuGre stands in for it
 
+FAR = 1e3  # where a stop that is not there stands
+
 
 @dataclass
 class Mjcf:
@@ -38,7 +43,7 @@ class Mjcf:
     gravity: tuple[float, float] = (0.0, 0.0)  # amplitude, phase
     cogging: list[tuple[float, float, float]] = field(default_factory=list)
     lugre: list[tuple[float, ...]] = field(default_factory=list)
-    stop: tuple[float, float] = (0.0, 0.0)  # stiffness, angle
+    stops: list[tuple[float, float, float]] = field(default_factory=list)  # stiffness, lower and upper end
     twist: dict[str, float] = field(default_factory=dict)
     losses: list[Loss] = field(default_factory=list)
 
@@ -183,8 +188,10 @@ def _cubic(m: Mjcf, e: Effect, _: list[Effect]) -> None:
     m.spring[3] = m.spring.get(3, 0.0) + e.magnitude
 
 
-def _stop(m: Mjcf, e: Effect, _: list[Effect]) -> None:
-    m.stop = (e.magnitude, e.shape["angle"])
+def _stop(m: Mjcf, e: Any, _: list[Effect]) -> None:
+    if e.shape.get("relaxation"):
+        m.losses.append(Loss(e.name, size_of(e), "held without its damping: a tendon has none in contact alone"))
+    m.stops.append((e.magnitude, *np.clip(e.ends, -FAR, FAR)))
 
 
 def _part(m: Mjcf, e: Effect, _: list[Effect]) -> None:

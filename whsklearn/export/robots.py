@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-from whsklearn.effects import Effect
+from whsklearn.effects import Effect, EndStop
 from whsklearn.export.code import render
 from whsklearn.export.losses import Loss, left_out, lost_parts, parts_of
+from whsklearn.export.mjcf import FAR
 from whsklearn.export.model import Exported
 from whsklearn.systems._servo_drive import chain_of
 from whsklearn.systems._servo_pack import pack
@@ -30,14 +31,14 @@ def urdf(model: Exported, joint: str = "axis") -> tuple[str, list[Loss]]:
     held = ("viscous", "coulomb", "saturation", "end_stop")
     losses = left_out(axis, lambda e: e.name in held, "URDF has damping, friction and limits only")
     losses += lost_parts(axis, timing=False, transmission=False, limit=True)
-    stops = [e for e in parts_of(axis) if e.name == "end_stop"]
+    stops = [e for e in parts_of(axis) if isinstance(e, EndStop)]
     losses += [Loss("end_stop", f"stiffness {e.magnitude:.6g} Nm/rad", "held as a rigid limit") for e in stops]
     kind = ("prismatic" if model.linear else "revolute") if stops else ("prismatic" if model.linear else "continuous")
-    reach = min((e.shape["angle"] for e in stops), default=1e3)
+    low, high = max((-FAR, *(e.ends[0] for e in stops))), min((FAR, *(e.ends[1] for e in stops)))
     text = render(
         "model.urdf.j2", joint=joint, kind=kind, inertia=axis.inertia, damping=total(axis.law.terms, "viscous"),
-        friction=total(parts_of(axis), "coulomb"), limit=float(chain_of(pack(axis)).limit), reach=reach, inf=math.inf,
-        linear=model.linear, losses=losses,
+        friction=total(parts_of(axis), "coulomb"), limit=float(chain_of(pack(axis)).limit), low=low, high=high,
+        inf=math.inf, linear=model.linear, losses=losses,
     )  # fmt: skip
     return text, losses
 

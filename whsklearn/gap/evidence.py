@@ -74,6 +74,16 @@ ORDER_NEED = 20.0  # cross-validated evidence for one more order of a family (th
 MOST_ORDERS = 12  # of one family
 WHOLE_ORDER = 1.1  # times the gain of the best whole order that a fractional one must have: teeth and poles are whole
 
+# When the ends of the travel are struck (`python -m benchmarks.blind_mujoco --only range_one,range_both,forcerange`):
+# the events are what a robust fit of the model leaves. Each number lies far from both sides.
+STOP_FAR = 6.0  # robust standard deviations from which a sample is an event: stops reach 20 to 60
+STOP_ENERGY = 0.8  # of what is left that the events at the ends must hold: stops 0.99
+STOP_TIME = 0.25  # of the time at most: stops 0.02 to 0.06, saturation 0.78, backlash 0.94
+STOP_SIGN = 0.9  # of the events at one end that push back: stops 0.97 to 1, saturation and backlash 0.5
+STOP_STRUCK = 0.7  # of the deeper half of the region that must be an event: stops 0.8 to 1, all others below 0.15
+STOP_EDGE = 0.03  # of the events' energy left outside the region: the blur carries some to before the contact
+STOP_MINOR = 0.05  # of the events' energy below which an end has no stop
+
 # What is read off the record itself ("blind" with quantization and sensor_rectification).
 NEAR_GRID = 1.3  # gap over floor up to which an encoder's grid explains all that is left
 COARSE_GRID = 2.5e-4  # step of the grid as a share of half the travel; finer ones are any encoder's

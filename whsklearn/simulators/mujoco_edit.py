@@ -25,8 +25,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from whsklearn.effects import Coulomb, Effect
-from whsklearn.export.mjcf import Mjcf, hold_in
+from whsklearn.effects import Coulomb, Effect, EndStop
+from whsklearn.export.mjcf import FAR, Mjcf, hold_in
 
 PASSIVE = 16  # mjINPUT_NONE: an actuator without a control
 
@@ -109,9 +109,9 @@ def _beside(spec: Any, axis: Axis, m: Mjcf, effects: tuple[Effect, ...]) -> None
     for k, e in enumerate(x for x in effects if x.name in ("cable_spring", "hardening_spring", "end_stop")):
         t = spec.add_tendon(name=f"{e.name}_{axis.joint}_{k}")
         t.wrap_joint(axis.joint, 1.0)
-        if e.name == "end_stop":
+        if isinstance(e, EndStop):
             t.stiffness = [e.magnitude, 0.0, 0.0]
-            t.springlength = [-e.shape["angle"], e.shape["angle"]]
+            t.springlength = np.clip(e.ends, -FAR, FAR).tolist()
         else:
             t.stiffness = [e.magnitude, 0.0, 0.0] if e.name == "cable_spring" else [0.0, 0.0, e.magnitude]
             t.springlength = [e.shape["centre"], e.shape["centre"]]

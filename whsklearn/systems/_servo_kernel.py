@@ -179,5 +179,5 @@ def torque_along(plant, time, position, velocity, drive):
         t, q, v = time[k], position[k], velocity[k]
         s, ds = smooth_sign(v, plant.parts[KAPPA])
         out[k] = motor_sum(effects, p, plant.own, ends, z, t, q, v, s, ds, drive[k])[0]
-        out[k] += load_sum(effects, p, all_ends, t, q)
+        out[k] += load_sum(effects, p, all_ends, t, q, v)
     return out

@@ -119,7 +119,7 @@ def fine_step(effects, p, own, ends, z, body, state, u, t, h):
     if ends.memory > ends.own:
         advance_memories(effects, p, ends, z, half * v, v)
     inertia, pull, slope, f = body.inertia, u, 0.0, 0.0
-    load = load_sum(effects, p, ends, middle, q_mid)
+    load = load_sum(effects, p, ends, middle, q_mid, w if two else v)
     added = added_inertia(p, ends, middle)
     s, ds = smooth_sign(v, body.kappa)
     at_rest = sharp and s == 0.0

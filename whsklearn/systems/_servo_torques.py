@@ -114,11 +114,11 @@ def motor_sum(effects, p, own, ends, z, t, q, v, s, ds, u):
 
 
 @_inlined
-def load_sum(effects, p, ends, t, q):
+def load_sum(effects, p, ends, t, q, v):
     """Torque of all effects on the load's side (Nm)."""
     total = 0.0
     for i in range(ends.memory, ends.load):
-        total += load_torque(effects[i], p, i, t, q)
+        total += load_torque(effects[i], p, i, t, q, v)
     return total
 
 

@@ -148,7 +148,7 @@ def added(codes, rows, memory, own, u, x, dx, ddx, t, dt, kappa, v):
             advance_hysteresis(c, rows, memory, j, dx, dx)
             total += rows[j, 0] * hysteresis_torque(c, rows, memory, j, dx)[0]
         elif on_load(c):
-            total += load_torque(c, rows, j, t * dt, x)
+            total += load_torque(c, rows, j, t * dt, x, dx)
         else:
             total += motor_torque(c, rows, j, t * dt, x, dx, s, ds, u)[0]
     return total

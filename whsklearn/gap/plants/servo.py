@@ -20,6 +20,7 @@ from whsklearn.gap.data_check import Problem, check_servo
 from whsklearn.gap.filters import whiteness
 from whsklearn.gap.plant import Learned, Linearised, PlantDefaults
 from whsklearn.gap.plants import servo_free_run, servo_learned
+from whsklearn.gap.plants import servo_stop as stop
 from whsklearn.gap.plants.servo_inverse import InverseView, best_view
 from whsklearn.gap.plants.servo_nameless import explainable
 from whsklearn.gap.plants.servo_observer import ObserverView
@@ -94,7 +95,7 @@ class ServoPlant(PlantDefaults):
         """Inverse dynamics while much is missing, again behind the filter that its gap allows, then the observer."""
         if after is self.observer:
             return None
-        if after is None and self.large(model):
+        if after is None and (self.large(model) or stop.regions(self.inverse, model)):
             return self.inverse
         if isinstance(after, InverseView):
             self.inverse = after
@@ -103,7 +104,7 @@ class ServoPlant(PlantDefaults):
             if other.cutoff > WIDER * after.cutoff:
                 self.inverse = other
                 return self.inverse
-        if model.added and self.large(model):
+        if model.added and (self.large(model) or stop.holds(model)):  # a stop's law is too rough to run beside
             return None
         if isinstance(after, InverseView) and model.added:  # the inertia beside what was missing is the true one
             scene = dataclasses.replace(model.scene, inertia=model.inertia)
@@ -114,7 +115,7 @@ class ServoPlant(PlantDefaults):
 
     def coarse(self, model: AxisModel) -> bool:
         """Whether only inverse dynamics shows what this model lacks."""
-        return self.large(model) or (bool(model.added) and self.lost(model))
+        return stop.holds(model) or self.large(model) or (bool(model.added) and self.lost(model))
 
     def trusted(self, model: AxisModel) -> InverseView | ObserverView:
         """The view that judges this model."""
@@ -147,7 +148,7 @@ class ServoPlant(PlantDefaults):
         The horizon of the proof is settled with them.
         """
         self.headline, self.horizons = self._horizons(model)
-        if not self.coarse(model):
+        if not self.coarse(model) or stop.holds(model):  # an observer does not see where a contact begins
             return model
         return min((model, self.observer.fit(model)), key=lambda m: servo_free_run.train_error(self.observer, m, 0.5))
 

@@ -4,7 +4,7 @@ torque = J a + sum of effects holds on the measured motion however much is missi
 the observer view no longer shows.  Every column is blurred as the drive is: G tau(q, v), not tau(G q, G v).
 Timing is always a nuisance column, the derivative of the predicted torque; effects of the drive act on the torque
 that the model predicts, or they would explain the drive by itself.  Effects that change the drive as a whole (delay,
-lag, limit, dead zone) have no honest column: they are left to the observer.
+lag, dead zone) have no honest column: they are left to the observer; a limit changes the target instead.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from whsklearn.effects import Scales
+from whsklearn.effects import Scales, codes
 from whsklearn.gap import evidence as rules
 from whsklearn.gap.axis_candidates import TWO_MASS, Candidate, candidate, usable
 from whsklearn.gap.axis_model import AxisModel, Term
@@ -24,6 +24,7 @@ from whsklearn.gap.evidence import weigh
 from whsklearn.gap.filters import CUTOFF_SIGMA, filtered, gaussian_derivatives
 from whsklearn.gap.plant import Judged, Linearised, Look, Trial, ViewDefaults
 from whsklearn.gap.plants import inverse_dynamics as ols
+from whsklearn.gap.plants import servo_stop as stop
 from whsklearn.gap.plants import servo_two_mass as two_mass
 from whsklearn.gap.plants.servo_columns import Signals, effect_columns
 from whsklearn.gap.plants.servo_observer import negative_damping
@@ -153,22 +154,44 @@ class InverseView(ViewDefaults):
     # --- the protocol ------------------------------------------------------------------------
     def solved(self, model: AxisModel) -> tuple[AxisModel, Array, Array, Array, NDArray[np.bool_]]:
         """(model with its sizes, columns with timing last, target, sizes, columns in force), at the model's shapes."""
-        target, torque = self.drive, self.torque(model) if self._driven(model) else None
+        torque = self.torque(model) if self._driven(model) else None
         x, positive = self.columns(model, torque)
-        at, n = self.at, self.at.size
-        sizes, free = ols.solve(ols.blocks_of(x[at], target[at], self.block), n, positive)
-        rate = ols.slope(x @ sizes, self.step)
-        full, positive = np.column_stack([x, rate]), np.append(positive, False)
-        sizes, free = ols.solve(ols.blocks_of(full[at], target[at], self.block), n, positive)
-        latest = LATEST * self.scene.dt
-        if abs(sizes[-1]) > latest:
-            timing = float(np.clip(sizes[-1], -latest, latest))
-            sizes, free = ols.solve(ols.blocks_of(x[at], (target - timing * rate)[at], self.block), n, positive[:-1])
-            target, full, free = target - timing * rate, full[:, :-1], free
-            sizes_all = np.append(sizes, timing)
-        else:
-            sizes_all = sizes
-        return self.with_sizes(model, sizes_all), full, target, sizes, free
+        target, stretch = self.target(model)
+        away, target, x = stop.away(self, model), stretch * target, stretch * x
+        open_x = stop.without_pushes(model, x)
+        sizes, free = self._sizes(open_x, target, positive, away)
+        rate = ols.slope(open_x @ sizes, self.step)
+        sizes, free = self._sizes(np.column_stack([open_x, rate]), target, np.append(positive, False), away)
+        columns, latest = np.column_stack([x, rate]), LATEST * self.scene.dt
+        timing = sizes[-1]
+        if abs(timing) > latest:
+            timing = float(np.clip(timing, -latest, latest))
+            columns, target = x, target - timing * rate
+            sizes, free = self._sizes(open_x, target, positive, away)
+        if away is not None:
+            sizes = sizes + stop.stiffness(model, columns[self.at], (target - columns @ sizes)[self.at])
+        return self.with_sizes(model, np.append(sizes[: x.shape[1]], timing)), columns, target, sizes, free
+
+    def target(self, model: AxisModel) -> tuple[Array, float]:
+        """(drive that reaches the axis, rms of the logged drive over its own).
+
+        A limit has no column: it takes the drive's peaks away, and with them whatever a model leaves of the peaks. So
+        what is left is compared as a share of the drive that there is.
+        """
+        limits = [t for t in model.terms if t.kind.code == codes.SATURATION]
+        if not limits:
+            return self.drive, 1.0
+        limited = self.blur(self.record.drive - limits[0].effect.contribution(self.motion))
+        return limited, self.rms(self.drive[self.at]) / max(self.rms(limited[self.at]), 1e-300)
+
+    def _sizes(
+        self, x: Array, target: Array, positive: NDArray[np.bool_], away: Array | None
+    ) -> tuple[Array, NDArray[np.bool_]]:
+        """Least squares on the judged samples that no stop touches."""
+        x, target = x[self.at], target[self.at]
+        if away is not None:
+            x, target = x * away[:, None], target * away
+        return ols.solve(ols.blocks_of(x, target, self.block), self.at.size, positive)
 
     def with_sizes(self, model: AxisModel, sizes: Array) -> AxisModel:
         """The model with inertia, linear numbers and timing as solved."""
@@ -187,7 +210,7 @@ class InverseView(ViewDefaults):
         x, _ = self.columns(model, self.record.drive)
         sizes = self.sizes(model)
         predicted = x @ sizes
-        left = float(np.sqrt(np.mean((self.drive - predicted)[self.at] ** 2)))
+        left = self.rms((self.target(model)[0] - predicted)[self.at])
         if left > rules.DRIVE_KNOWN * self.scene.torque:
             return None
         return np.interp(self.time, self.time[:: self.every], predicted)
@@ -214,6 +237,12 @@ class InverseView(ViewDefaults):
 
     def gap(self, model: AxisModel) -> Array:
         """Drive that the model leaves unexplained at the judged samples."""
+        _, x, target, sizes, _ = self.solved(model)
+        left = target - stop.without_pushes(model, x) @ sizes
+        return stop.outside(left[self.at], stop.away(self, model))
+
+    def with_pushes(self, model: AxisModel) -> Array:
+        """The same, but of a stop's push only what spring and damper give is taken off."""
         _, x, target, sizes, _ = self.solved(model)
         return (target - x @ sizes)[self.at]
 
@@ -259,9 +288,10 @@ class InverseView(ViewDefaults):
     def cross_validated(self, model: AxisModel) -> Array:
         """Errors of every judged sample predicted by the fit to the other blocks."""
         _, x, target, _, free = self.solved(model)
-        b = ols.blocks_of(x[self.at], target[self.at], self.block)
-        _, fits = ols.held_out(b, self.at.size, free)
-        return target[self.at] - np.einsum("ij,ij->i", x[self.at], fits[self.block])
+        x, target, away = stop.without_pushes(model, x[self.at]), target[self.at], stop.away(self, model)
+        rows = (x, target) if away is None else (x * away[:, None], target * away)
+        _, fits = ols.held_out(ols.blocks_of(*rows, self.block), self.at.size, free)
+        return stop.outside(target - np.einsum("ij,ij->i", x, fits[self.block]), away)
 
     def compare(self, models: Sequence[AxisModel], best: int) -> list[Judged]:
         """Cross-validated errors of each, capped at `CAP` robust deviations of what the best leaves.
@@ -311,9 +341,10 @@ class InverseView(ViewDefaults):
 
     def seen(self, model: AxisModel) -> tuple[Array, Array, Array, NDArray[np.bool_], NDArray[np.bool_]]:
         """(position, velocity, drive, training mask, held-out mask) at the samples of the gap."""
-        held = self.block % 5 >= 3
+        held, away = self.block % 5 >= 3, stop.away(self, model)
+        away = np.ones(held.size, dtype=bool) if away is None else away > 0.0
         q, v = (x[:: self.every][self.at] for x in (self.motion.position, self.motion.velocity))
-        return q, v, self.drive[self.at], ~held, held
+        return q, v, self.drive[self.at], ~held & away, held & away
 
     # --- candidates ---------------------------------------------------------------------------
     def look(self, model: AxisModel) -> list[Look]:
@@ -354,7 +385,7 @@ class InverseView(ViewDefaults):
         def residual(x: Array) -> Array:
             m = model.with_vector(x)
             columns, _ = self.columns(m, torque)
-            return factor * (self.drive - columns @ self.sizes(m) - m.timing * self.scene.dt * rate)[self.at]
+            return factor * (self.target(m)[0] - columns @ self.sizes(m) - m.timing * self.scene.dt * rate)[self.at]
 
         torque = self.torque(model)
         rate = ols.slope(self.columns(model, torque)[0] @ self.sizes(model), self.step)
@@ -398,7 +429,11 @@ def base_model(law: tuple[str, ...], scene: Scales) -> AxisModel:
 
 def inverse_kinds(model: AxisModel) -> tuple[Candidate, ...]:
     """Candidates with a form in this view."""
-    return tuple(
-        c for c in usable([t.kind for t in model.terms])
-        if (c.linear or (c.code in TWO_MASS and not c.on_load)) and c.name != "end_stop"
-    )  # fmt: skip
+    return tuple(c for c in (*usable([t.kind for t in model.terms]), *stop.usable(model)) if has_form(c))
+
+
+def has_form(c: Candidate) -> bool:
+    """Whether inverse dynamics of the motor's side shows a candidate."""
+    if c.name == "end_stop":
+        return c in stop.KINDS
+    return c.linear > 0 or c.code == codes.SATURATION or (c.code in TWO_MASS and not c.on_load)

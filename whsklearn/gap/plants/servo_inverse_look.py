@@ -13,12 +13,14 @@ from whsklearn.gap import evidence as rules
 from whsklearn.gap.axis_candidates import TWO_MASS, Candidate
 from whsklearn.gap.axis_model import AxisModel, Term
 from whsklearn.gap.filters import CUTOFF_SIGMA
+from whsklearn.gap.plants import servo_stop as stop
 from whsklearn.gap.plants import servo_two_mass as two_mass
 
 Array = NDArray[Any]
 GAPS = (0.002, 0.004, 0.009, 0.018, 0.037, 0.075, 0.15)  # rad
 CONTACTS = (6.0, 12.0, 25.0, 60.0)  # Hz, of the antiresonance in contact
 ANTIRESONANCES = np.geomspace(0.8, 65.0, 20)  # Hz
+N_LIMITS = 40  # of the drive over the plausible range: an eighth apart
 N_LINES = 3  # of a spectrum that are looked at as tones
 POLISH = 4  # rounds over the shape numbers, the step shrunk to 0.55 in each: a tenth of the start's spacing
 HIGHEST = 160.0  # periods a turn
@@ -31,14 +33,22 @@ class Base:
         self.model = model
         self.torque = view.torque(model)
         _, x, target, sizes, free = view.solved(model)
-        used = x[view.at][:, free]
+        self.away = stop.away(view, model)
+        used = self.open(x[view.at][:, free])
         self.q, _ = np.linalg.qr(used / (np.linalg.norm(used, axis=0) + 1e-300))
-        left = (target - x @ sizes)[view.at]
+        left = self.open((target - x @ sizes)[view.at])
         self.left = left - self.q @ (self.q.T @ left)
         self.power = float(self.left @ self.left)
 
+    def open(self, x: Array) -> Array:
+        """Zero at samples that a stop of the model touches."""
+        if self.away is None:
+            return x
+        return x * (self.away if x.ndim == 1 else self.away[:, None])
+
     def gain(self, columns: Array) -> float:
         """Share of what is left that the columns explain beyond the model's own."""
+        columns = self.open(columns)
         z = columns - self.q @ (self.q.T @ columns)
         norm = np.linalg.norm(z, axis=0)
         seen = norm > 1e-4 * (np.linalg.norm(columns, axis=0) + 1e-300)
@@ -55,8 +65,14 @@ def looks(view: Any, model: AxisModel) -> list[Any]:
     from whsklearn.gap.plants.servo_inverse import inverse_kinds
 
     base, out = Base(view, model), []
+    struck = stop.regions(view, model)
     for kind in inverse_kinds(model):
-        if base.torque is None and kind.driven:
+        if kind in stop.KINDS:
+            term = stop.start(kind, struck)
+            if term is not None:
+                out.append(stop.look_of(view, model, kind, term))
+            continue
+        if base.torque is None and kind.driven and kind.code != k.SATURATION:
             continue
         term, gain, n_looks = best_start(view, base, kind)
         if term is None:
@@ -79,6 +95,8 @@ def best_start(view: Any, base: Base, kind: Candidate) -> tuple[Term | None, flo
     elif kind.scanned == "position":
         orders = scan_orders(view, base, kind)
         terms = [Term(kind, (0.0, 0.0, order)) for order in orders]
+    elif kind.code == k.SATURATION:
+        return best_limit(view, model, kind)
     elif kind.scanned == "time":
         terms = [Term(kind, (0.0, 0.0, f)) for f in scan_tones(view, base, kind)]
     elif kind.scanned == "step":
@@ -92,6 +110,15 @@ def best_start(view: Any, base: Base, kind: Candidate) -> tuple[Term | None, flo
     best = int(np.argmax(gains))
     looked = {"position": 200, "time": 400, "step": 25}.get(kind.scanned, len(terms))
     return terms[best], gains[best], looked
+
+
+def best_limit(view: Any, model: AxisModel, kind: Candidate) -> tuple[Term | None, float, int]:
+    """The limit of the drive under which the model leaves the smallest share of it."""
+    before = view.rms(view.gap(model))
+    limits = np.geomspace(*kind.ranged(view.scene)[0], N_LIMITS)
+    gaps = [view.rms(view.gap(model.with_term(Term(kind, (float(limit),))))) for limit in limits]
+    best = int(np.argmin(gaps))
+    return Term(kind, (float(limits[best]),)), 1.0 - (gaps[best] / max(before, 1e-300)) ** 2, N_LIMITS
 
 
 def term_gain(view: Any, base: Base, term: Term) -> float:
@@ -143,6 +170,7 @@ def wave_gains(view: Any, base: Base, kind: Candidate, values: Array) -> Array:
 
 def pair_gains(base: Base, c: Array, s: Array) -> Array:
     """Gain of every pair of columns (c_i, s_i) beyond the base."""
+    c, s = base.open(c), base.open(s)
     c = c - base.q @ (base.q.T @ c)
     s = s - base.q @ (base.q.T @ s)
     cc, ss, cs = np.sum(c * c, 0), np.sum(s * s, 0), np.sum(c * s, 0)
@@ -172,6 +200,8 @@ def scan_tones(view: Any, base: Base, kind: Candidate) -> list[float]:
 
 def polished(view: Any, model: AxisModel, term: Term) -> AxisModel:
     """The model with the term, its free shape numbers moved downhill one at a time, sizes solved."""
+    if term.kind in stop.KINDS:
+        return stop.settled(view, model, term)
     grown = view.fit(model.with_term(term))
     free = [(j, log) for i, j, log in grown.free() if i == len(model.terms) and j >= term.kind.linear]
     if term.kind.scanned == "position" and float(term.q[2]).is_integer():
@@ -182,7 +212,9 @@ def polished(view: Any, model: AxisModel, term: Term) -> AxisModel:
     widths = dict.fromkeys((j for j, _ in free), 0.0)
     for j, log in free:
         widths[j] = 0.35 if log else 0.3 * view.scene.reach
-        if term.kind.scanned == "position":
+        if term.kind.code == k.SATURATION:
+            widths[j] = 0.12  # a limit's spacing; a tenth of a percent too low leaves its own trace
+        elif term.kind.scanned == "position":
             widths[j] = np.log1p(0.2 / (view.scene.reach * term.q[j]))
         elif term.kind.scanned == "time":
             widths[j] = np.log1p(0.2 / (view.scene.duration * term.q[j]))
@@ -190,7 +222,7 @@ def polished(view: Any, model: AxisModel, term: Term) -> AxisModel:
             widths[j] = 0.02 * view.scene.duration
     low, high = grown.bounds()
     limits = {(i, j): (a, b) for (i, j, _), a, b in zip(grown.free(), low[2:], high[2:], strict=True)}
-    for _ in range(POLISH):
+    for _ in range(POLISH * (3 if term.kind.code == k.SATURATION else 1)):
         for j, log in free:
             i = len(model.terms)
             value = grown.terms[i].q[j]

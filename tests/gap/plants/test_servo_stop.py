@@ -1,0 +1,67 @@
+"""Stops at the ends of the travel, and a drive at its limit: what a few events, or the peaks alone, show."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from whsklearn.effects import CableSpring, ContactStop, Saturation
+from whsklearn.gap import GapFinder
+from whsklearn.gap.plants import servo_stop as stop
+from whsklearn.gap.plants.servo_start import start_of
+from whsklearn.gap.record import ServoRecord
+from whsklearn.systems import ServoAxis
+
+RATE, SECONDS = 500.0, 20.0
+TIME = np.arange(int(RATE * SECONDS)) / RATE
+REFERENCE = 1.3 * np.sin(1.1 * TIME) + 0.5 * np.sin(5.1 * TIME + 1) + 0.2 * np.sin(12.3 * TIME) + 0.4
+STOPS = {
+    "upper": ContactStop(150.0, 1.9, 0.02, side="upper"),
+    "lower": ContactStop(150.0, -1.1, 0.02, side="lower"),
+    "both": ContactStop(150.0, 1.5, 0.02, centre=0.4, side="both"),
+}
+
+
+def log_of(*effects):
+    axis = ServoAxis(inertia=0.05, effects=effects, sample_rate=RATE)
+    return axis.simulate(reference=REFERENCE, random_state=1)
+
+
+def found(r, law="viscous,coulomb"):
+    frame = pd.DataFrame({"time_s": r.time, "torque_nm": r.drive, "position_rad": r.position})
+    return GapFinder("servo", law=law, n_twins=1).fit(frame)
+
+
+@pytest.mark.parametrize("side", list(STOPS))
+def test_a_stop_is_named_with_its_side_and_its_end(side):
+    finder = found(log_of(STOPS[side]))
+    assert [e.name for e in finder.effects_] == ["end_stop"]
+    assert finder.effects_[0].effect.side == side
+    np.testing.assert_allclose(finder.effects_[0].effect.ends, STOPS[side].ends, atol=0.02)
+    assert finder.model_.inertia == pytest.approx(0.05, rel=0.02), "the samples in contact stay out of the fit"
+    assert finder.diagnosis_.closure > 0.88
+
+
+@pytest.mark.parametrize("effects", [(), (CableSpring(1.0),), (Saturation(2.0),)], ids=["plain", "spring", "limit"])
+def test_no_stop_is_seen_where_there_is_none(effects):
+    r = log_of(*effects)
+    view, model = start_of(ServoRecord(r.time, r.drive, r.position), ("viscous", "coulomb"), 0.004)
+    assert stop.regions(view, model) == []
+
+
+def test_the_base_numbers_are_those_without_the_stop_and_the_contact_is_the_true_one():
+    struck, free = (ServoRecord(r.time, r.drive, r.position) for r in (log_of(STOPS["both"]), log_of()))
+    view, model = start_of(struck, ("viscous", "coulomb"), 0.004)
+    (term,) = (t for kind in stop.KINDS if (t := stop.start(kind, stop.regions(view, model))))
+    model, (_, plain) = stop.settled(view, model, term), start_of(free, ("viscous", "coulomb"), 0.004)
+    assert model.inertia == pytest.approx(plain.inertia, rel=2e-3)
+    for with_stop, without in zip(model.terms, plain.terms, strict=False):
+        assert with_stop.q[0] == pytest.approx(without.q[0], rel=0.01)
+    assert model.terms[-1].q == pytest.approx((150.0, 1.5, 0.02, 0.4), rel=0.06)
+
+
+def test_a_hard_limit_of_the_drive_is_named():
+    finder = found(log_of(Saturation(2.0)))
+    assert [e.name for e in finder.effects_] == ["saturation"]
+    assert finder.effects_[0].effect.limit == pytest.approx(2.0, rel=0.02)

@@ -1,0 +1,188 @@
+"""End stops in inverse dynamics: a few one-sided events that hold nearly all of what is left.
+
+A rigid stop supplies whatever torque holds the axis, of one sign (Signorini's condition; Brogliato 1999, Nonsmooth
+Mechanics, ch. 1): while it is touched the drive says nothing of inertia and friction, and what is left says nothing
+against a stop as long as it pushes back, which `regions` asks of the events.  So the samples in contact are out of the
+fit and of the gap.  The spring and the damper of `whsklearn.effects.ContactStop` are fitted to the push afterwards:
+simulation needs them, the name does not.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from whsklearn.effects import ContactStop
+from whsklearn.effects import codes as k
+from whsklearn.gap import evidence as rules
+from whsklearn.gap.axis_candidates import TWO_MASS, Candidate, variants
+from whsklearn.gap.axis_model import AxisModel, Term
+from whsklearn.gap.filters import CUTOFF_SIGMA
+
+Array = NDArray[Any]
+KINDS = variants(ContactStop)
+KNEE = 3.0  # robust standard deviations at which a sample weighs half (Cauchy's weights)
+ROUNDS = 15  # of reweighting
+AROUND = 3.5  # widths of the Gaussian by which a contact is blurred
+EDGE_STEP, ROUNDS_OF_EDGE = 0.4, 7  # of the depth reached, shrunk to 0.6 in each round: a hundredth in the end
+RELAXATIONS = (0.0, 0.003, 0.01, 0.02, 0.04, 0.08, 0.15)  # s
+
+
+class Region(NamedTuple):
+    """One end of the travel: where its region begins, +1 (upper) or -1, and its share of the events' energy."""
+
+    edge: float
+    side: int
+    energy: float
+
+
+def robust(x: Array, y: Array) -> tuple[Array, float]:
+    """(what the columns leave of the target, its robust standard deviation) under Cauchy's weights."""
+    scale = np.linalg.norm(x, axis=0) + 1e-300
+    w = np.ones(y.size)
+    for _ in range(ROUNDS):
+        c, *_ = np.linalg.lstsq(x / scale * w[:, None], y * w, rcond=1e-10)
+        r = y - x / scale @ c
+        s = 1.48 * float(np.median(np.abs(r - np.median(r)))) + 1e-300
+        w = 1.0 / np.sqrt(1.0 + (r / (KNEE * s)) ** 2)
+    return r, s
+
+
+def regions(view: Any, model: AxisModel) -> list[Region]:
+    """The ends of the travel that are struck, by the events that a robust fit of the model leaves; none, one or two."""
+    x, _ = view.columns(model, view.torque(model))
+    at = view.at
+    r, s = robust(x[at][:, np.any(x[at] != 0.0, axis=0)], view.drive[at])
+    event = np.abs(r) > rules.STOP_FAR * s
+    total = float(np.sum(r[event] ** 2))
+    if total <= 0.0 or total < rules.STOP_ENERGY * float(r @ r):
+        return []
+    q = view.motion.position[:: view.every][at]
+    found = []
+    for side in (1, -1):
+        depth = side * q
+        pushed = np.flatnonzero(event & (side * r > 0.0))
+        energy = float(np.sum(r[pushed] ** 2))
+        if energy < rules.STOP_MINOR * total:
+            continue
+        order = pushed[np.argsort(depth[pushed])]
+        edge = float(depth[order][np.searchsorted(np.cumsum(r[order] ** 2), rules.STOP_EDGE * energy)])
+        inside = depth >= edge
+        deep = depth >= 0.5 * (edge + float(depth.max()))
+        if (
+            np.mean(inside) < rules.STOP_TIME
+            and np.mean(side * r[inside & event] > 0.0) > rules.STOP_SIGN
+            and np.mean(side * r[deep] > KNEE * s) > rules.STOP_STRUCK
+        ):
+            found.append(Region(side * edge, side, energy / total))
+    return found if sum(f.energy for f in found) > rules.STOP_ENERGY else []
+
+
+def start(kind: Any, found: list[Region]) -> Term | None:
+    """The term of this kind at the regions found, if they are its own."""
+    sides = {f.side: f.edge for f in found}
+    want = {k.END_STOP: {1, -1}, k.END_STOP_UPPER: {1}, k.END_STOP_LOWER: {-1}}[kind.code]
+    if set(sides) != want:
+        return None
+    if kind.code == k.END_STOP:
+        return Term(kind, (0.0, 0.5 * (sides[1] - sides[-1]), RELAXATIONS[2], 0.5 * (sides[1] + sides[-1])))
+    return Term(kind, (0.0, next(iter(sides.values())), RELAXATIONS[2], 0.0))
+
+
+def holds(model: AxisModel) -> bool:
+    """Whether a stop found by its events is in the model."""
+    return any(t.kind in KINDS for t in model.terms)
+
+
+def usable(model: AxisModel) -> tuple[Candidate, ...]:
+    """Stops that a model may still get."""
+    return () if any(t.name == "end_stop" for t in model.terms) else KINDS
+
+
+def contact(view: Any, model: AxisModel) -> Array | None:
+    """+1 or -1 at judged samples that a stop of the model may push, 0 elsewhere, shape (n,); None without a stop."""
+    stops = [t for t in model.terms if t.kind in KINDS]
+    if not stops:
+        return None
+    from scipy.ndimage import maximum_filter1d
+
+    q = view.motion.position
+    width = 2 * int(np.ceil(AROUND * CUTOFF_SIGMA / (2 * np.pi * view.cutoff) / view.scene.dt)) + 1
+    out = np.zeros(q.size)
+    for t in stops:
+        low, high = t.effect.ends
+        out[maximum_filter1d((q > high).astype(np.int8), width) > 0] = 1.0
+        out[maximum_filter1d((q < low).astype(np.int8), width) > 0] = -1.0
+    return out[:: view.every][view.at]
+
+
+def away(view: Any, model: AxisModel) -> Array | None:
+    """One at judged samples that no stop of the model touches, zero at the others, shape (n,); None without a stop."""
+    touched = contact(view, model)
+    return None if touched is None else (touched == 0.0).astype(float)
+
+
+def outside(left: Array, away: Array | None) -> Array:
+    """What is left of the samples that no stop touches; nothing of the others."""
+    return left if away is None else left * away
+
+
+def pushes(model: AxisModel, columns: Array) -> NDArray[np.bool_]:
+    """Which columns (that of inertia first) are a stop's."""
+    out = [False]
+    for t in model.terms:
+        out += [t.kind in KINDS] * (1 if t.kind.code in TWO_MASS else t.kind.linear)
+    return np.array(out + [False] * (columns.shape[1] - len(out)))
+
+
+def without_pushes(model: AxisModel, columns: Array) -> Array:
+    """The columns with those of stops at zero: outside the contact only the blur's tail is left of them."""
+    return np.where(pushes(model, columns), 0.0, columns) if holds(model) else columns
+
+
+def stiffness(model: AxisModel, columns: Array, left: Array) -> Array:
+    """Sizes of the columns with every stop's stiffness from what the others leave; the others' are kept at zero."""
+    sizes = np.zeros(columns.shape[1])
+    for i in np.flatnonzero(pushes(model, columns)):
+        c = columns[:, i]
+        sizes[i] = max(0.0, float(c @ left) / (float(c @ c) + 1e-300))
+    return sizes
+
+
+def settled(view: Any, model: AxisModel, term: Term) -> AxisModel:
+    """The model with the stop, its edge and relaxation moved downhill on what spring and damper leave of the push."""
+    q = view.motion.position[:: view.every][view.at]
+    low, high = term.effect.ends
+    beyond = max(float(q.max()) - high, low - float(q.min()), 1e-3 * view.scene.reach)
+
+    def tried(term: Term) -> tuple[float, AxisModel]:
+        grown = view.fit(model.with_term(term))
+        return view.rms(view.with_pushes(grown)), grown
+
+    least, best = min((tried(term.with_slot(2, r)) for r in RELAXATIONS), key=lambda t: t[0])
+    steps = {1: EDGE_STEP * beyond, 2: 0.5 * best.terms[-1].q[2] + RELAXATIONS[1]}
+    for _ in range(ROUNDS_OF_EDGE):
+        for slot, step in steps.items():
+            here = best.terms[-1]
+            for value in (here.q[slot] - step, here.q[slot] + step):
+                cost, grown = tried(here.with_slot(slot, value if slot == 1 else max(0.0, value)))
+                if cost < least:
+                    least, best = cost, grown
+                    steps[slot] *= 1.5
+                    break
+            steps[slot] *= 0.6
+    return best
+
+
+def look_of(view: Any, model: AxisModel, kind: Any, term: Term) -> Any:
+    """A stop as the engine ranks it: what it takes off costs one number an independent sample in contact."""
+    from whsklearn.gap.plant import Look
+
+    grown = view.fit(model.with_term(term))
+    touched = contact(view, grown)
+    assert touched is not None
+    spent = round(view.n_effective * float(np.mean(touched != 0.0)))
+    gain = 1.0 - (view.rms(view.gap(grown)) / max(view.rms(view.gap(model)), 1e-300)) ** 2
+    return Look(kind.name, float(np.clip(gain, 0.0, 1.0)), term, n_numbers=kind.n_slots + spent, n_looks=2)
