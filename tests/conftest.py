@@ -8,6 +8,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
+
+settings.register_profile("whsklearn", deadline=None)  # the first example compiles
+settings.load_profile("whsklearn")
 
 os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")  # mlflow reads it at import
 os.environ.setdefault("MPLBACKEND", "Agg")

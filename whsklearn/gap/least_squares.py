@@ -99,6 +99,8 @@ def gain_of(residual: Array, base: Array, columns: Array) -> tuple[float, Array]
     """Drop of the sum of squares when ``columns`` join the ``base`` ones, and their coefficients."""
     q, _ = np.linalg.qr(base)
     z = columns - q @ (q.T @ columns)
+    # A column that the base holds already leaves rounding noise, and its weight would be noise over noise.
+    z[:, np.linalg.norm(z, axis=0) <= 1e-9 * np.linalg.norm(columns, axis=0)] = 0.0
     r = residual - q @ (q.T @ residual)
     coefficients, *_ = np.linalg.lstsq(z, -r, rcond=1e-9)
     left = r + z @ coefficients

@@ -1,0 +1,43 @@
+"""Where a search may look, from the quantity and the scales of the record."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from whsklearn.effects import Quantity, Scales, effect_names, get_effect
+
+scales = st.builds(
+    Scales, torque=st.floats(1e-3, 100), peak=st.floats(1e-3, 300), speed=st.floats(1e-3, 100),
+    reach=st.floats(1e-3, 100), centre=st.floats(-10, 10), duration=st.floats(2, 1000), inertia=st.floats(1e-5, 10),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("name", effect_names())
+@given(scales)
+def test_ranges_are_not_empty_and_starts_lie_inside(name, record):
+    cls = get_effect(name)
+    for field in cls.searched():
+        q = cls.quantities[field]
+        low, high = q.bounds(record)
+        assert low < high
+        assert all(low <= s <= high for s in q.grid(record))
+
+
+def test_a_label_holds_the_unit_in_letters_of_a_column():
+    assert Quantity("Nm s2/rad2", 0, 1).labelled("drag") == "drag_nm_s2_per_rad2"
+    assert Quantity("1", 0, 1).labelled("order") == "order"
+
+
+def test_ratios_are_spanned_in_ratios():
+    grid = Quantity("1", 1e-4, 1.0, log=True).grid(Scales())
+    assert np.allclose(np.diff(np.log(grid)), np.diff(np.log(grid))[0])
+    even = Quantity("1", 0.0, 1.0).grid(Scales())
+    assert np.allclose(np.diff(even), np.diff(even)[0])
+
+
+def test_a_positive_quantity_is_one_whose_range_is():
+    assert Quantity("Nm", 0.0, 1.0).positive
+    assert not Quantity("Nm", -1.0, 1.0).positive

@@ -1,0 +1,46 @@
+"""The minimum is found, bounds hold, and a gain is that of a projection."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from whsklearn.gap.least_squares import gain_of, jacobian, least_squares
+
+WIDE = (np.full(2, -10.0), np.full(2, 10.0))
+
+
+def rosenbrock(x):
+    return np.array([10 * (x[1] - x[0] ** 2), 1 - x[0]])
+
+
+def test_it_reaches_the_bottom_of_a_curved_valley():
+    fit = least_squares(rosenbrock, np.array([-1.2, 1.0]), np.full(2, 1e-6), WIDE, max_iterations=200, tolerance=0.0)
+    np.testing.assert_allclose(fit.x, [1.0, 1.0], atol=1e-4)
+    assert fit.cost == pytest.approx(0.0, abs=1e-8)
+
+
+def test_a_bound_holds_and_the_rest_is_least_there():
+    low, high = np.array([-10.0, -10.0]), np.array([0.5, 10.0])
+    fit = least_squares(rosenbrock, np.zeros(2), np.full(2, 1e-6), (low, high), max_iterations=200, tolerance=0.0)
+    np.testing.assert_allclose(fit.x, [0.5, 0.25], atol=1e-4)
+
+
+def test_differences_are_the_derivatives_and_turn_back_at_a_bound():
+    x = np.array([0.7, 0.3])
+    exact = np.array([[-20 * x[0], 10.0], [-1.0, 0.0]])
+    for high in (np.full(2, 10.0), x):
+        found = jacobian(rosenbrock, x, rosenbrock(x), np.full(2, 1e-7), high)
+        np.testing.assert_allclose(found, exact, atol=1e-5)
+
+
+def test_the_gain_of_columns_is_what_the_larger_fit_explains_more():
+    rng = np.random.default_rng(0)
+    base, columns, r = rng.normal(size=(50, 2)), rng.normal(size=(50, 3)), rng.normal(size=50)
+
+    def left(design):
+        return np.linalg.lstsq(design, r, rcond=None)[1][0]
+
+    gain, _ = gain_of(r, base, columns)
+    assert gain == pytest.approx(left(base) - left(np.hstack([base, columns])), rel=1e-9)
+    assert gain_of(r, base, base[:, :1])[0] == pytest.approx(0.0, abs=1e-9)

@@ -1,0 +1,39 @@
+"""A record's noise, lattice and held-out blocks."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from whsklearn.gap.record import blocks, lattice, noise_level
+
+T = np.arange(20_000) / 1000
+PATH = np.sin(2 * T) + 0.3 * np.sin(7 * T)
+
+
+@pytest.mark.parametrize("noise", [1e-5, 1e-3])
+def test_noise_is_seen_whatever_the_motion(noise):
+    seen = noise_level(PATH + noise * np.random.default_rng(0).normal(size=T.size))
+    assert seen == pytest.approx(noise, rel=0.1)
+    assert noise_level(PATH) < 0.01 * noise
+
+
+@pytest.mark.parametrize("lines", [1000, 8192])
+def test_the_step_of_an_encoder_is_found(lines):
+    step = 2 * np.pi / lines
+    assert lattice(step * np.round(PATH / step)) == pytest.approx(step, rel=1e-3)
+
+
+def test_a_smooth_record_lies_on_no_lattice():
+    assert lattice(PATH + 1e-4 * np.random.default_rng(0).normal(size=T.size)) == 0.0
+    assert lattice(np.zeros(100)) == 0.0
+
+
+def test_blocks_part_the_record_and_each_is_held_out_once():
+    number, train = blocks(1003, 5, 0.4)
+    assert np.array_equal(number < 0, train)
+    assert set(number[~train]) == set(range(5))
+    assert np.mean(~train) == pytest.approx(0.4, abs=0.02)
+    for k in range(5):
+        held = np.flatnonzero(number == k)
+        assert np.array_equal(held, np.arange(held[0], held[-1] + 1))  # one piece
