@@ -28,7 +28,7 @@ FIELDS = (
     "record known verdict names right closure horizon inverse_before inverse_after floor run_before run_after "
     "inertia inertia_known map seconds error"
 ).split()
-SO101 = ("chirp_sweep", "multisine", "friction_gravity")
+SO101 = ("multisine", "chirp_sweep", "friction_gravity")
 JOINTS = {1: "rotation", 2: "pitch", 3: "elbow", 4: "wrist pitch", 5: "wrist roll", 6: "jaw"}
 
 

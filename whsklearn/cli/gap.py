@@ -225,6 +225,7 @@ def as_record(options: dict[str, Any], log: Bunch) -> tuple[Any, dict[str, Any]]
     """The log as the kind of model takes it, motions in rad or m, and the names of its columns."""
     import pandas as pd
 
+    from whsklearn.gap.following_error import following_error
     from whsklearn.gap.record import ServoRecord
     from whsklearn.logs.units import UNKNOWN, factor_of
 
@@ -238,8 +239,14 @@ def as_record(options: dict[str, Any], log: Bunch) -> tuple[Any, dict[str, Any]]
     drive, drive_unit = log.X[:, 0], log.units.get("drive", UNKNOWN)
     if log.command is not None:
         reference = log.command * factor_of(log.units.get("command", log.units["position"]))[0]
-        drive, drive_unit = reference - position, unit
-        text = "No drive is logged: command minus position stands for it, and sizes are per unit of the loop's gain."
+        drive, delay = following_error(reference, position, 1.0 / log.sample_rate)
+        drive_unit = unit
+        late = f", the command taken {delay:.3g} s later," if delay else ""
+        text = (
+            f"No drive is logged: command minus position{late} stands for it. Sizes are per unit of the loop's gain: "
+            "inertia in s2, viscous friction in s, torques in the unit of the position. The gain itself, and what the "
+            "loop does besides (integral action, limits), cannot be known from this log."
+        )
         note(text)
         log.notes = (*log.notes, text)
     return ServoRecord(

@@ -27,7 +27,8 @@ from whsklearn.gap.plants import inverse_dynamics as ols
 from whsklearn.gap.plants import servo_stop as stop
 from whsklearn.gap.plants import servo_two_mass as two_mass
 from whsklearn.gap.plants.servo_columns import Signals, effect_columns
-from whsklearn.gap.plants.servo_observer import negative_damping
+from whsklearn.gap.plants.servo_observer import negative_damping, too_large
+from whsklearn.gap.plants.servo_waves import off_shaft, on_excitation_line
 from whsklearn.gap.record import ServoRecord, lattice, noise_level
 
 Array = NDArray[Any]
@@ -35,7 +36,6 @@ PER_CUTOFF = 5.0  # samples a period of the cut-off that decimation keeps
 LATEST = 1.5  # samples of age of the drive that are bookkeeping: hold alone gives 0.5, a logger one more
 NOISY = 3.0  # standard deviations of the velocity's noise below which its sign is not known
 SLOW = 0.01  # of the rms velocity, the same for records without noise
-SEVERAL_TURNS = 6 * np.pi  # rad of travel
 KEPT = 40  # columns remembered: a polish moves one shape and leaves the others
 HIGHEST_CUTOFF, LOWEST_CUTOFF = 0.08, 2.0  # of the sampling rate; Hz: where the search of the filter starts and ends
 DRIVE_NOISE = (
@@ -310,24 +310,12 @@ class InverseView(ViewDefaults):
             return "an encoder error so steep would let the reading stand still while the axis turns"
         if t.kind.positive and t.q[0] <= 0:
             return f"its size would be {t.q[0]:.3g}, and a physical one is positive"
-        return model.at_the_end(index) or negative_damping(model, index) or self._off_shaft(model, index)
-
-    def _off_shaft(self, model: AxisModel, index: int) -> str:
-        """Whether a wave has no place on the shaft on which the others have theirs; empty if it has.
-
-        Over several turns, what sits on one shaft comes back every turn.  Fractional orders beside whole ones are a
-        tone in time seen at the mean speed (LAAS: 61.3 and 82.7, which a tone of the mains, 60.00 Hz, replaces).
-        """
-
-        def wave(t: Term) -> float | None:
-            return float(t.q[2]) if t.kind.repeats and t.kind.scanned == "position" else None
-
-        order = wave(model.terms[index])
-        others = [o for i, t in enumerate(model.terms) if i != index and (o := wave(t)) is not None]
-        if order is None or order.is_integer() or 2.0 * self.scene.reach < SEVERAL_TURNS or not others:
-            return ""
-        return "its order is no whole number, and it does not come back with every turn" * all(
-            map(float.is_integer, others)
+        return (
+            model.at_the_end(index)
+            or negative_damping(model, index)
+            or too_large(model, index)
+            or off_shaft(model, index)
+            or on_excitation_line(self.record, model.terms[index])
         )
 
     def demand(self, model: AxisModel) -> float:

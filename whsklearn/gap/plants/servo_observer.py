@@ -21,11 +21,25 @@ from whsklearn.gap.axis_model import AxisModel
 from whsklearn.gap.filters import ResidualFilter, autoregression, solve_whitening, whiten
 from whsklearn.gap.least_squares import Fit, jacobian, least_squares
 from whsklearn.gap.plant import Judged, Linearised, Look, ViewDefaults
+from whsklearn.gap.plants.servo_waves import off_shaft, on_excitation_line
 from whsklearn.gap.record import ServoRecord
 
 Array = NDArray[Any]
 AR_ORDER = 12
 LOST = 1e3  # times the travel or the speed of the record: a run beyond has diverged
+
+
+# Largest plausible sizes of effects that act on the drive: beyond, they explain the drive by itself.
+LARGEST_SHARE = {"torque_ripple": 0.5, "load_friction": 0.75}
+
+
+def too_large(model: AxisModel, index: int) -> str:
+    """Whether an effect takes so much of the drive that it stands for the drive; empty if not."""
+    t = model.terms[index]
+    share = float(np.hypot(*t.q[: t.kind.linear])) if t.kind.linear == 2 else abs(float(t.q[0]))
+    if share <= LARGEST_SHARE.get(t.name, np.inf):
+        return ""
+    return f"it would take {100 * share:.0f} % of the drive, which no motor or gear does"
 
 
 def negative_damping(model: AxisModel, index: int) -> str:
@@ -181,7 +195,13 @@ class ObserverView(ViewDefaults):
             return "an encoder error so steep would let the reading stand still while the axis turns"
         if term.kind.positive and q[0] <= 0:
             return f"its size would be {q[0]:.3g}, and a physical one is positive"
-        return model.at_the_end(index) or negative_damping(model, index)
+        return (
+            model.at_the_end(index)
+            or negative_damping(model, index)
+            or too_large(model, index)
+            or off_shaft(model, index)
+            or on_excitation_line(self.record, term)
+        )
 
     def demand(self, model: AxisModel) -> float:
         """Beside a play a further effect must explain most of what is left."""

@@ -1,0 +1,48 @@
+"""Waves and tones that a record offers falsely: off the shaft of the others, on a line of the excitation."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from whsklearn.gap.axis_model import AxisModel, Term
+from whsklearn.gap.record import ServoRecord
+
+SEVERAL_TURNS = 6 * np.pi  # rad of travel
+STANDS_OUT = 10.0  # times the median power around it: a line of the reference
+LINE, AROUND = 1.5, 12.0  # bins (1 / duration) either side: the line, and what it is compared with
+
+
+def off_shaft(model: AxisModel, index: int) -> str:
+    """Whether a wave has no place on the shaft on which the others have theirs; empty if it has.
+
+    Over several turns, what sits on one shaft comes back every turn.  Fractional orders beside whole ones are a
+    tone in time seen at the mean speed (LAAS: 61.3 and 82.7, which a tone of the mains, 60.00 Hz, replaces).
+    """
+
+    def wave(t: Term) -> float | None:
+        return float(t.q[2]) if t.kind.repeats and t.kind.scanned == "position" else None
+
+    order = wave(model.terms[index])
+    others = [o for i, t in enumerate(model.terms) if i != index and (o := wave(t)) is not None]
+    if order is None or order.is_integer() or 2.0 * model.scene.reach < SEVERAL_TURNS or not others:
+        return ""
+    if not all(o.is_integer() for o in others):
+        return ""
+    return "its order is no whole number, and it does not come back with every turn"
+
+
+def on_excitation_line(record: ServoRecord, term: Term) -> str:
+    """Whether a tone sits on a line of the logged reference; empty if not.
+
+    Wrong dynamics leave a leftover at every line of the excitation, and a tone there would explain it by chance.
+    """
+    if record.reference is None or term.name != "disturbance_tone":
+        return ""
+    x = record.reference - record.reference.mean()
+    power = np.abs(np.fft.rfft(np.hanning(x.size) * x)) ** 2
+    at = float(term.q[2]) * record.dt * x.size
+    distance = np.abs(np.arange(power.size) - at)
+    line, around = power[distance <= LINE], power[(distance > 2 * LINE) & (distance <= AROUND)]
+    if line.size == 0 or around.size == 0 or line.max() <= STANDS_OUT * np.median(around):
+        return ""
+    return "its frequency is a line of the reference, where wrong dynamics would leave a tone as well"
