@@ -68,6 +68,13 @@ BLIND_SHARE = 0.03  # of the time, in motion, in which noise may hide the direct
 # What an effect may be beside others, and what no axis does.
 BESIDE_A_PLAY = 0.66  # of the rms left beside a play that a further effect must explain: impacts follow everything a
 # little ("blind --kinds named" with backlash)
+SEVERAL_TURNS = 6 * np.pi  # rad of travel, over which a wave of one shaft must come back every turn
+LITTLE_TRAVEL = (
+    0.5  # rad, over which the cosine of gravity is a constant and a slope to 3 % of itself: names are shared
+)
+STANDS_OUT = 10.0  # times the median power around it that makes a line of a reference, on which no tone is believed
+# Shares of the drive above which an effect that acts on it explains it by itself (SO-101: a ripple of 1 "closed" all).
+LARGEST_SHARE = {"torque_ripple": 0.5, "load_friction": 0.75}
 STEEPEST_ERROR = 0.3  # rad a rad: an encoder error steeper than that would let the reading stand still
 ORDER_NEED = 20.0  # cross-validated evidence for one more order of a family (three numbers); LAAS earns eight, blind
 # records with one order none

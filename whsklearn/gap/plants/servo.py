@@ -30,7 +30,6 @@ from whsklearn.gap.record import ServoRecord
 
 Array = NDArray[Any]
 HOLD = 0.5  # samples of age that a drive held over a sample has on average
-LITTLE_TRAVEL = 0.5  # rad, over which the cosine of gravity is a constant and a slope to 3 % of itself
 OVER_LITTLE_TRAVEL = {"input_offset": ("gravity_imbalance",), "asymmetric_coulomb": ("gravity_imbalance",),
                       "cable_spring": ("gravity_imbalance",), "gravity_imbalance": ("cable_spring",)}  # fmt: skip
 WIDER = 1.25  # cut-off over the one before for a second pass of inverse dynamics
@@ -198,7 +197,7 @@ class ServoPlant(PlantDefaults):
 
     def aliases(self, name: str) -> tuple[str, ...]:
         """Names that no record of drive and position can tell from ``name``."""
-        also = OVER_LITTLE_TRAVEL.get(name, ()) if float(np.ptp(self.record.position)) < LITTLE_TRAVEL else ()
+        also = OVER_LITTLE_TRAVEL.get(name, ()) if float(np.ptp(self.record.position)) < rules.LITTLE_TRAVEL else ()
         return tuple(dict.fromkeys([*aliases(name), *(a for a in also if self.units[1] == "rad")]))
 
     def commoner(self, name: str) -> tuple[str, ...]:

@@ -29,15 +29,11 @@ AR_ORDER = 12
 LOST = 1e3  # times the travel or the speed of the record: a run beyond has diverged
 
 
-# Largest plausible sizes of effects that act on the drive: beyond, they explain the drive by itself.
-LARGEST_SHARE = {"torque_ripple": 0.5, "load_friction": 0.75}
-
-
 def too_large(model: AxisModel, index: int) -> str:
     """Whether an effect takes so much of the drive that it stands for the drive; empty if not."""
     t = model.terms[index]
-    share = float(np.hypot(*t.q[: t.kind.linear])) if t.kind.linear == 2 else abs(float(t.q[0]))
-    if share <= LARGEST_SHARE.get(t.name, np.inf):
+    share = float(np.linalg.norm(t.q[:2])) if t.kind.linear == 2 else abs(float(t.q[0]))
+    if share <= rules.LARGEST_SHARE.get(t.name, np.inf):
         return ""
     return f"it would take {100 * share:.0f} % of the drive, which no motor or gear does"
 

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from whsklearn.gap import evidence as rules
 from whsklearn.gap.axis_model import AxisModel, Term
 from whsklearn.gap.record import ServoRecord
 
-SEVERAL_TURNS = 6 * np.pi  # rad of travel
-STANDS_OUT = 10.0  # times the median power around it: a line of the reference
 LINE, AROUND = 1.5, 12.0  # bins (1 / duration) either side: the line, and what it is compared with
 
 
@@ -24,7 +23,7 @@ def off_shaft(model: AxisModel, index: int) -> str:
 
     order = wave(model.terms[index])
     others = [o for i, t in enumerate(model.terms) if i != index and (o := wave(t)) is not None]
-    if order is None or order.is_integer() or 2.0 * model.scene.reach < SEVERAL_TURNS or not others:
+    if order is None or order.is_integer() or 2.0 * model.scene.reach < rules.SEVERAL_TURNS or not others:
         return ""
     if not all(o.is_integer() for o in others):
         return ""
@@ -43,6 +42,6 @@ def on_excitation_line(record: ServoRecord, term: Term) -> str:
     at = float(term.q[2]) * record.dt * x.size
     distance = np.abs(np.arange(power.size) - at)
     line, around = power[distance <= LINE], power[(distance > 2 * LINE) & (distance <= AROUND)]
-    if line.size == 0 or around.size == 0 or line.max() <= STANDS_OUT * np.median(around):
+    if line.size == 0 or around.size == 0 or line.max() <= rules.STANDS_OUT * np.median(around):
         return ""
     return "its frequency is a line of the reference, where wrong dynamics would leave a tone as well"
