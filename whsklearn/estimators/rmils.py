@@ -34,7 +34,7 @@ class RMILSRegressor(MILSRegressor):
     n_starts : int, default=32
         Starts side by side; the prediction error has wrong minima.
     memory : int, default=4096
-        Samples kept and re-run with the newest parameters, in parts of some 30 us between the
+        Samples kept and re-run with the newest parameters, in parts of some 50 us between the
         samples; 0 for the pure recursion, which loses about half of the accuracy.
     random_state : int, RandomState or None
         Of the starts.

@@ -35,7 +35,10 @@ if TYPE_CHECKING:
 
     from whsklearn.recursion.reading import Reading, State
 
-FILLING = 400  # readings for each sample while the memory fills: some 30 us
+# Readings for each sample while the memory fills: some 50 us.  With 400, 8 iterations on a rung and half of the starts
+# kept, 17 of 32 starts were tried on the first samples, and 27 of 800 streams of Example 5.1 stood in a wrong minimum
+# at row 1,000.  Now all are, and none of 500 does (benchmarks/accuracy.py --section minima).
+FILLING = 700
 PAGE = 128  # the same for each model after that: a page is then read after a third of the half page and caught up with
 COST_OF_ROW = 2  # readings that one linearised sample counts for
 COST_OF_WINDOW = 24  # readings that one sample of the recursion counts for

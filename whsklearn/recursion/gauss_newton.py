@@ -61,17 +61,7 @@ def refine_part(theta, law, kappa, memory, prior, iterations, information, state
     information_t = work[HEAD + 3 * n : HEAD + 3 * n + n * n].reshape(n, n)
     state_t = work[HEAD + 3 * n + n * n : HEAD + 3 * n + n * n + state.size]
     while work[PHASE] != DONE:
-        if work[PHASE] == FIRST_RUN:
-            if not replay_part(theta, law, kappa, memory, information, slope, state, work):
-                return False
-            work[COST] = work[TOTAL] + _add_prior(theta, prior, information, slope)
-            work[DAMPING] = 1e-3
-            work[ITERATION] = 0
-            work[PHASE] = PROPOSAL
-            if not work[COST] < HUGE:
-                work[COST] = np.inf
-                work[PHASE] = DONE
-        elif work[PHASE] == PROPOSAL:
+        if work[PHASE] == PROPOSAL:
             work[AT] = 0
             work[TOTAL] = np.inf
             if work[ITERATION] == iterations:
@@ -85,15 +75,28 @@ def refine_part(theta, law, kappa, memory, prior, iterations, information, state
                 work[PHASE] = TRIAL
             else:
                 _judge(work, np.inf)
-        else:
-            if not replay_part(trial, law, kappa, memory, information_t, slope_t, state_t, work):
-                return False
-            cost = work[TOTAL] + _add_prior(trial, prior, information_t, slope_t)
-            if _judge(work, cost):
-                theta[:] = trial
-                slope[:] = slope_t
-                information[:] = information_t
-                state[:] = state_t
+            continue
+        # one call for both kinds of run: the compiler would write the whole re-run out twice, and take twice as long
+        first = work[PHASE] == FIRST_RUN
+        at = theta if first else trial
+        information_at = information if first else information_t
+        slope_at = slope if first else slope_t
+        if not replay_part(at, law, kappa, memory, information_at, slope_at, state if first else state_t, work):
+            return False
+        cost = work[TOTAL] + _add_prior(at, prior, information_at, slope_at)
+        if first:
+            work[COST] = cost
+            work[DAMPING] = 1e-3
+            work[ITERATION] = 0
+            work[PHASE] = PROPOSAL
+            if not cost < HUGE:
+                work[COST] = np.inf
+                work[PHASE] = DONE
+        elif _judge(work, cost):
+            theta[:] = trial
+            slope[:] = slope_t
+            information[:] = information_t
+            state[:] = state_t
     return True
 
 

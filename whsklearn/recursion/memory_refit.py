@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 Answer = TypeVar("Answer")
 LADDER = (1.0, 2.0, 4.0, 8.0, 20.0, 50.0, 100.0, 200.0, 400.0)
 ITERATIONS = 8
+EARLY_ITERATIONS = 5  # on a rung while the memory fills, where samples pay: the next rung goes on from there anyway
 REOPENING = 100.0  # how far forgetting may widen P beyond its widest direction at the last re-run, at least
 LEAST = 1e-9
 FEWEST = 40.0  # samples: or as wide as it was when so few were known
@@ -34,6 +35,7 @@ SLACK = 1.01  # of the error: on a staircase a better estimate may stand a stair
 INFERENCE = 20.0  # sharpness at which P is taken: intervals cover there (benchmarks/accuracy.py)
 LONG_INFERENCE = 150.0  # the same once the memory is full, where sharper costs coverage of L1 and blunter its accuracy
 LIVE = 2  # models that take every sample; the others wait for the next re-run, which begins from their parameters
+KEPT_SHARE = 0.62  # of the starts, that go on from the first re-run; fewer at each after it
 FRESH = 8  # one fresh start for so many at the beginning, at each re-run of the first half of the memory
 SAMPLED = 128  # latest samples that a start and the scale of dx are taken from: a sample has no time for more
 COST_OF_START = 900  # readings that drawing a start counts for, since it takes the time of two or three samples
@@ -74,6 +76,7 @@ class Refit:
         u, y = state["memory_u"][h : h + size], state["memory_y"][h : h + size]
         self.moved = bool(size and np.ptp(y) > 0.0 and not state["memory_idle"][:size].all())
         self.latest = u[-SAMPLED:], state["memory_restart"][max(size - SAMPLED, 0) : size]
+        self.iterations = EARLY_ITERATIONS if np.isfinite(limit) else ITERATIONS
         self._y = y
         self.left = left_of_prior(state, size) if state["blocks"] else 1.0
         self.given = {name: state[name] for name in ("origin", "prior_theta", "prior_information")}
@@ -128,7 +131,7 @@ class Refit:
             return r.n_starts
         if self.size >= r.memory:
             return 1
-        return max(1, int(r.n_starts * (r.first_rerun / self.size) ** 0.8 / 2))
+        return max(1, int(KEPT_SHARE * r.n_starts * (r.first_rerun / self.size) ** 0.8))
 
     def _scales(self, rng: np.random.Generator) -> Generator[None, None, Array]:
         """As `term_scales`, in parts."""
@@ -176,7 +179,7 @@ class Refit:
                 break
             kappa = relative / max(motion(theta, r.dims, *self.latest), 1e-12)
             information, before = np.zeros((n, n)), np.zeros(n_state)
-            yield from refined(kappa, ITERATIONS, information, before)
+            yield from refined(kappa, self.iterations, information, before)
             cost = yield from refined(np.inf, 0, np.zeros((n, n)), before)
             if np.isfinite(cost) and np.isfinite(information).all() and (best is None or cost < best.cost):
                 best = _Candidate(cost, theta.copy(), information, before, kappa, parent)
