@@ -147,9 +147,14 @@ class Search:
             or (i < rules.FIRST_LOOKS and k.gain > rules.WORTH_AMONG_FIRST * top)
         ]  # fmt: skip
         elementary = [k for k in worth if k.elementary]
-        others = [k for k in worth if not k.elementary][: rules.MOST_REFINED if wanting else rules.FEW_REFINED]
-        trials = [Trial(k, view.refine(model, k)) for k in (*elementary, *others)]
+        others = [k for k in worth if not k.elementary][: rules.MOST_REFINED]
+        few = others if wanting else others[: rules.FEW_REFINED]
+        trials = [Trial(k, view.refine(model, k)) for k in (*elementary, *few)]
         evidence = weigh(view, model, trials)
+        if len(few) < len(others) and any(e.delta_bic >= view.limits.least for e in evidence):
+            # there is something after all: no name before its rivals have had the same chance
+            trials += [Trial(k, view.refine(model, k)) for k in others[len(few) :]]
+            evidence = weigh(view, model, trials)
         if wanting and (not evidence or evidence[0].closure < rules.NAMED):
             tried = {id(t.look) for t in trials}
             more = [k for k in looks if k.costly and id(k) not in tried and k.start is not None]
