@@ -10,7 +10,8 @@ import pytest
 from sklearn.utils import Bunch
 
 import whsklearn
-from whsklearn.effects import ContactStop, ParameterChange, effect_names, get_effect
+from whsklearn.effects import ContactStop, ParameterChange, codes, effect_names, get_effect
+from whsklearn.gap.axis_candidates import catalogue
 from whsklearn.systems import WienerHammersteinSystem
 from whsklearn.systems import servo_observer as ob
 
@@ -94,6 +95,31 @@ def test_no_kernel_outside_the_effects_writes_an_equation_of_its_own():
         if isinstance(call, ast.Call) and ast.unparse(call.func).split(".")[-1] in TRANSCENDENTAL
     ]
     assert not found
+
+
+def test_no_module_outside_the_effects_has_a_table_of_them_by_code():
+    """A table of columns, sizes or parents by code is a second place that knows the effects."""
+    names = {n for n in vars(codes) if n.isupper()}
+    tables = [
+        f"{file.relative_to(PACKAGE)}:{node.lineno}"
+        for file in sorted(PACKAGE.rglob("*.py"))
+        if not file.is_relative_to(PACKAGE / "effects")
+        for node in ast.walk(ast.parse(file.read_text()))
+        if isinstance(node, ast.Dict)
+        if any(isinstance(key, ast.Attribute) and key.attr in names for key in node.keys)
+    ]
+    assert not tables
+
+
+def test_a_wave_is_what_stands_before_it_times_a_cosine():
+    """Scans of orders and frequencies take the factor before a wave from the effect's own column at order zero."""
+    motion = Bunch(time=np.zeros(50), position=np.zeros(50), velocity=np.linspace(-1.0, 1.0, 50), drive=np.arange(50.0))
+    turned = Bunch(**{**motion, "position": np.linspace(-3.0, 3.0, 50), "time": np.linspace(0.0, 9.0, 50)})
+    for kind in (c for c in catalogue() if c.paired and c.scanned):
+        front = kind.unit_columns((0.0,), motion)[:, 0]
+        phase = 2 * np.pi * 1.3 * turned.time if kind.scanned == "time" else 1.3 * turned.position
+        wave = np.column_stack([front * np.cos(phase), front * np.sin(phase)])
+        np.testing.assert_allclose(kind.unit_columns((1.3,), turned), wave, atol=1e-12, err_msg=kind.name)
 
 
 def test_no_other_module_numbers_the_effects():

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from whsklearn.effects import Effect, Scales, effect_names, get_effect
+from whsklearn.effects import Coulomb, Effect, Scales, Viscous, effect_names, get_effect
 from whsklearn.gap.filters import CUTOFF_SIGMA, filtered, gaussian_derivatives
 from whsklearn.gap.record import noise_level
 
@@ -72,7 +72,7 @@ def gains(m: Motion, error: Array, effects: list[Effect], train: NDArray[np.bool
     """Share of the sum of squares of e'' that each effect explains beyond e, e' and the motion."""
     s, at = m.signals, m.usable
     mask = train[:: m.every][at]
-    motion_columns = np.column_stack([s.acceleration, s.velocity, np.tanh(s.kappa * s.velocity)])
+    motion_columns = np.column_stack([s.acceleration, Viscous(1.0).columns(s), Coulomb(1.0).columns(s)])
     base = np.column_stack([m.seen(motion_columns), m.seen(error), m.seen(error, 1)])[at][mask]
     target = m.seen(error, 2)[at][mask]
     scale = np.linalg.norm(base, axis=0)
