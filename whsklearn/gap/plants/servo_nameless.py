@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[Any]
+HATS = (0.08, 0.03, 0.01)  # of the travel: a stop or a bump at one angle is narrower than any wave to order 12
 
 
 def generic_basis(scene: Any, angle: Array, v: Array, u: Array) -> list[Array]:
@@ -26,7 +27,22 @@ def generic_basis(scene: Any, angle: Array, v: Array, u: Array) -> list[Array]:
         np.column_stack([w * x for w in waves[:8] for x in (np.ones_like(v), v, s, u)]),
         np.column_stack([p * t for p in powers]),
         np.column_stack([np.roll(x, k) for x in (u, v, s) for k in (0, 1, 2, 4, 8)]),
+        *(hats(q, 2.0 * width) for width in HATS),
     ]
+
+
+def hats(q: Array, width: float) -> Array:
+    """Piecewise linear functions of one place each over -1 to 1, shape (n, k); they sum to one.
+
+    Examples
+    --------
+    >>> hats(np.array([-1.0, -0.25, 1.0]), 0.5)
+    array([[1. , 0. , 0. , 0. , 0. ],
+           [0. , 0.5, 0.5, 0. , 0. ],
+           [0. , 0. , 0. , 0. , 1. ]])
+    """
+    centres = np.linspace(-1.0, 1.0, round(2.0 / width) + 1)
+    return np.maximum(0.0, 1.0 - np.abs(q[:, None] - centres) / (centres[1] - centres[0]))
 
 
 def explainable(view: Any, model: Any) -> float:

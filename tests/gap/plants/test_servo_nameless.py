@@ -1,0 +1,43 @@
+"""What follows the motion has a share above zero, whatever its law; noise has none."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from whsklearn.effects import Scales
+from whsklearn.gap import evidence as rules
+from whsklearn.gap.plants.servo_nameless import explainable
+
+N = 3000
+TIME = np.arange(N) / 60.0
+ANGLE = 1.5 * np.sin(0.9 * TIME) + 0.4 * np.sin(4.1 * TIME)
+SPEED = np.gradient(ANGLE, TIME)
+
+
+def share(gap):
+    block = np.arange(N) * 10 // N
+    drive = np.random.default_rng(100).normal(size=N)
+    seen = (ANGLE, SPEED, drive, block % 5 < 3, block % 5 >= 3)
+    view = SimpleNamespace(gap=lambda m: gap, seen=lambda m: seen, scene=Scales(reach=1.9, speed=1.5))
+    return explainable(view, None)
+
+
+@pytest.mark.parametrize("width", [0.02, 0.06, 0.2])
+@pytest.mark.parametrize("angle", [-0.9, 0.35])
+def test_a_bump_at_one_angle_follows_the_motion(width, angle):
+    rng = np.random.default_rng(0)
+    bump = np.exp(-0.5 * ((ANGLE - angle) / width) ** 2)
+    assert share(bump + 0.02 * rng.normal(size=N)) > 0.5
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("colour", [0.0, 0.6])
+def test_noise_does_not(seed, colour):
+    white = np.random.default_rng(seed).normal(size=N)
+    gap = np.zeros(N)
+    for i in range(1, N):
+        gap[i] = colour * gap[i - 1] + white[i]
+    assert share(gap) < rules.FOLLOWS
