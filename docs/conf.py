@@ -52,6 +52,7 @@ sphinx_gallery_conf = {
     "remove_config_comments": True,
     "show_memory": False,
     "min_reported_time": 30,
+    "capture_repr": ("_repr_html_",),  # tables; the names of axes and legends tell nobody anything
     "reset_modules": ("matplotlib", "catalogue.forget_own"),
     "reset_modules_order": "both",
 }
@@ -68,7 +69,7 @@ html_theme_options = {
     "navigation_with_keys": False,
     "show_toc_level": 2,
     "secondary_sidebar_items": ["page-toc"],
-    "header_links_before_dropdown": 4,
+    "header_links_before_dropdown": 3,
 }
 
 

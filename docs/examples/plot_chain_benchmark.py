@@ -57,7 +57,7 @@ lower.set(xlabel="sample", ylabel="error, mV")
 # %%
 # The characteristic between the filters
 # --------------------------------------
-# Linear up to the diode's threshold, then nearly flat, on one side only.
+# A straight line that bends where the diode begins to conduct, on one side only. Its scale is shared with the filters.
 from whsklearn.effects import as_law
 
 law = as_law(model.structure_.law)

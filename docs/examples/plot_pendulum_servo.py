@@ -50,15 +50,16 @@ for effect in finder.effects_:
 # What the rigid axis asks of the drive is taken from the logged torque. The rest is a cosine of the angle.
 from whsklearn import InverseDynamicsLags
 
-lags = InverseDynamicsLags(sample_rate=200, cutoff=10, border=40)
+settings = {"sample_rate": 200, "cutoff": 10, "border": 40, "standstill": 0.0}
+lags = InverseDynamicsLags(**settings)
 phi, torque = lags.rows(log[["position_rad"]].to_numpy(), log["torque_nm"].to_numpy())
-both = InverseDynamicsLags(sample_rate=200, cutoff=10, border=40, effects=["input_offset", "gravity_imbalance"])
+both = InverseDynamicsLags(**settings, effects=["input_offset", "gravity_imbalance"])
 phi_both, _ = both.rows(log[["position_rad"]].to_numpy(), log["torque_nm"].to_numpy())
 theta = np.linalg.lstsq(phi_both, torque, rcond=None)[0]
 rest = torque - phi_both[:, :3] @ theta[:3]
 gravity = GravityImbalance.from_coefficients(theta[4:6])
 where = np.linspace(-1.6, 1.6, 200)
-angle = np.interp(np.arange(rest.size), np.arange(len(log)) * rest.size / len(log), log["position_rad"])
+angle = log["position_rad"].to_numpy()[-rest.size :]  # the border is left out at the start
 figure, ax = plt.subplots(figsize=(7, 4), layout="constrained")
 ax.plot(angle, rest, ".", ms=2, label="torque that inertia and friction leave")
 ax.plot(where, gravity.value(position=where), "C1", label=f"{gravity.amplitude:.3f} cos(q {gravity.phase:+.2f})")
