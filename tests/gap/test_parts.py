@@ -87,6 +87,13 @@ def test_closure(before, after, floor, share):
     assert closure(before, after, floor) == pytest.approx(share)
 
 
+def test_beside_a_base_that_diverges_a_repair_counts_from_no_model_at_all():
+    assert closure(1e6, 2.0, 1.0, spread=3.0) == pytest.approx(closure(3.0, 2.0, 1.0))
+    assert closure(1e6, 5.0, 1.0, spread=3.0) == 0.0  # better than the base, and no better than none
+    assert closure(1e6, 2e6, 1.0, spread=3.0) < 0.0
+    assert closure(2.0, 1.5, 1.0, spread=3.0) == pytest.approx(0.5)
+
+
 def test_p_values_are_level_for_dependent_samples_and_small_for_a_gap_that_follows():
     rng = np.random.default_rng(1)
     n, hits = 1500, 0
