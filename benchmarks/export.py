@@ -28,6 +28,7 @@ from whsklearn.export import export_model
 SIZES = {
     "coulomb": 0.2,
     "asymmetric_viscous": 0.02,
+    "stribeck": 0.1,
     "saturation": 0.8,
     "compliance": 1e-2,
     "input_delay": 3e-3,
