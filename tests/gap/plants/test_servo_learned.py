@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -9,7 +11,10 @@ from whsklearn.effects import LearnedTorque
 from whsklearn.export.axis_code import torque_code
 from whsklearn.export.languages import C
 from whsklearn.gap.axis_candidates import catalogue
+from whsklearn.gap.filters import CUTOFF_SIGMA, filtered, gaussian_derivatives
 from whsklearn.gap.plants.servo import ServoPlant
+from whsklearn.gap.plants.servo_columns import Signals
+from whsklearn.gap.plants.servo_learned import thinned
 from whsklearn.gap.proof import prove
 from whsklearn.gap.record import ServoRecord
 from whsklearn.gap.repaired import as_model
@@ -71,6 +76,17 @@ def test_a_compensator_holds_it(bump):
 def test_nothing_is_learned_where_nothing_is_missing():
     plant, base = plant_of()
     assert plant.learn(base) is None
+
+
+def test_a_thinned_record_looks_the_same_behind_the_filter():
+    dt, cutoff = 1e-4, 30.0
+    view = SimpleNamespace(every=60, g=gaussian_derivatives(CUTOFF_SIGMA / (2 * np.pi * cutoff), dt)[0])
+    t = np.arange(40_000) * dt
+    q = 1.3 * np.sin(2.1 * t)
+    s, kernel, every = thinned(view, Signals(t, q, np.gradient(q, dt), t, t, 100.0))
+    assert s.time.size < t.size / 10
+    whole, thin = (LearnedTorque(1.0, 0.4, 0.05).value(position=x) for x in (q, s.position))
+    np.testing.assert_allclose(filtered(thin, kernel, every), filtered(whole, view.g, view.every), atol=2e-3)
 
 
 def test_no_search_tries_it():

@@ -23,12 +23,15 @@ from whsklearn.effects.learned import hill
 from whsklearn.gap import evidence as rules
 from whsklearn.gap.axis_candidates import TWO_MASS, Candidate
 from whsklearn.gap.axis_model import AxisModel, Term
+from whsklearn.gap.filters import filtered
 from whsklearn.gap.plant import Curve, Learned
 from whsklearn.gap.plants import inverse_dynamics as ols
+from whsklearn.gap.plants.servo_columns import Signals
 
 Array = NDArray[Any]
 KNOTS = (16, 48, 120)  # hills over the range of a signal: half a percent of the travel is the finest place
 PENALTIES = np.geomspace(1e-5, 1.0, 6)  # of second differences, as a share of the columns' power
+PER_SAMPLE = 4  # samples kept for each judged one: 20 a period of the view's cut-off
 RIDGE = 1e-4  # the same, of the heights themselves: what a term of the base model can say is left to that term
 TURNS = 1.5  # turns of travel from which on the angle in the turn is a signal of its own
 
@@ -45,6 +48,11 @@ class Form(NamedTuple):
     def kind(self) -> Candidate:
         """The hill as a candidate."""
         return Candidate(LearnedTorque, (("over", self.over),))
+
+    @property
+    def knots(self) -> tuple[int, ...]:
+        """How many hills are tried: places may be narrow, speeds and drives are not."""
+        return KNOTS if self.over.startswith("position") else KNOTS[:-1]
 
     @property
     def signals(self) -> tuple[str, ...]:
@@ -109,7 +117,7 @@ def learn(view: Any, model: AxisModel) -> Learned | None:
     found: list[Fit] = []
     while len(found) < rules.MOST_CURVES:
         open_forms = [f for f in forms(view, torque) if f not in [g.form for g in found]]
-        fits = [fit for f in open_forms for n in KNOTS if (fit := problem.fitted(f, n)) is not None]
+        fits = [fit for f in open_forms for n in f.knots if (fit := problem.fitted(f, n)) is not None]
         if not fits:
             break
         best = min(f.error for f in fits)
@@ -137,6 +145,7 @@ class Problem:
         # a curve over the position of a motion that repeats can stand for inertia and timing, so these are held
         self.target = (target - full[:, p:] @ sizes[p:] - x[:, 0] * self.inertia)[view.at]
         self.base, self.positive = x[view.at, 1:], positive[1:]
+        self.seen = thinned(view, view.motion if torque is None else view.motion._replace(drive=torque))
         nothing = np.zeros((0, 0))
         self.error = curves[-1].error if curves else self.cross_validated(self.base, self._penalty(nothing))
 
@@ -188,10 +197,12 @@ class Problem:
         else:
             width = (form.high - form.low) / (n - 1)
             centres = form.low + width * np.arange(-1, n + 1)
-        s = self.view.motion if self.torque is None else self.view.motion._replace(drive=self.torque)
-        kind = form.kind
-        raw = np.column_stack([kind.unit_columns((float(c), width, form.period), s)[:, 0] for c in centres])
-        return self.view.blur(raw)[self.view.at], centres, width
+        s, kernel, every = self.seen
+        columns = np.empty((self.view.at.size, centres.size))
+        for i, c in enumerate(centres):  # one at a time: a record of 100 s at 10 kHz has a million samples
+            raw = form.kind.unit_columns((float(c), width, form.period), s)[:, 0]
+            columns[:, i] = filtered(raw, kernel, every)[self.view.at]
+        return columns, centres, width
 
     def fitted(self, form: Form, n: int) -> Fit | None:
         """The curve of a form at its best smoothness; None where the record does not reach its hills."""
@@ -211,6 +222,17 @@ class Problem:
         variance = float(left @ left) / max(self.view.n_effective - z.shape[1], 1.0)
         covariance = variance * inverse * self.target.size / self.view.n_effective
         return Fit(form, centres, width, new, own, numbers, covariance, min(errors), self.inertia, self.timing)
+
+
+def thinned(view: Any, s: Signals) -> tuple[Signals, Array, int]:
+    """(signals, Gaussian, samples between judged ones) at the lowest rate that the view's filter leaves unharmed."""
+    step = max(d for d in range(1, view.every + 1) if view.every % d == 0 and (d == 1 or view.every // d >= PER_SAMPLE))
+    half = view.g.size // 2
+    kernel = view.g[half % step :: step]
+    kernel = kernel * (view.g.sum() / kernel.sum())
+    time, position, velocity, acceleration, drive = (np.ascontiguousarray(x[::step]) for x in s[:5])
+    thin = Signals(time, position, velocity, acceleration, drive, s.kappa)
+    return thin, kernel, view.every // step
 
 
 def second_differences(k: int, periodic: bool) -> Array:
