@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -107,6 +108,8 @@ def _draw(name: str, size: float, rig: _Rig, rng: np.random.Generator) -> dict[s
         return goal / max(_rms(shape), 1e-12)
 
     either = rng.choice([-1.0, 1.0])
+    if name == "coulomb":
+        return {"coulomb": amp(s)}
     if name == "asymmetric_coulomb":
         return {"asymmetric_coulomb": either * amp(np.abs(s))}
     if name == "asymmetric_viscous":
@@ -232,6 +235,32 @@ def _local(name: str, signal: np.ndarray, at: float, width: float, goal: float) 
     """A Gaussian hill over a signal."""
     size = goal / _rms(np.exp(-(((signal - at) / width) ** 2)))
     return {f"x_{name}": size, f"x_{name}_at": at, f"x_{name}_width": width}
+
+
+LARGE = ("coulomb", "gravity_imbalance", "input_offset", "cable_spring", "cogging", "load_friction")
+
+
+def make_large(seed: int, *, noise: float = 1e-4, seconds: float = 20.0, rate: float | None = 500.0) -> Case:
+    """A viscous axis with two or three large effects, each 20 to 200 % of the rms drive of the plain axis.
+
+    ``stribeck`` comes with the Coulomb friction that it is a part of.
+    """
+    rng = np.random.default_rng([seed, 4712])
+    rig = _rig(rng, seconds, noise, "rich", rate)
+    rig.p[SLOT["coulomb"]] = 0.0
+    effects = tuple(map(str, rng.choice(LARGE, rng.integers(2, 4), replace=False)))
+    if "coulomb" in effects and rng.random() < 0.4:
+        effects = (*effects[:2], "stribeck") if "coulomb" in effects[:2] else ("coulomb", effects[0], "stribeck")
+    drawn: dict[str, float] = {}
+    for name in effects:
+        most = 0.6 if name == "load_friction" else 2.0  # of the drive: a gear that takes all of it locks
+        drawn.update(_draw(name, float(np.exp(rng.uniform(np.log(0.2), np.log(most)))), rig, rng))
+    p = rig.p.copy()
+    for slot, value in drawn.items():
+        p[SLOT[slot]] = value
+    u, y = rig.run(p)
+    frame = pd.DataFrame({"time_s": np.arange(u.size) / rig.rate, "torque_nm": u, "position_rad": y})
+    return Case(frame, effects, "large", seed, math.nan, noise, drawn)
 
 
 def make_case(
