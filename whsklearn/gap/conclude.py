@@ -183,8 +183,8 @@ def _located(plant: Any, found: Found, diagnosis: Diagnosis, rng: np.random.Gene
     signals, gap = plant.signals(found.base), plant.judged_gap(found.base)
     diagnosis.where = localisation.locate(signals, gap, rng)
     diagnosis.where_sentence = localisation.sentence(diagnosis.where) if diagnosis.verdict != "no_gap" else ""
-    diagnosis.restless = parameter_drift.drift(plant, found.base, rng)
-    moves = parameter_drift.sentence(diagnosis.restless) if diagnosis.where_sentence else ""
+    diagnosis.drifting = parameter_drift.drift(plant, found.base, rng)
+    moves = parameter_drift.sentence(diagnosis.drifting) if diagnosis.where_sentence else ""
     if moves:
         stays = diagnosis.where_sentence == localisation.NOWHERE
         diagnosis.where_sentence = moves if stays else f"{diagnosis.where_sentence} {moves}"

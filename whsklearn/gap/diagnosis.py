@@ -197,7 +197,7 @@ class Diagnosis:
     rounds: list[dict[str, Any]] = field(default_factory=list)
     residual_tests: list[dict[str, Any]] = field(default_factory=list)
     base_parameters: list[dict[str, Any]] = field(default_factory=list)
-    restless: list[dict[str, Any]] = field(default_factory=list)
+    drifting: list[dict[str, Any]] = field(default_factory=list)
     need: float = 0.0
     interrupted: bool = False
     notes: list[str] = field(default_factory=list)

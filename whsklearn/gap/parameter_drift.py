@@ -47,7 +47,7 @@ def paths(plant: Any, model: Any) -> tuple[dict[str, tuple[float, Array, float]]
 
 
 def drift(plant: Any, model: Any, rng: np.random.Generator) -> list[dict]:
-    """For every constant: its mean, how far it moves, and the signal that it follows most; the most restless first."""
+    """For every constant: its mean, how far it moves, and the signal that it follows most; the most drifting first."""
     constants, at, step = paths(plant, model)
     if not constants:
         return []
@@ -69,7 +69,7 @@ def drift(plant: Any, model: Any, rng: np.random.Generator) -> list[dict]:
 
 
 def sentence(rows: list[dict]) -> str:
-    """The most restless constant in words; empty if none follows a signal."""
+    """The parameter that drifts most, in words; empty if none follows a signal."""
     telling = [
         r for r in rows[:1] if r["follows"] and r["share"] > rules.DRIFT_SHARE and r["taken"] > rules.DRIFT_SHARE
     ]

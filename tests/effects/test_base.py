@@ -1,0 +1,68 @@
+"""Rows, coefficients and texts of an effect lead back to it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from whsklearn.effects import Cogging, Coulomb, Effect, ParameterChange, Scales, effect_names, get_effect
+
+
+@pytest.mark.parametrize("name", effect_names())
+def test_a_row_leads_back_to_the_effect(name):
+    for options in get_effect(name).variants():
+        effect = get_effect(name)(**options)
+        if math.isfinite(effect.magnitude):
+            again = type(effect).from_row(effect.row, **options)
+            np.testing.assert_allclose(again.row, effect.row, atol=1e-12)
+
+
+@given(st.floats(1e-3, 10), st.floats(-3.1, 3.1))
+def test_two_weights_are_amplitude_and_phase(amplitude, phase):
+    again = Cogging.from_coefficients(Cogging(amplitude, 12.0, phase).coefficients, order=12.0)
+    assert (again.amplitude, again.phase) == pytest.approx((amplitude, phase))
+
+
+@pytest.mark.parametrize("name", effect_names())
+def test_a_search_begins_inside_its_bounds_with_few_points(name):
+    cls, scales = get_effect(name), Scales()
+    bounds, starts = cls.bounds(scales), cls.starts(scales)
+    assert 1 <= len(starts) <= 60
+    for start in starts:
+        assert all(low <= s <= high for s, (low, high) in zip(start, bounds, strict=True))
+
+
+def test_twice_the_size_is_twice_the_torque():
+    q = np.linspace(-1, 1, 20)
+    e = Cogging(0.1, 5.0, 0.2)
+    np.testing.assert_allclose(e.resized(0.2).value(position=q), 2 * e.value(position=q))
+
+
+def test_names_are_in_the_order_of_the_chain_and_unknown_ones_are_refused():
+    names = effect_names()
+    assert names.index("coulomb") < names.index("dead_zone") < names.index("backlash") < names.index("cogging")
+    assert set(effect_names("sensor")) < set(names)
+    with pytest.raises(ValueError, match="Unknown effect 'friktion'"):
+        get_effect("friktion")
+
+
+@pytest.mark.parametrize("wrong", [math.nan, math.inf, True, "0.3"])
+def test_a_number_that_is_none_is_refused_with_its_unit(wrong):
+    with pytest.raises(ValueError, match="give it in Nm"):
+        Coulomb(wrong)
+
+
+def test_labels_carry_units_and_choices():
+    assert Coulomb(0.7).labelled() == {"torque_nm": 0.7}
+    assert ParameterChange(0.1, parameter="gain").labelled()["parameter"] == "gain"
+
+
+def test_an_abstract_effect_is_in_no_catalogue():
+    class Nameless(Effect):
+        pass
+
+    assert "" not in effect_names()
