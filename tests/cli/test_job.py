@@ -124,3 +124,11 @@ def test_page_opens_on_runs_not_on_traces():
     address = page("http://127.0.0.1:5000", "3")
     assert address.startswith("http://127.0.0.1:5000/#/experiments/3/runs?workflowType=machine_learning")
     assert page("http://127.0.0.1:5000", None) == "http://127.0.0.1:5000"
+
+
+def test_help_of_every_command_compiles_nothing():
+    code = "import importlib, sys; from whsklearn.cli import COMMANDS; "
+    code += "[importlib.import_module('whsklearn.cli.' + c) for c in COMMANDS]; "
+    code += "print({'numba', 'mlflow'} & set(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "set()"

@@ -14,16 +14,13 @@ import click
 from tqdm import tqdm
 
 from whsklearn.cli.job import UNUSABLE, job, say_where, tracker_for, wrapped, writable_folder
-from whsklearn.cli.own_effects import load_effects
 from whsklearn.cli.records import liveliest, note, read, reading_options, roles_of, segments
-
-if TYPE_CHECKING:
-    from whsklearn.logs.errors import LogError
 
 if TYPE_CHECKING:
     from sklearn.utils import Bunch
 
     from whsklearn.gap import GapFinder
+    from whsklearn.logs.errors import LogError
 
 USUAL = {"time": "time_s", "drive": "torque_nm", "position": "position_rad"}
 
@@ -93,6 +90,8 @@ def main(**options: Any) -> None:
 
     folder = writable_folder(options["report"])
     if options["effects"]:
+        from whsklearn.cli.own_effects import load_effects  # it compiles, and --help does not
+
         load_effects(options["effects"])
     try:
         log, *others = segments(read_log(options))
