@@ -49,7 +49,10 @@ def trial(how: str, seconds: float, folder: Path) -> str:
     with (folder / "err").open("w") as said:
         job = subprocess.Popen(command, env=env, stderr=said, stdout=subprocess.DEVNULL)
     rng, row, ages, hit = np.random.default_rng(0), 0, [0.0], False
-    began, kept = time.monotonic(), Path(f"{log}.whs")
+    kept = Path(f"{log}.whs")
+    while not kept.exists() and job.poll() is None:  # the first checkpoint: the stream has begun
+        time.sleep(0.2)
+    began = time.monotonic()
     while (spent := time.monotonic() - began) < seconds:
         with log.open("a") as file:
             for _ in range(20):
@@ -64,7 +67,11 @@ def trial(how: str, seconds: float, folder: Path) -> str:
             ages.append(time.time() - kept.stat().st_mtime)
     asked = time.monotonic()
     job.send_signal(signal.SIGTERM)
-    job.wait(60)
+    try:
+        job.wait(60)
+    except subprocess.TimeoutExpired:
+        job.kill()
+        job.wait()
     took = time.monotonic() - asked
     if how == "hangs":
         os.killpg(server.pid, signal.SIGCONT)
