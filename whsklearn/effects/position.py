@@ -51,6 +51,8 @@ def end_stop(stiffness, limit, relaxation, side, angle, velocity):
 
 _SIDES = {"both": codes.END_STOP, "upper": codes.END_STOP_UPPER, "lower": codes.END_STOP_LOWER}
 _PHASE = Quantity("rad", -math.pi, math.pi)
+# a spring is at rest anywhere in the travel: a look from the middle alone shows a fifth of one at the end
+_REST = Quantity("rad", -10.0, 10.0, span=(-3.0, 3.0), starts=(-1.0, -0.5, 0.0, 0.5, 1.0))
 _CENTRE = Quantity("rad", -10.0, 10.0, span=(-3.0, 3.0), starts=(0.0,))
 
 
@@ -150,7 +152,7 @@ class CableSpring(Effect):
     size: ClassVar[str] = "stiffness"
     quantities: ClassVar[dict[str, Quantity]] = {
         "stiffness": Quantity("Nm/rad", 1e-5, 1e4, log=True),
-        "centre": _CENTRE,
+        "centre": _REST,
     }
     signature: ClassVar[str] = "a straight line against position"
     needs: ClassVar[str] = "travel, at more than one frequency (one sine hides it in the inertia)"
