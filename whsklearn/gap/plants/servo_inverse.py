@@ -310,6 +310,8 @@ class InverseView(ViewDefaults):
             return "an encoder error so steep would let the reading stand still while the axis turns"
         if t.kind.positive and t.q[0] <= 0:
             return f"its size would be {t.q[0]:.3g}, and a physical one is positive"
+        if t.kind.code == codes.SATURATION and self.target(model)[1] > rules.LIMIT_TAKES:
+            return "it would take most of the drive away, and what little is left needs no explanation"
         return (
             model.at_the_end(index)
             or negative_damping(model, index)
