@@ -1,0 +1,80 @@
+"""Odd records of a servo axis: each ends in a verdict with finite, physical base numbers, or in a sentence."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from whsklearn.gap import VERDICTS, GapFinder
+
+INERTIA, VISCOUS, COULOMB = 0.05, 0.12, 0.3
+
+
+def record(rate=250.0, seconds=8.0, *, motion="rich", gravity=0.0, counts=0, jitter=0.0, units=1.0, seed=0):
+    """A log by inverse dynamics: the motion is prescribed, the drive is what it asks for."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(int(rate * seconds)) / rate
+    t = t + jitter / rate * rng.uniform(-0.5, 0.5, t.size)
+    ramp = np.clip(t, 0, 1) ** 2 * (3 - 2 * np.clip(t, 0, 1))
+    tones = [(0.7, 2.1, 0.3), (0.4, 5.3, 1.1), (0.1, 13.0, 2.0)]
+    q = ramp * sum(a * np.sin(w * t + p) for a, w, p in tones)
+    if motion == "one way":
+        q = 3.0 * t + 0.2 * ramp * np.sin(2.5 * t)
+    if motion == "rests":
+        q = np.where((t % 2.0) < 1.0, 0.5 - 0.5 * np.cos(np.pi * (t % 2.0)), np.where((t // 2) % 2 == 0, 1.0, 1.0))
+        q = np.where((t // 2) % 2 == 0, q, 1.0 - np.where((t % 2.0) < 1.0, 0.5 - 0.5 * np.cos(np.pi * (t % 2.0)), 1.0))
+    if motion == "steps":
+        q = np.zeros_like(t)
+    v = np.gradient(q, t)
+    a = np.gradient(v, t)
+    u = INERTIA * a + VISCOUS * v + COULOMB * np.tanh(v / 0.01) + gravity * np.cos(q)
+    if motion == "steps":
+        u, q = _stepped(t)
+    q = q + 2e-5 * rng.standard_normal(t.size)
+    if counts:
+        q = np.round(q * counts / (2 * np.pi)) * 2 * np.pi / counts
+    return pd.DataFrame({"time_s": t, "torque_nm": units * u, "position_rad": q})
+
+
+def _stepped(t):
+    """Drive and position under torque steps, forwards in fine steps."""
+    u = np.where((t // 1.0) % 3 == 0, 1.0, np.where((t // 1.0) % 3 == 1, -1.0, 0.6 * (-1.0) ** (t // 3.0)))
+    q, v, out, h, fine = 0.0, 0.0, np.empty_like(t), t[1] - t[0], 40
+    for i in range(t.size):
+        out[i] = q
+        for _ in range(fine):
+            v += h / fine * (u[i] - VISCOUS * v - COULOMB * np.tanh(v / 0.01)) / INERTIA
+            q += h / fine * v
+    return u, out
+
+
+@pytest.mark.parametrize(
+    "log",
+    [
+        pytest.param(lambda: record(counts=400, rate=125.0, seconds=6.0), id="coarse encoder"),
+        pytest.param(lambda: record(rate=50.0, seconds=10.0), id="50 Hz"),
+        pytest.param(lambda: record(rate=10_000.0, seconds=3.2), id="10 kHz"),
+        pytest.param(lambda: record(jitter=0.2), id="jitter"),
+        pytest.param(lambda: record(motion="one way"), id="one way"),
+        pytest.param(lambda: record(motion="steps"), id="steps"),
+        pytest.param(lambda: record(motion="rests", seconds=10.0), id="rests"),
+    ],
+)
+def test_an_odd_record_ends_in_a_verdict_with_physical_numbers_or_a_sentence(log):
+    finder = GapFinder("servo", n_twins=0, max_effects=1).fit(log())
+    d = finder.diagnosis_
+    assert d.verdict in VERDICTS
+    assert len(d.sentence) > 20
+    numbers = {r["name"]: (r["before"], r["after"]) for r in d.base_parameters}
+    assert all(np.all(np.isfinite(v)) for v in numbers.values())
+    assert all(min(numbers[k]) >= 0 for k in ("inertia", "viscous", "coulomb") if k in numbers)
+    assert np.all(np.isfinite([d.closure, d.floor, *d.before.values(), *d.after.values(), *d.figures]))
+
+
+@pytest.mark.parametrize("units", [1.0, 1e3, 1e-3])
+def test_the_unit_of_the_drive_scales_the_numbers_and_no_more(units):
+    d = GapFinder("servo", n_twins=0, max_effects=1).fit(record(gravity=5 * COULOMB, units=units)).diagnosis_
+    inertia = next(r["after"] for r in d.base_parameters if r["name"] == "inertia")
+    assert inertia / units == pytest.approx(INERTIA, rel=0.1)
+    assert [e.name for e in d.effects][:1] == ["gravity_imbalance"]
