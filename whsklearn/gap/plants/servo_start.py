@@ -83,8 +83,9 @@ def observer_view(
     guard = chosen.half_width
     edge = np.zeros(n, dtype=bool)
     change = np.flatnonzero(np.diff(number) != 0)
+    between = min(guard, n // 50)  # a held-out block is 8 % of the record, and half of it must be left to judge on
     for c in change:
-        edge[max(0, c - guard) : c + guard] = True
+        edge[max(0, c - between) : c + between] = True
     usable = np.ones(n, dtype=bool)
     settle = int(max(1.0, 3 / (2 * np.pi * tracking)) / dt) + guard
     usable[:settle] = False
