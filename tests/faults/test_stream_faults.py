@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import time
 from pathlib import Path
 
@@ -12,6 +13,7 @@ import pytest
 from click.testing import CliRunner
 from filelock import FileLock
 
+from whsklearn.cli import stream_job, stream_loop
 from whsklearn.cli.stream import main
 from whsklearn.cli.stream_clock import Clock
 from whsklearn.cli.stream_out import Out, OutputLost
@@ -216,9 +218,49 @@ def test_a_server_that_hangs_costs_no_time_and_what_is_lost_is_counted():
         run = BesideRun(hang, "one", say=said.append)
         for step in range(100):
             run.log_metrics({"nmse": 1.0}, step)
-        assert run.close() == 100
-    assert time.monotonic() - began < 2.0 + beside.CLOSE_SECONDS
+        assert run.close(beside.HURRIED_SECONDS) == 100
+    assert time.monotonic() - began < 2.0
     assert len(said) == 1
+
+
+def test_rows_that_take_long_are_given_up_soon_after_a_signal(monkeypatch):
+    monkeypatch.setattr(stream_job, "GRACE_SECONDS", 0.2)
+    stopper = stream_job.Stopper()
+    try:
+        began = time.monotonic()
+        with pytest.raises(stream_job.Late):  # noqa: PT012 - the signal comes in the midst
+            os.kill(os.getpid(), signal.SIGTERM)
+            while time.monotonic() - began < 10:
+                sum(range(100))
+        assert stopper.by == "SIGTERM"
+        assert time.monotonic() - began < 2.0
+    finally:
+        stopper.restore()
+    assert signal.getitimer(signal.ITIMER_REAL)[0] == 0.0
+
+
+def test_rows_given_up_are_taken_again_and_none_is_lost(tmp_path, monkeypatch):
+    log = write(tmp_path / "log.csv", rows(300))
+    whole = tmp_path / "whole.jsonl"
+    assert run(log, "--out", whole, "--checkpoint", tmp_path / "whole.whs").exit_code == 0
+    feed = stream_loop.Stream.feed
+    calls = []
+
+    def slow(self, block, parse, number):
+        calls.append(number)
+        if len(calls) == 3:
+            feed(self, block[:10], parse, number)
+            raise stream_job.Late
+        return feed(self, block, parse, number)
+
+    out = tmp_path / "out.jsonl"
+    monkeypatch.setattr(stream_loop.Stream, "feed", slow)
+    first = run(log, "--out", out, "--checkpoint-every", "0")
+    assert first.exit_code == 0
+    assert "given up" in first.stderr
+    monkeypatch.setattr(stream_loop.Stream, "feed", feed)
+    assert run(log, "--out", out).exit_code == 0
+    assert out.read_text() == whole.read_text()
 
 
 class Flaky:

@@ -22,6 +22,7 @@ from whsklearn.cli.stream_out import Out
 from whsklearn.cli.stream_rows import CsvParser, FollowedFile, JsonParser, LineSource, PipedLines
 from whsklearn.state import read_state, write_state
 from whsklearn.tracking import BesideRun, estimator_params, open_tracker
+from whsklearn.tracking.beside import CLOSE_SECONDS, HURRIED_SECONDS
 
 KIND = "stream"
 
@@ -38,19 +39,40 @@ class Files(NamedTuple):
     stops_when_full: bool
 
 
+GRACE_SECONDS = 1.0  # for the rows in hand once a stop is asked for: whoever asks waits for no longer than 2 s
+
+
+class Late(BaseException):  # as KeyboardInterrupt, which a compiler that catches every Exception must not swallow
+    """Whoever asked for a stop has waited long enough for the rows in hand."""
+
+
 class Stopper:
-    """SIGTERM and SIGINT ask for a stop after the rows in hand; a second one stops at once."""
+    """SIGTERM and SIGINT ask for a stop after the rows in hand; a second one stops at once.
+
+    Rows that take long, the first ones above all, which wait for compilers, are given up after `GRACE_SECONDS`.
+    """
 
     def __init__(self) -> None:
         self.by = ""
         self._before = {s: signal.signal(s, self._ask) for s in (signal.SIGTERM, signal.SIGINT)}
 
     def _ask(self, number: int, frame: Any) -> None:
+        self._put_back()
         self.by = signal.Signals(number).name
-        self.restore()
+        if hasattr(signal, "setitimer"):
+            self._before[signal.SIGALRM] = signal.signal(signal.SIGALRM, self._give_up)
+            signal.setitimer(signal.ITIMER_REAL, GRACE_SECONDS)
+
+    def _give_up(self, number: int, frame: Any) -> None:
+        raise Late
 
     def restore(self) -> None:
         """Put back the handlers that were there."""
+        if hasattr(signal, "setitimer"):
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
+        self._put_back()
+
+    def _put_back(self) -> None:
         for number, handler in self._before.items():
             signal.signal(number, handler)
 
@@ -79,19 +101,20 @@ def run_stream(
         if loaded:
             _restore(stream, loaded)
         keeper = Keeper(stream, kept, place, writer, source, files.stops_when_full)
+        hurried = True
         try:
             with contextlib.closing(writer):
-                _run(stream, source, place, files.follow, keeper, files.checkpoint_seconds)
+                hurried = _run(stream, source, place, files.follow, keeper, files.checkpoint_seconds)
         finally:
-            if lost := run.close():
+            if lost := run.close(HURRIED_SECONDS if hurried else CLOSE_SECONDS):
                 click.echo(f"{lost} sets of metrics did not reach the record in MLflow.", err=True)
 
 
-def _run(stream: Stream, source: str, place: dict[str, Any], follow: bool, keeper: Keeper, seconds: float) -> None:
+def _run(stream: Stream, source: str, place: dict[str, Any], follow: bool, keeper: Keeper, seconds: float) -> bool:
     """Feed the stream until its source ends or a signal comes, then write the last checkpoint.
 
-    A bad row that is refused ends it with a checkpoint before that row.  Any other error leaves the
-    last periodic checkpoint, from which the rows since are taken again.
+    A bad row that is refused ends it with a checkpoint before that row.  Any other error, and rows that are given up
+    for a signal, leave the last periodic checkpoint, from which the rows since are taken again.  Whether a signal came.
     """
     began, rows = time.monotonic(), stream.carried.rows
     if rows:
@@ -105,9 +128,15 @@ def _run(stream: Stream, source: str, place: dict[str, Any], follow: bool, keepe
         except Refused:
             keeper.save(lines)
             raise
+        except Late:
+            click.echo(
+                "The rows in hand take long and are given up; they are taken again from the checkpoint.", err=True
+            )
+        else:
+            stopper.restore()
+            keeper.save(lines)
         finally:
             stopper.restore()
-        keeper.save(lines)
         if lines.left:
             click.echo("The last line has no end; it is left until it is whole, or give --follow.", err=True)
     c, waiting = stream.carried, len(stream.clock.ahead) + len(stream.clock.back)
@@ -120,6 +149,7 @@ def _run(stream: Stream, source: str, place: dict[str, Any], follow: bool, keepe
         f"started again, the stream goes on from {keeper.kept}.",
         err=True,
     )
+    return bool(stopper.by)
 
 
 def _feed(

@@ -27,7 +27,9 @@ from whsklearn.tracking.store import sentence
 WAITING = 10_000  # sets of metrics that may wait: some hours of estimates, a few MB
 POLL_SECONDS = 2.0
 OPEN_SECONDS = 10.0  # the first import of MLflow takes 3 of them
-CLOSE_SECONDS = 1.0  # whoever stops the job waits for no longer: SIGTERM is to be honoured within 2 s
+CLOSE_SECONDS = 10.0  # for what still waits at the end of a job
+HURRIED_SECONDS = 0.5  # the same where somebody waits for the end: SIGTERM is to be honoured within 2 s
+THREAD = "record of "  # names of threads begin so
 
 
 class BesideRun:
@@ -78,7 +80,7 @@ class BesideRun:
         self._end = threading.Event()
         self._queue: queue.Queue[Any] = queue.Queue(maxsize=WAITING)
         self._opened = threading.Event()
-        self._thread = threading.Thread(target=self._work, name=f"record of {name}", daemon=True)
+        self._thread = threading.Thread(target=self._work, name=f"{THREAD}{name}", daemon=True)
         self._thread.start()
         self._opened.wait(OPEN_SECONDS)
 
@@ -90,10 +92,10 @@ class BesideRun:
         except queue.Full:
             self._lose("it takes metrics more slowly than they come")
 
-    def close(self) -> int:
-        """End the run if that takes no longer than a moment; the number of sets of metrics that were lost."""
+    def close(self, seconds: float = CLOSE_SECONDS) -> int:
+        """End the run if that takes no longer than so many seconds; the number of sets of metrics that were lost."""
         self._end.set()
-        self._thread.join(CLOSE_SECONDS)
+        self._thread.join(seconds)
         self.lost = self._given - self._sent
         if self.lost:
             self._lose("it did not answer in time")
