@@ -61,7 +61,7 @@ wheel: setup  ## build the wheel and try it in two clean environments
 	    $(PYTHON) -m venv --without-pip .venv-wheel && \
 	    $(PY) -m uv pip compile --quiet --resolution $$resolution --python .venv-wheel/bin/python pyproject.toml -o dist/needs.txt && \
 	    $(PY) -m uv pip install --quiet --python .venv-wheel/bin/python -r dist/needs.txt dist/*.whl && \
-	    (cd dist && ../.venv-wheel/bin/python -W error::FutureWarning ../tests/smoke.py) && rm -rf .venv-wheel || exit 1; \
+	    (cd dist && ../.venv-wheel/bin/python -W error::FutureWarning ../.ci/smoke.py) && rm -rf .venv-wheel || exit 1; \
 	done
 
 clean-room: setup  ## five stories of a stranger, with the built wheel in an empty environment

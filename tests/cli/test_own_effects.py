@@ -38,8 +38,8 @@ BODY = "p[0] * math.exp(-((position / p[1]) ** 2))"
 
 @pytest.fixture
 def write(tmp_path, monkeypatch):
-    """A file of effects, and the catalogue as it was when the test is over."""
-    monkeypatch.setattr(registry, "_REGISTRY", dict(registry._REGISTRY))
+    """A file of effects, and the catalogue as it was when the test is over; other tests may have made a magnet too."""
+    monkeypatch.setattr(registry, "_REGISTRY", {k: v for k, v in registry._REGISTRY.items() if k != "magnet"})
 
     def written(name: str = "magnet", body: str = BODY, text: str = FILE):
         path = tmp_path / "my_own_effects.py"

@@ -173,7 +173,7 @@ class Diagnosis:
     >>> diagnosis.verdict, diagnosis.effects
     ('no_gap', [])
     >>> sorted(diagnosis.as_dict())[:3]
-    ['after', 'before', 'candidates']
+    ['after', 'base', 'before']
     """
 
     verdict: str
@@ -216,13 +216,12 @@ class Diagnosis:
     def as_dict(self) -> dict[str, Any]:
         """The contract of ``gap.json``.
 
-        ``seconds`` is null: what the run took stands in ``run.json`` and on the page, so that the same log and seed
-        give the same bytes here.
+        ``seconds`` is always 0, for programs that expect a number: what the run took stands in ``run.json`` and on
+        the page, so that the same log and seed give the same bytes here.
         """
         raw = {
             "verdict": self.verdict,
             "effects": [e.as_dict() for e in self.effects],
-            "learned": self.learned.as_dict() if self.learned else {"signals": [], "closure": 0.0},
             "candidates": [c.as_dict() for c in self.candidates],
             "where": [p.as_dict() for p in self.where],
             "before": self.before,
@@ -230,7 +229,8 @@ class Diagnosis:
             "noise_floor_rmse": self.floor,
             "closure": self.closure,
             "next_experiment": self.next_experiment,
-            "seconds": None,
+            "seconds": 0.0,
+            "learned": self.learned.as_dict() if self.learned else {"signals": [], "closure": 0.0},
             "file": self.file,
             "units": self.units,
             "test": self.test,

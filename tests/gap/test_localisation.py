@@ -1,0 +1,29 @@
+"""A gap is found where it was put, and nowhere if it follows nothing."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from whsklearn.gap.localisation import locate
+
+RNG = np.random.default_rng(0)
+N = 8000
+POSITION = np.sin(np.arange(N) / 700) + 0.3 * np.sin(np.arange(N) / 90)
+AXES = {"position": (POSITION, "rad"), "drive": (RNG.normal(size=N), "Nm")}
+
+
+def test_a_bump_in_one_place_is_found_there():
+    gap = 0.05 * RNG.normal(size=N) + np.where(np.abs(POSITION - 0.4) < 0.1, 1.0, 0.0)
+    first = locate(AXES, gap, np.random.default_rng(1))[0]
+    assert first.signal == "position"
+    assert first.low < 0.4 < first.high
+    assert first.p_value < 0.05
+    assert first.share > 2 * first.width
+
+
+def test_noise_follows_no_signal_more_often_than_it_may():
+    worst = [
+        min(p.p_value for p in locate(AXES, np.random.default_rng(s).normal(size=N), np.random.default_rng(s)))
+        for s in range(20)
+    ]
+    assert sum(p < 0.05 for p in worst) <= 4
