@@ -49,6 +49,11 @@ class ServoRecord:
     reference: Array | None = None
     units: tuple[str, str] = ("Nm", "rad")  # of drive and position
 
+    @property
+    def is_following_error(self) -> bool:
+        """Whether command minus position stands for the drive: it is in the position's unit."""
+        return self.units[0] == self.units[1]
+
     @classmethod
     def from_frame(
         cls,

@@ -31,11 +31,12 @@ def off_shaft(model: AxisModel, index: int) -> str:
 
 
 def on_excitation_line(record: ServoRecord, term: Term) -> str:
-    """Whether a tone sits on a line of the logged reference; empty if not.
+    """Whether a tone of a position servo without a logged drive sits on a line of its command; empty if not.
 
-    Wrong dynamics leave a leftover at every line of the excitation, and a tone there would explain it by chance.
+    There command minus position stands for the drive, so what the loop does besides leaves a leftover at every line
+    of the command, and a tone would explain it.  With a drive that was measured a tone on a line is a tone.
     """
-    if record.reference is None or term.name != "disturbance_tone":
+    if not record.is_following_error or record.reference is None or term.name != "disturbance_tone":
         return ""
     x = record.reference - record.reference.mean()
     power = np.abs(np.fft.rfft(np.hanning(x.size) * x)) ** 2

@@ -1,0 +1,32 @@
+"""Tones that a record offers falsely."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from whsklearn.gap.plants.servo_waves import on_excitation_line
+from whsklearn.gap.record import ServoRecord
+
+T = np.arange(4000) / 100
+
+
+def record(units):
+    wave = np.sin(2 * np.pi * 0.5 * T) + np.sin(2 * np.pi * 1.3 * T)
+    noise = 0.01 * np.random.default_rng(0).standard_normal(T.size)
+    return ServoRecord(T, wave, wave, wave + noise, units)
+
+
+def tone(hertz):
+    return SimpleNamespace(name="disturbance_tone", q=np.array([0.1, 0.0, hertz]))
+
+
+@pytest.mark.parametrize(("hertz", "on_line"), [(0.5, True), (1.3, True), (0.9, False), (2.6, False)])
+def test_a_tone_on_a_line_of_the_command_is_not_believed_without_a_drive(hertz, on_line):
+    assert bool(on_excitation_line(record(("rad", "rad")), tone(hertz))) == on_line
+
+
+def test_with_a_measured_drive_a_tone_is_a_tone_wherever_it_is():
+    assert on_excitation_line(record(("Nm", "rad")), tone(0.5)) == ""
