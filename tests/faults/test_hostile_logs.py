@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
 import sqlite3
+import subprocess
+import sys
+import time
 
 import numpy as np
 import pytest
@@ -99,6 +103,32 @@ def test_a_database_locked_at_the_end_is_one_sentence_after_the_result(mlflow_ro
         kept.log_tags({"verdict": "named"})
     assert "\n" not in str(caught.value)
     assert "Traceback" not in caplog.text
+
+
+def test_two_runs_at_once_on_one_new_store_are_both_recorded(frame, tmp_path):
+    frame.to_csv(tmp_path / "a.csv", index=False)
+    env = {**os.environ, "MLFLOW_TRACKING_URI": f"sqlite:///{tmp_path}/mlflow.db"}
+    command = [sys.executable, "-m", "whsklearn", "gap", str(tmp_path / "a.csv"), "--report"]
+    both = [
+        subprocess.Popen([*command, str(tmp_path / name)], env=env, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+        for name in ("one", "two")
+    ]
+    said = [job.communicate(timeout=200)[0].decode() for job in both]
+    assert [job.returncode for job in both] == [0, 0], said
+    assert (tmp_path / "one" / "gap.json").read_bytes() == (tmp_path / "two" / "gap.json").read_bytes()
+    with sqlite3.connect(tmp_path / "mlflow.db") as database:
+        status = database.execute("select status from runs where name like 'gap of%' and lifecycle_stage = 'active'")
+        assert [row[0] for row in status] == ["FINISHED", "FINISHED"]
+
+
+def test_a_folder_in_which_nothing_can_be_made_is_told_before_the_work(frame, tmp_path):
+    frame.to_csv(tmp_path / "a.csv", index=False)
+    (tmp_path / "file").write_text("no folder")
+    began = time.monotonic()
+    done = run(tmp_path / "a.csv", "--report", tmp_path / "file" / "gap")
+    assert done.exit_code == 1
+    assert "name another folder" in done.output
+    assert time.monotonic() - began < 3.0
 
 
 def _locked(*_args, **_kwargs):
