@@ -28,6 +28,28 @@ def test_two_of_a_kind_are_asked_for_and_none_is_none():
     assert guess(source("a", "b"), "drive") is None
 
 
+def test_a_unit_tells_where_no_word_does_and_outweighs_one_letter():
+    s = source("t_ms", "phi_deg", "soll_deg", "M1_mNm")
+    assert [guess(s, r) for r in ("time", "drive", "position", "reference")] == [
+        "t_ms",
+        "M1_mNm",
+        "phi_deg",
+        "soll_deg",
+    ]
+    assert guess(source("t", "i_q", "lage"), "drive") == "i_q"
+    assert guess(source("t", "current_counts", "x [mm]"), "drive") == "current_counts"
+    assert guess(source("t", "q [A]", "x [mm]"), "position") == "x [mm]"
+    assert guess(source("t", "position_V", "torque_nm"), "position") == "position_V"
+    with pytest.raises(ColumnError, match="several columns for drive: ia_A, ib_A"):
+        guess(source("t", "ia_A", "ib_A", "phi"), "drive")
+
+
+def test_a_log_of_a_speed_loop_has_a_velocity():
+    s = source("time", "vel_rad_s", "current_A")
+    assert guess(s, "position") is None
+    assert guess(s, "velocity") == "vel_rad_s"
+
+
 def test_columns_by_number_want_two_to_four():
     assert by_number("0,1,2,3")["reference"] == "3"
     with pytest.raises(ValueError, match="expected two"):

@@ -76,11 +76,16 @@ def roles_of(
         if role in roles:
             continue
         found = usual[role] if usual.get(role) in source.names else guess(source, role)
+        if found is None and role == "position" and (found := guess(source, "velocity")) is not None:
+            role = "velocity"  # the log of a speed loop: the position is its sum
         if found is None:
-            option = {"drive": "--drive", "position": "--position"}.get(role, f"--{role}")
+            instead = {
+                "drive": ", or the command of a position servo with --command",
+                "position": ", or the velocity with --velocity",
+            }
             raise ColumnError(
                 f"{source.name} has no column that is surely the {role}; it has: {', '.join(source.names[:30])}. "
-                f"Name it with {option}, or by number with --columns."
+                f"Name it with --{role}{instead.get(role, '')}, or by number with --columns."
             )
         if found != usual.get(role):
             note(f"Column {found!r} is taken for the {role}.")

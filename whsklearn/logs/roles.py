@@ -7,52 +7,81 @@ from collections.abc import Sequence
 
 from whsklearn.logs.errors import ColumnError
 from whsklearn.logs.source import Source
+from whsklearn.logs.units import factor_of, symbol_of, unit_of
 
 # In the order in which a name is believed; one word of the column's name must equal one of these.
 WORDS: dict[str, tuple[str, ...]] = {
     "time": ("time", "t", "timestamp", "stamp", "timestamps", "zeit", "clock", "seconds"),
     "drive": (
-        "torque",
-        "tau",
-        "drive",
-        "moment",
-        "drehmoment",
-        "current",
-        "effort",
-        "force",
-        "load",
-        "voltage",
-        "u",
-        "input",
+        *(
+            "torque",
+            "tau",
+            "drive",
+            "moment",
+            "drehmoment",
+            "current",
+            "strom",
+            "iq",
+            "effort",
+            "force",
+            "kraft",
+            "load",
+        ),
+        *("voltage", "u", "input"),
     ),
-    "position": ("position", "pos", "angle", "theta", "q", "lage", "winkel", "encoder", "y", "output"),
+    "position": ("position", "pos", "angle", "theta", "q", "lage", "winkel", "encoder", "enc", "y", "output"),
     "reference": ("reference", "ref", "setpoint", "desired", "target", "goal", "soll"),
+    "velocity": ("velocity", "vel", "speed", "omega", "geschwindigkeit", "drehzahl"),
 }
-_NOT_MEASURED = {*WORDS["reference"], "command", "cmd", "error", "velocity", "speed", "acceleration"}
+_NOT_MEASURED = {*WORDS["reference"], "command", "cmd", "error", *WORDS["velocity"], "acceleration", "acc"}
+
+# What a unit says where no word does. It also outweighs a word of one letter: "i_q [A]" is no position.
+_ROLE_OF_UNIT = {
+    **dict.fromkeys(("Nm", "N", "V", "A"), "drive"),
+    **dict.fromkeys(("rad", "m", "counts"), "position"),
+    **dict.fromkeys(("rad/s", "m/s"), "velocity"),
+    "s": "time",
+}
 
 
 def guess(source: Source, role: str) -> str | None:
-    """The one column whose name says that it is `role`; None if there is none.
+    """The one column whose name, or the unit in its name, says that it is `role`; None if there is none.
 
     Raises
     ------
     ColumnError
         If several columns say so equally.
+
+    Examples
+    --------
+    >>> from whsklearn.logs.source import Source
+    >>> source = Source("axis.csv", ["t", "i_q", "phi_deg", "M1"], lambda columns: {})
+    >>> guess(source, "drive"), guess(source, "position"), guess(source, "reference")
+    ('i_q', 'phi_deg', None)
     """
-    for word in WORDS[role]:
-        found = [n for n in source.names if word in words_of(n) and not _other(role, n)]
-        if len(found) == 1:
-            return found[0]
-        if found:
-            raise ColumnError(
-                f"{source.name} has several columns for {role}: {', '.join(found[:8])}; name one with --{role}."
-            )
-    return None
+    free = [n for n in source.names if not _other(role, n)]
+    units = {n: _role_of_unit(source, n) for n in free}
+    by_word = (
+        [n for n in free if word in words_of(n) and (len(word) > 1 or units[n] in (role, None))] for word in WORDS[role]
+    )
+    found = next(filter(None, by_word), [n for n in free if units[n] == role])
+    if len(found) > 1:
+        raise ColumnError(
+            f"{source.name} has several columns for {role}: {', '.join(found[:8])}; name one with --{role}."
+        )
+    return found[0] if found else None
 
 
 def words_of(column: str) -> list[str]:
-    """The words in a column's name, its unit among them."""
-    return [w for w in re.split(r"[^a-z0-9]+", re.sub(r"(?<=[a-z])(?=[A-Z])", "_", column).lower()) if w]
+    """The words in a column's name, its unit among them; i_q, the current that makes torque, is one word."""
+    spelled = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", column).lower()
+    return [w for w in re.split(r"[^a-z0-9]+", re.sub(r"(?<![a-z0-9])i_?q(?![a-z0-9])", "iq", spelled)) if w]
+
+
+def _role_of_unit(source: Source, column: str) -> str | None:
+    """The role of which a column's unit speaks, in the file or at the end of its name."""
+    unit = symbol_of(source.units.get(column, "")) or unit_of(column)
+    return _ROLE_OF_UNIT.get(factor_of(unit)[1])
 
 
 def _other(role: str, column: str) -> bool:
