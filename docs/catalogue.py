@@ -9,18 +9,26 @@ import matplotlib
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
+import numpy as np
 
 import whsklearn.effects
-from whsklearn.datasets import draw_effect, reference_signal
-from whsklearn.datasets.servo import default_axis
+from whsklearn.datasets import default_axis, draw_effect, reference_signal
 from whsklearn.effects import PLACES, Effect, base
 from whsklearn.plot import EffectDisplay
 
 
 def catalogued() -> list[type[Effect]]:
-    """Every effect of the catalogue, the shapes of presliding hysteresis included."""
+    """Every effect of the catalogue, the shapes of presliding hysteresis and the static terms of laws included."""
     classes = [c for c in vars(whsklearn.effects).values() if inspect.isclass(c) and issubclass(c, Effect)]
-    return [c for c in classes if c.name and c.place in PLACES]
+    return [c for c in classes if c.name and c.place in (*PLACES, "static")]
+
+
+def static_curve(cls: type[Effect]) -> EffectDisplay:
+    """A memoryless term by itself, over x or over its change dx, whichever it depends on."""
+    effect, x = cls(), np.linspace(-2.0, 2.0, 401)
+    over_x = np.ptp(effect.value(position=x)) > 0
+    values = effect.value(position=x) if over_x else effect.value(velocity=x)
+    return EffectDisplay(x, values, "x" if over_x else "dx, x(t) - x(t-1)", "y", line=True).plot()
 
 
 def draw(folder: Path) -> None:
@@ -32,9 +40,12 @@ def draw(folder: Path) -> None:
     axis = default_axis()
     reference = reference_signal("rich", 20.0, axis.sample_rate)
     for cls in missing:
-        effect = draw_effect(cls, axis, reference, 0.15, random_state=3)
-        run = axis.with_effect(effect).simulate(reference, noise=False)
-        display = EffectDisplay.from_run(effect, run)
+        if cls.place == "static":
+            display = static_curve(cls)
+        else:
+            effect = draw_effect(cls, axis, reference, 0.15, random_state=3)
+            run = axis.with_effect(effect).simulate(reference, noise=False)
+            display = EffectDisplay.from_run(effect, run)
         display.figure_.savefig(folder / f"{cls.__name__}.png", dpi=110)
         plt.close(display.figure_)
 
@@ -64,7 +75,7 @@ def describe(app, what, name, obj, options, lines):
         curve = [
             "",
             f".. image:: /api/curves/{obj.__name__}.png",
-            f"   :alt: {obj.name} along a simulated run, against what it depends on",
+            f"   :alt: {obj.name} against what it depends on",
             "   :width: 480px",
         ]
     end = next((i for i, line in enumerate(lines) if not line.strip()), len(lines))

@@ -26,14 +26,14 @@ extensions = [
     "myst_parser",
     "sphinx.ext.autodoc",
     "sphinx.ext.autosummary",
-    "sphinx.ext.mathjax",
     "sphinx.ext.viewcode",
     "numpydoc",
     "sphinx_gallery.gen_gallery",
 ]
 source_suffix = {".md": "markdown", ".rst": "restructuredtext"}
+smartquotes = False  # it would turn the two hyphens of an option into a dash
 exclude_patterns = ["_build", "examples", "auto_examples/*.ipynb"]
-myst_enable_extensions = ["dollarmath", "deflist", "colon_fence"]
+myst_enable_extensions = ["deflist", "colon_fence"]
 myst_heading_anchors = 3
 
 autosummary_generate = True
@@ -64,12 +64,12 @@ html_title = "whsklearn"
 html_show_sourcelink = False
 html_static_path = ["_static"]
 html_css_files = ["wide.css"]
-html_sidebars = {"*": [], "auto_examples/*": []}  # the room is for code, tables and pictures
+html_sidebars = {"**": []}  # the room is for code, tables and pictures; the header leads to the sections
 html_theme_options = {
     "navigation_with_keys": False,
     "show_toc_level": 2,
     "secondary_sidebar_items": ["page-toc"],
-    "header_links_before_dropdown": 3,
+    "header_links_before_dropdown": 7,
 }
 
 

@@ -110,7 +110,7 @@ def in_markdown(rows: Rows, found: list[claims.Claim], seed: int, runs: int, sys
         "What of [the article](https://doi.org/10.1007/s00034-020-01392-z) this library can reproduce, what it cannot, "
         "and why. Every figure on this page is computed by",
         "",
-        "```",
+        "```bash",
         f"python -m pipelines.reproduce --seed {seed} --runs {runs} --systems {systems} --report docs/reproduction.md",
         "```",
         "",

@@ -19,8 +19,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from sklearn.utils import Bunch
 
-from whsklearn.datasets import draw_effect, reference_signal
-from whsklearn.datasets.servo import default_axis
+from whsklearn.datasets import default_axis, draw_effect, reference_signal
 from whsklearn.effects import effect_names, get_effect
 from whsklearn.plot import EffectDisplay
 from whsklearn.systems import simulate_many

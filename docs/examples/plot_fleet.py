@@ -13,7 +13,7 @@ is compiled and takes all of them at once; what stands apart is told by robust d
 import matplotlib.pyplot as plt
 import numpy as np
 
-from whsklearn.recursion.batched import least_squares_of_many
+from whsklearn.recursion import least_squares_of_many
 
 rng = np.random.default_rng(0)
 n_axes, t = 300, np.arange(1000) / 500

@@ -38,7 +38,8 @@ image = ax.imshow(np.log10(grid), cmap="viridis_r")
 ax.set(xticks=range(len(P0)), xticklabels=[f"{v:g}" for v in P0], yticks=range(len(P)), yticklabels=P)
 ax.set(xlabel="P0", ylabel="p", title="pure recursion, median free-run NMSE")
 for i, j in np.ndindex(grid.shape):
-    ax.text(j, i, f"{grid[i, j]:.2g}", ha="center", va="center", color="white", fontsize=9)
+    shade = image.norm(np.log10(grid[i, j]))  # of viridis_r: from yellow, which is light, to purple
+    ax.text(j, i, f"{grid[i, j]:.2g}", ha="center", va="center", color="black" if shade < 0.5 else "white", fontsize=9)
 
 # %%
 # With the memory
@@ -50,5 +51,5 @@ for p in (1, 4):
 
 # %%
 # ``whsklearn tune`` searches p, P0, forgetting, orders and laws with cross-validation over time, and records every
-# candidate in MLflow; ``docs/tuning.md`` says how to read the runs.
+# candidate in MLflow; `Tuning p, P0 and orders <../tuning.html>`_ says how to read the runs.
 plt.show()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import re
 import shlex
 from pathlib import Path
@@ -29,6 +30,9 @@ def target_of(page: Path, link: str) -> Path:
     path = (page.parent / link).resolve()
     if path.parent == DOCS / "auto_examples":
         return DOCS / "examples" / f"{path.name.removesuffix('.rst')}.py" if path.name != "index" else DOCS / "examples"
+    if path.parent == DOCS / "api" / "generated":
+        package, _, item = path.name.rpartition(".")
+        return DOCS / "reference.py" if item in getattr(importlib.import_module(package), "__all__", ()) else path
     if path.parent.parent == DOCS and path.parent.name == "api":
         return DOCS / "reference.py"  # which writes the section
     return path
@@ -46,9 +50,17 @@ def test_relative_links_lead_to_files_and_headings(page: Path) -> None:
             assert anchor in anchors(path), f"{page.name}: {link} names a heading that is not there"
 
 
-def test_every_page_is_in_the_index() -> None:
-    listed = set(re.findall(r"^([\w/]+)$", (DOCS / "index.md").read_text(encoding="utf-8"), re.MULTILINE))
-    assert {p.stem for p in DOCS.glob("*.md")} - {"index"} <= listed
+def contents_of(page: str) -> set[str]:
+    """Pages below one in the tree of contents, itself included."""
+    trees = re.findall(
+        r"^```\{toctree\}\n(.*?)^```", (DOCS / f"{page}.md").read_text("utf-8"), re.DOTALL | re.MULTILINE
+    )
+    below = [n for tree in trees for n in re.findall(r"^([\w/]+)$", tree, re.MULTILINE)]
+    return {page}.union(*(contents_of(n) if (DOCS / f"{n}.md").exists() else {n} for n in below))
+
+
+def test_every_page_is_reached_from_the_index() -> None:
+    assert {p.stem for p in DOCS.glob("*.md")} <= contents_of("index")
 
 
 def commands() -> list[tuple[str, str]]:

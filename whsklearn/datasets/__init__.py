@@ -3,7 +3,7 @@
 from whsklearn.datasets.drawn_effects import draw_effect
 from whsklearn.datasets.real import fetch_emps, fetch_kr300
 from whsklearn.datasets.references import reference_signal
-from whsklearn.datasets.servo import make_servo_log
+from whsklearn.datasets.servo import default_axis, make_servo_log
 from whsklearn.datasets.turntable import load_turntable
 from whsklearn.datasets.wiener_hammerstein import make_wiener_hammerstein
 from whsklearn.logs import Finding, LogReport, check_log, load_log
@@ -12,6 +12,7 @@ __all__ = [
     "Finding",
     "LogReport",
     "check_log",
+    "default_axis",
     "draw_effect",
     "fetch_emps",
     "fetch_kr300",

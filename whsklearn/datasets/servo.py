@@ -141,7 +141,19 @@ def make_servo_log(
 
 
 def default_axis() -> ServoAxis:
-    """A small direct-drive table: 0.05 kg m2, 0.12 Nm s/rad, 0.3 Nm, PID with feed-forward at 1 kHz."""
+    """A small direct-drive table: 0.05 kg m2, 0.12 Nm s/rad, 0.3 Nm, PID with feed-forward at 1 kHz.
+
+    Returns
+    -------
+    ServoAxis
+
+    Examples
+    --------
+    >>> from whsklearn.datasets import default_axis
+    >>> axis = default_axis()
+    >>> axis.inertia, axis.sample_rate
+    (0.05, 1000.0)
+    """
     controller = PIDController(60.0, 60.0, 2.0, velocity_feedforward=0.12, acceleration_feedforward=0.05)
     return ServoAxis(controller=controller, sensor=Sensor(noise=2e-5))
 

@@ -286,6 +286,8 @@ class ReducedStribeck(StaticEffect):
         "torque": Quantity("Nm", 1e-4, 1e3, log=True),
         "velocity": Quantity("rad/s", 1e-3, 1e3, log=True),
     }
+    signature: ClassVar[str] = "friction that falls with speed, within some v_s of rest"
+    needs: ClassVar[str] = "speeds on both sides of v_s, in both directions"
     reference: ClassVar[str] = "paper, (4)"
     code: ClassVar[int] = codes.STRIBECK_TANH
 

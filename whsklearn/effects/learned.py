@@ -71,6 +71,12 @@ class LearnedTorque(Effect):
     ``over`` is ``position`` (x = q, r = 1), ``speed`` (|v|, sign(v)), ``position and direction`` (q, sign(v)),
     ``position and velocity`` (q, v), ``velocity`` (v, 1) or ``drive`` (u, 1); a curve is a sum of them.
 
+    See Also
+    --------
+    NaturalSpline : a term of a spline with a name, in a law.
+    PositionFriction : friction over the position by one wave.
+    Cogging : waves over the angle.
+
     Examples
     --------
     >>> LearnedTorque(0.4, centre=1.0, width=0.5).value(position=[0.0, 0.5, 1.0]).tolist()

@@ -82,6 +82,11 @@ _WEIGHT = Quantity("y per x", -1e6, 1e6)
 class Tanh(StaticEffect):
     """weight tanh(dx / velocity), in y's unit: the smooth Coulomb term gamma_4 tanh(gamma_5 dx) of (3).
 
+    See Also
+    --------
+    Coulomb : the same with a sharp edge.
+    TanhDifference : a hump near zero speed.
+
     References
     ----------
     Makkar, Dixon, Sawyer and Hu 2005, A new continuously differentiable friction model for control systems
@@ -101,12 +106,19 @@ class Tanh(StaticEffect):
     equation: ClassVar[str] = "w tanh(dx / v)"
     size: ClassVar[str] = "weight"
     quantities: ClassVar[dict[str, Quantity]] = {"weight": _WEIGHT, "velocity": Quantity("x", 1e-6, 1e6, log=True)}
+    signature: ClassVar[str] = "a step at zero speed with a rounded edge"
+    needs: ClassVar[str] = "speeds on both sides of v, in both directions"
     code: ClassVar[int] = codes.TANH
 
 
 @dataclass(frozen=True)
 class TanhDifference(StaticEffect):
     """weight (tanh(dx / fast) - tanh(dx / slow)), in y's unit: the Stribeck term of (3).
+
+    See Also
+    --------
+    Stribeck : the same hump beside a sharp sign.
+    Tanh : a step that stays.
 
     References
     ----------
@@ -132,12 +144,19 @@ class TanhDifference(StaticEffect):
         "fast": Quantity("x", 1e-6, 1e6, log=True),
         "slow": Quantity("x", 1e-6, 1e6, log=True),
     }
+    signature: ClassVar[str] = "a hump of friction at low speed that is gone at high speed"
+    needs: ClassVar[str] = "speeds between v_1 and v_2, in both directions"
     code: ClassVar[int] = codes.TANH_DIFFERENCE
 
 
 @dataclass(frozen=True)
 class Power(StaticEffect):
     """weight x^degree, in y's unit: a term of a polynomial.
+
+    See Also
+    --------
+    Hinge : a kink at one place.
+    NaturalSpline : smooth, and straight beyond the outer knots.
 
     References
     ----------
@@ -158,6 +177,8 @@ class Power(StaticEffect):
     equation: ClassVar[str] = "w x^k"
     size: ClassVar[str] = "weight"
     quantities: ClassVar[dict[str, Quantity]] = {"weight": _WEIGHT, "degree": Quantity("1", 0, 9)}
+    signature: ClassVar[str] = "a curve over x that grows with the k-th power"
+    needs: ClassVar[str] = "the whole range of x; the ends of it decide the high powers"
     code: ClassVar[int] = codes.POWER
 
     def __post_init__(self) -> None:
@@ -169,6 +190,11 @@ class Power(StaticEffect):
 @dataclass(frozen=True)
 class Hinge(StaticEffect):
     """weight max(x - knot, 0), in y's unit: a term of a piecewise-linear law.
+
+    See Also
+    --------
+    NaturalSpline : smooth at its knots.
+    SpeedHinge : the same over speed, odd.
 
     References
     ----------
@@ -189,6 +215,8 @@ class Hinge(StaticEffect):
     equation: ClassVar[str] = "w max(x - knot, 0)"
     size: ClassVar[str] = "weight"
     quantities: ClassVar[dict[str, Quantity]] = {"weight": _WEIGHT, "knot": Quantity("x", -1e6, 1e6)}
+    signature: ClassVar[str] = "a kink at the knot, nothing below it"
+    needs: ClassVar[str] = "samples on both sides of the knot"
     code: ClassVar[int] = codes.HINGE
 
 
@@ -198,6 +226,11 @@ class NaturalSpline(StaticEffect):
 
     With a constant and x they are all splines that are cubic between the knots and straight
     beyond the outer ones; there is one for each knot but the last two.
+
+    See Also
+    --------
+    Hinge : straight between its knots.
+    Power : one polynomial over the whole range.
 
     Examples
     --------
@@ -221,6 +254,8 @@ class NaturalSpline(StaticEffect):
         "last": Quantity("x", -1e6, 1e6),
     }
     reference: ClassVar[str] = "Hastie, Tibshirani, Friedman 2009, The Elements of Statistical Learning, (5.4)"
+    signature: ClassVar[str] = "a smooth bend over x, straight beyond the outer knots"
+    needs: ClassVar[str] = "samples between all of the knots"
     code: ClassVar[int] = codes.NATURAL_SPLINE
 
     def __post_init__(self) -> None:
@@ -233,6 +268,11 @@ class NaturalSpline(StaticEffect):
 @dataclass(frozen=True)
 class SpeedHinge(StaticEffect):
     """weight sign(dx) max(|dx| - knot, 0), in y's unit: a kink of an odd friction curve over speed.
+
+    See Also
+    --------
+    Hinge : the same over x, on one side only.
+    QuadraticDrag : friction that grows without a kink.
 
     References
     ----------
@@ -253,4 +293,6 @@ class SpeedHinge(StaticEffect):
     equation: ClassVar[str] = "w sign(dx) max(|dx| - knot, 0)"
     size: ClassVar[str] = "weight"
     quantities: ClassVar[dict[str, Quantity]] = {"weight": _WEIGHT, "knot": Quantity("x", 1e-9, 1e6, log=True)}
+    signature: ClassVar[str] = "a kink of the friction curve at the same speed in both directions"
+    needs: ClassVar[str] = "speeds on both sides of the knot, in both directions"
     code: ClassVar[int] = codes.SPEED_HINGE

@@ -1,8 +1,22 @@
 """Close the gap: find where simulation and measurement disagree, name what is missing, add it, prove it."""
 
-from whsklearn.gap.diagnosis import Diagnosis, NamedEffect
+from whsklearn.gap.data_check import Problem
+from whsklearn.gap.diagnosis import CandidateLine, Diagnosis, LearnedTorques, NamedEffect
 from whsklearn.gap.finder import GapFinder
+from whsklearn.gap.localisation import Place
+from whsklearn.gap.plant import Curve
 from whsklearn.gap.record import ServoRecord
 from whsklearn.gap.verdict import VERDICTS
 
-__all__ = ["VERDICTS", "Diagnosis", "GapFinder", "NamedEffect", "ServoRecord"]
+__all__ = [
+    "VERDICTS",
+    "CandidateLine",
+    "Curve",
+    "Diagnosis",
+    "GapFinder",
+    "LearnedTorques",
+    "NamedEffect",
+    "Place",
+    "Problem",
+    "ServoRecord",
+]

@@ -30,6 +30,16 @@ class Problem:
         What is wrong, and what to do.
     fatal : bool
         Whether a diagnosis is out of the question.
+
+    References
+    ----------
+    Ljung 1999, System Identification, 2nd ed., ch. 14, Preprocessing data.
+
+    Examples
+    --------
+    >>> from whsklearn.gap import Problem
+    >>> Problem("data-limit", "The drive stands at its limit.", "It is used; saturation is one of the effects.", False)
+    Problem(code='data-limit', ...fatal=False)
     """
 
     code: str

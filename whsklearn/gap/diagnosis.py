@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from whsklearn import __version__
 from whsklearn.gap.localisation import Place
+from whsklearn.gap.plant import Curve
 
 MAP_POINTS = 1440  # of a map over one turn: four to a degree, nine to a period of the highest order looked for
 
@@ -127,9 +128,30 @@ def in_units(label: str, units: tuple[str, str]) -> str:
 
 @dataclass
 class LearnedTorques:
-    """What has no name and was learned: its curves (`whsklearn.gap.plant.Curve`), the share of the gap they close."""
+    """What has no name and was learned.
 
-    curves: tuple[Any, ...]
+    Attributes
+    ----------
+    curves : tuple of Curve
+        A curve for each signal that what is left depends on.
+    closure : float
+        Share of the gap that the curves close in free run on held-out samples.
+
+    References
+    ----------
+    Hastie and Tibshirani 1990, Generalized Additive Models, Chapman and Hall.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from whsklearn.gap import Curve, LearnedTorques
+    >>> angle = np.linspace(0, 6.28, 5)
+    >>> learned = LearnedTorques((Curve(("angle",), angle, 0.1 * np.sin(angle), np.full(5, 0.01)),), closure=0.8)
+    >>> learned.signals, learned.closure
+    (['angle'], 0.8)
+    """
+
+    curves: tuple[Curve, ...]
     closure: float
 
     @property
@@ -144,7 +166,29 @@ class LearnedTorques:
 
 @dataclass
 class CandidateLine:
-    """One line of the table of candidates."""
+    """One line of the table of candidates: an effect that was asked for, and what became of it.
+
+    Attributes
+    ----------
+    name : str
+        Of the effect.
+    delta_bic : float
+        Its evidence.
+    closure : float
+        Share of the gap that it closes.
+    status, reason : str
+        What was decided, and why.
+
+    References
+    ----------
+    Kass and Raftery 1995, Bayes Factors, J. Am. Stat. Assoc. 90(430), 773-795.
+
+    Examples
+    --------
+    >>> from whsklearn.gap import CandidateLine
+    >>> CandidateLine("backlash", 3.1, 0.02, "not needed", "its evidence is below the bar of 18").as_dict()["status"]
+    'not needed'
+    """
 
     name: str
     delta_bic: float

@@ -41,6 +41,21 @@ class Place:
         Adjusted; small if the gap follows the signal.
     centres, means, errors : ndarray
         Mean of the gap and its standard error by bin.
+
+    References
+    ----------
+    Politis and Romano 1992, A circular block-resampling procedure for stationary data, in LePage and Billard (eds.),
+    Exploring the Limits of Bootstrap, Wiley, 263-270; Benjamini and Hochberg 1995, Controlling the False Discovery
+    Rate, J. R. Stat. Soc. B 57(1), 289-300.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from whsklearn.gap import Place
+    >>> empty = np.zeros(0)
+    >>> knock = Place("position", 1.2, 1.3, 0.71, 0.05, 0.01, "rad", empty, empty, empty)
+    >>> f"{100 * knock.share:.0f} % of the gap in {100 * knock.width:.0f} % of the samples"
+    '71 % of the gap in 5 % of the samples'
     """
 
     signal: str

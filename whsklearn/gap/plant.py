@@ -129,6 +129,19 @@ class Curve(NamedTuple):
         What it depends on, the axis of the picture first.
     x, y, band : ndarray of shape (n,)
         Where, how much (in the unit of the drive), and two standard deviations of it.
+
+    References
+    ----------
+    Hastie and Tibshirani 1990, Generalized Additive Models, Chapman and Hall.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from whsklearn.gap import Curve
+    >>> speed = np.array([0.0, 0.5, 1.0])
+    >>> curve = Curve(("velocity",), speed, 0.2 * speed**2, np.full(3, 0.01))
+    >>> bool((abs(curve.y) > curve.band).any())  # it is more than its own uncertainty somewhere
+    True
     """
 
     signals: tuple[str, ...]

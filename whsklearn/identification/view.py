@@ -21,7 +21,33 @@ INTEGRATES = 0.1  # a time constant above that share of the record is an integra
 
 @dataclass(frozen=True)
 class View:
-    """Drive ``u``, logged output ``y`` and the ``target`` of the fits: y, or the velocity of a logged position."""
+    """A record as the candidates of a comparison see it.
+
+    Attributes
+    ----------
+    u, y : ndarray of shape (n,)
+        Drive and logged output.
+    target : ndarray of shape (n,)
+        What is fitted: y, or the velocity of a logged position.
+    dt : float
+        Sampling time (s).
+    logged : {"output", "velocity", "position"}
+        What y is.
+
+    References
+    ----------
+    Savitzky and Golay 1964, Smoothing and Differentiation of Data by Simplified Least Squares Procedures, Anal. Chem.
+    36(8), 1627-1639, of the velocity of a logged position.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from whsklearn.identification import View
+    >>> y = np.sin(np.arange(400) / 40)
+    >>> record = View(u=np.cos(np.arange(400) / 40), y=y, target=y, dt=0.01, logged="output")
+    >>> record.part(0, 100).y.size, record.floor < 1e-4
+    (100, True)
+    """
 
     u: Array
     y: Array

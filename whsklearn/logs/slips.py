@@ -27,7 +27,20 @@ _VELOCITY = "--velocity COLUMN in place of --position"
 
 
 class Slip(NamedTuple):
-    """What looks wrong, and the option that would mend it."""
+    """What looks wrong, and the option that would mend it.
+
+    Attributes
+    ----------
+    sentence : str
+    option : str
+        Of the commands.
+
+    Examples
+    --------
+    >>> from whsklearn.logs import Slip
+    >>> print(Slip("The position has the unit deg/s: it is a velocity.", "--velocity COLUMN in place of --position"))
+    The position has the unit deg/s: it is a velocity. If so, add --velocity COLUMN in place of --position.
+    """
 
     sentence: str
     option: str
@@ -37,12 +50,23 @@ class Slip(NamedTuple):
 
 
 def slips_in(log: Any) -> list[Slip]:
-    """Likely slips in a log that `load_log` read.
+    """Likely slips in a log that `load_log` read: units, signs, a velocity in place of a position.
+
+    Parameters
+    ----------
+    log : Bunch
+        As `load_log` gives it, with ``position``.
+
+    Returns
+    -------
+    list of Slip
+        Empty where nothing looks wrong.
 
     Examples
     --------
     >>> import numpy as np
     >>> from sklearn.utils import Bunch
+    >>> from whsklearn.logs import slips_in
     >>> t = np.arange(4000) / 200
     >>> q, v, a = np.sin(3 * t), 3 * np.cos(3 * t), -9 * np.sin(3 * t)
     >>> q += 0.3 * np.sin(7 * t); v += 2.1 * np.cos(7 * t); a -= 14.7 * np.sin(7 * t)

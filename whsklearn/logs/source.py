@@ -15,7 +15,28 @@ if TYPE_CHECKING:
 
 
 class Column(NamedTuple):
-    """Values of shape (n,), numbers or text or dates, with stamps of their own where the format has them."""
+    """A column of a file.
+
+    Attributes
+    ----------
+    values : ndarray of shape (n,)
+        Numbers, text or dates.
+    stamps : ndarray of shape (n,), optional
+        Times of its own (s), where the format has them.
+    unit : str
+        As the file says it; empty where it does not.
+
+    References
+    ----------
+    Shafranovich 2005, Common Format and MIME Type for Comma-Separated Values (CSV) Files, RFC 4180.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from whsklearn.logs import Column
+    >>> Column(np.array([0.1, 0.2]), unit="Nm").stamps is None
+    True
+    """
 
     values: NDArray[Any]
     stamps: NDArray[np.float64] | None = None  # s, shape (n,)
@@ -38,6 +59,18 @@ class Source:
         Whether the names are the file's own.
     notes : list of str
         How the file was read.
+
+    References
+    ----------
+    Shafranovich 2005, Common Format and MIME Type for Comma-Separated Values (CSV) Files, RFC 4180.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from whsklearn.logs import Column, Source
+    >>> source = Source("log.csv", ["time_s", "torque_nm"], lambda names: {n: Column(np.zeros(3)) for n in names})
+    >>> source.resolve(1, "drive"), source.resolve("Torque_Nm", "drive")
+    ('torque_nm', 'torque_nm')
     """
 
     name: str

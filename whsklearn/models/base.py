@@ -27,6 +27,18 @@ class IdentifiedModel:
         `simulate` integrates; ``output`` says nothing about it.
     standard_errors : mapping of str to float
         Of the `parameters`, by name; those without one are left out.
+
+    References
+    ----------
+    Ljung 1999, System Identification: Theory for the User, 2nd ed., Prentice Hall, ch. 4 on sets of models.
+
+    Examples
+    --------
+    What `load_model` reads is one of the three kinds:
+
+    >>> from whsklearn.models import AxisModel, ChainModel, IdentifiedModel, LinearModel
+    >>> [issubclass(kind, IdentifiedModel) for kind in (AxisModel, ChainModel, LinearModel)]
+    [True, True, True]
     """
 
     dt: float = 1.0

@@ -51,7 +51,7 @@ def least_squares_of_many(
     Examples
     --------
     >>> import numpy as np
-    >>> from whsklearn.recursion.batched import least_squares_of_many
+    >>> from whsklearn.recursion import least_squares_of_many
     >>> X = np.random.default_rng(0).normal(size=(5, 100, 2))
     >>> theta, P = least_squares_of_many(X, X @ [1.0, -2.0])
     >>> theta.round(3)[0], P.shape
