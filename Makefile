@@ -65,7 +65,7 @@ wheel: setup  ## build the wheel and try it in two clean environments
 	done
 
 clean-room: setup  ## five stories of a stranger, with the built wheel in an empty environment
-	$(PY) tests/clean_room.py
+	$(PY) .ci/clean_room.py
 
 ui: setup  ## the recorded runs in the browser
 	$(PY) -m pipelines.ui

@@ -3,53 +3,21 @@
 from __future__ import annotations
 
 import os
-import re
 import signal
 import time
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 import pytest
 from click.testing import CliRunner
 from sklearn.base import BaseEstimator, RegressorMixin
 
-from whsklearn import RMILSRegressor, WienerHammersteinLags, WienerHammersteinSystem
+from tests.cli.fleet_folder import MODEL, source
 from whsklearn.cli.fleet import main, run_here, run_on_cluster, to_table
-from whsklearn.cli.fleet_axis import axes_of, identify_axes, outliers, read_axis
-from whsklearn.effects import reduced_law
+from whsklearn.cli.fleet_axis import axes_of, identify_axes, outliers
 
 pytest.importorskip("pyarrow", reason="needs the extra parquet")
 QUICK = ["--no-track", "--estimator", "rls", "--in-process", "--workers", "1", "--time", "t"]
-MODEL = RMILSRegressor(WienerHammersteinLags(), p=1, n_starts=8, memory=256, random_state=0)
-
-
-def write_axis(folder: Path, name: str, coulomb: float, seed: int, parts: int = 1) -> None:
-    rng = np.random.default_rng(seed)
-    u = rng.normal(size=600)
-    system = WienerHammersteinSystem([1, 2.2], [1, 0.5], [1, 0.2], [0.15, 0.4], law=reduced_law(coulomb=coulomb))
-    frame = pd.DataFrame({"t": 0.01 * np.arange(600), "u": u, "y": system.simulate(u[:, None])})
-    frame["y"] += 0.02 * rng.normal(size=600)
-    home = folder / f"axis={name}"
-    home.mkdir()
-    size = len(frame) // parts
-    for i in range(parts):  # files not in the order of time
-        frame.iloc[(parts - 1 - i) * size : (parts - i) * size].to_parquet(home / f"part-{i}.parquet", index=False)
-
-
-@pytest.fixture(scope="module")
-def fleet(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("fleet")
-    for i in range(8):
-        write_axis(folder, f"ax{i:02d}", 0.7 if i != 5 else 1.4, i, parts=1 + i % 2)
-    broken = folder / "axis=broken"
-    broken.mkdir()
-    (broken / "part-0.parquet").write_bytes(b"PAR1 no more")
-    return folder
-
-
-def source(folder):
-    return {"folder": str(folder), "axis": "axis", "inputs": ["u"], "output": "y", "time_column": "t"}
 
 
 def test_the_job_writes_one_row_an_axis_and_names_the_odd_ones(fleet, tmp_path):
@@ -81,12 +49,6 @@ def test_the_fleet_is_recorded_with_a_child_for_each_outlier(fleet, mlflow_root)
     assert {"axis ax05", "axis broken"} <= children
     assert parent.data.metrics["failed"] == 1.0
     assert parent.data.metrics["outliers"] == len(children)
-
-
-def test_rows_are_put_in_the_order_of_time(fleet):
-    X, y = read_axis(fleet, "axis", "ax01", ["u"], "y", "t")
-    np.testing.assert_array_equal(X[:, 0], np.random.default_rng(1).normal(size=600))
-    assert y.shape == (600,)
 
 
 def test_processes_and_one_process_give_the_same(fleet):
@@ -133,26 +95,6 @@ def test_a_worker_that_is_killed_loses_no_axis(fleet, tmp_path):
 def test_a_lost_axis_does_not_go_unnoticed():
     with pytest.raises(ValueError, match="1 axes came back without a result, the first b"):
         to_table([{"axis": "a", "rows": 1, "failure": "", "seconds": 0.1}], ["a", "b"])
-
-
-def test_failures_of_an_axis_are_a_row(tmp_path):
-    write_axis(tmp_path, "ok", 0.7, 0)
-    for name, frame in {
-        "text": pd.DataFrame({"t": [0.0, 1.0], "u": ["a", "b"], "y": [0.0, 1.0]}),
-        "short": pd.DataFrame({"t": [0.0, 1.0], "u": [0.0, 1.0], "y": [0.0, 1.0]}),
-        "missing": pd.DataFrame({"t": [0.0, 1.0], "u": [0.0, 1.0]}),
-        "twice": pd.DataFrame({"t": [0.0, 0.0], "u": [0.0, 1.0], "y": [0.0, 1.0]}),
-        "nan": pd.DataFrame({"t": np.arange(99.0), "u": np.nan, "y": 1.0}),
-    }.items():
-        (tmp_path / f"axis={name}").mkdir()
-        frame.to_parquet(tmp_path / f"axis={name}" / "part.parquet")
-    (tmp_path / "axis=empty").mkdir()
-    names = axes_of(tmp_path, "axis")
-    rows = {r["axis"]: r for r in identify_axes(MODEL, names, source(tmp_path), 0.25)}
-    assert rows.pop("ok")["failure"] == ""
-    said = {"text": "no numbers", "short": "samples?", "missing": "no column y", "twice": "stands twice", "nan": "NaN"}
-    for name, pattern in (said | {"empty": "no Parquet file"}).items():
-        assert re.search(pattern, rows[name]["failure"]), rows[name]
 
 
 def test_a_folder_without_axes_is_refused(tmp_path):

@@ -6,18 +6,13 @@ import importlib
 import importlib.util
 import os
 import signal
-import subprocess
-import sys
 import time
 
 import click
 import pytest
 from click.testing import CliRunner
 
-from whsklearn.cli import COMMANDS
-from whsklearn.cli import main as whsklearn_command
 from whsklearn.cli.job import Ended, job, table, writable_file
-from whsklearn.cli.ui import page
 from whsklearn.logs import ColumnError, LogError
 
 JOBS = ["simulated_example", "reproduce", "turntable", "tune", "stream", "fleet", "close_gap"]
@@ -80,31 +75,6 @@ def test_an_output_is_looked_at_before_the_work(tmp_path):
     assert list((tmp_path / "new").iterdir()) == []
 
 
-def helped(*words):
-    """The output of a command's help, and the modules that it took."""
-    code = "import sys; from whsklearn.cli import main; main(sys.argv[1:], standalone_mode=False); print(sys.modules)"
-    return subprocess.run([sys.executable, "-c", code, *words, "--help"], capture_output=True, text=True, check=True)
-
-
-def test_the_command_lists_its_commands_without_importing_them():
-    done = helped()
-    assert all(name in done.stdout for name in ("gap", "tune", "stream", "export"))
-    assert "'numba'" not in done.stdout
-    assert "'sklearn'" not in done.stdout
-
-
-@pytest.mark.parametrize("name", [n for n in COMMANDS if importlib.util.find_spec(f"whsklearn.cli.{n}")])
-def test_every_command_has_help_with_an_example_and_needs_no_compiler_for_it(name):
-    done = helped(name)
-    assert "whsklearn " + name in done.stdout
-    assert "'numba'" not in done.stdout
-    assert "'pandas'" not in done.stdout
-
-
-def test_an_unknown_command_is_a_wrong_option():
-    assert CliRunner().invoke(whsklearn_command, ["cook"]).exit_code == 2
-
-
 def test_defects_are_not_hidden():
     @job
     def main(**options):
@@ -118,17 +88,3 @@ def test_defects_are_not_hidden():
 def test_wide_table_is_cut_in_its_first_column():
     text = table(["name", *"abcdefgh"], [["x" * 200, *[0.123456] * 8]])
     assert {len(line) for line in text.splitlines()} == {100}
-
-
-def test_page_opens_on_runs_not_on_traces():
-    address = page("http://127.0.0.1:5000", "3")
-    assert address.startswith("http://127.0.0.1:5000/#/experiments/3/runs?workflowType=machine_learning")
-    assert page("http://127.0.0.1:5000", None) == "http://127.0.0.1:5000"
-
-
-def test_help_of_every_command_compiles_nothing():
-    code = "import importlib, sys; from whsklearn.cli import COMMANDS; "
-    code += "[importlib.import_module('whsklearn.cli.' + c) for c in COMMANDS]; "
-    code += "print({'numba', 'mlflow'} & set(sys.modules))"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "set()"

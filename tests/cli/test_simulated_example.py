@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 from click.testing import CliRunner
 
-from whsklearn.cli.linear import BestLinear, fit_arx
 from whsklearn.cli.simulated_example import main
-from whsklearn.metrics import nmse
 
 
 def run(*arguments):
@@ -51,13 +49,3 @@ def test_server_that_is_down_is_told(monkeypatch):
     done = run("--samples", 100)
     assert done.exit_code == 1
     assert "does not answer" in done.output
-
-
-def test_linear_yardstick_finds_a_linear_system():
-    from scipy.signal import lfilter
-
-    rng = np.random.default_rng(0)
-    X = rng.normal(size=(800, 1))
-    clean = lfilter([0, 1.0, 0.5], [1.0, -1.2, 0.5], X[:, 0])
-    y = clean + 0.3 * clean.std() * rng.normal(size=800)  # output noise: least squares of ARX is biased
-    assert nmse(clean, BestLinear().fit(X, y).predict(X)) < 0.005 < nmse(clean, fit_arx(X, y, 2, 2).predict(X))

@@ -2,15 +2,9 @@
 
 from __future__ import annotations
 
-import pickle
-
-import numpy as np
 import pytest
 from click.testing import CliRunner
-from sklearn.linear_model import Ridge
-from sklearn.model_selection import GridSearchCV
 
-from whsklearn.cli.recorded_search import recorded
 from whsklearn.cli.tune import main
 
 
@@ -42,40 +36,6 @@ def test_other_searches_score_all_that_they_try(kind):
     )
     assert done.exit_code == 0, done.output  # a failed score is a warning, and a warning an error
     assert "nan" not in done.stdout
-
-
-@pytest.mark.parametrize("jobs", [None, 2])
-def test_interrupted_search_has_handed_over_what_was_finished(jobs):
-    class Enough(Exception):
-        pass
-
-    def stop(results):
-        seen.append(len(results["params"]))
-        if len(seen) == 2:
-            raise Enough
-
-    seen: list[int] = []
-    X = np.random.default_rng(0).normal(size=(40, 2))
-    search = recorded(GridSearchCV)(Ridge(), {"alpha": list(range(1, 12))}, n_jobs=jobs)
-    search.on_results = stop
-    with pytest.raises(Enough):
-        search.fit(X, X[:, 0])
-    assert 0 < seen[0] < seen[1] < 11
-
-
-def test_recorded_search_finds_what_a_plain_one_finds():
-    X = np.random.default_rng(0).normal(size=(60, 3))
-    y = X @ [1.0, 2.0, 3.0] + X[:, 0] ** 2
-    grid = {"alpha": [0.01, 1.0, 10.0, 100.0, 1000.0]}
-    ours, plain = (s(Ridge(), grid).fit(X, y) for s in (recorded(GridSearchCV), GridSearchCV))
-    np.testing.assert_array_equal(ours.cv_results_["mean_test_score"], plain.cv_results_["mean_test_score"])
-    assert ours.best_params_ == plain.best_params_
-
-
-def test_search_travels_as_a_plain_one():
-    search = recorded(GridSearchCV)(Ridge(), {"alpha": [1.0]})
-    search.on_results = lambda results: None
-    assert type(pickle.loads(pickle.dumps(search))) is GridSearchCV
 
 
 @pytest.mark.filterwarnings("ignore::ResourceWarning")  # distributed leaves sockets to the collector

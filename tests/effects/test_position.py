@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from whsklearn.effects import CableSpring, Cogging, EndStop, GravityImbalance, HardeningSpring
+from whsklearn.effects import CableSpring, Cogging, EndStop, GravityImbalance, HardeningSpring, Scales
 
 Q = np.linspace(-3, 3, 4001)
 
@@ -44,3 +44,14 @@ def test_a_stop_is_nothing_inside_and_stiff_behind():
     values = EndStop(9.0, angle=1.0).value(position=Q)
     np.testing.assert_array_equal(values[inside], 0.0)
     np.testing.assert_allclose(values[outside], 9.0 * (Q - np.sign(Q))[outside])
+
+
+@pytest.mark.parametrize("rest", np.linspace(-1.0, 1.0, 9))
+def test_some_start_shows_a_spring_at_rest_anywhere_in_the_travel(rest):
+    scales = Scales(reach=0.9, centre=0.8)
+    q = scales.centre + scales.reach * np.sin(np.linspace(0.0, 20.0, 2000))
+    wanted = q - (scales.centre + rest * scales.reach)
+    shares = [
+        (wanted @ (q - c)) ** 2 / ((wanted @ wanted) * ((q - c) @ (q - c))) for (c,) in CableSpring.starts(scales)
+    ]
+    assert max(shares) > 0.9

@@ -11,7 +11,6 @@ import pytest
 from whsklearn import ServoAxis, WienerHammersteinSystem
 from whsklearn.effects import Cogging, DisturbanceTone, GravityImbalance, Stribeck
 from whsklearn.export import export_model
-from whsklearn.models import ChainModel, LinearModel
 
 FLAGS = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-shared", "-fPIC"]
 
@@ -28,32 +27,6 @@ def test_a_compensator_is_the_sum_of_the_steady_torques(compiler, tmp_path):
         steady = axis.with_parameters({}).law(0.0, v) + 0.1 * np.cos(12 * q + 0.4) + 0.3 * np.cos(q + 0.2)
         steady += np.sign(v) * 0.1 * np.exp(-abs((v / effects[2].shape["velocity"]) ** effects[2].shape["exponent"]))
         assert torque(q, v) == pytest.approx(float(steady), abs=1e-8)  # level just off rest
-
-
-@pytest.mark.parametrize(
-    "model",
-    [
-        WienerHammersteinSystem.example(),
-        WienerHammersteinSystem([1.0], [], [1.0], [0.5], law="viscous,coulomb"),
-        LinearModel([0.0, 0.5], [1.0, -0.5], offset=0.2),
-        ChainModel([0.1], [1.0, -0.9], WienerHammersteinSystem.example().law, [1.0], [1.0], dt=0.01, logged="position"),
-    ],
-    ids=["example", "hammerstein", "output_error", "integrating"],
-)
-def test_chains(model, drive, tmp_path, replay):
-    export_model(model, to="c", out=tmp_path)
-    np.testing.assert_allclose(replay(drive), model.simulate(drive), rtol=0, atol=1e-12)
-
-
-def test_structured_text_is_balanced_and_names_what_it_uses(tmp_path):
-    axis = ServoAxis(effects=[Cogging(0.1, 12.0), Stribeck(0.1)])
-    text = export_model(axis, to="st", out=tmp_path).paths[0].read_text()
-    body = text[text.index("FUNCTION_BLOCK model") :]
-    assert body.count("IF ") == body.count("END_IF;") > 3
-    assert "COS(" in body
-    assert "EXP(" in body
-    for word in ("&&", "==", "{", "fabs"):
-        assert word not in body
 
 
 def test_what_cannot_be_a_compensator_is_refused(tmp_path):

@@ -36,3 +36,16 @@ def test_a_diagnosis_is_plain_json():
     named = NamedEffect(Cogging(0.1, 12.0), {"amplitude_nm": 0.01}, 812.0, 1.0, 0.97)
     text = json.dumps(Diagnosis("named", "Found.", effects=[named]).as_dict(), allow_nan=False, default=float)
     assert json.loads(text)["effects"][0]["name"] == "cogging"
+
+
+def test_numbers_of_a_linear_axis_are_in_newtons_and_metres():
+    from whsklearn.effects import Cogging, QuadraticDrag
+    from whsklearn.gap.diagnosis import NamedEffect
+
+    units = ("N", "m")
+    drag = NamedEffect(QuadraticDrag(2.0), {"coefficient_nm_s2_per_rad2": 0.1}, 50.0, 0.9, 1.0, units=units)
+    assert drag.parameters == {"coefficient_n_s2_per_m2": 2.0}
+    assert drag.errors == {"coefficient_n_s2_per_m2": 0.1}
+    assert NamedEffect(Cogging(0.3, 12.0), {}, 50.0, 0.9, 1.0, units=units).parameters == {
+        "amplitude_n": 0.3, "order": 12.0, "phase_rad": 0.0
+    }  # fmt: skip

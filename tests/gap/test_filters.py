@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from whsklearn.gap.filters import autoregression, gaussian_derivatives, whiten
+from whsklearn.gap.filters import autoregression, gaussian_derivatives, residual_filter, whiten
 
 
 @pytest.mark.parametrize("sigma", [0.002, 0.01])
@@ -33,3 +33,58 @@ def test_whitening_undoes_the_colour():
     left = whiten(coloured, ar)
     assert np.var(left) == pytest.approx(1.0, rel=0.05)
     assert abs(np.corrcoef(left[1:], left[:-1])[0, 1]) < 0.03
+
+
+RNG = np.random.default_rng(0)
+
+
+def test_filter_turns_a_lag_of_position_into_the_torque_behind_it():
+    dt, inertia = 1e-3, 0.05
+    seen_through = residual_filter(dt, inertia, 1e-6, 1.0, tracking=2.0)
+    t = np.arange(8000) * dt
+    l1, l2 = seen_through.gains[0] / dt, seen_through.gains[1] / dt
+    w = 2 * np.pi * 1.5
+    torque = 0.1 * np.sin(w * t)
+    response = 1.0 / (-(w**2) + 1j * w * l1 + l2)  # (p^2 + l1 p + l2)^-1
+    e = 0.1 / inertia * np.imag(response * np.exp(1j * w * t))
+    seen = seen_through.torque(e)[50:-50]
+    assert seen == pytest.approx(seen_through.blur(torque)[50:-50], abs=2e-3)
+
+
+def test_decimation_keeps_samples_in_place():
+    seen_through = residual_filter(1e-3, 0.05, 1e-3, 1.0, tracking=2.0)
+    ramp = np.arange(6000.0)
+    middle = slice(20, -20)
+    assert seen_through.blur(ramp)[middle] == pytest.approx(seen_through.pick(ramp)[middle], abs=1e-6)
+
+
+def test_noise_gain_is_that_of_white_noise():
+    seen_through = residual_filter(1e-3, 0.05, 1e-4, 1.0, tracking=2.0)
+    d = seen_through.torque(1e-4 * RNG.standard_normal(100_000))
+    assert d[50:-50].std() == pytest.approx(1e-4 * seen_through.noise_gain, rel=0.1)
+
+
+def test_whitening_whitens():
+    x = np.zeros(20_000)
+    w = RNG.standard_normal(x.size)
+    for i in range(1, x.size):
+        x[i] = 0.9 * x[i - 1] + w[i]
+    e = whiten(x, autoregression(x, 12, 0.0))
+    assert abs(e[1:] @ e[:-1] / (e @ e)) < 0.03
+
+
+@pytest.mark.parametrize("dt", [1e-4, 1e-3, 5e-3, 0.02])
+@pytest.mark.parametrize("width", [0.7, 1.0, 4.4, 20.0])
+def test_derivative_kernels_are_exact_on_polynomials_at_every_rate_and_width(dt, width):
+    t = np.arange(400) * dt
+    for kernel, order in zip(gaussian_derivatives(width * dt, dt), range(3), strict=True):
+        assert np.convolve(np.full(400, 100.0), kernel, mode="valid") * dt**order == pytest.approx(
+            100.0 if order == 0 else 0.0, abs=1e-8
+        )
+        for power in range(1, 3):
+            seen = np.convolve(t**power, kernel, mode="valid")
+            half = kernel.size // 2
+            inner = t[half : t.size - half]
+            wanted = {(1, 1): 1.0, (1, 2): 0.0, (2, 1): 2 * inner, (2, 2): 2.0}.get((power, order))
+            if wanted is not None:
+                assert seen == pytest.approx(wanted, abs=1e-6 * t[-1] / dt**order)

@@ -44,3 +44,14 @@ def test_the_gain_of_columns_is_what_the_larger_fit_explains_more():
     gain, _ = gain_of(r, base, columns)
     assert gain == pytest.approx(left(base) - left(np.hstack([base, columns])), rel=1e-9)
     assert gain_of(r, base, base[:, :1])[0] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_bounds_hold_and_the_minimum_is_found():
+    target = np.array([1.0, 5.0])
+    fit = least_squares(
+        lambda x: np.concatenate([x - target, 0.1 * x]),
+        np.zeros(2),
+        np.full(2, 1e-4),
+        (np.full(2, -3.0), np.full(2, 3.0)),
+    )
+    assert fit.x == pytest.approx([1 / 1.01, 3.0], abs=1e-3)

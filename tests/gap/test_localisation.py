@@ -27,3 +27,14 @@ def test_noise_follows_no_signal_more_often_than_it_may():
         for s in range(20)
     ]
     assert sum(p < 0.05 for p in worst) <= 4
+
+
+def test_p_values_are_level_for_dependent_samples_and_small_for_a_gap_that_follows():
+    rng = np.random.default_rng(1)
+    n, hits = 1500, 0
+    x = np.sin(np.arange(n) * 0.05) + 0.2 * np.cumsum(rng.standard_normal(n)) / np.sqrt(n)
+    for _ in range(60):
+        gap = np.convolve(rng.standard_normal(n + 20), np.ones(21), mode="valid")
+        hits += locate({"position": (x, "rad")}, gap, rng)[0].p_value <= 0.05
+    assert hits <= 9
+    assert locate({"position": (x, "rad")}, np.cos(3 * x) + 0.3 * rng.standard_normal(n), rng)[0].p_value < 0.02

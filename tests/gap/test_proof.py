@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -36,3 +37,17 @@ def test_the_ends():
 def test_a_model_that_diverges_is_no_yardstick():
     assert closure(1e6, 4.0, 0.0, spread=5.0) < 0.25
     assert closure(1e6, 7.0, 0.0, spread=5.0) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "floor", "share"), [(2, 1, 1, 1.0), (2, 2, 1, 0.0), (2, 3, 1, -1.0), (1, 1, 1, 0.0)]
+)
+def test_closure(before, after, floor, share):
+    assert closure(before, after, floor) == pytest.approx(share)
+
+
+def test_beside_a_base_that_diverges_a_repair_counts_from_no_model_at_all():
+    assert closure(1e6, 2.0, 1.0, spread=3.0) == pytest.approx(closure(3.0, 2.0, 1.0))
+    assert closure(1e6, 5.0, 1.0, spread=3.0) == 0.0  # better than the base, and no better than none
+    assert closure(1e6, 2e6, 1.0, spread=3.0) < 0.0
+    assert closure(2.0, 1.5, 1.0, spread=3.0) == pytest.approx(0.5)

@@ -37,3 +37,25 @@ def test_blocks_part_the_record_and_each_is_held_out_once():
     for k in range(5):
         held = np.flatnonzero(number == k)
         assert np.array_equal(held, np.arange(held[0], held[-1] + 1))  # one piece
+
+
+RNG = np.random.default_rng(0)
+
+
+def test_blocks_leave_two_fifths_out_in_five_stretches():
+    held, train = blocks(10_000)
+    assert train.mean() == pytest.approx(0.6, abs=0.01)
+    assert sorted(set(held[held >= 0])) == [0, 1, 2, 3, 4]
+    assert not np.any(train & (held >= 0))
+
+
+@pytest.mark.parametrize("sigma", [1e-5, 1e-3])
+def test_noise_level_sees_through_motion(sigma):
+    t = np.arange(20_000) * 1e-3
+    assert noise_level(np.sin(3 * t) + sigma * RNG.standard_normal(t.size)) == pytest.approx(sigma, rel=0.15)
+
+
+def test_lattice_is_found_and_not_invented():
+    x = np.cumsum(RNG.standard_normal(5000)) * 0.01
+    assert lattice(np.round(x / 0.004) * 0.004) == pytest.approx(0.004, rel=1e-6)
+    assert lattice(x) == 0.0

@@ -41,3 +41,10 @@ def test_more_closure_never_makes_a_verdict_weaker():
 
 def test_all_words_are_known():
     assert len(set(VERDICTS)) == len(VERDICTS) == 8
+
+
+def test_what_still_follows_the_motion_keeps_a_name_from_being_confident():
+    from whsklearn.gap.verdict import verdict_of
+
+    assert verdict_of(["stribeck"], 0.97, [[]], quiet=False, follows=0.7, left=1.1, still=0.0) == "named"
+    assert verdict_of(["stribeck"], 0.97, [[]], quiet=False, follows=0.7, left=1.1, still=0.08) == "partial"

@@ -6,23 +6,12 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from tests.recursion.axis_log import TRUTH, axis_log, slow_drive
 from whsklearn.identification import identify
 from whsklearn.models import AxisModel
-from whsklearn.recursion.axis_free_run import AxisLog, free_run, sensitivities
+from whsklearn.recursion.axis_free_run import free_run
 
 RNG = np.random.default_rng(0)
-TRUTH = np.array([0.05, 0.1, 0.3, 0.02, 0.0, 0.0])
-
-
-def slow_drive(n, seed):
-    return 1.2 * lfilter([0.1], [1.0, -0.98], np.random.default_rng(seed).standard_normal(n)) * 2.0
-
-
-def axis_log(u, dt=0.005, knots=()):
-    n = u.size
-    return AxisLog(
-        u, np.zeros(n), np.ones(n, bool), np.array([0, n]), np.zeros(1), np.zeros(1), dt, np.array(knots, dtype=float)
-    )
 
 
 @pytest.fixture(scope="module")
@@ -30,23 +19,6 @@ def axis_record():
     u = slow_drive(4000, 1)
     log = axis_log(u)
     return u, free_run(TRUTH, log), free_run(TRUTH, log._replace(of_position=True))
-
-
-@pytest.mark.parametrize("of_position", [False, True])
-def test_the_free_run_of_an_axis_has_exact_sensitivities(of_position):
-    theta = np.array([0.05, 0.12, 0.1, 0.01, 0.05, 0.02, 0.1])
-    log = axis_log(slow_drive(400, 2), 0.01, (0.3,))._replace(of_position=of_position, v0=np.array([0.1]))
-    rows = sensitivities(theta, log)[1]
-    for i in range(theta.size):
-        step = np.zeros(theta.size)
-        step[i] = 1e-6
-        differences = (free_run(theta + step, log) - free_run(theta - step, log)) / 2e-6
-        np.testing.assert_allclose(rows[i], differences, atol=1e-5 * np.abs(differences).max())
-
-
-def test_below_its_dry_friction_an_axis_stands():
-    assert not free_run(TRUTH, axis_log(np.full(200, 0.25))).any()
-    assert free_run(TRUTH, axis_log(np.full(200, 0.35)))[-1] > 0
 
 
 @pytest.mark.parametrize("logged", ["velocity", "position"])

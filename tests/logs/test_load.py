@@ -3,39 +3,16 @@ from __future__ import annotations
 import json
 
 import numpy as np
-import pandas as pd
 import pytest
 
+from tests.logs.rig import NAMES, RATE
+from tests.logs.rig import columns as table
 from whsklearn.datasets import load_turntable, make_servo_log
 from whsklearn.logs import LogWarning, check_log, load_log
 
-RATE = 200.0
-NAMES = {"time": "time_s", "drive": "torque_nm", "position": "position_rad"}
-
-
-def table(n=2000, seed=0):
-    t = np.arange(n) / RATE
-    rng = np.random.default_rng(seed)
-    return {
-        "time_s": t,
-        "torque_nm": np.sin(3 * t) + 0.01 * rng.normal(size=n),
-        "position_rad": np.cos(2 * t) + 1e-6 * rng.normal(size=n),
-    }
-
-
-@pytest.fixture
-def write(tmp_path):
-    def to_file(columns, name="axis.csv", **options):
-        path = tmp_path / name
-        frame = pd.DataFrame(columns)
-        frame.to_parquet(path) if path.suffix == ".parquet" else frame.to_csv(path, index=False, **options)
-        return path
-
-    return to_file
-
 
 def test_a_clean_log_comes_back_as_it_is(write):
-    columns = table()
+    columns = table(2000)
     log = load_log(write(columns), **NAMES)
     assert log.report.ok
     assert log.report.codes == ()
@@ -65,61 +42,8 @@ def test_units_may_be_stated_and_milliseconds_become_seconds(write):
     assert log.sample_rate == pytest.approx(RATE)
 
 
-def test_stamps_may_be_dates(write):
-    columns = table(400)
-    dates = pd.Timestamp("2024-05-01 12:00:00") + pd.to_timedelta(np.round(columns["time_s"] * 1e6), unit="us")
-    for name in ("axis.csv", "axis.parquet"):
-        if name.endswith("parquet"):
-            pytest.importorskip("pyarrow")
-        log = load_log(write({**columns, "stamp": dates}, name), **{**NAMES, "time": "stamp"})
-        assert log.sample_rate == pytest.approx(RATE)
-        assert log.time[-1] == pytest.approx(columns["time_s"][-1])
-    with pytest.raises(ValueError, match=r"'word' is not numeric and no dates either: row 0 holds 'noon'"):
-        load_log(write({**columns, "word": ["noon"] * 400}), **{**NAMES, "time": "word"})
-
-
-@pytest.mark.parametrize("off", [0.02, -0.3])
-def test_irregular_sampling_is_refused_with_the_row_and_resampled_on_request(write, off):
-    columns = table()
-    columns["time_s"] = columns["time_s"].copy()
-    columns["time_s"][700] += off / RATE
-    file = write(columns)
-    with pytest.raises(ValueError, match=r"sampling is irregular. Row 70[01] .*1% allowed.*resample=True"):
-        load_log(file, **NAMES, resample=False)
-    with pytest.warns(LogWarning):
-        log = load_log(file, **NAMES)
-    assert set(log.report.codes) == {"LOG001", "LOG011"}
-    assert np.allclose(np.diff(log.time), 1 / RATE)
-    assert np.allclose(log.y, np.cos(2 * log.time), atol=5e-3)
-
-
-def test_jitter_within_one_percent_passes_and_is_reported(write):
-    columns = table()
-    columns["time_s"] = columns["time_s"] + 0.004 / RATE * np.sin(np.arange(2000.0))
-    log = load_log(write(columns), **NAMES)
-    assert 0.003 < log.report.jitter < 0.01
-
-
-def test_gaps_doubles_and_backward_stamps_are_found_and_mended(write):
-    columns = {k: v.copy() for k, v in table().items()}
-    keep = np.r_[0:500, 503:1000, 1200:2000]
-    columns = {k: v[keep] for k, v in columns.items()}
-    columns["time_s"][100] = columns["time_s"][99]
-    columns["time_s"][300] = columns["time_s"][297]
-    file = write(columns)
-    with pytest.raises(ValueError, match=r"time runs backwards. From row 299 to row 300"):
-        load_log(file, **NAMES, resample=False)
-    with pytest.warns(LogWarning):
-        log = load_log(file, **NAMES)
-    assert {"LOG002", "LOG003", "LOG004"} <= set(log.report.codes)
-    assert set(log.groups) == {0, 1}  # the gap of 200 samples parts the log, that of 3 is bridged
-    assert np.sum(log.groups == 0) == pytest.approx(1000, abs=1)
-    missing = next(f for f in log.report.findings if f.code == "LOG002")
-    assert missing.value == pytest.approx(203, abs=8)
-
-
 def test_missing_values_are_refused_with_the_row_and_dropped_on_request(write):
-    columns = table()
+    columns = table(2000)
     columns["torque_nm"][[40, 41]] = np.nan
     file = write(columns)
     with pytest.raises(ValueError, match=r"'torque_nm' has no value at row 40 \(no number; 2 such rows"):
@@ -169,7 +93,7 @@ def test_files_that_are_no_log_are_told(tmp_path):
 
 
 def test_clipping_is_found_and_turning_points_are_not():
-    c = table()
+    c = table(2000)
     clean = check_log(c["time_s"], {"drive": c["torque_nm"], "position": c["position_rad"]})
     clipped = check_log(c["time_s"], {"drive": np.clip(c["torque_nm"], -0.7, 0.7), "position": c["position_rad"]})
     encoder = np.round(c["position_rad"] / 1e-3) * 1e-3  # flat at its turning points by the lattice alone
@@ -190,7 +114,7 @@ def test_the_lattice_of_the_position_is_measured(quantum):
 
 
 def test_repeated_rows_are_found_and_a_rest_is_not():
-    c = table()
+    c = table(2000)
     held = np.arange(2000) // 2 * 2
     twice = check_log(c["time_s"], {"drive": c["torque_nm"][held], "position": c["position_rad"][held]})
     rest = np.minimum(np.arange(2000), 1500)
@@ -207,7 +131,7 @@ def test_what_the_library_simulates_is_a_clean_log():
 
 
 def test_a_drive_of_zeros_and_an_axis_that_stands_still_are_told():
-    c = table()
+    c = table(2000)
     zero = np.zeros(2000)
     assert "LOG008" in check_log(c["time_s"], {"drive": zero, "position": c["position_rad"]}).codes
     assert "LOG009" in check_log(c["time_s"], {"drive": c["torque_nm"], "position": zero + 3}).codes
@@ -216,7 +140,7 @@ def test_a_drive_of_zeros_and_an_axis_that_stands_still_are_told():
 
 
 def test_a_report_reads_as_text_html_and_json():
-    c = table()
+    c = table(2000)
     report = check_log(c["time_s"], {"drive": np.zeros(2000), "position": c["position_rad"]})
     assert "LOG008 error: The drive is zero throughout." in str(report)
     assert "<li>LOG008" in report._repr_html_()

@@ -5,109 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tests.recursion.kept_record import KAPPA, Memory, natural
 from whsklearn import WienerHammersteinSystem
-from whsklearn.datasets import make_wiener_hammerstein
 from whsklearn.effects.law import polynomial_law
-from whsklearn.recursion.gauss_newton import Prior, refine, refine_part, solve_damped
-from whsklearn.recursion.memory_cost import BUDGET, COST, replay, work_size
-from whsklearn.recursion.memory_cost import Memory as KeptSamples
-from whsklearn.recursion.predictor import record_errors, state_size
+from whsklearn.recursion.gauss_newton import Prior, refine_part, solve_damped
+from whsklearn.recursion.memory_cost import BUDGET, COST, work_size
+from whsklearn.recursion.predictor import state_size
 from whsklearn.recursion.predictor_block import LENGTH
 from whsklearn.systems.stability import is_stable
 
-KAPPA = 3.0
-
-
-def natural(system):
-    return np.concatenate([system.a[1:], system.b, system.law.weights, system.c[1:], system.d])
-
-
-class Memory:
-    """A record in the form that `replay` takes, and what a plain run over it gives."""
-
-    def __init__(self, system, n=120, seed=0, snr_db=15.0, restart_at=()):
-        self.law = system.law
-        self.dims = np.array(
-            [system.a.size, system.b.size, system.c.size, system.d.size, len(system.law)], dtype=np.int64
-        )
-        self.X, self.y = make_wiener_hammerstein(n, snr_db=snr_db, random_state=seed, system=system)
-        self.restart = np.zeros(n, dtype=bool)
-        self.restart[[0, *restart_at]] = True
-        self.still = np.zeros(n, dtype=bool)
-        self.history = int(max(self.dims[0], self.dims[3], 1))
-        self.n = natural(system).size
-
-    @property
-    def kernel(self):
-        return self.dims, self.law.codes, self.law.shapes
-
-    def padded(self, values):
-        return np.concatenate([np.zeros((self.history, *values.shape[1:])), values])
-
-    def shared(self, tail=1, forgetting=1.0, origin=None):
-        origin = np.zeros(state_size(self.dims)) if origin is None else origin
-        return KeptSamples(
-            origin, self.padded(self.X), self.padded(self.y), self.restart, self.y.size, self.history, tail,
-            forgetting ** np.arange(self.y.size)[::-1] * ~self.still[: self.y.size],
-        )  # fmt: skip
-
-    def replay(self, theta, kappa=KAPPA, **settings):
-        information, slope = np.zeros((self.n, self.n)), np.zeros(self.n)
-        state = np.zeros(state_size(self.dims))
-        cost = replay(theta, self.kernel, kappa, self.shared(**settings), information, slope, state)
-        return cost, information, slope, state
-
-    def errors(self, theta, kappa=KAPPA):
-        e, rows = np.empty(self.y.size), np.empty((self.y.size, self.n))
-        law = self.law.codes, self.law.shapes
-        record_errors(theta, self.dims, *law, kappa, self.X, self.y, self.restart, e, rows)
-        return e, rows
-
-    def refine(self, theta, prior_theta, prior_information, iterations=30, **settings):
-        information, state = np.zeros((self.n, self.n)), np.zeros(state_size(self.dims))
-        prior = Prior(prior_theta, prior_information)
-        cost = refine(theta, self.kernel, KAPPA, self.shared(**settings), prior, iterations, information, state)
-        return cost, information
-
-
 LINEAR = WienerHammersteinSystem([1.0], [], [1.0], [0.3, -0.2], polynomial_law([0.0, 1.0, 0.5]))
-
-
-@pytest.mark.parametrize("tail", [1, 4])
-@pytest.mark.parametrize("forgetting", [1.0, 0.97])
-def test_a_replay_is_the_plain_run_weighted(tail, forgetting):
-    memory = Memory(WienerHammersteinSystem.example(), restart_at=(50,))
-    theta = natural(WienerHammersteinSystem.example()) * 0.9
-    e, rows = memory.errors(theta)
-    age = np.arange(e.size)[::-1]
-    weights = np.minimum((age + 1) / tail, 1.0) * forgetting**age
-    cost, information, slope, _ = memory.replay(theta, tail=tail, forgetting=forgetting)
-    assert cost == pytest.approx(weights @ e**2)
-    np.testing.assert_allclose(information, (rows * weights[:, None]).T @ rows, rtol=1e-9, atol=1e-12)
-    np.testing.assert_allclose(slope, rows.T @ (weights * e), rtol=1e-9, atol=1e-9)
-
-
-@pytest.mark.parametrize("tail", [1, 4])
-def test_the_state_handed_over_is_where_the_next_window_starts(tail):
-    """A run over all is a run over the first part, then one from the state handed over."""
-    system = WienerHammersteinSystem.example()
-    theta = natural(system) * 0.9
-    whole = Memory(system, n=100)
-    e, _ = whole.errors(theta)
-    first = Memory(system, n=100)
-    cut = 60
-    first.X, first.y, first.restart = whole.X[:cut], whole.y[:cut], whole.restart[:cut]
-    _, _, _, state = first.replay(theta, tail=tail)
-    begin = cut - tail + 1
-    rest = Memory(system, n=100)
-    h = rest.history
-    information, slope, end = np.zeros((9, 9)), np.zeros(9), np.zeros_like(state)
-    left = 100 - begin
-    kept = KeptSamples(
-        state, whole.X[begin - h :], whole.y[begin - h :], np.zeros(left, dtype=bool), left, h, 1, np.ones(left)
-    )
-    cost = replay(theta, rest.kernel, KAPPA, kept, information, slope, end)
-    assert cost == pytest.approx(np.sum(e[begin:] ** 2))
 
 
 def test_for_a_linear_model_one_re_run_is_batch_least_squares():
@@ -184,14 +91,3 @@ def test_in_parts_it_is_the_same_to_the_bit(budget):
     assert work[COST] == cost
     np.testing.assert_array_equal(theta, whole)
     np.testing.assert_array_equal(got, information)
-
-
-def test_what_stands_still_weighs_nothing():
-    memory = Memory(WienerHammersteinSystem.example())
-    theta = natural(WienerHammersteinSystem.example()) * 0.9
-    e, rows = memory.errors(theta)
-    memory.still[40:70] = True
-    moving = np.r_[0:40, 70:120]
-    cost, information, _, _ = memory.replay(theta)
-    assert cost == pytest.approx(np.sum(e[moving] ** 2))
-    np.testing.assert_allclose(information, rows[moving].T @ rows[moving], rtol=1e-9, atol=1e-12)

@@ -9,78 +9,26 @@ import numpy as np
 import pytest
 from sklearn.utils import Bunch
 
+from tests.systems.signals import DRIVE, REFERENCE, T
 from whsklearn.effects import (
-    ActuatorLag,
     Backlash,
     Cogging,
     Coulomb,
-    DeadZone,
     EncoderEccentricity,
     FlexibleCoupling,
     InputDelay,
     InputOffset,
-    LuGre,
     OutputDrift,
     ParameterChange,
     Quantization,
-    Saturation,
-    Stribeck,
     TorqueRipple,
     Viscous,
     effect_names,
     get_effect,
 )
-from whsklearn.systems import Drive, PIDController, Sensor, ServoAxis, Transmission, record_frame, simulate_many
-
-T = np.arange(1000) / 1000
-DRIVE = 0.9 * np.sin(9.0 * T) + 0.3 * np.cos(31.0 * T)
-REFERENCE = 0.5 * np.sin(5.0 * T)
-
+from whsklearn.systems import Drive, PIDController, Sensor, ServoAxis, Transmission
 
 # -- drive ----------------------------------------------------------------------------
-
-
-def test_a_delay_of_whole_samples_shifts_the_torque():
-    torque = ServoAxis(effects=[InputDelay(0.007)]).simulate_drive(DRIVE).torque
-    np.testing.assert_allclose(torque[7:], DRIVE[:-7], atol=1e-12)
-    np.testing.assert_array_equal(torque[:7], DRIVE[0])
-
-
-def test_a_delay_acts_the_same_from_the_axis_and_from_the_effect():
-    one = ServoAxis(drive=Drive(delay=0.0033)).simulate_drive(DRIVE)
-    two = ServoAxis(effects=[InputDelay(0.0033)]).simulate_drive(DRIVE)
-    np.testing.assert_array_equal(one.position, two.position)
-
-
-def test_the_motion_depends_smoothly_on_the_delay():
-    base = ServoAxis(law=[Viscous(0.3)])
-    runs = [base.with_effect(InputDelay(d)).simulate_drive(DRIVE).position for d in (0.00201, 0.00202, 0.00203)]
-    np.testing.assert_allclose(runs[2] - runs[1], runs[1] - runs[0], rtol=1e-3, atol=1e-9)
-
-
-def test_a_lag_answers_a_step_exponentially():
-    step = np.r_[np.zeros(10), np.ones(100)]
-    torque = ServoAxis(effects=[ActuatorLag(0.01)]).simulate_drive(step).torque
-    lagged = 1.0 - np.exp(-(np.arange(100) + 0.5 / 20) * 1e-3 / 0.01)  # mean over the first fine step
-    np.testing.assert_allclose(torque[10:], lagged, atol=1e-5)
-
-
-def test_dead_zone_and_saturation_shape_the_torque():
-    u = np.linspace(-2.0, 2.0, 401)
-    axis = ServoAxis(effects=[DeadZone(0.2), Saturation(1.5)])
-    np.testing.assert_allclose(axis.simulate_drive(u).torque, np.clip(u - np.clip(u, -0.2, 0.2), -1.5, 1.5))
-
-
-def test_an_offset_must_be_paid_for_by_the_drive():
-    axis = ServoAxis(law=[Viscous(0.1)])
-    with_offset = axis.with_effect(InputOffset(0.2)).simulate_drive(DRIVE + 0.2).position
-    np.testing.assert_allclose(with_offset, axis.simulate_drive(DRIVE).position, atol=1e-12)
-
-
-def test_a_disturbance_adds_to_the_torque():
-    axis = ServoAxis()
-    one = axis.simulate_drive(DRIVE, disturbance=0.1 * np.ones(1000)).position
-    np.testing.assert_allclose(one, axis.simulate_drive(DRIVE + 0.1).position, atol=1e-12)
 
 
 # -- balance --------------------------------------------------------------------------
@@ -157,38 +105,6 @@ def test_an_encoder_on_the_load_sees_the_load():
 # -- controller -----------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("derivative_on", ["error", "measurement"])
-def test_controller_is_the_discrete_pid_of_its_docstring(derivative_on):
-    c = PIDController(20.0, 5.0, 0.5, 0.1, 0.05, derivative_on=derivative_on, derivative_filter=0.003)
-    record = ServoAxis(controller=c, drive=Drive(gain=0.5)).simulate(REFERENCE)
-    error = REFERENCE - record.position
-    source = error if derivative_on == "error" else -record.position
-    blend = 0.003 / (0.003 + 1e-3)
-    derivative, filtered = np.r_[0.0, np.diff(source)] * 1000, np.zeros(1000)
-    for k in range(1, 1000):
-        filtered[k] = blend * filtered[k - 1] + (1 - blend) * derivative[k]
-    velocity = np.gradient(REFERENCE) * 1000
-    out = 20.0 * error + 5.0 * np.cumsum(error) / 1000 + 0.5 * filtered
-    out += 0.1 * velocity + 0.05 * np.gradient(velocity) * 1000
-    np.testing.assert_allclose(record.drive, 0.5 * out, atol=1e-9)
-
-
-def test_the_log_shows_the_torque_within_the_controllers_limit():
-    axis = ServoAxis(controller=PIDController(limit=0.7))
-    record = axis.simulate(np.ones(1000), initial_position=0.0)
-    assert np.abs(record.drive).max() == pytest.approx(0.7)
-
-
-def test_the_integral_does_not_wind_up():
-    free = PIDController(20.0, 40.0, 2.0)
-    step = np.ones(4000)
-    bounded = ServoAxis(controller=dataclasses.replace(free, limit=0.6)).simulate(step, initial_position=0.0)
-    overshoot = bounded.true_position.max() - 1.0
-    # the same bound outside the controller's sight: its integral winds up
-    blind = ServoAxis(controller=free, drive=Drive(limit=0.6)).simulate(step, initial_position=0.0)
-    assert overshoot < 0.5 * (blind.true_position.max() - 1.0)
-
-
 def test_feedforward_of_the_true_axis_leaves_little_to_the_feedback():
     bare = ServoAxis(law=[Viscous(0.12)])
     ahead = dataclasses.replace(bare, controller=PIDController(60.0, 60.0, 2.0, 0.12, 0.05))
@@ -209,58 +125,7 @@ def test_the_rig_follows_the_papers_reference():
 # -- replay ---------------------------------------------------------------------------
 
 
-def test_open_loop_repeats_the_closed_loop():
-    axis = ServoAxis(effects=[Cogging(0.1, 7.0), LuGre(0.1, 0.01)])
-    closed = axis.simulate(REFERENCE)
-    opened = axis.simulate_drive(closed.drive, initial_position=REFERENCE[0], initial_velocity=0.0)
-    np.testing.assert_allclose(opened.position, closed.position, atol=1e-10)
-    assert np.isnan(opened.reference).all()
-
-
-def test_resync_returns_to_the_measurement():
-    truth = ServoAxis(inertia=0.05).simulate_drive(DRIVE)
-    wrong = ServoAxis(inertia=0.06)
-    options = {"position": truth.position, "velocity": truth.velocity}
-    free = wrong.simulate_drive(DRIVE, **options).position
-    often = wrong.simulate_drive(DRIVE, resync=0.1, **options)
-    always = wrong.simulate_drive(DRIVE, resync=0.001, **options)
-    np.testing.assert_array_equal(always.position, truth.position)
-    np.testing.assert_array_equal(often.position[::100], truth.position[::100])
-    assert np.std(often.position - truth.position) < 0.3 * np.std(free - truth.position)
-
-
-def test_resync_without_velocity_takes_it_from_the_position():
-    truth = ServoAxis().simulate_drive(DRIVE)
-    again = ServoAxis().simulate_drive(DRIVE, position=truth.position, resync=0.2)
-    assert np.abs(again.position - truth.position).max() < 2e-3
-
-
-def test_a_linear_hold_interpolates():
-    axis = ServoAxis(law=[Viscous(0.1)])
-    slow = dataclasses.replace(axis, sample_rate=100.0, substeps=200)
-    drive = np.sin(9.0 * np.arange(200) / 100)
-    fine = axis.simulate_drive(np.sin(9.0 * np.arange(2000) / 1000), hold="linear").position[::10]
-    errors = [np.std(slow.simulate_drive(drive, hold=h).position - fine) for h in ("linear", "zero")]
-    assert errors[0] < 0.1 * errors[1]
-
-
 # -- batches and access ---------------------------------------------------------------
-
-
-def test_a_batch_is_the_same_as_one_by_one_in_threads_too():
-    axes = [ServoAxis(effects=[get_effect(n)()]) for n in ("cogging", "backlash", "input_delay")]
-    alone = [a.simulate(REFERENCE, noise=1e-4 * np.cos(T)) for a in axes]
-    for jobs in (1, 2):
-        batch = simulate_many(axes, reference=REFERENCE, noise=1e-4 * np.cos(T), n_jobs=jobs)
-        for one, many in zip(alone, batch, strict=True):
-            np.testing.assert_array_equal(one.position, many.position)
-
-
-def test_a_batch_gives_each_axis_its_own_noise():
-    axis = ServoAxis(sensor=Sensor(noise=1e-3))
-    a, b, c = simulate_many([axis] * 3, reference=REFERENCE, random_state=[1, 2, 1])
-    assert not np.array_equal(a.position, b.position)
-    np.testing.assert_array_equal(a.position, c.position)
 
 
 @pytest.mark.parametrize("name", [n for n in effect_names() if get_effect(n).__module__.startswith("whsklearn.")])
@@ -273,22 +138,6 @@ def test_every_effect_runs_in_closed_loop_and_does_something(name):
     record = ServoAxis(effects=[effect]).simulate(reference)
     assert np.isfinite(record.position).all()
     assert not np.array_equal(record.drive, base.drive)
-
-
-def test_parameters_come_and_go_by_name():
-    axis = ServoAxis(
-        law=[Viscous(0.1), Coulomb(0.2), Stribeck(0.05, 0.1)],
-        effects=[Cogging(0.1, 7.0), Cogging(0.2, 14.0), Coulomb(0.01)],
-        transmission=Transmission(),
-    )
-    assert axis.term_names == ("inertia", "viscous", "coulomb", "stribeck", "cogging", "cogging2", "coulomb2")
-    names = ["inertia", "stribeck__velocity", "cogging2__order", "coulomb2", "drive__delay", "transmission__gap"]
-    new = axis.with_vector(names, [0.04, 0.2, 21.0, 0.03, 0.002, 0.001])
-    np.testing.assert_allclose(new.vector(names), [0.04, 0.2, 21.0, 0.03, 0.002, 0.001])
-    assert axis.parameters["inertia"] == 0.05
-    untouched = set(axis.parameters) - set(names)
-    assert all(new.parameters[n] == axis.parameters[n] for n in untouched)
-    assert new.with_parameters(axis.parameters) == axis
 
 
 def test_effects_come_and_go():
@@ -304,11 +153,6 @@ def test_a_neutral_effect_leaves_the_simulation_bit_for_bit():
     neutral = [get_effect(n)() for n in effect_names() if get_effect(n).__module__.startswith("whsklearn.")]
     axis = ServoAxis(effects=[e.resized(e.neutral) for e in neutral])
     np.testing.assert_array_equal(axis.simulate(REFERENCE).position, base.position)
-
-
-def test_a_log_has_the_agreed_columns():
-    frame = record_frame(ServoAxis().simulate(REFERENCE))
-    assert list(frame) == ["time_s", "reference_rad", "torque_nm", "position_rad"]
 
 
 def test_a_linear_axis_is_the_same_equation():
@@ -350,41 +194,6 @@ def test_an_axis_that_cannot_be_is_refused(wrong, complaint):
 def test_a_part_that_cannot_be_is_refused(make, complaint):
     with pytest.raises(ValueError, match=complaint):
         make()
-
-
-@pytest.mark.parametrize(
-    ("options", "complaint"),
-    [
-        ({"reference": np.ones(5), "drive": np.ones(5)}, "either"),
-        ({}, "either"),
-        ({"drive": np.ones((5, 2))}, "1-D"),
-        ({"drive": np.array([0.0, np.nan])}, "row 1"),
-        ({"drive": np.ones(5), "resync": 1.0}, "position="),
-        ({"drive": np.ones(5), "position": np.ones(4)}, "5 samples"),
-        ({"drive": np.ones(5), "hold": "breath"}, "hold"),
-        ({"drive": np.ones(5), "position": np.ones(5), "resync": 0.0}, "resync"),
-    ],
-)
-def test_an_experiment_that_cannot_be_is_refused(options, complaint):
-    with pytest.raises(ValueError, match=complaint):
-        simulate_many([ServoAxis()], **options)
-
-
-def test_unknown_parameters_are_refused_and_the_known_listed():
-    with pytest.raises(ValueError, match=r"charm.*inertia"):
-        ServoAxis().with_parameters(charm=1.0)
-    with pytest.raises(ValueError, match="charm"):
-        ServoAxis().vector(["charm"])
-    with pytest.raises(ValueError, match="transmission__gap"):
-        ServoAxis().with_parameters(transmission__gap=0.1)
-
-
-def test_a_run_that_blows_up_says_so_and_a_batch_goes_on():
-    wild = ServoAxis(controller=PIDController(kp=1e9, ki=0.0, kd=0.0))
-    with pytest.raises(FloatingPointError, match="no longer finite"):
-        wild.simulate(REFERENCE)
-    records = simulate_many([wild, ServoAxis()], reference=REFERENCE)
-    assert np.isfinite(records[1].position).all()
 
 
 def test_a_delay_below_zero_is_refused():

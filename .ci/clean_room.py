@@ -1,6 +1,6 @@
 """Five stories of a stranger, with the built wheel in an environment that holds nothing else.
 
-    python tests/clean_room.py [--python PYTHON]
+    python .ci/clean_room.py [--python PYTHON]
 
 Builds the wheel, makes a virtual environment outside the checkout, installs ``dist/*.whl[all]`` into it and runs the
 commands as a new user would, in a folder of their own: a CSV in degrees to a named effect, validated on a second

@@ -1,0 +1,37 @@
+"""One axis of a fleet: read in the order of time, identified, and what can go wrong told in its row."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pandas as pd
+
+from tests.cli.fleet_folder import MODEL, source, write_axis
+from whsklearn.cli.fleet_axis import axes_of, identify_axes, read_axis
+
+
+def test_rows_are_put_in_the_order_of_time(fleet):
+    X, y = read_axis(fleet, "axis", "ax01", ["u"], "y", "t")
+    np.testing.assert_array_equal(X[:, 0], np.random.default_rng(1).normal(size=600))
+    assert y.shape == (600,)
+
+
+def test_failures_of_an_axis_are_a_row(tmp_path):
+    write_axis(tmp_path, "ok", 0.7, 0)
+    for name, frame in {
+        "text": pd.DataFrame({"t": [0.0, 1.0], "u": ["a", "b"], "y": [0.0, 1.0]}),
+        "short": pd.DataFrame({"t": [0.0, 1.0], "u": [0.0, 1.0], "y": [0.0, 1.0]}),
+        "missing": pd.DataFrame({"t": [0.0, 1.0], "u": [0.0, 1.0]}),
+        "twice": pd.DataFrame({"t": [0.0, 0.0], "u": [0.0, 1.0], "y": [0.0, 1.0]}),
+        "nan": pd.DataFrame({"t": np.arange(99.0), "u": np.nan, "y": 1.0}),
+    }.items():
+        (tmp_path / f"axis={name}").mkdir()
+        frame.to_parquet(tmp_path / f"axis={name}" / "part.parquet")
+    (tmp_path / "axis=empty").mkdir()
+    names = axes_of(tmp_path, "axis")
+    rows = {r["axis"]: r for r in identify_axes(MODEL, names, source(tmp_path), 0.25)}
+    assert rows.pop("ok")["failure"] == ""
+    said = {"text": "no numbers", "short": "samples?", "missing": "no column y", "twice": "stands twice", "nan": "NaN"}
+    for name, pattern in (said | {"empty": "no Parquet file"}).items():
+        assert re.search(pattern, rows[name]["failure"]), rows[name]

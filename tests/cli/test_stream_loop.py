@@ -1,0 +1,57 @@
+"""What a stream does with its rows: bad ones, refused ones, a change of friction."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.cli.recorded_stream import QUICK, axis, carried, records, stream, write
+
+BAD = {3: "0.02,1.0\n", 5: "0.04,x,1.0\n", 8: "0.05,1,1\n", 9: "0.08,nan,1\n", 11: "0.10,1,1e999\n", 12: "\n"}
+
+
+@pytest.mark.parametrize("gap", ["hold", "restart"])
+def test_bad_rows_are_reported_with_their_lines_and_passed_over(tmp_path, rows, gap):
+    spoilt = [BAD.get(i + 2, row) for i, row in enumerate(rows[:700])]
+    log = write(tmp_path / "log.csv", spoilt)
+    done = stream(log, "--out", tmp_path / "out.jsonl", "--gap", gap, *QUICK)
+    assert done.exit_code == 0, done.output
+    bad = records(tmp_path / "out.jsonl", "bad_row")
+    assert [r["line"] for r in bad] == [3, 5, 8, 9, 11]
+    assert bad[0]["reason"] == "2 fields, expected 3"
+    assert "u is 'x'" in bad[1]["reason"]
+    assert "does not come after" in bad[2]["reason"]
+    for line in (3, 5, 8, 9, 11):
+        assert f"line {line}:" in done.stderr
+    assert carried(tmp_path / "log.csv.whs")["carried"]["rows"] == {"hold": 699, "restart": 694}[gap]
+
+
+def test_a_refused_row_ends_the_stream_before_it_and_corrected_it_goes_on(tmp_path, undisturbed, rows):
+    spoilt = list(rows)
+    spoilt[1000] = "10.00,1.0,oops\n"
+    log, args = write(tmp_path / "log.csv", spoilt), ["--bad-rows", "refuse", "--predictions", *QUICK]
+    done = stream(log, "--out", tmp_path / "out.jsonl", *args)
+    assert done.exit_code == 1
+    assert "line 1002: y is 'oops', no number" in done.stderr
+    assert carried(tmp_path / "log.csv.whs")["carried"]["rows"] == 1000
+    write(log, rows)
+    assert stream(log, "--out", tmp_path / "out.jsonl", *args).exit_code == 0
+    assert (tmp_path / "out.jsonl").read_bytes() == (undisturbed / "out.jsonl").read_bytes()
+
+
+def test_a_rise_of_friction_raises_the_alarm_and_is_named(tmp_path):
+    u, y = axis(12_000, 3)
+    y[7000:] = axis(12_000, 3, coulomb=0.84)[1][7000:]
+    y += 0.05 * np.random.default_rng(4).normal(size=y.size)
+    log = tmp_path / "log.csv"
+    log.write_text("u,y\n" + "".join(f"{a:.12g},{b:.12g}\n" for a, b in zip(u, y, strict=True)))
+    done = stream(log, "--no-track", "--out", tmp_path / "out.jsonl")
+    assert done.exit_code == 0, done.output
+    (alarm,) = records(tmp_path / "out.jsonl", "alarm")
+    assert 7000 < alarm["row"] < 7100
+    (change,) = records(tmp_path / "out.jsonl", "change")
+    assert change["alarm_row"] == alarm["row"]
+    assert len(change["changes"]) == 1
+    assert change["changes"][0].startswith("coulomb rose")
+    # the forgetting settles again, so the estimate is no noisier than one of the new regime alone
+    assert records(tmp_path / "out.jsonl", "estimate")[-1]["parameters"]["coulomb"] == pytest.approx(0.84, abs=0.03)

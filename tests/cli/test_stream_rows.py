@@ -1,0 +1,72 @@
+"""Lines of a stream and what they hold: places and numbers, headers, rows that are none."""
+
+from __future__ import annotations
+
+import io
+import os
+
+import pytest
+
+from whsklearn.cli.stream_rows import LONGEST, BadRow, CsvParser, FollowedFile, JsonParser, LineSource
+
+
+def test_lines_keep_their_numbers_and_places_whatever_the_blocks(tmp_path):
+    text = b"a,b\n" + b"".join(b"%d,%d\n" % (i, i) for i in range(50_000)) + b"last,1"
+    path = tmp_path / "log"
+    path.write_bytes(text)
+    source, lines = LineSource(io.BytesIO(text), open_end=True), []
+    while (block := source.read()) is not None:
+        lines += block
+        assert text[: source.offset].rstrip(b"\n").split(b"\n") == lines or not lines
+    assert lines == text.split(b"\n")
+    assert (source.number, source.offset) == (50_002, len(text))
+
+
+def test_a_line_without_end_takes_no_memory_and_is_no_row():
+    text = b"1,1\n" + b"7" * (3 * LONGEST) + b",2\n3,3\n"
+    source, lines = LineSource(io.BytesIO(text)), []
+    while (block := source.read()) is not None:
+        lines += block
+        assert len(source._rest) <= LONGEST + (1 << 16)
+    assert (lines[0], lines[2], source.offset) == (b"1,1", b"3,3", len(text))
+    with pytest.raises(BadRow):
+        CsvParser(b"u,y", ["u", "y"])(lines[1])
+
+
+def test_a_followed_file_that_is_replaced_begins_anew(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_bytes(b"u,y\n1,1\n")
+    source = FollowedFile(path)
+    assert source.read() == [b"u,y", b"1,1"]
+    (tmp_path / "new").write_bytes(b"u,y\n2,2\n")
+    os.replace(tmp_path / "new", path)
+    assert source.read() == []
+    assert source.restarted
+    assert source.read() == [b"u,y", b"2,2"]
+    path.write_bytes(b"u,y\n")
+    assert source.read() == []
+    assert source.read() == [b"u,y"]
+    source.close()
+
+
+@pytest.mark.parametrize("header", [b"t,u,y", b'\xef\xbb\xbf"t","u","y"\r\n', b"t;u;y", b"t\tu\ty", b"t , u , y"])
+def test_headers_of_many_kinds(header):
+    parse = CsvParser(header, ["t", "u", "y"])
+    assert parse(b"1,2.5,-3e2".replace(b",", parse.delimiter.encode())) == [1.0, 2.5, -300.0]
+    assert parse(b'"1","2.5","-3e2"\r'.replace(b",", parse.delimiter.encode())) == [1.0, 2.5, -300.0]
+
+
+@pytest.mark.parametrize("line", [b"", b"1", b"1,2,3", b"a,1", b"nan,1", b"1,inf", b"1_0,1", b"\xff,1", b"1,,"])
+def test_lines_that_are_no_rows(line):
+    with pytest.raises(BadRow):
+        CsvParser(b"u,y", ["u", "y"])(line)
+
+
+@pytest.mark.parametrize(
+    "line",
+    [b"", b"{", b"[1,2]", b"3", b'{"u": 1}', b'{"u": "1", "y": 1}', b'{"u": true, "y": 1}', b'{"u": NaN, "y": 1}',
+     b'{"u": 1e999, "y": 1}', b'{"u": 1' + b"0" * 400 + b', "y": 1}', b"[" * 100_000, b"\xff\xfe"],
+)  # fmt: skip
+def test_json_lines_that_are_no_rows(line):
+    with pytest.raises(BadRow):
+        JsonParser(["u", "y"])(line)

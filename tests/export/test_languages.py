@@ -1,0 +1,41 @@
+"""Numbers and operators of C and of Structured Text."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from tests.export.small_functions import _early
+from whsklearn import ServoAxis
+from whsklearn.effects import Cogging, Stribeck
+from whsklearn.export import export_model
+from whsklearn.export.languages import C, StructuredText
+from whsklearn.export.specialise import Specialiser
+from whsklearn.export.statements import Symbol
+
+
+def test_structured_text_is_balanced_and_names_what_it_uses(tmp_path):
+    axis = ServoAxis(effects=[Cogging(0.1, 12.0), Stribeck(0.1)])
+    text = export_model(axis, to="st", out=tmp_path).paths[0].read_text()
+    body = text[text.index("FUNCTION_BLOCK model") :]
+    assert body.count("IF ") == body.count("END_IF;") > 3
+    assert "COS(" in body
+    assert "EXP(" in body
+    for word in ("&&", "==", "{", "fabs"):
+        assert word not in body
+
+
+@pytest.mark.parametrize("value", [0.1, -1e-9, 1.0, 1e22, math.pi])
+def test_numbers_read_back(value):
+    assert float(C().number(value).strip("()")) == value
+    assert float(StructuredText().number(value).strip("()")) == value
+
+
+def test_structured_text_writes_its_own_operators():
+    work = Specialiser(StructuredText())
+    a, _ = work.call(_early, Symbol("x"), 1.0)
+    text = "\n".join(work.finish(a)[0])
+    assert "IF (x > 1.0) THEN" in text
+    assert ":=" in text
+    assert text.count("IF (") == text.count("END_IF;")

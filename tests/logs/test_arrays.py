@@ -1,0 +1,48 @@
+"""Parquet, MATLAB, HDF5 and NumPy files give the columns that were put in."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from tests.logs.rig import TABLE, same
+from whsklearn.logs import LogError, load_log, open_source
+
+
+def test_parquet_with_lists_and_numbers(tmp_path):
+    pytest.importorskip("pyarrow")
+    path = tmp_path / "axis.parquet"
+    frame = pd.DataFrame(TABLE)
+    frame["state"] = [[p, 2 * p] for p in TABLE["position_rad"]]
+    frame.to_parquet(path)
+    same(load_log(path, time="time_s", drive="torque_nm", position="position_rad"))
+    same(load_log(path, time="time_s", drive="torque_nm", position="state.0"))
+
+
+def test_matlab_vectors_structures_and_matrices(tmp_path):
+    from scipy.io import savemat
+
+    path = tmp_path / "axis.mat"
+    savemat(path, {"log": {"t": TABLE["time_s"], "tau": TABLE["torque_nm"]}, "data": np.c_[*TABLE.values()]})
+    same(load_log(path, time="log.t", drive="log.tau", position="data.2"))
+
+
+def test_hdf5_and_its_units(tmp_path):
+    h5py = pytest.importorskip("h5py")
+    path = tmp_path / "axis.h5"
+    with h5py.File(path, "w") as file:
+        file["run/time"], file["run/current"] = TABLE["time_s"], TABLE["torque_nm"]
+        file["run/current"].attrs["unit"] = "A"
+        file["run/motion"] = np.c_[TABLE["position_rad"], TABLE["position_rad"]]
+    log = load_log(path, time="run/time", drive="run/current", position="run/motion.1")
+    same(log)
+    assert log.units["drive"] == "A"
+
+
+def test_numpy_archives_hold_no_code(tmp_path):
+    np.savez(tmp_path / "axis.npz", **TABLE)
+    same(load_log(tmp_path / "axis.npz", time="time_s", drive="torque_nm", position="position_rad"))
+    np.savez(tmp_path / "objects.npz", a=np.array([{}, {}], dtype=object))
+    with pytest.raises(LogError, match="no whole NumPy file"):
+        open_source(tmp_path / "objects.npz")

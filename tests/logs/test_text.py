@@ -1,0 +1,50 @@
+"""CSV files as programs leave them: compressed, with comments, cut off in the middle of a row."""
+
+from __future__ import annotations
+
+import gzip
+
+import pytest
+
+from tests.logs.rig import NAMES, text
+from whsklearn.logs import LogError, load_log
+
+
+def test_gzip_comments_amid_the_data_and_a_half_written_last_row(tmp_path):
+    lines = text().splitlines()
+    lines.insert(100, "# emergency stop tested")
+    with gzip.open(tmp_path / "axis.csv.gz", "wt") as file:
+        file.write("\n".join([*lines, "1.5,0.2"]))
+    with pytest.warns(UserWarning, match="no value at row 300"):
+        log = load_log(tmp_path / "axis.csv.gz", **NAMES)
+    assert len(log.y) == 300
+
+
+def test_a_tail_of_zero_bytes_is_left_out_and_zeros_amid_the_data_are_refused(tmp_path):
+    good = text().encode()
+    (tmp_path / "tail.csv").write_bytes(good + bytes(5000))
+    log = load_log(tmp_path / "tail.csv", **NAMES)
+    assert len(log.y) == 300
+    assert any("zero bytes" in n for n in log.notes)
+    (tmp_path / "amid.csv").write_bytes(good[:3000] + bytes(3) + good[3000:])
+    with pytest.raises(LogError, match=r"line \d+ holds zero bytes"):
+        load_log(tmp_path / "amid.csv", **NAMES)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"", "is empty"),
+        (b"\n \n", "nothing but blanks"),
+        (bytes(900), "nothing but blanks or zero bytes"),
+        (b"time_s,torque_nm,position_rad\n", "has a header and no samples"),
+        (b"# only a remark\n", "comments only"),
+        (b"Dear Ann,\nhere is\nthe log,\nas agreed.\nYours\n", "is no table of numbers: line 1 is 'Dear Ann,'"),
+        (b"\x7fELF\x02\x01\x01" + bytes(range(256)) * 20, "binary file that begins with"),
+        (b"time_s,torque_nm,position_rad\n0,0,1\n0,01,1,2\n0,02,1,3\n", "cells of the first|no readable CSV"),
+    ],
+)
+def test_what_is_no_table_is_refused_in_a_sentence(tmp_path, content, message):
+    (tmp_path / "axis.csv").write_bytes(content)
+    with pytest.raises(LogError, match=message):
+        load_log(tmp_path / "axis.csv", **NAMES)

@@ -1,0 +1,96 @@
+"""Stamps: holes, restarts, strays and disorder are found; ticks and dates become seconds."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from tests.logs.rig import NAMES, RATE, columns
+from tests.logs.rig import columns as table
+from whsklearn.logs import LogWarning, load_log
+
+
+def test_a_hole_cuts_the_log_into_segments(load):
+    table = {k: np.delete(v, np.arange(500, 600)) for k, v in columns().items()}
+    with pytest.warns(LogWarning, match=r"about 100 samples, the first before row 500"):
+        log = load(table)
+    assert np.bincount(log.groups).tolist() == [500, 600]
+    assert np.array_equal(log.y[:500], table["position_rad"][:500])
+
+
+def test_a_clock_that_starts_anew_begins_a_segment(load):
+    table = columns(1000)
+    table["time_s"][600:] -= table["time_s"][600]
+    with pytest.warns(LogWarning, match="At row 600 time falls back"):
+        log = load(table)
+    assert np.bincount(log.groups).tolist() == [600, 400]
+    assert np.all(np.diff(log.time) > 0)
+
+
+def test_one_wrong_stamp_is_one_lost_row(load):
+    table = columns(1000)
+    table["time_s"][300] = 1e9
+    with pytest.warns(LogWarning, match=r"Row 300 is stamped 1e\+09 s"):
+        log = load(table)
+    assert log.groups.max() == 0
+    assert len(log.y) == 1000
+
+
+def test_rows_a_little_out_of_order_are_sorted(load):
+    table = columns(1000)
+    order = np.arange(1000)
+    order[[400, 401, 402]] = [402, 400, 401]
+    swapped = {k: v[order] for k, v in table.items()}
+    with pytest.warns(LogWarning):
+        log = load(swapped)
+    assert np.allclose(log.y, table["position_rad"], atol=1e-3)
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("s", 1.0), ("ms", 1e3), ("us", 1e6), ("ns", 1e9)])
+def test_ticks_since_1970(load, unit, factor):
+    table = columns(400)
+    ticks = table["time_s"] * factor + 1.7e9 * factor
+    table["time_s"] = ticks if unit == "s" else np.round(ticks).astype(np.int64)
+    log = load(table)
+    assert log.sample_rate == pytest.approx(RATE, rel=1e-3)
+    assert "LOG015" in log.report.codes
+
+
+@pytest.mark.parametrize("form", ["%Y-%m-%dT%H:%M:%S.%fZ", "%d.%m.%Y %H:%M:%S,%f", "%H:%M:%S.%f"])
+def test_dates_and_times_of_the_day(load, form):
+    table = columns(400)
+    stamps = pd.Timestamp("2026-05-21 12:00:00") + pd.to_timedelta(table["time_s"], unit="s")
+    table["time_s"] = stamps.strftime(form)
+    assert load(table).sample_rate == pytest.approx(RATE, rel=1e-3)
+
+
+def test_stamps_may_be_dates(write):
+    columns = table(400)
+    dates = pd.Timestamp("2024-05-01 12:00:00") + pd.to_timedelta(np.round(columns["time_s"] * 1e6), unit="us")
+    for name in ("axis.csv", "axis.parquet"):
+        if name.endswith("parquet"):
+            pytest.importorskip("pyarrow")
+        log = load_log(write({**columns, "stamp": dates}, name), **{**NAMES, "time": "stamp"})
+        assert log.sample_rate == pytest.approx(RATE)
+        assert log.time[-1] == pytest.approx(columns["time_s"][-1])
+    with pytest.raises(ValueError, match=r"'word' is not numeric and no dates either: row 0 holds 'noon'"):
+        load_log(write({**columns, "word": ["noon"] * 400}), **{**NAMES, "time": "word"})
+
+
+def test_gaps_doubles_and_backward_stamps_are_found_and_mended(write):
+    columns = {k: v.copy() for k, v in table(2000).items()}
+    keep = np.r_[0:500, 503:1000, 1200:2000]
+    columns = {k: v[keep] for k, v in columns.items()}
+    columns["time_s"][100] = columns["time_s"][99]
+    columns["time_s"][300] = columns["time_s"][297]
+    file = write(columns)
+    with pytest.raises(ValueError, match=r"time runs backwards. From row 299 to row 300"):
+        load_log(file, **NAMES, resample=False)
+    with pytest.warns(LogWarning):
+        log = load_log(file, **NAMES)
+    assert {"LOG002", "LOG003", "LOG004"} <= set(log.report.codes)
+    assert set(log.groups) == {0, 1}  # the gap of 200 samples parts the log, that of 3 is bridged
+    assert np.sum(log.groups == 0) == pytest.approx(1000, abs=1)
+    missing = next(f for f in log.report.findings if f.code == "LOG002")
+    assert missing.value == pytest.approx(203, abs=8)
