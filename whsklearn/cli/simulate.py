@@ -29,13 +29,17 @@ def main(**options: Any) -> None:
     import pandas as pd
 
     from whsklearn.logs import open_source
+    from whsklearn.logs.roles import guess
     from whsklearn.metrics import nmse, rmse
     from whsklearn.models import load_model
 
     out = writable_file(options["out"])
     model = load_model(options["model"])
     given = {"time": options["time_column"], "drive": options["input_column"], "position": options["output_column"]}
-    roles = roles_of(open_source(options["log_file"]), given, ("drive", "position"), {})
+    source = open_source(options["log_file"])
+    if given["time"] is None and not options["rate"]:
+        given["time"] = guess(source, "time")
+    roles = roles_of(source, given, ("drive", "position"), {})
     log = longest(read(options["log_file"], options, **roles))
     if abs(1.0 / log.sample_rate / model.dt - 1.0) > 0.01 and log.units["time"] == "s" and model.dt != 1.0:
         raise ValueError(

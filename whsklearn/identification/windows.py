@@ -30,8 +30,8 @@ def horizons(n: int, dt: float) -> list[int]:
 
 
 def lead(n: int, dt: float) -> int:
-    """Samples over which a state is fitted."""
-    return int(np.clip(round(LEAD / dt), 30, max(n // 10, 30)))
+    """Samples over which a state is fitted, half of a short record at the most."""
+    return min(int(np.clip(round(LEAD / dt), 30, max(n // 10, 30))), n // 2)
 
 
 def window_errors(model: Any, log: View, horizon: int, before: int) -> Array:

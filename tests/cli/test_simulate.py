@@ -1,0 +1,49 @@
+"""A model file run with the drive of a log."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+from click.testing import CliRunner
+
+from whsklearn.cli.simulate import main
+from whsklearn.models import LinearModel, save_model
+
+
+@pytest.fixture
+def files(tmp_path):
+    """A model and a log that it made, but for a constant."""
+    model = LinearModel([0.0, 0.5], [1.0, -0.8], dt=0.01, logged="position")
+    u = np.random.default_rng(0).normal(size=300)
+    save_model(model, tmp_path / "model.json")
+    table = pd.DataFrame({"time_s": 0.01 * np.arange(300), "torque_nm": u, "position_rad": 2.0 + model.simulate(u)})
+    table.to_csv(tmp_path / "log.csv", index=False)
+    return tmp_path
+
+
+def run(folder, *options):
+    arguments = [folder / "model.json", folder / "log.csv", "--out", folder / "out.csv", *options]
+    return CliRunner().invoke(main, [str(a) for a in arguments])
+
+
+def test_it_writes_drive_output_and_measurement_and_judges_what_was_asked_for(files):
+    done = run(files)
+    assert done.exit_code == 0, done.output
+    table = pd.read_csv(files / "out.csv")
+    assert list(table.columns) == ["time", "drive", "simulated", "measured"]
+    np.testing.assert_allclose(table.simulated, table.measured, atol=1e-9)
+    spoilt = pd.read_csv(files / "log.csv")
+    spoilt.loc[40:49, "position_rad"] += 1.0
+    spoilt.to_csv(files / "log.csv", index=False)
+    assert float(run(files).output.split("RMSE ")[1].split()[0]) > 0.1
+    assert float(run(files, "--skip", "60").output.split("RMSE ")[1].split()[0]) < 1e-6
+
+
+def test_a_log_at_another_rate_is_refused(files):
+    log = pd.read_csv(files / "log.csv")
+    log["time_s"] *= 2.0
+    log.to_csv(files / "log.csv", index=False)
+    done = run(files)
+    assert done.exit_code == 1
+    assert "a sample every 0.01 s, the log every 0.02 s" in done.output

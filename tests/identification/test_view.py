@@ -1,0 +1,47 @@
+"""A record as the candidates see it: what was logged, how noisy it is, what cannot be used."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from whsklearn.identification.view import derivative, noise_floor, view
+
+RNG = np.random.default_rng(0)
+U = RNG.standard_normal(2000)
+VELOCITY = lfilter([0.0, 0.05], [1.0, -0.97], U)
+POSITION = np.cumsum(VELOCITY) * 0.01
+
+
+@pytest.mark.parametrize(("y", "logged"), [(POSITION, "position"), (VELOCITY, "output"), (U**2, "output")])
+def test_a_position_is_told_from_what_returns_when_the_drive_is_gone(y, logged):
+    assert view(U, y, 0.01, "auto").logged == logged
+
+
+def test_the_target_of_a_position_is_its_velocity():
+    t = 0.01 * np.arange(500)
+    seen = view(U[:500], np.sin(3 * t), 0.01, "position")
+    assert seen.target[20:-20] == pytest.approx(3 * np.cos(3 * t)[20:-20], abs=0.01)
+    assert seen.part(100, 150).target == pytest.approx(seen.target[100:150])
+    assert view(U, VELOCITY, 0.01, "velocity").target == pytest.approx(VELOCITY)
+
+
+def test_derivatives_of_a_parabola_are_exact():
+    t = 0.02 * np.arange(200)
+    first, second = derivative(1.0 + 2.0 * t - 3.0 * t**2, 0.02)
+    assert first == pytest.approx(2.0 - 6.0 * t)
+    assert second == pytest.approx(-6.0)
+
+
+@pytest.mark.parametrize("sigma", [1e-4, 1e-2])
+def test_the_noise_of_a_slow_output_is_seen(sigma):
+    y = np.sin(0.01 * np.arange(5000)) + sigma * RNG.standard_normal(5000)
+    assert noise_floor(y) == pytest.approx(sigma, rel=0.1)
+    assert noise_floor(U) == 0.0  # of a fast output nothing can be said
+
+
+@pytest.mark.parametrize(("change", "said"), [({"dt": 0.0}, "dt is 0.0"), ({"logged": "torque"}, "logged is 'torque'")])
+def test_settings_that_cannot_be_are_refused(change, said):
+    with pytest.raises(ValueError, match=said):
+        view(U, VELOCITY, **{"dt": 0.01, "logged": "auto"} | change)

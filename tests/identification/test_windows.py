@@ -1,0 +1,56 @@
+"""Errors over windows: the state before each is fitted, whatever came earlier."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from tests.recursion.axis_log import TRUTH, axis_log, slow_drive
+from whsklearn.effects import Coulomb, FrictionLaw, InputOffset, Viscous
+from whsklearn.identification.view import view
+from whsklearn.identification.windows import horizons, lead, window_errors
+from whsklearn.models import AxisModel, LinearModel
+from whsklearn.recursion.axis_free_run import free_run
+
+RNG = np.random.default_rng(0)
+U = RNG.standard_normal(1000)
+
+
+def test_lengths_suit_the_record():
+    assert horizons(10_000, 0.01) == [10, 50, 200, 500]
+    for n in (100, 400):
+        assert max(horizons(n, 1.0)) <= max(n // 4, 11)
+    assert lead(1000, 0.001) == 100
+    assert lead(10_000, 0.01) == 30
+    for n in (30, 36, 59):  # what is held out of the shortest records that are taken
+        assert lead(n, 1.0) + max(horizons(n - lead(n, 1.0), 1.0)) <= n
+
+
+@pytest.mark.parametrize("logged", ["output", "position"])
+def test_a_true_linear_model_errs_nowhere_though_the_record_began_elsewhere(logged):
+    model = LinearModel([0.0, 0.5, 0.2], [1.0, -1.2, 0.5], logged=logged)
+    state = lfilter([1.0], [1.0, -1.2, 0.5], np.r_[3.0, np.zeros(999)])  # another state at the start
+    y = model.simulate(U) + (np.cumsum(state) + 7.0 if logged == "position" else state)
+    errors = window_errors(model, view(U, y, 1.0, logged), 40, 30)
+    assert errors.shape == (24, 40)
+    assert np.abs(errors).max() < 1e-6
+    wrong = LinearModel([0.0, 0.4, 0.2], [1.0, -1.2, 0.5], logged=logged)
+    assert np.abs(window_errors(wrong, view(U, y, 1.0, logged), 40, 30)).max() > 0.1
+
+
+def test_a_true_axis_errs_nowhere():
+    u = slow_drive(2000, 1)
+    log = view(u, free_run(TRUTH, axis_log(u)), 0.005, "velocity")
+    law = FrictionLaw([Viscous(TRUTH[1]), Coulomb(TRUTH[2])])
+    model = AxisModel(TRUTH[0], law, (InputOffset(TRUTH[3]),), dt=0.005, logged="velocity")
+    errors = window_errors(model, log, 100, 60)
+    assert np.sqrt(np.mean(errors**2)) < 0.01 * np.std(log.y)
+
+
+def test_without_a_model_a_position_goes_on_and_a_white_output_has_its_mean():
+    t = np.arange(1000.0)
+    line = view(U, 0.3 * t, 1.0, "position")
+    assert np.abs(window_errors(None, line, 50, 30)).max() < 1e-8
+    white = view(RNG.standard_normal(1000), 5.0 + U, 1.0, "output")
+    assert np.std(window_errors(None, white, 50, 40)) == pytest.approx(1.0, rel=0.15)
