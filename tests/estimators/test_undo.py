@@ -1,0 +1,53 @@
+"""Going back to the state before a call, to the bit."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from whsklearn.checks import state_difference
+from whsklearn.estimators._streams import RowsStream
+from whsklearn.estimators._undo import ROWS, Undo, copied
+
+RNG = np.random.default_rng(0)
+U, Y = RNG.normal(size=(300, 2)), RNG.normal(size=300)
+STREAM = RowsStream(2, 3, 1e6, 0.99, np.zeros(2), True, False)
+
+
+def learn(state, undo, start, stop):
+    rows = slice(start, stop)
+    undo.before(state, U[rows], Y[rows])
+    STREAM.run(state, U[rows], Y[rows], np.zeros(stop - start, dtype=bool))
+    undo.done(stop - start)
+
+
+@pytest.mark.parametrize("sizes", [(1, 1, 1), (5, 40, 30, 7), (ROWS, 1), (ROWS + 1, 2), (ROWS - 1, 1, 1)])
+def test_after_a_spoilt_call_the_state_is_the_one_before_it(sizes):
+    state, undo, at = STREAM.initial(), Undo(), 0
+    for n in sizes:
+        learn(state, undo, at, at + n)
+        at += n
+    wanted = copied(state)
+    undo.before(state, U[at : at + 4], Y[at : at + 4])
+    STREAM.run(state, U[at : at + 2], Y[at : at + 2], np.zeros(2, dtype=bool))  # half of the rows, then an interrupt
+    assert state_difference(state, wanted) > 0.0
+    assert state_difference(undo.restored(STREAM), wanted) == 0.0
+
+
+def test_a_copy_shares_nothing_that_can_change():
+    state = STREAM.initial()
+    kept, before = copied(state), copied(state)
+    STREAM.run(state, U[:5], Y[:5], np.zeros(5, dtype=bool))
+    assert state_difference(kept, before) == 0.0
+
+
+def test_a_state_that_others_put_in_its_place_is_copied_anew():
+    state, undo = STREAM.initial(), Undo()
+    learn(state, undo, 0, 10)
+    other = STREAM.initial()
+    undo.before(other, U[:3], Y[:3])
+    assert undo.restored(STREAM)["seen"] == 0
+    learn(state, undo, 10, 12)
+    undo.clear()
+    undo.before(state, U[12:13], Y[12:13])
+    assert undo.restored(STREAM)["seen"] == 12

@@ -1,0 +1,47 @@
+"""``python -m whsklearn``: the exit status of the command, also beside a record that still waits for its server."""
+
+from __future__ import annotations
+
+import os
+import threading
+
+import pytest
+
+from whsklearn import __main__ as program
+
+
+def ended(monkeypatch, status):
+    def command(**options):
+        raise SystemExit(status)
+
+    monkeypatch.setattr(program, "main", command)
+    with pytest.raises(SystemExit) as end:
+        program.run()
+    return end.value.code
+
+
+@pytest.mark.parametrize("status", [0, 1, 3])
+def test_the_exit_status_is_the_commands(monkeypatch, status):
+    assert ended(monkeypatch, status) == status
+
+
+def test_a_record_that_waits_for_a_server_holds_nobody_up(monkeypatch):
+    left, over = [], threading.Event()
+
+    def leave(status):
+        left.append(status)
+        raise SystemExit(status)
+
+    monkeypatch.setattr(os, "_exit", leave)
+    assert ended(monkeypatch, 3) == 3
+    assert left == []  # the usual way, by which files are flushed
+    thread = threading.Thread(target=over.wait, name=program.RECORD + "stream", daemon=True)
+    thread.start()
+    try:
+        assert ended(monkeypatch, 3) == 3
+        assert left == [3]
+        ended(monkeypatch, "a sentence")
+        assert left == [3, 1]
+    finally:
+        over.set()
+        thread.join()
