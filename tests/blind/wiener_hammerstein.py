@@ -24,11 +24,12 @@ SENSOR = "output_offset output_drift sensor_rectification encoder_eccentricity q
 EFFECTS = (*STATIC, *DRIVE, *TRANSMISSION, *SENSOR)
 FOREIGN = ("cubic_input", "product", "even_spring", "square_wave_time", "second_kink", "rate_limit", "bilinear_output")
 INVISIBLE = ("input_offset",)
+OWN = ("magnet",)  # of a user's own: c exp(-(x/w)^2), drawn by `benchmarks.own_effect` only
 ALIASES = (
     frozenset({"output_offset", "asymmetric_coulomb", "input_offset"}),
     frozenset({"input_delay", "actuator_lag"}),
 )
-NUMBER = {name: i for i, name in enumerate((*EFFECTS, *FOREIGN, *INVISIBLE))}
+NUMBER = {name: i for i, name in enumerate((*EFFECTS, *FOREIGN, *INVISIBLE, *OWN))}
 INPUTS = ("white", "multisine", "coloured")
 NOISES = (15.0, 25.0, 35.0)  # dB
 COLUMNS = {"input": "u", "output": "y"}
@@ -159,6 +160,8 @@ def run(a, b, c, d, law, kinds, p, u, noise, dt, port):
                 now = lagged[j]
             elif k == 33:
                 now = now - s
+            elif k == 34:
+                v[t] += s * math.exp(-((x / h) ** 2))
         w[t] = now
         power[0, 0] += (now - u[t]) ** 2
         power[0, 1] += u[t] ** 2
@@ -273,6 +276,7 @@ def _shape(name: str, rng: np.random.Generator, x: np.ndarray, y: np.ndarray, se
         "encoder_eccentricity": [rng.uniform(1.0, 4.0) / np.std(y), phase],
         "square_wave_time": [seconds * rng.uniform(0.05, 0.2)],
         "second_kink": [dx * rng.uniform(0.5, 1.2)],
+        "magnet": [min(sx * rng.uniform(0.15, 0.5), 0.9)],
     }.get(name, [])
 
 
