@@ -132,5 +132,5 @@ class FrictionDrift(Effect):
     signature: ClassVar[str] = "the step at zero velocity has another height early than late"
     needs: ClassVar[str] = "a long run with all speeds throughout"
     parent: ClassVar[str] = "coulomb"
-    reference: ClassVar[str] = "Simoni, Beschi, Legnani, Visioli, Robotica, doi 10.1017/S0263574717000509"
+    reference: ClassVar[str] = "Simoni, Beschi, Legnani, Visioli 2017, Robotica, doi 10.1017/S0263574717000509"
     code: ClassVar[int] = codes.FRICTION_DRIFT

@@ -37,7 +37,8 @@ class MILSRegressor(RecursiveRegressor):
 
     References
     ----------
-    Paper, (7)-(9); Ding and Chen 2007, Automatica 43(1), 1-14.
+    Paper, (7)-(9); Ding, Liu and Liu 2010, Multi-innovation least squares identification for system
+    modeling, IEEE Trans. Syst. Man Cybern. B 40(3), 767-778.
 
     Examples
     --------

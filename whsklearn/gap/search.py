@@ -128,7 +128,7 @@ class Search:
             if len(found.taken) > 1:
                 self._exchange(view, found, null)
         if len(found.taken) > max(n_before, 1):
-            self._prune(view, found, null)
+            self._prune(view, found)
         return view
 
     def _grow(self, view: Any, found: Found) -> None:
@@ -202,7 +202,7 @@ class Search:
             found.model = best.trial.model.with_terms((*terms[:index], terms[-1], *terms[index:-1]))
             found.taken[i] = best
 
-    def _prune(self, view: Any, found: Found, null: float) -> None:
+    def _prune(self, view: Any, found: Found) -> None:
         """Drop effects that the others have made needless."""
         for i in reversed(range(len(found.taken))):
             e, index = found.taken[i], found.model.n_base + i

@@ -30,7 +30,7 @@ class IdentifiedModel:
 
     References
     ----------
-    Ljung 1999, System Identification: Theory for the User, 2nd ed., Prentice Hall, ch. 4 on sets of models.
+    Ljung 1999, System Identification: Theory for the User, 2nd ed., Prentice Hall, sec. 4.5 on model sets.
 
     Examples
     --------
