@@ -9,7 +9,7 @@ EXTRAS := all,dev,docs
 
 export MLFLOW_DISABLE_TELEMETRY := true
 
-.PHONY: help setup demo test test-lowest clean-room ui lint bench docs wheel clean
+.PHONY: help setup demo test test-lowest clean-room ui lint bench docs commands wheel clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 14
@@ -86,6 +86,10 @@ bench: setup  ## speed against peers, accuracy on 20 seeds, real records
 docs: setup  ## the documentation, into docs/_build/html
 	$(PY) -m sphinx -b html -W --keep-going docs docs/_build/html
 	@echo "Open docs/_build/html/index.html"
+
+# Benchmarks and what serves until it is stopped are left out, each with its reason.
+commands: setup  ## type every command that the README and the documentation show
+	$(PY) tests/docs/type_commands.py
 
 clean:  ## remove caches and build outputs; the runs in mlruns/ stay
 	rm -rf build dist docs/_build docs/auto_examples docs/gen_modules docs/api .pytest_cache .mypy_cache .ruff_cache .hypothesis

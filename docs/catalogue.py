@@ -25,10 +25,18 @@ def catalogued() -> list[type[Effect]]:
 
 def static_curve(cls: type[Effect]) -> EffectDisplay:
     """A memoryless term by itself, over x or over its change dx, whichever it depends on."""
-    effect, x = cls(), np.linspace(-2.0, 2.0, 401)
+    effect, x = (cls(degree=3.0) if cls.name == "power" else cls()), np.linspace(-2.0, 2.0, 401)
     over_x = np.ptp(effect.value(position=x)) > 0
     values = effect.value(position=x) if over_x else effect.value(velocity=x)
     return EffectDisplay(x, values, "x" if over_x else "dx, x(t) - x(t-1)", "y", line=True).plot()
+
+
+def presliding_curve(cls: type[Effect]) -> EffectDisplay:
+    """Friction that builds up over a distance, over an oscillation of a few of those about standstill."""
+    effect, t = cls(), np.linspace(0.0, 2.0 * np.pi, 4001)
+    path = effect.distance * (2.0 * np.sin(2.0 * t) + 1.5 * np.sin(5.0 * t))
+    values = effect.value(position=path, velocity=np.gradient(path, t / 100.0))
+    return EffectDisplay(1e3 * path, values, "position, mrad", "torque, Nm", line=True).plot()
 
 
 def draw(folder: Path) -> None:
@@ -42,6 +50,8 @@ def draw(folder: Path) -> None:
     for cls in missing:
         if cls.place == "static":
             display = static_curve(cls)
+        elif cls.name == "presliding_hysteresis":
+            display = presliding_curve(cls)
         else:
             effect = draw_effect(cls, axis, reference, 0.15, random_state=3)
             run = axis.with_effect(effect).simulate(reference, noise=False)
@@ -64,7 +74,7 @@ def describe(app, what, name, obj, options, lines):
     rows = [f":Name: ``{obj.name}``", f":Place: {obj.place}", f":Equation: ``{obj.equation}``"]
     for field, q in obj.quantities.items():
         unit, size = "" if q.unit == "1" else f" {q.unit}", ", the size" if field == obj.size else ""
-        rows.append(f":{field}: {q.low:g} to {q.high:g}{unit}{size}")
+        rows.append(f":{field.replace('_', ' ')}: {q.low:g} to {q.high:g}{unit}{size}")
     rows += [f":Signature: {obj.signature}"] if obj.signature else []
     rows += [f":The record must hold: {obj.needs}"] if obj.needs else []
     if obj.aliases:

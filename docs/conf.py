@@ -87,7 +87,8 @@ def escape_bars(app, what, name, obj, options, lines):
 def skip_generated(app, what, name, obj, skip, options):
     """Leave out what scikit-learn writes into every estimator, and what a tuple brings along."""
     routing = name == "get_metadata_routing" or (name.startswith("set_") and name.endswith("_request"))
-    return True if routing else skip
+    alias = str(getattr(obj, "__doc__", "")).startswith("Alias for field number")
+    return True if routing or alias else skip
 
 
 def setup(app):

@@ -16,6 +16,8 @@ from pathlib import Path
 
 import pytest
 
+from whsklearn.effects import Effect
+
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "docs"))
 reference = pytest.importorskip("reference")
@@ -53,6 +55,18 @@ def test_classes_with_an_example_and_a_source(has) -> None:
 def test_functions_with_an_example() -> None:
     lacking = [name for name, f in FUNCTIONS.items() if not has_example(f)]
     assert len(lacking) <= (1 - SHARE) * len(FUNCTIONS), lacking
+
+
+def test_arguments_and_fields_have_a_section() -> None:
+    """Effects say theirs by their quantities, and an error has a message only."""
+    documented = {
+        name: ("Parameters\n" in (o.__doc__ or "") or "Attributes\n" in (o.__doc__ or ""))
+        for name, o in OBJECTS.items()
+        if (inspect.isclass(o) and not issubclass(o, (Effect, Exception)))
+        or (not inspect.isclass(o) and inspect.signature(o).parameters)
+    }
+    assert len(documented) > 120
+    assert [name for name, is_documented in documented.items() if not is_documented] == []
 
 
 def test_every_public_object_is_described() -> None:

@@ -117,3 +117,20 @@ def test_scripts_know_the_options_that_the_pages_give_them() -> None:
             continue
         unknown = [w for w in rest if w.startswith("--") and f'"{w}"' not in source and f'"{w}/' not in source]
         assert not unknown, f"{page}: {line}: {unknown}"
+
+
+def test_links_to_other_sites_have_the_shape_of_links() -> None:
+    """No test needs a network, so that is all that can be said of them."""
+    texts = {p: p.read_text(encoding="utf-8") for p in (*PAGES, *ROOT.glob("whsklearn/**/*.py"))}
+    urls = [(p.name, u) for p, t in texts.items() for u in re.findall(r"https?://[^\s)\"'`>]+", FENCED.sub("", t))]
+    dois = [(p.name, d) for p, t in texts.items() for d in re.findall(r"\bdoi(?:\.org/|:? )(\S+?)[\").,]*(?:\s|$)", t)]
+    assert len(urls) > 15
+    assert len(dois) > 1
+    local = ("http://127.0.0.1", "https://...")
+    wrong = [
+        (p, u)
+        for p, u in urls
+        if not u.startswith(local) and not re.fullmatch(r"https://[\w-]+(\.[\w-]+)+(/[\w.~%#?=&+-]*)*[.:]?", u)
+    ]
+    assert wrong == []
+    assert [(p, d) for p, d in dois if not re.fullmatch(r"10\.\d{4,9}/[\w.()/-]+", d)] == []

@@ -20,6 +20,19 @@ if TYPE_CHECKING:
 class ParameterChange:
     """One parameter before and after, with the standard error of the difference.
 
+    Attributes
+    ----------
+    name : str
+        Of the parameter.
+    before, after : float
+        In its unit.
+    standard_error : float
+        Of the difference.
+    z : float
+        Difference over its standard error.
+    significant : bool
+        Whether it counts at the level of the comparison, all parameters taken together.
+
     References
     ----------
     Basseville and Nikiforov 1993, Detection of Abrupt Changes, Prentice Hall.

@@ -423,6 +423,11 @@ class Effect:
 def get_effect(name: str) -> type[Effect]:
     """The effect class of a canonical name.
 
+    Parameters
+    ----------
+    name : str
+        Such as ``cogging``.
+
     Raises
     ------
     ValueError
@@ -443,6 +448,11 @@ def get_effect(name: str) -> type[Effect]:
 
 def effect_names(place: str | None = None) -> tuple[str, ...]:
     """Names in the catalogue, of one place or of all, in the order of the chain.
+
+    Parameters
+    ----------
+    place : str, optional
+        One of ``PLACES``.
 
     Examples
     --------

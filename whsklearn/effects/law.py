@@ -116,6 +116,11 @@ def _evaluate(codes, shapes, x, dx, kappa):
 def reduced_law(viscous: float = 0.05, coulomb: float = 0.7, stribeck: float = 0.2) -> FrictionLaw:
     """Law (4): gamma_6 dx + beta_1 sign(dx) - beta_2 tanh(dx); Example 5.1's values by default.
 
+    Parameters
+    ----------
+    viscous, coulomb, stribeck : float
+        gamma_6 (y per x), beta_1 and beta_2 (in the unit of y).
+
     Examples
     --------
     >>> from whsklearn.effects import reduced_law
@@ -127,6 +132,11 @@ def reduced_law(viscous: float = 0.05, coulomb: float = 0.7, stribeck: float = 0
 
 def smooth_law(gamma: Sequence[float]) -> FrictionLaw:
     """Law (3) from its six positive parameters gamma_1 ... gamma_6.
+
+    Parameters
+    ----------
+    gamma : sequence of six floats
+        gamma_1 and gamma_4 in the unit of y, gamma_6 in y per x, the others in 1 per x.
 
     Examples
     --------
@@ -144,6 +154,11 @@ def smooth_law(gamma: Sequence[float]) -> FrictionLaw:
 def polynomial_law(coefficients: Sequence[float]) -> FrictionLaw:
     """v = sum of coefficients[k] x^k, a static nonlinearity of x.
 
+    Parameters
+    ----------
+    coefficients : sequence of float
+        From the constant on, in y per x to the k-th power.
+
     Examples
     --------
     >>> from whsklearn.effects import polynomial_law
@@ -155,6 +170,13 @@ def polynomial_law(coefficients: Sequence[float]) -> FrictionLaw:
 
 def piecewise_linear_law(knots: Sequence[float], slopes: Sequence[float]) -> FrictionLaw:
     """The continuous characteristic through 0 with slopes[0] below knots[0], slopes[i] after knots[i-1].
+
+    Parameters
+    ----------
+    knots : sequence of float
+        Rising, in the unit of x.
+    slopes : sequence of float
+        One more than knots, in y per x.
 
     Examples
     --------
@@ -174,6 +196,11 @@ def piecewise_linear_law(knots: Sequence[float], slopes: Sequence[float]) -> Fri
 
 def cubic_spline_law(knots: Sequence[float], values: Sequence[float]) -> FrictionLaw:
     """The natural cubic spline in x through the values at the knots, straight beyond the outer ones.
+
+    Parameters
+    ----------
+    knots, values : sequence of float
+        Where, rising, in the unit of x; how much, in the unit of y.
 
     Examples
     --------
@@ -195,6 +222,10 @@ def as_law(law: str | FrictionLaw | StaticEffect | Iterable[StaticEffect] | None
 
     Names are those of memoryless effects, such as ``viscous``, and of laws in x: ``linear``, ``offset``,
     ``polynomial``, ``piecewise_linear``, ``cubic_spline``.
+
+    Parameters
+    ----------
+    law : str, FrictionLaw, StaticEffect, iterable of StaticEffect or None
 
     Raises
     ------

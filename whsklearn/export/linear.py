@@ -45,6 +45,10 @@ def to_dlti(model: Any) -> tuple[Any, list[Loss]]:
 def to_control(model: Any) -> tuple[Any, list[Loss]]:
     """As `to_dlti`, for python-control (extra ``control``).
 
+    Parameters
+    ----------
+    model : path, ServoAxis, WienerHammersteinSystem or identified model
+
     Raises
     ------
     ImportError

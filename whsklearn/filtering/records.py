@@ -22,6 +22,10 @@ _DECIMATOR_EDGE = 0.8  # of the new Nyquist frequency
 class Motion(NamedTuple):
     """Position, velocity and acceleration, each of shape (n,), in the unit of the position, per s and per s2.
 
+    Attributes
+    ----------
+    position, velocity, acceleration : ndarray of shape (n,)
+
     References
     ----------
     Swevers, Verdonck and De Schutter 2007, IEEE Control Systems Magazine 27(5), 58-71, on derivatives of encoder
@@ -92,6 +96,12 @@ def zero_phase(x: ArrayLike, sample_rate: float, cutoff: float, order: int = 4) 
 
 def central_difference(x: ArrayLike, sample_rate: float) -> NDArray[np.float64]:
     """(8 (x(t+1) - x(t-1)) - x(t+2) + x(t-2)) fs / 12, of lower order at the ends; per second, along the first axis.
+
+    Parameters
+    ----------
+    x : array-like of shape (n, ...)
+    sample_rate : float
+        In Hz.
 
     Notes
     -----

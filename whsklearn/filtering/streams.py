@@ -22,6 +22,13 @@ __all__ = ["causal_delay", "causal_kernels", "causal_motion", "causal_window"]
 def causal_window(sample_rate: float, cutoff: float, degree: int = 3) -> int:
     """Odd length of the moving window whose local polynomial passes up to ``cutoff``.
 
+    Parameters
+    ----------
+    sample_rate, cutoff : float
+        In Hz.
+    degree : int, default=3
+        Of the local polynomial.
+
     Notes
     -----
     Schafer 2011, What is a Savitzky-Golay filter?, IEEE Signal Process. Mag. 28(4), (12): the 3 dB point of a
@@ -121,6 +128,15 @@ def causal_delay(
     x: NDArray[np.float64], memory: NDArray[np.float64], delay: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Another signal of the stream, ``delay`` samples late (zeros at first), and its memory.
+
+    Parameters
+    ----------
+    x : ndarray of shape (n,)
+        New samples, in order.
+    memory : ndarray of shape (m,)
+        As returned last time; empty at first.
+    delay : int
+        In samples.
 
     Examples
     --------

@@ -21,6 +21,25 @@ MAP_POINTS = 1440  # of a map over one turn: four to a degree, nine to a period 
 class NamedEffect:
     """An effect with its numbers, its evidence and what it cannot be told from.
 
+    Attributes
+    ----------
+    effect : Effect
+        With its numbers.
+    standard_errors : dict of str to float
+        By the names that `Effect.labelled` gives.
+    delta_bic : float
+        Evidence, after the price of numbers and places looked at.
+    confidence : float
+        Share of redrawn blocks of the record on which it beats its best rival.
+    closure : float
+        Share of the gap that it closes.
+    aliases : list of str
+        Effects that no log can tell from it.
+    units : tuple of two str
+        Of drive and position.
+    orders : list of NamedEffect
+        Further waves of the same family.
+
     References
     ----------
     Kass and Raftery 1995, Bayes Factors, J. Am. Stat. Assoc. 90(430), 773-795, on differences of BIC.
@@ -204,6 +223,51 @@ class CandidateLine:
 @dataclass
 class Diagnosis:
     """All that a report needs; ``as_dict`` is the file that other programs read.
+
+    Attributes
+    ----------
+    verdict, sentence : str
+        One of `VERDICTS`, and what was found in words.
+    effects : list of NamedEffect
+        What was missing.
+    learned : LearnedTorques or None
+        What has no name and was learned.
+    candidates : list of CandidateLine
+        Every effect that was asked for.
+    where : list of Place
+        Where the gap is densest; ``where_sentence`` says it.
+    before, after : dict of str to float
+        ``nmse``, ``mu_e`` and ``rmse`` (unit of the position) of the free run on held-out samples.
+    floor : float
+        The rmse that noise alone leaves, in the same unit.
+    closure : float
+        1 - (after - floor) / (before - floor) of the rmse.
+    figures : tuple of three floats
+        Missing share of the rms drive (or output): before, after, and of noise alone.
+    next_experiment, shortfall : str
+        The record that would settle what is open; what the base model falls short of.
+    horizons, test : list of dict
+        Free runs by horizon, and on a second record.
+    base_parameters, drifting : list of dict
+        Numbers of the base model before and after; those that drift along the record.
+    rounds, residual_tests : list of dict
+        What the search took; tests of what is left.
+    problems, notes : list
+        What is wrong with the log; what else is to be told.
+    pictures : dict of str to Any
+        Arrays of the page's pictures, by name.
+    units : dict of str to str
+        By role, as logged.
+    need : float
+        Delta BIC that a name had to beat.
+    horizon : float
+        Of the free runs above, in ``horizon_unit``.
+    seconds : float
+        Of processor time.
+    interrupted : bool
+        Whether the search was ended early.
+    file, origin : str
+        Name of the log; file, columns, span, rate, date and version in a sentence.
 
     References
     ----------

@@ -29,6 +29,17 @@ def _unit(column: str, known: dict[str, tuple[str, float]], default: str = "") -
 class ServoRecord:
     """Time, drive, position and, if logged, the reference; shape (n,) each, evenly sampled.
 
+    Parameters
+    ----------
+    time : ndarray of shape (n,)
+        Evenly spaced (s).
+    drive, position : ndarray of shape (n,)
+        As logged, in ``units``.
+    reference : ndarray of shape (n,), optional
+        What the position should have been.
+    units : tuple of two str
+        Of drive and position.
+
     References
     ----------
     Swevers, Verdonck and De Schutter 2007, IEEE Control Systems Magazine 27(5), 58-71, on what to log.

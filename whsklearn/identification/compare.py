@@ -37,6 +37,26 @@ class Compared:
     ``seconds`` are of processor time, ``windows`` root mean square errors by length in samples, ``score`` their
     geometric mean over the noise floor (over the trivial model's where there is no floor).
 
+    Attributes
+    ----------
+    name, kind : str
+        Of the candidate, and what it is: ``arx``, ``output_error``, ``wiener_hammerstein``, ``axis``.
+    structure : dict
+        Its orders and settings.
+    criterion : str
+        What its fit minimised.
+    model : IdentifiedModel or None
+    seconds : float
+        Of processor time.
+    windows : dict of int to float
+        Root mean square error by length of the window in samples.
+    score : float
+        Geometric mean of ``windows`` over the noise floor.
+    train, test : dict of str to float
+        Indices of the free run.
+    failure : str
+        Why it could not be fitted; empty if it was.
+
     References
     ----------
     Schoukens and Ljung 2019, Nonlinear System Identification: A User-Oriented Road Map, IEEE Control Systems
@@ -75,6 +95,19 @@ class Identification:
 
     ``models`` are the candidates from the simplest on, ``recommended`` one of them, ``trivial`` the model that
     does nothing, ``reason`` a sentence, ``train`` and ``test`` the records as the candidates saw them.
+
+    Attributes
+    ----------
+    models : list of Compared
+        From the simplest on.
+    recommended, trivial : Compared
+        One of them, and the model that does nothing.
+    reason : str
+        Why it is recommended.
+    floor : float
+        Standard deviation of the output's noise, in its unit.
+    train, test : View
+        The records as the candidates saw them.
 
     References
     ----------

@@ -45,6 +45,18 @@ class Finding:
 
     ``rows`` are positions in the file's data, the first row being 0; at most ten are kept.
 
+    Attributes
+    ----------
+    code : str
+        Stable, such as ``LOG007``.
+    severity : {"info", "warning", "error"}
+    explanation : str
+        What was found and what it means.
+    rows : tuple of int
+        The first ten rows.
+    value : float or None
+        A number that belongs to it.
+
     References
     ----------
     Ljung 1999, System Identification, 2nd ed., ch. 14, Preprocessing data.
@@ -78,6 +90,17 @@ def finding(
 @dataclass(frozen=True)
 class LogReport:
     """Findings about a log, the worst first, and the checks that did not apply with their reasons.
+
+    Attributes
+    ----------
+    findings : tuple of Finding
+        The worst first.
+    not_applicable : dict of str to str
+        Reasons by check.
+    jitter : float
+        Largest deviation of a time step from the usual one, as a share of it.
+    quantum : float or None
+        Step of the lattice that the position lies on, in its unit.
 
     References
     ----------

@@ -74,6 +74,13 @@ def mu_e(y: ArrayLike, y_hat: ArrayLike, skip: int = 0) -> float:
 
     Parameters and errors are those of `nmse`, but y may be constant.
 
+    Parameters
+    ----------
+    y, y_hat : array-like of shape (n,)
+        Output, and the run to judge.
+    skip : int, default=0
+        Samples at the start that do not count.
+
     Examples
     --------
     >>> from whsklearn.metrics.indices import mu_e
@@ -85,6 +92,13 @@ def mu_e(y: ArrayLike, y_hat: ArrayLike, skip: int = 0) -> float:
 
 def abs_mu_e(y: ArrayLike, y_hat: ArrayLike, skip: int = 0) -> float:
     """Absolute value of `mu_e`: how far the run is off on average, whichever way.
+
+    Parameters
+    ----------
+    y, y_hat : array-like of shape (n,)
+        Output, and the run to judge.
+    skip : int, default=0
+        Samples at the start that do not count.
 
     Examples
     --------
@@ -99,6 +113,13 @@ def rmse(y: ArrayLike, y_hat: ArrayLike, skip: int = 0) -> float:
     """Root mean square of the error y - y_hat, in the unit of y (index (3) of section 5.1).
 
     Parameters and errors are those of `nmse`, but y may be constant.
+
+    Parameters
+    ----------
+    y, y_hat : array-like of shape (n,)
+        Output, and the run to judge.
+    skip : int, default=0
+        Samples at the start that do not count.
 
     Examples
     --------

@@ -22,6 +22,19 @@ class ChainModel(IdentifiedModel):
     ``b1[0]`` multiplies u(t) itself, so a block with a delay begins with zeros; ``f1`` and
     ``f2`` begin with 1.
 
+    Parameters
+    ----------
+    b1, f1 : tuple of float
+        Numerator and denominator of the first block.
+    law : FrictionLaw
+        Between them.
+    b2, f2 : tuple of float
+        Numerator and denominator of the second block.
+    effects : tuple of Effect
+        At the ports of the chain.
+    dt, units, logged, standard_errors
+        As for `IdentifiedModel`.
+
     References
     ----------
     Paper, (1) and (2); Giri and Bai (eds.) 2010, Block-oriented Nonlinear System Identification, Springer.

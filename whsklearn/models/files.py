@@ -48,6 +48,12 @@ _SHARED = tuple(f.name for f in dataclasses.fields(IdentifiedModel))
 def save_model(model: IdentifiedModel, path: str | os.PathLike[str]) -> None:
     """Write a model as JSON, replacing the file in one step.
 
+    Parameters
+    ----------
+    model : IdentifiedModel
+    path : str or path
+        Of a JSON file.
+
     Examples
     --------
     >>> import pathlib, tempfile
@@ -65,6 +71,11 @@ def save_model(model: IdentifiedModel, path: str | os.PathLike[str]) -> None:
 
 def load_model(path: str | os.PathLike[str]) -> Any:
     """Read what `save_model`, ``identify`` or ``gap`` wrote.
+
+    Parameters
+    ----------
+    path : str or path
+        Of a JSON file.
 
     Returns
     -------

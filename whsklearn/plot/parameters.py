@@ -16,6 +16,11 @@ BLOCKS = {"a": "L1", "b": "L1", "c": "L2", "d": "L2"}
 def flat_parameters(parameters: Mapping[str, Any]) -> dict[str, float]:
     """One number a name, in the order of the chain: L1, friction, L2; a[0] = c[0] = 1 are left out.
 
+    Parameters
+    ----------
+    parameters : mapping of str to float or array
+        Such as ``parameters_`` of an estimator.
+
     Examples
     --------
     >>> flat_parameters({"a": [1.0, 2.2], "b": [1.0], "c": [1.0], "d": [0.4], "coulomb": 0.7})
@@ -37,6 +42,15 @@ def parameter_paths(
     estimator: Any, X: ArrayLike, y: ArrayLike, *, every: int = 10
 ) -> tuple[NDArray[np.int64], dict[str, NDArray[np.float64]]]:
     """Feed a fresh clone the record in blocks of `every` samples and note its parameters after each.
+
+    Parameters
+    ----------
+    estimator : estimator
+        With `partial_fit`; it stays as it is.
+    X : array-like of shape (n, n_features)
+    y : array-like of shape (n,)
+    every : int, default=10
+        Samples between two notes.
 
     Returns
     -------

@@ -126,6 +126,10 @@ def read_state(path: str | os.PathLike[str], kind: str | None = None) -> tuple[d
 def read_kind(path: str | os.PathLike[str]) -> str:
     """What a state file is of, such as ``"RMILSRegressor"``; raises as `read_state` does.
 
+    Parameters
+    ----------
+    path : str or path
+
     Examples
     --------
     >>> import pathlib, tempfile
@@ -144,6 +148,13 @@ def read_kind(path: str | os.PathLike[str]) -> str:
 
 def pack_state(kind: str, params: dict[str, Any], state: dict[str, Any]) -> bytes:
     """The bytes of a state file, for those who keep states elsewhere than in files.
+
+    Parameters
+    ----------
+    kind : str
+        What it is of, such as ``"RMILSRegressor"``.
+    params, state : dict
+        As `get_params` and `get_state` give them.
 
     Examples
     --------
@@ -174,6 +185,12 @@ def pack_state(kind: str, params: dict[str, Any], state: dict[str, Any]) -> byte
 def unpack_state(data: bytes, kind: str | None = None) -> tuple[dict[str, Any], dict[str, Any]]:
     """The parameters and state that `pack_state` was given; raises as `read_state` does.
 
+    Parameters
+    ----------
+    data : bytes
+    kind : str, optional
+        What it must be of.
+
     Examples
     --------
     >>> from whsklearn.state import pack_state, unpack_state
@@ -203,6 +220,11 @@ def atomic_write(path: str | os.PathLike[str], data: bytes) -> None:
     name in one `os.replace`; then the folder is forced to the disk too.  A file that is replaced
     keeps its mode, a symbolic link goes on pointing to the file that is replaced, and of several threads or
     processes that write at once the last one stands.
+
+    Parameters
+    ----------
+    path : str or path
+    data : bytes
 
     Raises
     ------
@@ -243,6 +265,11 @@ def atomic_write(path: str | os.PathLike[str], data: bytes) -> None:
 
 def check_writable(path: str | os.PathLike[str]) -> None:
     """Raise now if `atomic_write` could not put a file at ``path`` later, before hours of work are spent on it.
+
+    Parameters
+    ----------
+    path : str or path
+        Of a file that there need not be.
 
     Raises
     ------

@@ -100,6 +100,11 @@ def simulate_one(axis: ServoAxis, **options: Any) -> Bunch:
 def record_frame(record: Bunch) -> pd.DataFrame:
     """What a logger would have written: time_s, reference_rad, torque_nm, position_rad.
 
+    Parameters
+    ----------
+    record : Bunch
+        What `ServoAxis.simulate` returned.
+
     Examples
     --------
     >>> from whsklearn import ServoAxis

@@ -97,6 +97,11 @@ def view_of(experiment: str) -> dict[str, Any]:
 def tracking_uri(root: str | os.PathLike[str] = ".") -> str:
     """Where runs go: ``MLFLOW_TRACKING_URI`` if it is set, else ``mlruns/mlflow.db`` beneath `root`.
 
+    Parameters
+    ----------
+    root : str or path
+        Folder above ``mlruns``.
+
     Examples
     --------
     >>> import os
@@ -110,6 +115,10 @@ def tracking_uri(root: str | os.PathLike[str] = ".") -> str:
 
 def metric_name(name: str) -> str:
     """`name` with every character that MLflow refuses made an underscore.
+
+    Parameters
+    ----------
+    name : str
 
     Examples
     --------
@@ -179,6 +188,14 @@ def open_tracker(
 class Tracker:
     """An open experiment; ask `open_tracker` for one.
 
+    Parameters
+    ----------
+    client : MlflowClient or None
+        None where tracking is off.
+    experiment_id : str
+    tags : mapping of str to str
+        Of every run.
+
     References
     ----------
     MLflow Tracking, https://mlflow.org/docs/latest/ml/tracking/.
@@ -230,6 +247,13 @@ class Tracker:
 
 class Run:
     """One run of the record; every method does nothing when tracking is off.
+
+    Parameters
+    ----------
+    tracker : Tracker
+        The experiment that it belongs to.
+    run_id : str
+        Of MLflow; empty where tracking is off.
 
     References
     ----------
@@ -377,6 +401,11 @@ def model_requirements() -> list[str]:
 def estimator_params(estimator: Any) -> dict[str, Any]:
     """The parameters of an estimator, nested ones by their path, whole objects by their class.
 
+    Parameters
+    ----------
+    estimator : estimator
+        Of scikit-learn.
+
     Examples
     --------
     >>> from whsklearn import RLSRegressor, WienerHammersteinLags
@@ -401,6 +430,18 @@ def log_candidates(
 
     A score ``neg_nmse`` becomes the metric ``nmse``, its mean over the folds, beside ``nmse_std`` and the
     stepped ``fold/nmse``; a score without ``neg_`` keeps its sign and its name.
+
+    Parameters
+    ----------
+    parent : Run
+    results : mapping
+        ``cv_results_`` of a search.
+    first : int, default=0
+        Candidate to begin with.
+    tags : mapping of str to str, optional
+        Of every child.
+    varied : sequence of str
+        Names of parameters.
 
     Examples
     --------
@@ -431,7 +472,13 @@ def log_candidates(
 
 
 def latest_experiment(root: str | os.PathLike[str] = ".") -> str | None:
-    """The experiment that was written to last, by its id; None where there is none."""
+    """The experiment that was written to last, by its id; None where there is none.
+
+    Parameters
+    ----------
+    root : str or path
+        Folder above ``mlruns``.
+    """
     mlflow = store.import_mlflow()
     with store.quiet():
         client = mlflow.MlflowClient(tracking_uri(root))

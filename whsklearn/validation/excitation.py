@@ -168,6 +168,11 @@ def check_excitation(
 ) -> Excitation:
     """As `excitation`, and warn with the names of the parameters that the data cannot show.
 
+    Parameters
+    ----------
+    phi, names, p, tolerance
+        As for `excitation`.
+
     Warns
     -----
     ExcitationWarning

@@ -25,6 +25,14 @@ __all__ = ["HorizonCurve", "error_against_horizon"]
 class HorizonCurve:
     """Errors at each horizon, and of the free run, where no horizon ends.
 
+    Attributes
+    ----------
+    horizons : ndarray of shape (n,)
+        In samples.
+    nmse, rmse : ndarray of shape (n,)
+        Of the prediction so far ahead; rmse in the unit of y.
+    free_run_nmse, free_run_rmse : float
+
     References
     ----------
     Ljung 1999, System Identification, 2nd ed., sec. 16.4, on k-step prediction as a validation.

@@ -33,6 +33,17 @@ __all__ = [
 class WhitenessTest:
     """Ljung-Box test: lags, r(k), statistic Q, degrees of freedom and p-value.
 
+    Attributes
+    ----------
+    lags, r : ndarray of shape (n_lags,)
+        In samples; correlation, without a unit.
+    band : float
+        Half width for one lag at 95 %.
+    statistic, p_value : float
+        Ljung and Box's Q and its p-value.
+    degrees : int
+        Of freedom.
+
     References
     ----------
     Ljung and Box 1978, On a measure of lack of fit in time series models, Biometrika 65(2), 297-303.
@@ -57,6 +68,17 @@ class WhitenessTest:
 @dataclass(frozen=True)
 class CorrelationTest:
     """Cross-correlation test: r at each lag, the band of one lag, max |r| and its p-value.
+
+    Attributes
+    ----------
+    name : str
+        Of the pair, such as ``u, e``.
+    lags, r : ndarray of shape (n_lags,)
+        In samples; correlation, without a unit.
+    band : float
+        Half width for one lag at 95 %.
+    statistic, p_value : float
+        max |r| and its p-value over all lags.
 
     References
     ----------
@@ -83,6 +105,13 @@ class CorrelationTest:
 def correlation_band(n: int, level: float = 0.95) -> float:
     """Half width of the band of a correlation at one lag: 1.96 / sqrt(n) for 95 %.
 
+    Parameters
+    ----------
+    n : int
+        Samples.
+    level : float, default=0.95
+        Share of white records whose correlation at one lag lies inside.
+
     Examples
     --------
     >>> from whsklearn.validation import correlation_band
@@ -98,6 +127,12 @@ def correlation_band(n: int, level: float = 0.95) -> float:
 
 def autocorrelation(e: ArrayLike, max_lag: int = 25) -> NDArray[np.float64]:
     """r(0), ..., r(max_lag) of e with its mean taken off (biased estimate, so |r| <= 1).
+
+    Parameters
+    ----------
+    e : array-like of shape (n,)
+    max_lag : int, default=25
+        In samples.
 
     Examples
     --------
@@ -220,6 +255,13 @@ def residual_tests(e: ArrayLike, u: ArrayLike, max_lag: int = 25) -> dict[str, C
     ``u, e`` sees linear dynamics, delay and gain; ``u^2, e`` even nonlinearities and offsets;
     ``u^2, e^2`` odd ones as well (Coulomb, saturation), at little power; ``|u|, |e|`` what
     the others miss.  They tell that something is left and of what family, not what it is.
+
+    Parameters
+    ----------
+    e, u : array-like of shape (n,)
+        Residuals and input.
+    max_lag : int, default=25
+        In samples.
 
     Notes
     -----

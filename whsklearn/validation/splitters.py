@@ -25,6 +25,10 @@ def memory_length(estimator: Any) -> int:
     Works through a `Pipeline` (its last step) and a search (its estimator).  0 for an
     estimator without lags.
 
+    Parameters
+    ----------
+    estimator : estimator
+
     Examples
     --------
     >>> from sklearn.linear_model import Ridge
