@@ -31,7 +31,9 @@ SHARE = 0.95
 
 
 def has_example(item) -> bool:
-    return ">>>" in (item.__doc__ or "")
+    """Lines that the tests run, besides imports."""
+    lines = re.findall(r"^ *>>> (.*)$", item.__doc__ or "", re.MULTILINE)
+    return any("+SKIP" not in line and not line.startswith(("import ", "from ")) for line in lines)
 
 
 def has_source(item) -> bool:

@@ -44,8 +44,19 @@ class FMUSimulator:
 
     Examples
     --------
+    >>> import shutil, tempfile
+    >>> import numpy as np
+    >>> from whsklearn import ServoAxis
+    >>> from whsklearn.export import export_model
+    >>> from whsklearn.gap import ServoRecord
     >>> from whsklearn.simulators import FMUSimulator
-    >>> simulator = FMUSimulator("axis.fmu", drive="drive", position="y")  # doctest: +SKIP
+    >>> record = ServoRecord(np.arange(200) / 1000, np.ones(200), np.zeros(200))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     fmu = export_model(ServoAxis(), to="fmu", out=f"{folder}/axis").paths[0]
+    ...     has_binary = shutil.which("cc") is not None  # without a compiler the FMU holds sources only
+    ...     position = FMUSimulator(fmu).simulate(record) if has_binary else record.position
+    >>> position.shape
+    (200,)
     """
 
     def __init__(

@@ -50,11 +50,24 @@ class MuJoCoSimulator:
 
     Examples
     --------
-    >>> from whsklearn.gap import GapFinder
+    >>> import tempfile
+    >>> import numpy as np
+    >>> from whsklearn import ServoAxis
+    >>> from whsklearn.effects import Coulomb
+    >>> from whsklearn.export import export_model
+    >>> from whsklearn.gap import ServoRecord
     >>> from whsklearn.simulators import MuJoCoSimulator
-    >>> simulator = MuJoCoSimulator("axis.xml", joint="axis")  # doctest: +SKIP
-    >>> finder = GapFinder(simulator).fit(log, drive="torque_nm", position="position_rad")  # doctest: +SKIP
-    >>> finder.model_.write("repaired.xml")  # doctest: +SKIP
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     xml = export_model(ServoAxis(), to="mjcf", out=folder).paths[0]
+    ...     simulator = MuJoCoSimulator(xml, joint="axis")
+    >>> record = ServoRecord(np.arange(200) / 1000, np.ones(200), np.zeros(200))
+    >>> free = simulator.simulate(record)
+    >>> braked = simulator.with_effect(Coulomb(0.5)).simulate(record)
+    >>> bool(braked[-1] < free[-1])
+    True
+
+    ``GapFinder(simulator).fit(log, drive="torque_nm", position="position_rad").model_.write("repaired.xml")`` finds
+    what the MJCF lacks and writes it with that.
     """
 
     def __init__(

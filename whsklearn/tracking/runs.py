@@ -478,6 +478,16 @@ def latest_experiment(root: str | os.PathLike[str] = ".") -> str | None:
     ----------
     root : str or path
         Folder above ``mlruns``.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from whsklearn.tracking import latest_experiment, open_tracker
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     with open_tracker("axis", root=folder).run("fit"):
+    ...         pass
+    ...     latest_experiment(folder) is not None
+    True
     """
     mlflow = store.import_mlflow()
     with store.quiet():
