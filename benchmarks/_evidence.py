@@ -48,7 +48,7 @@ def setting_of(case: Case) -> Setting:
     """The record as the finder splits it."""
     dt = float(case.frame["time_s"].iloc[1])
     u, y = case.frame["u"].to_numpy(), case.frame["y"].to_numpy()
-    return ChainPlant(u, y, law_choice(None), tolerance=DEFAULT_TOLERANCE, dt=dt).setting()
+    return ChainPlant(u, y, (law_choice(None), (2, 2, 2, 2), 0), tolerance=DEFAULT_TOLERANCE, dt=dt).setting()
 
 
 def typical(e: np.ndarray, limit: float) -> float:

@@ -73,9 +73,7 @@ def main(**options: Any) -> None:
 
 def judge(task: Task, found: list[Candidate], lags: Any, run: Run, folder: str | None) -> list[Outcome]:
     """Compare the candidates on one task, print, draw, and check the excitation."""
-    outcomes = compare(
-        found, task.train, task.test, parent=run, skip=task.skip, every=max(10, task.train.y.size // 200)
-    )
+    outcomes = compare(found, task.train, task.test, parent=run, skip=task.skip)
     text = results_table(outcomes, f"{task.title}, free run on {', '.join(r.name for r in task.test)}")
     if task.title == "reference to position" and task.train.name.startswith("rig"):
         text += f"\n{TABLE_2}"

@@ -19,6 +19,7 @@ from whsklearn.metrics import mu_e, nmse, parameter_error, rmse
 from whsklearn.plot import flat_parameters, parameter_paths
 from whsklearn.tracking import Run, estimator_params
 
+MOST_OF_A_PATH = 200  # points: as many as a picture of its width shows apart
 WARM_UP = 400  # samples: beyond the 320 at which a stream's first models take over, so that all kernels have run
 
 
@@ -61,7 +62,6 @@ def compare(
     *,
     parent: Run,
     theta: NDArray[np.float64] | None = None,
-    every: int = 10,
     skip: int = 0,
 ) -> list[Outcome]:
     """Fit, judge and record every candidate; one that fails is told and leaves the others alone."""
@@ -74,7 +74,7 @@ def compare(
         try:
             tags = {"reading": candidate.reading, "data": train.name, "estimator": type(candidate.model).__name__}
             with parent.child(f"{candidate.name} ({candidate.reading})", tags=tags) as run:
-                _fit_and_judge(outcome, train, test, theta, every, skip)
+                _fit_and_judge(outcome, train, test, theta, skip)
                 _record(outcome, run, train)
         except ValueError as error:
             outcome.failure = str(error).splitlines()[0]
@@ -106,7 +106,6 @@ def _fit_and_judge(
     train: Record,
     test: Sequence[Record],
     theta: NDArray[np.float64] | None,
-    every: int,
     skip: int,
 ) -> None:
     model = outcome.candidate.model
@@ -123,6 +122,7 @@ def _fit_and_judge(
         if theta is not None and hasattr(outcome.fitted, "theta_"):
             outcome.indices["delta"] = parameter_error(outcome.fitted.theta_, theta)
         if outcome.candidate.stream:
+            every = max(10, train.y.size // MOST_OF_A_PATH)
             outcome.paths = parameter_paths(model, train.X, train.y, every=every)
 
 

@@ -50,6 +50,7 @@ def main(
     """
     from whsklearn.cli.fleet_axis import axes_of, outliers
     from whsklearn.state import atomic_write
+    from whsklearn.tracking import estimator_params
 
     writable_file(out)
     names = axes_of(folder, axis)
@@ -74,9 +75,10 @@ def main(
     found.to_parquet(buffer, index=False)
     atomic_write(out, buffer.getvalue())
     apart = outliers(found)
+    params = estimator_params(model) | {"axes": len(found), "workers": workers}
     tracker = tracker_for("fleet", track)
     with tracker.run(folder.name) as run:
-        record(run, found, apart, model, out, seconds, workers)
+        record(run, found, apart, out, params, seconds)
     click.echo(summary(found, apart, out, seconds))
     say_where(tracker)
 
@@ -131,11 +133,9 @@ def to_table(rows: list[Row], names: list[str]) -> Any:
     return found.loc[names].reset_index()
 
 
-def record(run: Run, found: Any, apart: Any, model: Any, out: Path, seconds: float, workers: int) -> None:
+def record(run: Run, found: Any, apart: Any, out: Path, params: dict[str, Any], seconds: float) -> None:
     """One run for the fleet, a child for each outlier."""
-    from whsklearn.tracking import estimator_params
-
-    run.log_params(estimator_params(model) | {"axes": len(found), "workers": workers})
+    run.log_params(params)
     quantiles = found[["nmse", "rmse"]].astype(float).quantile([0.5, 0.95])
     metrics = {f"{c}_{round(100 * q)}": quantiles.at[q, c] for q in (0.5, 0.95) for c in ("nmse", "rmse")}
     counts = {"failed": float((found["failure"] != "").sum()), "outliers": float(len(apart)), "seconds": seconds}

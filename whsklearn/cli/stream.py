@@ -56,15 +56,19 @@ def main(
 
     Example: whsklearn stream axis.csv --input torque_nm --output velocity_rad_s --follow --out records.jsonl
     """
+    from whsklearn.change import ChangeAlarm
     from whsklearn.cli.stream_job import Files, run_stream
     from whsklearn.cli.stream_loop import Options
 
     columns = [*([time_column] if time_column else []), *inputs, output]
     kept = checkpoint or Path("stdin.whs" if source == "-" else f"{source}.whs")
     model = build_model(estimator, orders, law, p, forgetting, seed)
-    options = Options(every, predictions, bad_rows == "refuse", gap == "restart", max_step, smallest_change, most_held)
+    options = Options(
+        every, predictions, bad_rows == "refuse", gap == "restart", max_step, smallest_change, most_held,
+        bool(time_column),
+    )  # fmt: skip
     files = Files(source, out, kept, follow, fresh, checkpoint_every, disk_full == "stop")
-    run_stream(model, columns, options, files, alarm_interval=alarm_interval, timed=bool(time_column), track=track)
+    run_stream(model, columns, options, files, ChangeAlarm(interval=alarm_interval), track=track)
 
 
 def build_model(estimator: str, orders: str, law: str, p: int, forgetting: float, seed: int) -> Any:

@@ -78,7 +78,7 @@ class Stopper:
 
 
 def run_stream(
-    model: Any, columns: list[str], options: Options, files: Files, *, alarm_interval: float, timed: bool, track: bool
+    model: Any, columns: list[str], options: Options, files: Files, alarm: ChangeAlarm, *, track: bool
 ) -> None:
     """Feed the model from the source until that ends or a signal comes; goes on where a checkpoint stands."""
     source, kept = files.source, files.kept
@@ -97,20 +97,20 @@ def run_stream(
             say=lambda sentence: click.echo(sentence, err=True),
         )
         place["run"] = run.id
-        stream = Stream(model, ChangeAlarm(interval=alarm_interval), options, _to(writer, run), timed=timed)
+        stream = Stream(model, alarm, options, _to(writer, run))
         if loaded:
             _restore(stream, loaded)
-        keeper = Keeper(stream, kept, place, writer, source, files.stops_when_full)
+        keeper = Keeper(stream, files, place, writer)
         hurried = True
         try:
             with contextlib.closing(writer):
-                hurried = _run(stream, source, place, files.follow, keeper, files.checkpoint_seconds)
+                hurried = _run(stream, files, place, keeper)
         finally:
             if lost := run.close(HURRIED_SECONDS if hurried else CLOSE_SECONDS):
                 click.echo(f"{lost} sets of metrics did not reach the record in MLflow.", err=True)
 
 
-def _run(stream: Stream, source: str, place: dict[str, Any], follow: bool, keeper: Keeper, seconds: float) -> bool:
+def _run(stream: Stream, files: Files, place: dict[str, Any], keeper: Keeper) -> bool:
     """Feed the stream until its source ends or a signal comes, then write the last checkpoint.
 
     A bad row that is refused ends it with a checkpoint before that row.  Any other error, and rows that are given up
@@ -118,13 +118,13 @@ def _run(stream: Stream, source: str, place: dict[str, Any], follow: bool, keepe
     """
     began, rows = time.monotonic(), stream.carried.rows
     if rows:
-        click.echo(f"Going on after row {rows} from {keeper.kept}.", err=True)
+        click.echo(f"Going on after row {rows} from {files.kept}.", err=True)
     stopper = Stopper()
-    with contextlib.closing(_open(source, place, follow)) as lines:
+    with contextlib.closing(_open(files.source, place, files.follow)) as lines:
         if not rows:  # from here on a crash at any instant knows where rows and records stood
             keeper.save(lines)
         try:
-            _feed(stream, source, place, lines, stopper, lambda: keeper.save(lines), seconds)
+            _feed(stream, files, place, lines, stopper, keeper)
         except Refused:
             keeper.save(lines)
             raise
@@ -146,26 +146,25 @@ def _run(stream: Stream, source: str, place: dict[str, Any], follow: bool, keepe
     click.echo(
         f"{'Stopped by ' + stopper.by if stopper.by else 'The source ended'} after row {c.rows} "
         f"({taken} rows now, {taken / spent:.0f} rows/s, {c.bad} bad, {c.repeated} repeated, {c.alarms} alarms); "
-        f"started again, the stream goes on from {keeper.kept}.",
+        f"started again, the stream goes on from {files.kept}.",
         err=True,
     )
     return bool(stopper.by)
 
 
 def _feed(
-    stream: Stream, source: str, place: dict[str, Any], lines: LineSource, stopper: Stopper,
-    save: Callable[[], None], seconds: float,
-) -> None:  # fmt: skip
+    stream: Stream, files: Files, place: dict[str, Any], lines: LineSource, stopper: Stopper, keeper: Keeper
+) -> None:
     """Blocks of lines to the stream, and a checkpoint every so many seconds."""
-    parse = _parser(source, place)
-    due = time.monotonic() + seconds
+    parse = _parser(files.source, place)
+    due = time.monotonic() + files.checkpoint_seconds
     while not stopper.by and (block := lines.read()) is not None:
         if lines.restarted:
             lines.restarted, parse = False, None
-            click.echo(f"{source} was replaced or cut; reading it from its new beginning.", err=True)
+            click.echo(f"{files.source} was replaced or cut; reading it from its new beginning.", err=True)
         if parse is None and block:
             place["header"] = block.pop(0).decode("utf-8", errors="replace")
-            parse = _parser(source, place)
+            parse = _parser(files.source, place)
         if parse is not None and block:
             try:
                 stream.feed(block, parse, lines.number - len(block) + 1)
@@ -173,8 +172,8 @@ def _feed(
                 lines.hand_back(block[stream.taken :])
                 raise
         if time.monotonic() > due:
-            save()
-            due = time.monotonic() + seconds
+            keeper.save(lines)
+            due = time.monotonic() + files.checkpoint_seconds
 
 
 def _open(source: str, place: dict[str, Any], follow: bool) -> LineSource:
@@ -234,15 +233,15 @@ def _to(writer: Out, run: BesideRun) -> Callable[[Record], None]:
 class Keeper:
     """Writes the checkpoint; a disk that is full ends the stream or leaves it without one, and is told once."""
 
-    def __init__(self, stream: Stream, kept: Path, place: dict[str, Any], writer: Out, source: str, stops: bool):
-        self.stream, self.kept, self.place, self.writer, self.source = stream, kept, place, writer, source
-        self.stops, self._failing = stops, False
+    def __init__(self, stream: Stream, files: Files, place: dict[str, Any], writer: Out):
+        self.stream, self.files, self.place, self.writer = stream, files, place, writer
+        self._failing = False
 
     def save(self, lines: LineSource) -> None:
         """Write the checkpoint; records up to it are on the disk before."""
         stream, self.place["out"] = self.stream, self.writer.settle()
         self.place |= {"offset": lines.offset, "number": lines.number}
-        self.place["fingerprint"] = fingerprint(self.source, lines.offset) if lines.file.seekable() else ""
+        self.place["fingerprint"] = fingerprint(self.files.source, lines.offset) if lines.file.seekable() else ""
         fitted = stream.carried.rows > 0
         state = {
             "place": self.place,
@@ -254,17 +253,17 @@ class Keeper:
         }
         settled = clone(stream.model).set_params(forgetting=stream.forgetting)
         try:
-            write_state(self.kept, KIND, {"estimator": settled, "alarm": stream.alarm}, state)
+            write_state(self.files.kept, KIND, {"estimator": settled, "alarm": stream.alarm}, state)
         except OSError as error:
-            said = f"The checkpoint {self.kept} cannot be written ({error.strerror})"
-            if self.stops:
+            said = f"The checkpoint {self.files.kept} cannot be written ({error.strerror})"
+            if self.files.stops_when_full:
                 raise OSError(f"{said}; make room and start again, nothing is lost.") from None
             if not self._failing:
                 click.echo(f"{said}; the stream goes on without it.", err=True)
             self._failing = True
             return
         if self._failing:
-            click.echo(f"The checkpoint {self.kept} is written again.", err=True)
+            click.echo(f"The checkpoint {self.files.kept} is written again.", err=True)
         self._failing = False
 
 

@@ -37,6 +37,7 @@ class Options:
     max_step: float = np.inf
     smallest_change: float = 5.0  # per cent
     most_held: int = 10  # rows in a row in whose place the last sample is learnt again
+    timed: bool = False  # whether a row's first value is its time
 
 
 class Refused(ValueError):
@@ -76,14 +77,10 @@ class Stream:
     options : Options
     emit : callable
         Takes each record, a dict with the keys ``kind`` and ``row``.
-    timed : bool
-        Whether a row's first value is its time.
     """
 
-    def __init__(
-        self, model: Any, alarm: ChangeAlarm, options: Options, emit: Callable[[Record], None], timed: bool = False
-    ):
-        self.model, self.alarm, self.options, self.emit, self.timed = model, alarm, options, emit, timed
+    def __init__(self, model: Any, alarm: ChangeAlarm, options: Options, emit: Callable[[Record], None]):
+        self.model, self.alarm, self.options, self.emit = model, alarm, options, emit
         self.forgetting = model.forgetting
         self.innovations = Innovations(model)
         self.carried = Carried()
@@ -112,7 +109,7 @@ class Stream:
                     self._act(verdict)
                 self._act(Verdict("bad", number, [], str(reason)))
                 continue
-            if not self.timed:
+            if not self.options.timed:
                 self._act(Verdict("row", number, row))
             elif self.options.refuse:
                 self._act(self.clock.take_strictly(number, row))
@@ -148,7 +145,7 @@ class Stream:
 
     def _take(self, row: list[float], number: int) -> None:
         """A row to be learnt; a pause longer than ``max_step`` begins a new experiment."""
-        if self.timed:
+        if self.options.timed:
             if row[0] - self.carried.time > self.options.max_step and self.carried.time > -np.inf:
                 self.carried.experiment += 1
             self.carried.time = row[0]
@@ -215,7 +212,7 @@ class Stream:
 
     def _learn_piece(self, rows: NDArray[np.float64], experiments: NDArray[np.int64]) -> None:
         """One partial_fit; at a block's end, what its innovations say."""
-        timed = int(self.timed)
+        timed = int(self.options.timed)
         X, y = np.ascontiguousarray(rows[:, timed:-1]), np.ascontiguousarray(rows[:, -1])
         if self.carried.rows and experiments[0] == experiments[-1] == self.innovations.experiments[-1]:
             self.model.partial_fit(X, y)  # the same experiment goes on: the fast path

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 from whsklearn.effects import codes
 from whsklearn.effects.sensor import quantized
@@ -63,7 +63,16 @@ class AxisCode:
         self.history = max(self.older) + 1
 
 
-def _driven(effects, p, own, ends, z, state, body, chain, lags, held, t, h):  # type: ignore[no-untyped-def]
+class Law(NamedTuple):
+    """Effects of an axis as its integrator takes them."""
+
+    effects: Any
+    p: Any
+    own: Any
+    ends: Ends
+
+
+def _driven(law, z, state, body, chain, lags, held, t, h):  # type: ignore[no-untyped-def]
     """From the held drive to the torque, and one fine step under it."""
     u, first, second = effective(chain, held, lags[0], lags[1], h)
     if chain.lag > 0.0:
@@ -71,16 +80,16 @@ def _driven(effects, p, own, ends, z, state, body, chain, lags, held, t, h):  # 
     if chain.second_lag > 0.0:
         lags[1] = second
     before = (state[0], state[1], state[2], state[3])
-    x, v, q, w = fine_step(effects, p, own, ends, z, body, before, u, t, h)
+    x, v, q, w = fine_step(law.effects, law.p, law.own, law.ends, z, body, before, u, t, h)
     state[0] = x
     state[1] = v
     state[2] = q
     state[3] = w
 
 
-def _read(effects, p, own, ends, position, t, lattice):  # type: ignore[no-untyped-def]
+def _read(law, position, t, lattice):  # type: ignore[no-untyped-def]
     """The encoder's reading without its noise."""
-    return quantized(lattice, read(effects, p, own, ends, t, position))
+    return quantized(lattice, read(law.effects, law.p, law.own, law.ends, t, position))
 
 
 def axis_code(axis: ServoAxis, language: Language, state: Any, *, velocity: bool = False) -> AxisCode:
@@ -96,8 +105,7 @@ def axis_code(axis: ServoAxis, language: Language, state: Any, *, velocity: bool
         Answer with the velocity instead of the encoder's reading.
     """
     plant = pack(axis)
-    effects, p, ends = _arranged(plant.codes, plant.p)
-    own = _own(axis)
+    law = _arranged(plant.codes, plant.p, axis)
     body, chain = Body(*map(float, body_of(plant))), Chain(*map(float, chain_of(plant)))
     two = body.share > 0.0
     lattice = float(lattice_of(plant)[0])
@@ -113,16 +121,12 @@ def axis_code(axis: ServoAxis, language: Language, state: Any, *, velocity: bool
 
     work = Specialiser(language)
     work.call(
-        _driven, effects, p, own, ends, Memory(hysteresis), Memory(mechanical), body, chain,
+        _driven, law, Memory(hysteresis), Memory(mechanical), body, chain,
         Memory(lambda i: state("lag", i)), Symbol("u"), Symbol("t"), h,
     )  # fmt: skip
     seeing = Specialiser(language, "r_")
     seen = state(STATES[2 if two and axis.sensor.side == "load" else 0], -1)
-    y = (
-        Symbol(state("velocity", -1))
-        if velocity
-        else seeing.call(_read, effects, p, own, ends, Symbol(seen), Symbol("t"), lattice)
-    )
+    y = Symbol(state("velocity", -1)) if velocity else seeing.call(_read, law, Symbol(seen), Symbol("t"), lattice)
     older, newer, share = _holds(chain.delay / h, axis.substeps)
     states = dict.fromkeys(STATES[: 4 if two else 2], 0)
     if memory:
@@ -148,10 +152,10 @@ def _own(axis: ServoAxis) -> OneOf:
     return OneOf(tuple(c.evaluate for c in classes if c.evaluate is not None))
 
 
-def _arranged(effects: Any, p: Any) -> tuple[Any, Any, Ends]:
+def _arranged(effects: Any, p: Any, axis: ServoAxis) -> Law:
     """Rows in the integrator's order, and where each kind of them ends."""
     effects, p, ends = arranged(effects, p)
-    return effects, p, Ends(*map(int, ends))
+    return Law(effects, p, _own(axis), Ends(*map(int, ends)))
 
 
 def _holds(delay: float, substeps: int) -> tuple[list[int], list[int], list[float]]:
@@ -170,17 +174,17 @@ def torque_code(axis: ServoAxis, language: Language) -> Part:
     """The torque that friction and what depends on position ask for, as a function of ``position`` and ``velocity``."""
     plant = pack(axis)
     keep = [i for i, code in enumerate(plant.codes) if compensated(int(code))]
-    effects, p, ends = _arranged(plant.codes[keep], plant.p[keep])
+    law = _arranged(plant.codes[keep], plant.p[keep], axis)
     work = Specialiser(language)
     kappa = 1.0 / axis.smoothing if axis.friction == "tanh" else math.inf
-    result = work.call(_static_torque, effects, p, _own(axis), ends, Symbol("position"), Symbol("velocity"), kappa)
+    result = work.call(_static_torque, law, Symbol("position"), Symbol("velocity"), kappa)
     return Part(*work.finish(result), work.text(result))
 
 
-def _static_torque(effects, p, own, ends, position, velocity, kappa):  # type: ignore[no-untyped-def]
+def _static_torque(law, position, velocity, kappa):  # type: ignore[no-untyped-def]
     s, ds = smooth_sign(velocity, kappa)
-    torque, _slope = motor_sum(effects, p, own, ends, 0, 0.0, position, velocity, s, ds, 0.0)
-    return torque + load_sum(effects, p, ends, 0.0, position, velocity)
+    torque, _slope = motor_sum(law.effects, law.p, law.own, law.ends, 0, 0.0, position, velocity, s, ds, 0.0)
+    return torque + load_sum(law.effects, law.p, law.ends, 0.0, position, velocity)
 
 
 def compensated(code: int) -> bool:

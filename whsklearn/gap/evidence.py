@@ -99,6 +99,36 @@ COARSE_GRID = 2.5e-4  # step of the grid as a share of half the travel; finer on
 GRID_NOISE = 0.7  # of the noise that the grid's rounding must make up
 UNFOLDED = 0.1  # of the misfit that an unfolded reading may leave: half of a folded record is on the wrong side
 
+# Chains of blocks; "chains" is `python -m benchmarks.blind_blocks`, which prints the rates that these numbers move.
+LEFT_OVER = 1e-4  # p-value of generic functions below which a finished model leaves something: 0.03 of 300 empty chains
+STILL_LEFT = 2e-3  # the same while searching: another round costs seconds, a missed effect a name
+LEFT_SHARE = 0.02  # of the mean square that they must then explain: long records make any trifle significant
+FOLLOWS_SURE, FOLLOWS_LIKELY = LEFT_OVER, 0.05  # p-values at which what is left follows the motion, and may do so
+FOLLOWS_MUCH = 0.1  # of the gap that it must be if it only may: guards "foreign effect not confidently named"
+TOO_SMALL = 0.5  # of what the effects leave, below which more orders and a free law show that the base model is too
+# small and no effect is missing. A second effect beside a named one is imitated by them too, but rarely to a half
+# ("chains --pair 20"); the WH2009 circuit under orders of two ends at 0.2
+SPOKEN_OF = 0.2  # of the mean square that orders, or a law, must take off to be put down to them in a sentence
+ABSORBED = 0.02  # of a signature that the model's own numbers must leave over: below, no record shows the effect
+ALIKE = 0.97  # coherence of two signatures beyond the model's own numbers from which on the names are aliases
+BEYOND_DOUBT = 10.0  # times the evidence that a name needs: no chance and no other minimum of the base reached it
+FEW_EVENTS = 5  # samples, or reversals, that may come right by chance; evidence that sits in them is none
+WITHOUT_FEW = 0.5  # of the evidence a name needs that must be there without the five best samples
+SIGN_REMEMBERED = 8  # samples for which L2 remembers a sign: a pole at 0.8 leaves a sixth of it
+RUNS_WORSE = 1.01  # of the held-out mean square of the free run: above, an effect makes the model worse
+WRONG_SIDE = 6.0  # robust deviations: beyond, a sample is on the wrong side of a sign; of 1e6 Gaussian ones none is
+HELD_TO = 4.0  # robust deviations to which held-out errors are held, so that no block is one sample
+SIGN_LOST = 0.5  # of the sum of squares that an unfolded reading may leave: a fold turns half of the output over
+TOUCHES_ZERO = 0.02  # of the rms: a folded signal passes zero, one with an offset need not
+OTHER_MINIMUM = 4.0  # times the least sum of squares up to which another minimum of the base may hold the truth
+BETTER_ANEW = 0.98  # of the sum of squares that blocks fitted anew must leave, or the refit from the base model stands
+COARSE_READING = 0.003  # of the output's rms in rounding errors: a finer grid is a converter's, and no effect
+ROUNDING = 0.15  # of the errors' mean square that rounding must make up to be told
+LITTLE_PROMISE = -5.0  # delta BIC that a linear look must promise: what it sees is a lower bound, a refit gains more
+MODEST_PROMISE = 15.0  # below that a refit of a few steps tells enough
+LOOKS_OF_ONE_KIND = 7  # best scores of one way of looking that become looks: as many as are refined
+LONG_RECORD, SEARCHED = 12_000, 8_000  # samples: names of a longer record are looked for in the first ones; time only
+
 # What a report says of places and constants; no name depends on it.
 PLACE_LEVEL = 0.05  # of the p-value, adjusted over the signals
 PLACE_EXCESS = 0.08  # share of the gap beyond the share of samples: below, a range is not worth a sentence

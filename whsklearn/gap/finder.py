@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 from whsklearn.gap.conclude import conclude
 from whsklearn.gap.diagnosis import Diagnosis
 from whsklearn.gap.evidence import DEFAULT_TOLERANCE
-from whsklearn.gap.plants import make_plant
+from whsklearn.gap.plants import Base, make_plant
 from whsklearn.gap.search import Round, Search
 from whsklearn.gap.surrogate import best_score
 
@@ -131,9 +131,8 @@ class GapFinder(BaseEstimator):
         rng = np.random.default_rng(self.random_state)
         self._say("check")
         plant = make_plant(
-            self.model, log, y, law=self.law, tolerance=self.tolerance, columns=columns, orders=self.orders,
-            direct=self.direct,
-        )  # fmt: skip
+            self.model, log, y, Base(self.law, self.orders, self.direct), tolerance=self.tolerance, columns=columns
+        )
         problems = plant.check()
         if any(p.fatal for p in problems):
             return self._close(plant, data_problem(problems), plant.given_model, began)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[Any]
+DONE = 5e-4  # share of the sum of squares that an iteration must still take off: names are decided by percents of it
 THREADS = 2
 
 
@@ -54,7 +55,6 @@ def least_squares(
     bounds: tuple[Array, Array],
     *,
     max_iterations: int = 15,
-    tolerance: float = 2e-4,
     slopes: Callable[[Array], Array] | None = None,
 ) -> Fit:
     """Minimise the sum of squares of ``residual`` within bounds (Levenberg 1944, Marquardt 1963).
@@ -89,7 +89,7 @@ def least_squares(
         drop = (cost - c_trial) / max(cost, 1e-300)
         x, r, cost = trial, r_trial, c_trial
         damping = max(damping / 6.0, 1e-9)
-        if drop < tolerance:
+        if drop < DONE:
             break
         jac = slopes(x) if slopes else jacobian(residual, x, r, steps, high)
     return Fit(x, r, jac, cost)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from whsklearn.gap.plants import make_plant
+from whsklearn.gap.plants import Base, make_plant
 from whsklearn.gap.proof import free_run_error
 
 
@@ -34,10 +34,8 @@ def on_second_record(finder: Any, log: Any, **columns: str | None) -> list[dict[
     found = getattr(finder, "found_", None)
     if found is None:
         raise ValueError("There is no model to test: the diagnosis ended before one was fitted, or is of a chain.")
-    plant = make_plant(
-        finder.model, log, None, law=finder.law, tolerance=finder.tolerance, columns=columns, orders=finder.orders,
-        direct=finder.direct,
-    )  # fmt: skip
+    base = Base(finder.law, finder.orders, finder.direct)
+    plant = make_plant(finder.model, log, None, base, tolerance=finder.tolerance, columns=columns)
     fatal = [p for p in plant.check() if p.fatal]
     if fatal:
         raise ValueError(f"The second record cannot be used: {fatal[0].explanation}")

@@ -64,7 +64,7 @@ def open_text(path: Path) -> Source:
         )
 
     def fetch(wanted: Sequence[str]) -> dict[str, Column]:
-        return _read(path, encoding, layout, names, list(wanted), whole, notes)
+        return _read(path, encoding, layout, {w: names.index(w) for w in wanted}, whole, notes)
 
     return Source(path.name, names, fetch, layout.names is not None, units, notes)
 
@@ -144,16 +144,16 @@ def _whole_rows(path: Path, encoding: str, layout: Dialect) -> tuple[int | None,
 
 
 def _read(
-    path: Path, encoding: str, layout: Dialect, names: list[str], wanted: list[str], whole: int | None, notes: list[str]
+    path: Path, encoding: str, layout: Dialect, columns: dict[str, int], whole: int | None, notes: list[str]
 ) -> dict[str, Column]:
-    """The columns asked for, as floats where they are numbers, else as text; what was done is added to `notes`.
+    """Columns by their places, as floats where they are numbers, else as text; what was done is added to `notes`.
 
     The file is read in chunks with all its columns, of which only the wanted ones are kept: with ``usecols`` pandas
     would drop in silence what a row has too much, a decimal comma amid comma-separated cells above all.
     """
     import pandas as pd
 
-    numbers = [names.index(w) for w in wanted]
+    numbers = list(columns.values())
     options: dict[str, Any] = {
         "sep": layout.separator, "decimal": layout.decimal, "header": None, "skiprows": layout.first,
         "skipinitialspace": layout.separator != r"\s+", "comment": layout.comment, "encoding": encoding,
@@ -173,7 +173,7 @@ def _read(
         raise LogError(
             f"{path.name} is no readable CSV ({reason}); export it again as UTF-8 with one header line."
         ) from None
-    return _typed({names[i]: parts[i] for i in dict.fromkeys(numbers)}, layout.decimal, notes)
+    return _typed({name: parts[i] for name, i in columns.items()}, layout.decimal, notes)
 
 
 def _typed(cells: dict[str, Any], decimal: str, notes: list[str]) -> dict[str, Column]:

@@ -110,11 +110,11 @@ def test_bad_records_end_in_a_data_problem(u, y, code):
     assert code in [p.code for p in finder.diagnosis_.problems]
 
 
-def test_of_a_long_record_a_stretch_is_searched_and_all_of_it_fitted(monkeypatch):
-    from whsklearn.gap.plants import chain
+def test_of_a_long_record_a_part_is_searched_and_all_of_it_fitted(monkeypatch):
+    from whsklearn.gap import evidence as rules
 
-    monkeypatch.setattr(chain, "LONG", 1500)
-    monkeypatch.setattr(chain, "STRETCH", 1000)
+    monkeypatch.setattr(rules, "LONG_RECORD", 1500)
+    monkeypatch.setattr(rules, "SEARCHED", 1000)
     case = blind.make_case("named", 11, effects=("quadratic_drag",), size=0.15, noise=30.0, n=2000)
     long = diagnose(case)
     assert [e.name for e in long.effects_] == ["quadratic_drag"]

@@ -9,6 +9,7 @@ import pytest
 
 from tests.gap.plants.example_chain import PLAIN, SCALES, THETA, TRUE, U, setting, term
 from whsklearn.effects import DeadZone, QuadraticDrag
+from whsklearn.gap import evidence as rules
 from whsklearn.gap.plants import chain_doubts as doubts
 from whsklearn.gap.plants.chain_model import ChainModel
 
@@ -45,8 +46,8 @@ def test_reversals_that_only_one_model_has_are_where_x_moves_the_other_way():
 def test_a_sign_is_remembered_for_a_few_samples():
     behind = doubts.behind(30, np.array([3, 20]))
     assert behind[:4].tolist() == [-1] * 4  # L2 answers a sample late
-    assert behind[4 : 4 + doubts.MEMORY].tolist() == [0] * doubts.MEMORY
-    assert behind[4 + doubts.MEMORY] == -1
+    assert behind[4 : 4 + rules.SIGN_REMEMBERED].tolist() == [0] * rules.SIGN_REMEMBERED
+    assert behind[4 + rules.SIGN_REMEMBERED] == -1
     assert behind[21] == 1
 
 
@@ -65,7 +66,7 @@ def test_the_free_run_tells_a_better_model_from_a_worse():
     s = setting(DeadZone(0.3))
     with_it = TRUE.plus(term("dead_zone", 0.3))
     assert doubts.worsened(s, TRUE, with_it) < 0.5
-    assert doubts.worsened(PLAIN, TRUE, with_it) > doubts.WORSE
+    assert doubts.worsened(PLAIN, TRUE, with_it) > rules.RUNS_WORSE
 
 
 def test_a_wave_of_order_one_is_gravity_and_no_drag():

@@ -7,12 +7,13 @@ import pytest
 
 from tests.gap.plants.example_chain import PLAIN, SCALES, TRUE, setting, term
 from whsklearn.effects import Cogging, DeadZone
-from whsklearn.gap.plants.chain_remainder import QUIET, remainder, whiteness
+from whsklearn.gap import evidence as rules
+from whsklearn.gap.plants.chain_remainder import remainder, whiteness
 
 
 def test_under_the_truth_nothing_is_left():
     left = remainder(PLAIN, TRUE, SCALES)
-    assert left.p_value > QUIET
+    assert left.p_value > rules.LEFT_OVER
     assert left.share < 0.05
 
 
@@ -25,7 +26,7 @@ def test_what_is_missing_is_seen_until_it_is_named(hidden, named):
     before, after = remainder(s, TRUE, SCALES), remainder(s, TRUE.plus(term(*named)), SCALES)
     assert before.p_value < 1e-8
     assert before.share > 0.2
-    assert after.p_value > QUIET
+    assert after.p_value > rules.LEFT_OVER
 
 
 def test_outliers_are_no_colour_and_colour_is():

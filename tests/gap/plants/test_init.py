@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from whsklearn import WienerHammersteinSystem
-from whsklearn.gap.plants import make_plant, sampling_time
+from whsklearn.gap.plants import Base, make_plant, sampling_time
 from whsklearn.gap.plants.chain import ChainPlant
 from whsklearn.gap.plants.servo import ServoPlant
 from whsklearn.gap.plants.simulator import SimulatorPlant
@@ -32,8 +32,8 @@ class Simulator:
 
 
 def made(model, log, y=None, **settings):
-    defaults = {"law": None, "tolerance": 0.004, "columns": {}}
-    return make_plant(model, log, y, **defaults | settings)
+    columns = settings.pop("columns", {})
+    return make_plant(model, log, y, Base(**settings), tolerance=0.004, columns=columns)
 
 
 @pytest.mark.parametrize(

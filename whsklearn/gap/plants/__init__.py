@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -11,11 +11,26 @@ from numpy.typing import NDArray
 Array = NDArray[Any]
 
 
-def make_plant(
-    model: Any, log: Any, y: Any, *, law: str | None, tolerance: float, columns: dict[str, Any],
-    orders: tuple[int, ...] | None = None, direct: int = 0,
-) -> Any:  # fmt: skip
-    """The plant for a kind of model; ``orders`` and ``direct`` are those of a chain.
+class Base(NamedTuple):
+    """What a base model is made of.
+
+    Attributes
+    ----------
+    law : str, optional
+        Friction law.
+    orders : tuple of int, optional
+        (n_a, n_b, n_c, n_d) of a chain.
+    direct : int
+        How many of the two blocks of a chain have a direct path.
+    """
+
+    law: Any = None
+    orders: tuple[int, ...] | None = None
+    direct: int = 0
+
+
+def make_plant(model: Any, log: Any, y: Any, base: Base, *, tolerance: float, columns: dict[str, Any]) -> Any:
+    """The plant for a kind of model.
 
     Raises
     ------
@@ -28,11 +43,9 @@ def make_plant(
     if isinstance(model, ServoAxis) or model == "servo":
         from whsklearn.gap.plants.servo import servo_plant
 
-        return servo_plant(model, log, law=law, tolerance=tolerance, columns=columns)
+        return servo_plant(model, log, law=base.law, tolerance=tolerance, columns=columns)
     if isinstance(model, WienerHammersteinSystem) or model == "wiener-hammerstein":
-        return _chain(
-            model, *_input_output(log, y, columns), law, tolerance, sampling_time(log, columns), orders, direct
-        )
+        return _chain(model, *_input_output(log, y, columns), base, tolerance, sampling_time(log, columns))
     if all(hasattr(model, name) for name in ("simulate", "refit", "with_effect")):
         from whsklearn.gap.plants.simulator import simulator_plant
 
@@ -43,12 +56,13 @@ def make_plant(
     )
 
 
-def _chain(model: Any, u: Array, y: Array, law: Any, tolerance: float, dt: float, orders: Any, direct: int) -> Any:
+def _chain(model: Any, u: Array, y: Array, base: Base, tolerance: float, dt: float) -> Any:
     """The plant of a chain; a system gives orders, direct paths and law where they are not given."""
     from whsklearn.gap.plants.chain import ChainPlant
     from whsklearn.gap.plants.chain_law import law_choice
 
     system = None if isinstance(model, str) else model
+    law, orders, direct = base
     if system is not None:
         orders = orders or tuple(v.size for v in (system.a, system.b, system.c, system.d))
         law, direct = law if law is not None else system.law, direct or system.direct
@@ -57,9 +71,7 @@ def _chain(model: Any, u: Array, y: Array, law: Any, tolerance: float, dt: float
         raise ValueError(f"orders are {orders}; expected n_a, n_b, n_c, n_d with n_a and n_c at least 1.")
     if direct not in (0, 1, 2):
         raise ValueError(f"direct is {direct}; expected how many of the two blocks have a direct path: 0, 1 or 2.")
-    return ChainPlant(
-        u, y, law_choice(law), orders=orders, direct=direct, tolerance=tolerance, dt=dt, given_model=system
-    )
+    return ChainPlant(u, y, (law_choice(law), orders, direct), tolerance=tolerance, dt=dt, given_model=system)
 
 
 def sampling_time(log: Any, columns: dict[str, Any]) -> float:

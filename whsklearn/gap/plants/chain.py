@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from whsklearn.estimators import _model as wh
+from whsklearn.gap import evidence as rules
 from whsklearn.gap.data_check import Problem
 from whsklearn.gap.plant import Linearised, PlantDefaults
 from whsklearn.gap.plants import chain_pictures, chain_structure
@@ -20,7 +21,6 @@ from whsklearn.gap.plants.chain_fit import fit_base, refit
 from whsklearn.gap.plants.chain_law import LawChoice, bent
 from whsklearn.gap.plants.chain_model import ChainModel, Setting, free_run
 from whsklearn.gap.plants.chain_noise import ahead_errors, coarse_grid, quietest_band
-from whsklearn.gap.plants.chain_remainder import FITS, LEFT, QUIET
 from whsklearn.gap.plants.chain_view import ChainView, twin_setting
 from whsklearn.gap.record import blocks
 from whsklearn.systems.wiener_hammerstein import WienerHammersteinSystem
@@ -31,10 +31,6 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 SKIP = 40  # samples at the start, where the state is not known
-LONG, STRETCH = 12_000, 8_000  # samples: of a longer record the first ones are searched, all are fitted
-LEAVES_SURE, LEAVES_LIKELY = 1e-4, 0.05  # p-values below which what is left counts, and counts if it is much
-MUCH = 0.1  # share of the gap
-WRONG_SIDE = 6.0  # robust deviations: of a million Gaussian errors none is that far
 # at rest nothing moves in a chain whose |sgn(dx)| is always one: a constant of v is one of y through L2
 ALIASES = {
     "output_offset": ("asymmetric_coulomb",),
@@ -50,12 +46,9 @@ class ChainPlant(PlantDefaults):
     Parameters
     ----------
     u, y : ndarray of shape (n,)
-    law : LawChoice
-        Of the base model.
-    orders : tuple of int
-        (n_a, n_b, n_c, n_d).
-    direct : int
-        How many of the two blocks have a direct path: the law stands between delays, so which one cannot be told.
+    base : (LawChoice, tuple of int, int)
+        Law and orders (n_a, n_b, n_c, n_d) of the base model, and how many of its two blocks have a direct path: the
+        law stands between delays, so which one cannot be told.
     tolerance : float
         Smallest change of the output worth a name, share of its rms.
     dt : float
@@ -70,11 +63,11 @@ class ChainPlant(PlantDefaults):
     horizon_unit = "samples"
 
     def __init__(
-        self, u: Array, y: Array, law: LawChoice, *, orders: tuple[int, ...] = (2, 2, 2, 2), direct: int = 0,
-        tolerance: float, dt: float = 1.0, given_model: Any = None,
+        self, u: Array, y: Array, base: tuple[LawChoice, tuple[int, ...], int], *, tolerance: float, dt: float = 1.0,
+        given_model: Any = None,
     ):  # fmt: skip
         self.u, self.y = (np.array(v, dtype=float) for v in (u, y))  # a pass takes arrays that may be written
-        self.law, self.orders, self.direct = law, orders, direct
+        self.law, self.orders, self.direct = base
         self.tolerance, self.dt, self.given_model = tolerance, dt, given_model
         self.scale = float(np.sqrt(np.mean(self.y**2))) if self.y.size and np.isfinite(self.y).all() else 1.0
         self.horizons = (1.0, 10.0, float(self.y.size))
@@ -102,8 +95,8 @@ class ChainPlant(PlantDefaults):
 
     def base(self, rng: np.random.Generator) -> ChainModel:
         """The least of the base model's minima; the others are kept for candidates to start from."""
-        long = self.u.size > LONG
-        found: Base = base_of(self.setting(STRETCH if long else None), self.law, rng)
+        long = self.u.size > rules.LONG_RECORD
+        found: Base = base_of(self.setting(rules.SEARCHED if long else None), self.law, rng)
         self._views = [ChainView(found.setting, found.scales, found.minima[1:])]
         if long:
             whole = dataclasses.replace(self.setting(), law=found.setting.law, dims=found.setting.dims)
@@ -134,12 +127,12 @@ class ChainPlant(PlantDefaults):
         view = self.whole_view
         model = view.fit(model)
         left = view.left(model)
-        if left.p_value > FITS or left.share < LEFT or model.on is None:
+        if left.p_value > rules.STILL_LEFT or left.share < rules.LEFT_SHARE or model.on is None:
             return model
         short = self._views[0]
         anew = fit_base(short.setting, np.random.default_rng(0), n_starts=48, terms=model.terms)[0][0]
         other = view.fit(anew)
-        return other if other.cost < 0.98 * model.cost else model
+        return other if other.cost < rules.BETTER_ANEW * model.cost else model
 
     def on_record(self, model: ChainModel) -> ChainModel:
         """A model fitted to the whole record's training part, as a base model found on a stretch is for the proof."""
@@ -155,9 +148,8 @@ class ChainPlant(PlantDefaults):
         What generic functions still find in the model's errors is no noise: a wrong repair would else be held against
         a floor as high as its own error, and seem to close all.
         """
-        other = ChainPlant(
-            self.u, self.y, self.law, orders=self.orders, direct=self.direct, tolerance=self.tolerance, dt=self.dt
-        )
+        same = self.law, self.orders, self.direct
+        other = ChainPlant(self.u, self.y, same, tolerance=self.tolerance, dt=self.dt)
         s = self.whole_view.setting
         most = quietest_band(s.y)
         if self._larger is not None:
@@ -176,7 +168,7 @@ class ChainPlant(PlantDefaults):
         view = self._views[0]
         model = model if model.on is view.setting else view.fit(model)
         left = view.left(model)
-        if left.p_value > QUIET or left.share < LEFT:
+        if left.p_value > rules.LEFT_OVER or left.share < rules.LEFT_SHARE:
             return ""
         s = view.setting
         start = base if base.on is s else view.fit(base)
@@ -194,9 +186,9 @@ class ChainPlant(PlantDefaults):
         before = view.rms(view.gap(self.on_record(self._base))) ** 2
         explained = max(before - view.rms(view.gap(model)) ** 2, 0.0)
         share = remains / max(explained + remains, 1e-300) if len(model.terms) > model.n_base else left.share
-        if left.p_value < LEAVES_SURE:
+        if left.p_value < rules.FOLLOWS_SURE:
             return float(share)
-        return float(share) if left.p_value < LEAVES_LIKELY and share > MUCH else 0.0
+        return float(share) if left.p_value < rules.FOLLOWS_LIKELY and share > rules.FOLLOWS_MUCH else 0.0
 
     def read_off(self, model: ChainModel) -> list[Any]:
         """A lost sign; the grid of the readings, where rounding is a good part of what is left."""
@@ -247,7 +239,7 @@ class ChainPlant(PlantDefaults):
         if len(models) == 2 and models[0] is not models[1]:
             base, model = (self.on_record(m) for m in models)
             miss = np.abs(s.y - free_run(s, model))
-            far = miss > WRONG_SIDE * 1.4826 * float(np.median(miss[held]))
+            far = miss > rules.WRONG_SIDE * 1.4826 * float(np.median(miss[held]))
             held &= ~beside_turned(s, base, model) & ~far
         return s.y, held
 
@@ -263,7 +255,7 @@ class ChainPlant(PlantDefaults):
     def judged_gap(self, model: ChainModel) -> Array:
         """The one-step errors, held to six robust deviations."""
         e = self.whole_view.gap(self.on_record(model))[SKIP:]
-        limit = 6.0 * 1.4826 * float(np.median(np.abs(e))) + 1e-300
+        limit = rules.WRONG_SIDE * 1.4826 * float(np.median(np.abs(e))) + 1e-300
         return np.clip(e, -limit, limit)
 
     def signals(self, model: ChainModel) -> dict[str, tuple[Array, str]]:
@@ -295,8 +287,8 @@ class ChainPlant(PlantDefaults):
         """Remarks on how the record was used."""
         s = self.whole_view.setting
         long = [
-            f"Names were looked for in the first {STRETCH} samples, their numbers fitted to all {s.u.size}; what only "
-            "the whole record shows had one more round."
+            f"Names were looked for in the first {rules.SEARCHED} samples, their numbers fitted to all {s.u.size}; "
+            "what only the whole record shows had one more round."
         ]
         return [
             *(long if len(self._views) > 1 else []),

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from whsklearn.gap import evidence as rules
 from whsklearn.gap.plants.chain_candidates import CATALOGUE, Scales
 from whsklearn.gap.plants.chain_fit import fit_base, minima_from, sharpen
 from whsklearn.gap.plants.chain_law import LawChoice
@@ -20,10 +21,7 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 PLACED = 2  # times that knots are put at the quantiles of x, and the blocks fitted to the law they make
-MUCH_BETTER = 0.5  # of the sum of squares, for a lost sign to be believed: half of the output is turned over by it
-NEAR_ZERO = 0.02  # of the rms: a signal that was folded passes zero, one with an offset need not
 FOLDED_STARTS, TURNS, KEPT = 60, 8, 8
-SEPARATE = 4.0  # times the least sum of squares up to which another minimum is worth a candidate's start
 
 
 @dataclass(frozen=True)
@@ -40,10 +38,10 @@ def base_of(s: Setting, choice: LawChoice, rng: np.random.Generator) -> Base:
     """The minima of the base model; a law with knots is fitted from the polynomial that stands in for it."""
     found = [(m, value) for m, value in fit_base(s, rng) if np.isfinite(value)]
     least = found[0][1]
-    minima = [m.fitted(s, v) for m, v in found[:3] if v < SEPARATE * least]
+    minima = [m.fitted(s, v) for m, v in found[:3] if v < rules.OTHER_MINIMUM * least]
     if not choice.has_knots:
         straight = unfolded(s, rng) if never_negative(s.y) else None
-        if straight is not None and straight.cost < MUCH_BETTER * least:
+        if straight is not None and straight.cost < rules.SIGN_LOST * least:
             return Base(s, signal_scales(s, straight), [straight], minima[0])
         return Base(s, signal_scales(s, minima[0]), minima)
     at, model = s, minima[0]
@@ -54,7 +52,7 @@ def base_of(s: Setting, choice: LawChoice, rng: np.random.Generator) -> Base:
 
 def never_negative(y: Array) -> bool:
     """Whether a signal stays on one side of zero and touches it: what is left of one whose sign was lost."""
-    return bool(0.0 <= y.min() < NEAR_ZERO * float(np.sqrt(np.mean(y**2))))
+    return bool(0.0 <= y.min() < rules.TOUCHES_ZERO * float(np.sqrt(np.mean(y**2))))
 
 
 def unfolded(s: Setting, rng: np.random.Generator) -> ChainModel | None:

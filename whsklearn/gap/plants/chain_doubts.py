@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from whsklearn.effects import get_effect
+from whsklearn.gap import evidence as rules
 from whsklearn.gap.evidence import delta_bic_of
 from whsklearn.gap.plants.chain_candidates import Candidate, Scales
 from whsklearn.gap.plants.chain_fit import CAP, refit, weights_of
@@ -18,12 +19,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     Array = NDArray[np.float64]
-
-MEMORY = 8  # samples for which L2 remembers a sign
-BEYOND_DOUBT = 10.0  # times the evidence that a name needs: no chance and no other minimum reaches that
-FEW = 5  # samples, or reversals, that may come right by chance
-SIMILAR = 0.97  # coherence of two signatures that no record like this one tells apart
-WORSE = 1.01  # of the held-out mean square of the free run: above, an effect makes the model worse
 
 
 def unphysical(term: Term, z: Scales) -> str:
@@ -41,16 +36,16 @@ def unphysical(term: Term, z: Scales) -> str:
 
 def on_a_closer_look(s: Setting, before: ChainModel, model: ChainModel, z: Scales, need: float) -> str:
     """Why the model's last effect may be chance; empty if nothing speaks against it."""
-    if worsened(s, before, model) > WORSE:
+    if worsened(s, before, model) > rules.RUNS_WORSE:
         return "the free run over held-out samples is worse with it"
     kind = model.terms[-1].kind
     n = int(s.fit.sum())
     evidence = delta_bic_of(n, before.cost, model.cost, kind.n_estimated, kind.scanned)
-    if evidence > BEYOND_DOUBT * need:
+    if evidence > rules.BEYOND_DOUBT * need:
         return ""
     if moves_x(kind) and beside_reversals(s, before, model) < need:
         return "nearly all of its evidence lies beside five reversals, which may have come right by chance"
-    if kind.linear and (1.0 - few_samples(s, before, model)) * evidence < 0.5 * need:
+    if kind.linear and (1.0 - few_samples(s, before, model)) * evidence < rules.WITHOUT_FEW * need:
         return "nearly all of its evidence lies in five samples, such as reversals that came right by chance"
     bare = min(refit(s, m, z, thorough=True, soft=True)[1] for m in (model.without(len(model.terms) - 1), before))
     if delta_bic_of(n, min(bare, before.cost), model.cost, kind.n_estimated, kind.scanned) < need:
@@ -75,7 +70,7 @@ def behind(n: int, events: NDArray[np.intp]) -> NDArray[np.intp]:
         return np.full(n, -1)
     time = np.arange(n)
     last = np.searchsorted(events, time, side="left") - 1
-    return np.where((last >= 0) & (time - events[last] <= MEMORY), last, -1)
+    return np.where((last >= 0) & (time - events[last] <= rules.SIGN_REMEMBERED), last, -1)
 
 
 def beside_turned(s: Setting, a: ChainModel, b: ChainModel) -> NDArray[np.bool_]:
@@ -92,7 +87,7 @@ def beside_reversals(s: Setting, before: ChainModel, after: ChainModel) -> float
     gain = np.where(s.fit, pointwise(e0, s.fit) - pointwise(e1, s.fit), 0.0)
     last = behind(gain.size, turned(s, before, after))
     of_each = np.bincount(last[last >= 0], gain[last >= 0])
-    return float(gain.sum() - np.sort(np.maximum(of_each, 0.0))[-FEW:].sum())
+    return float(gain.sum() - np.sort(np.maximum(of_each, 0.0))[-rules.FEW_EVENTS :].sum())
 
 
 def pointwise(e: Array, fit: NDArray[np.bool_]) -> Array:
@@ -105,23 +100,23 @@ def pointwise(e: Array, fit: NDArray[np.bool_]) -> Array:
 def few_samples(s: Setting, before: ChainModel, after: ChainModel) -> float:
     """Share of the drop of the capped sum of squares that five samples make up."""
     e0, e1 = (coloured(raw_errors(s, m), m.ar)[s.fit] for m in (before, after))
-    limits = [6.0 * 1.4826 * np.median(np.abs(e)) + 1e-300 for e in (e0, e1)]
+    limits = [rules.WRONG_SIDE * 1.4826 * np.median(np.abs(e)) + 1e-300 for e in (e0, e1)]
     gain = np.clip(e0, -limits[0], limits[0]) ** 2 - np.clip(e1, -limits[1], limits[1]) ** 2
-    return float(min(np.sort(gain)[-FEW:].sum() / max(gain.sum(), 1e-300), 1.0))
+    return float(min(np.sort(gain)[-rules.FEW_EVENTS :].sum() / max(gain.sum(), 1e-300), 1.0))
 
 
 def worsened(s: Setting, before: ChainModel, after: ChainModel) -> float:
     """Mean square of the free run over held-out samples, over that before; beside turned reversals left out."""
     plain = (s.held >= 0) & ~beside_turned(s, before, after)
     miss0, miss1 = ((s.y - free_run(s, m))[plain] for m in (before, after))
-    limit = 6.0 * 1.4826 * np.median(np.abs(miss0)) + 1e-300
+    limit = rules.WRONG_SIDE * 1.4826 * np.median(np.abs(miss0)) + 1e-300
     return float(np.mean(np.clip(miss1, -limit, limit) ** 2) / np.mean(np.clip(miss0, -limit, limit) ** 2))
 
 
 def alike(s: Setting, a: ChainModel, b: ChainModel, z: Scales) -> bool:
     """Whether the last effects of two models leave coherent signatures beyond the model's own parameters."""
     stand = take_stand(s, a.without(len(a.terms) - 1), z)
-    return coherence(_signature(s, stand, a.terms[-1], z), _signature(s, stand, b.terms[-1], z)) >= SIMILAR
+    return coherence(_signature(s, stand, a.terms[-1], z), _signature(s, stand, b.terms[-1], z)) >= rules.ALIKE
 
 
 def _signature(s: Setting, stand: Stand, term: Term, z: Scales) -> Array:

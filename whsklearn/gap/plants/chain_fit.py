@@ -83,12 +83,10 @@ def climb(
     *,
     steps: int = 12,
     tolerance: float = 1e-6,
-    colour: bool = True,
     capped: bool = True,
 ) -> tuple[ChainModel, float]:
     """Levenberg-Marquardt at the model's sharpness; (model, sum of squares)."""
     measure = deviance if capped else _plain
-    keep = slice(None) if colour else slice(0, -m.ar.size if m.ar.size else None)
     x = to_vector(m, z)
     base = raw_errors(s, m)
     e = coloured(base, m.ar)[s.fit]
@@ -96,16 +94,14 @@ def climb(
     damping = 1e-3
     for _ in range(steps):
         root = np.sqrt(w)
-        rows = jacobian(s, m, z, base)[s.fit][:, keep] * root[:, None]
+        rows = jacobian(s, m, z, base)[s.fit] * root[:, None]
         scale = np.maximum(np.linalg.norm(rows, axis=0), 1e-9 * np.sqrt(len(e)))
         rows /= scale
         normal, slope = rows.T @ rows, rows.T @ (root * e)
         improved = False
         for _ in range(7):
             move = np.linalg.solve(normal + damping * np.eye(len(slope)), slope) / scale
-            trial_x = x.copy()
-            trial_x[keep] -= move
-            trial = from_vector(m, trial_x, z)
+            trial = from_vector(m, x - move, z)
             if stable_blocks(s, trial.theta):
                 trial_base = raw_errors(s, trial)
                 trial_e = coloured(trial_base, trial.ar)[s.fit]
@@ -131,7 +127,6 @@ def sharpen(
     rungs: tuple[float, ...] = LADDER,
     *,
     steps: int = 8,
-    colour: bool = True,
     capped_from: float = 0.0,
 ) -> tuple[ChainModel, float]:
     """Climb over ever sharper signs; the rung with the least capped sum of squares answers.
@@ -142,7 +137,7 @@ def sharpen(
     best: tuple[ChainModel, float] | None = None
     for relative in rungs:
         capped = relative >= capped_from
-        m, value = climb(s, m.at(relative / rms_dx(s, m)), z, steps=steps, colour=colour, capped=capped)
+        m, value = climb(s, m.at(relative / rms_dx(s, m)), z, steps=steps, capped=capped)
         value = value if capped else cost(s, m)
         if best is None or value < best[1]:
             best = m, value

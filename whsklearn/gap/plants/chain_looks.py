@@ -8,22 +8,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from whsklearn.effects.codes import COULOMB
+from whsklearn.gap import evidence as rules
 from whsklearn.gap.evidence import delta_bic_of
 from whsklearn.gap.plant import Look
 from whsklearn.gap.plants.chain_candidates import Candidate, Scales, catalogue_for
 from whsklearn.gap.plants.chain_fit import climb, cost, refit, rms_dx, shortened
 from whsklearn.gap.plants.chain_law import is_line
 from whsklearn.gap.plants.chain_model import ChainModel, Setting, Term
-from whsklearn.gap.plants.chain_screening import ABSORBED, SOFT, Screened, Stand, refine_scan, screen, take_stand
+from whsklearn.gap.plants.chain_screening import SOFT, Screened, Stand, refine_scan, screen, take_stand
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     Array = NDArray[np.float64]
 
-MOST_OF_ONE_LOOK = 7  # best scores of one way of looking that become looks
-LITTLE = -5.0  # delta BIC that a linear look must promise: what it sees is a lower bound, and a refit gains more
-MODEST = 15.0  # below that a refit of a few steps tells enough
 # near neighbours, of which neither is told without having tried the other
 PARTNERS = {"actuator_lag": "input_delay", "input_delay": "actuator_lag"}
 SCREEN_SAMPLES = 6000  # of a longer record, to try sizes on
@@ -77,7 +75,7 @@ def candidates_for(s: Setting, m: ChainModel) -> list[Candidate]:
 
 def as_looks(screened: list[Screened], starts: list[Start], n: int) -> list[Look]:
     """A `Look` for every start, the most promising of a variant twice at the most, and one for whatever has none."""
-    absorbed = {c.term.kind.label for c in screened if c.left < ABSORBED}
+    absorbed = {c.term.kind.label for c in screened if c.left < rules.ABSORBED}
     out: list[Look] = []
     seen: dict[str, int] = {}
     best = max((x.promise for x in starts), default=0.0)
@@ -94,7 +92,7 @@ def as_looks(screened: list[Screened], starts: list[Start], n: int) -> list[Look
             out.append(_look(twins[0].screened.term.kind, twins[0], max(0.5 * best, 1.0), n))
     for c in screened:
         if not any(k.name == c.name for k in out):
-            expected = 0.0 if c.left < ABSORBED else SURE_TO_SHOW
+            expected = 0.0 if c.left < rules.ABSORBED else SURE_TO_SHOW
             out.append(Look(c.name, 0.0, None, c.term.kind.n_estimated, c.term.kind.scanned, expected))
     return out
 
@@ -110,8 +108,9 @@ def starts_of(
 ) -> list[Start]:
     """The best scores of one way of looking, with scans refined."""
     n = int(s.fit.sum())
-    ranked = sorted(screened, key=lambda c: -promise_of(c, stand, n))[:MOST_OF_ONE_LOOK]
-    worth = [c for c in ranked if c.left >= ABSORBED and c.gain > 0.0 and promise_of(c, stand, n) > LITTLE]
+    ranked = sorted(screened, key=lambda c: -promise_of(c, stand, n))[: rules.LOOKS_OF_ONE_KIND]
+    seen = [c for c in ranked if c.left >= rules.ABSORBED and c.gain > 0.0]
+    worth = [c for c in seen if promise_of(c, stand, n) > rules.LITTLE_PROMISE]
     return [Start(replace(refine_scan(s, stand, c, z), soft=soft), at, promise_of(c, stand, n)) for c in worth]
 
 
@@ -159,7 +158,7 @@ def softened(s: Setting, m: ChainModel) -> ChainModel:
 def refined(s: Setting, start: Start, z: Scales) -> tuple[ChainModel, float]:
     """The candidate fitted together with the model, and the sum of squares."""
     c = start.screened
-    quick = start.promise < MODEST
+    quick = start.promise < rules.MODEST_PROMISE
     fitted, now = refit(s, start.model.plus(c.term), z, quick=quick, soft=c.soft)
     if c.term.kind.name == "parameter_change":
         fitted, now = _walk_time(s, fitted, now, z)

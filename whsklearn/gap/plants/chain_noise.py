@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from whsklearn.gap import evidence as rules
 from whsklearn.gap.plants.chain_model import ChainModel, Setting, raw_errors, stable_output
 from whsklearn.gap.record import lattice
 
@@ -16,8 +17,6 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 BANDS = 16
-LEAST_GRID = 0.003  # of the output's rms: a finer grid is a converter's, and no effect
-ROUNDED = 0.15  # share of the errors' mean square that rounding must make up
 RESPONSE = 400  # samples of L2's response to noise
 
 
@@ -67,10 +66,10 @@ def quietest_band(y: Array) -> float:
 def coarse_grid(s: Setting, m: ChainModel) -> float:
     """Step of the grid on which the readings lie, if rounding is a good part of what is left; 0 otherwise."""
     step = lattice(s.y)
-    if not step or step / math.sqrt(12.0) < LEAST_GRID * float(np.sqrt(np.mean(s.y**2))):
+    if not step or step / math.sqrt(12.0) < rules.COARSE_READING * float(np.sqrt(np.mean(s.y**2))):
         return 0.0
     nd = int(s.dims[3])
     gain = 1.0 + float(np.sum(m.theta[m.theta.size - nd :] ** 2))
     e = raw_errors(s, m)[s.fit]
-    limit = 6.0 * 1.4826 * float(np.median(np.abs(e))) + 1e-300
-    return step if gain * step**2 / 12.0 > ROUNDED * float(np.mean(np.clip(e, -limit, limit) ** 2)) else 0.0
+    limit = rules.WRONG_SIDE * 1.4826 * float(np.median(np.abs(e))) + 1e-300
+    return step if gain * step**2 / 12.0 > rules.ROUNDING * float(np.mean(np.clip(e, -limit, limit) ** 2)) else 0.0

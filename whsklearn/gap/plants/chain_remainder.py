@@ -19,10 +19,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-QUIET = 1e-4  # p-value of the generic functions below which something is left; of 300 records with nothing missing 0.03
-FITS = 2e-3  # the same while searching: another round costs seconds, a missed effect a name
-LEFT = 0.02  # share of the errors' mean square that they must then explain
-
 
 def sharp_stand(s: Setting, m: ChainModel, z: Scales) -> Stand:
     """The model's own errors beside sensitivities of a softer sign: for tests of what is left."""

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
 SHARPNESS = 100.0
 SOFT = 10.0  # of the sign while signatures are taken, times rms dx
-ABSORBED = 0.02  # least part of a signature that the model's own parameters must leave over
 
 
 @dataclass

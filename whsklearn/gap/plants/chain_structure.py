@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from whsklearn.gap import evidence as rules
 from whsklearn.gap.plants.chain_candidates import Candidate, Scales
 from whsklearn.gap.plants.chain_fit import cost, refit
 from whsklearn.gap.plants.chain_model import ChainModel, Setting, Term, chain
@@ -23,9 +24,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-GROSS = 0.5  # of what the model with effects leaves: a base that is merely too small leaves less than half of it. A
-# second effect that hides beside a named one can be imitated by free functions, but rarely to a half
-# (`python -m benchmarks.blind_blocks --pair 20`); the WH2009 circuit under orders of two ends at 0.2
 N_HATS = 8
 EXTRA = (1, 2)  # poles and zeros added to each block
 
@@ -98,20 +96,20 @@ def _refitted(s: Setting, m: ChainModel, z: Scales) -> tuple[Setting, ChainModel
 
 
 def too_small(found_cost: float, larger: Structure) -> bool:
-    """Whether the larger base leaves less than `GROSS` of what the model with the effects found leaves."""
-    return larger.cost < GROSS * found_cost
+    """Whether the larger base leaves less than `evidence.TOO_SMALL` of what the model with the effects found leaves."""
+    return larger.cost < rules.TOO_SMALL * found_cost
 
 
 def sentence(larger: Structure, dims: Any) -> str:
     """What the base model lacks, and which options give it."""
     parts = []
-    if larger.by_orders > 0.2:
+    if larger.by_orders > rules.SPOKEN_OF:
         before, after = (",".join(str(int(n)) for n in o) for o in (dims[:4], larger.orders))
         parts.append(
             f"linear dynamics are left: more poles and zeros alone take {100 * larger.by_orders:.0f} % off the mean "
             f"square of the one-step error (orders {before} were given; try {after})"
         )
-    if larger.by_law > 0.2:
+    if larger.by_law > rules.SPOKEN_OF:
         parts.append(
             f"the law has another shape: free functions of x and dx alone take {100 * larger.by_law:.0f} % off it "
             "(give another law)"

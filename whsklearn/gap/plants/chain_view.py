@@ -29,14 +29,12 @@ from whsklearn.gap.plants.chain_model import (
     to_vector,
 )
 from whsklearn.gap.plants.chain_noise import gain_behind
-from whsklearn.gap.plants.chain_remainder import FITS, LEFT, QUIET, Remainder, remainder, whiteness
+from whsklearn.gap.plants.chain_remainder import Remainder, remainder, whiteness
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     Array = NDArray[np.float64]
-
-HELD_TO = 4.0  # robust deviations: what a fit lets one sample cost at the most
 
 
 @dataclass(eq=False)
@@ -84,7 +82,7 @@ class ChainView(ViewDefaults):
     def noise_share(self, model: ChainModel) -> float:
         """Rms of what no generic function finds, over the rms of the gap."""
         left = self.left(model)
-        return float(np.sqrt(1.0 - min(left.share, 0.99))) if left.p_value < FITS else 1.0
+        return float(np.sqrt(1.0 - min(left.share, 0.99))) if left.p_value < rules.STILL_LEFT else 1.0
 
     def left(self, model: ChainModel) -> Remainder:
         """The test of what is left, computed once a model."""
@@ -102,9 +100,9 @@ class ChainView(ViewDefaults):
         if float(np.sqrt(np.mean(miss**2))) < least:
             return True
         left, added = self.left(model), len(model.terms) > model.n_base
-        if left.p_value < (FITS if added else QUIET) and left.share > LEFT:
+        if left.p_value < (rules.STILL_LEFT if added else rules.LEFT_OVER) and left.share > rules.LEFT_SHARE:
             return False
-        return added or whiteness(raw_errors(s, model)[s.fit]).p_value >= QUIET
+        return added or whiteness(raw_errors(s, model)[s.fit]).p_value >= rules.LEFT_OVER
 
     def look(self, model: ChainModel) -> list[Look]:
         """See `whsklearn.gap.plants.chain_looks.looks_at`."""
@@ -133,7 +131,9 @@ class ChainView(ViewDefaults):
         for m, e in zip(models, all_errors, strict=True):
             judged = np.where(doubts.beside_turned(s, models[0], m), first, e)[held]
             fitted = _capped(e[s.fit])
-            out.append(Judged(fitted, np.clip(judged / sigma, -HELD_TO, HELD_TO), s.held[held], float(fitted.size)))
+            out.append(
+                Judged(fitted, np.clip(judged / sigma, -rules.HELD_TO, rules.HELD_TO), s.held[held], float(fitted.size))
+            )
         return out
 
     def explained(self, before: ChainModel, after: ChainModel) -> float:
@@ -188,7 +188,7 @@ class ChainView(ViewDefaults):
 
 def _capped(e: Array) -> Array:
     """Errors held to four robust deviations, scaled so that their squares sum to the capped sum of squares."""
-    limit = HELD_TO * 1.4826 * float(np.median(np.abs(e))) + 1e-300
+    limit = rules.HELD_TO * 1.4826 * float(np.median(np.abs(e))) + 1e-300
     held = np.clip(e, -limit, limit)
     return held * float(np.sqrt(deviance(e)[0] / max(float(held @ held), 1e-300)))
 
