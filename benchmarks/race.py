@@ -4,7 +4,7 @@
     python benchmarks/race.py --runs 100
 
 Every method reads N samples once, in order, knows the orders and the form of the law, and starts from the same guess
-where it needs one: all friction weights right in sign, poles at zero.  Judged by the free run against noise-free
+where it needs one: all friction weights right in sign, poles at zero.  ModelErrors by the free run against noise-free
 output, averaged over three fresh records, as `accuracy.py` does; one that runs away counts as NMSE 1, and how often.
 
 | name | what it is |

@@ -10,7 +10,7 @@ import pytest
 
 from whsklearn.gap import evidence as rules
 from whsklearn.gap.evidence import Evidence, blocks_not_worse, bootstrap_share, delta_bic, objections, preferred
-from whsklearn.gap.plant import Judged, Look, Trial
+from whsklearn.gap.plant import Look, ModelErrors, Trial
 
 LIMITS = rules.Limits(per_sample=0.1, least=25.0, most=100.0, null=2.0, price=1.0)
 TRIAL = Trial(Look("cogging", 0.5), SimpleNamespace(terms=("law", "cogging")))
@@ -41,7 +41,7 @@ def test_scanned_places_and_numbers_cost_evidence():
 
 def judged(held):
     held = np.asarray(held, dtype=float)
-    return Judged(held, held, np.repeat(np.arange(5), held.size // 5), float(held.size))
+    return ModelErrors(held, held, np.repeat(np.arange(5), held.size // 5), float(held.size))
 
 
 def test_a_block_at_rest_does_not_count_as_worse_and_a_lost_one_does():

@@ -39,7 +39,7 @@ def test_a_simulator_that_writes_itself_is_written(tmp_path, monkeypatch):
         def to_xml(self):
             return "<mujoco/>"
 
-    monkeypatch.setattr("whsklearn.gap.page.render", lambda d: "")
+    monkeypatch.setattr("whsklearn.gap.html_report.render", lambda d: "")
     write_report(Diagnosis("no_gap", ""), tmp_path, Model())
     assert (tmp_path / "repaired.xml").read_text() == "<mujoco/>"
     assert not (tmp_path / "repaired.json").exists()

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from whsklearn.gap import evidence as rules
-from whsklearn.gap.plant import Judged, Look, ViewDefaults
+from whsklearn.gap.plant import Look, ModelErrors, ViewDefaults
 from whsklearn.gap.search import Search
 
 
@@ -44,7 +44,7 @@ class QuietView(ViewDefaults):
 
     def compare(self, models, best):
         block = np.repeat(np.arange(5), 80)
-        return [Judged(self.gap(m), self.gap(m), block, 400.0) for m in models]
+        return [ModelErrors(self.gap(m), self.gap(m), block, 400.0) for m in models]
 
 
 @pytest.mark.parametrize(("left", "tried"), [([0.99, 0.99, 0.8, 0.99], rules.FEW_REFINED), ([0.9, 0.99, 0.8, 0.99], 4)])

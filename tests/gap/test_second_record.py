@@ -14,7 +14,7 @@ COLUMNS = {"time": "time_s", "drive": "torque_nm", "position": "position_rad"}
 
 def test_the_free_run_on_another_record_closes_and_on_a_short_one_is_refused():
     first, second = (make_servo_log([Cogging(0.3, 12.0)], duration=12.0, random_state=s) for s in (0, 1))
-    finder = GapFinder("servo", n_twins=0).fit(first, **COLUMNS)
+    finder = GapFinder("servo", n_surrogates=0).fit(first, **COLUMNS)
     assert finder.verdict_ == "named"
     for row in on_second_record(finder, second, **COLUMNS):
         assert row["after"] < 0.05 * row["before"]

@@ -29,19 +29,19 @@ def rivals_of(
             same.append([])
             continue
         judged = view.compare([taken.trial.model, *(o.trial.model for o in able)], 0)
-        close, alike, share = [], [], 1.0
+        close, equal, share = [], [], 1.0
         for other, j in zip(able, judged[1:], strict=True):
             s = bootstrap_share(judged[0].errors, j.errors, rng)
             near = taken.delta_bic - other.delta_bic < rules.LEAST_MARGIN or s < rules.SURE
             if near and not _stands(plant, view, taken, other):
                 continue
-            if near and view.alike(taken.trial.model, other.trial.model):
-                alike.append(other.name)
+            if near and view.same_signature(taken.trial.model, other.trial.model):
+                equal.append(other.name)
                 continue
             share = min(share, s)
             if near:
                 close.append(other.name)
-        same.append(list(dict.fromkeys(alike)))
+        same.append(list(dict.fromkeys(equal)))
         names.append(list(dict.fromkeys(close)))
         shares.append(share)
     return names, shares, same

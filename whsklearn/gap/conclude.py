@@ -14,9 +14,9 @@ from whsklearn.gap.candidate_table import candidate_table
 from whsklearn.gap.diagnosis import Diagnosis, LearnedTorques, NamedEffect, families
 from whsklearn.gap.proof import closure, prove
 from whsklearn.gap.search import Found
+from whsklearn.gap.sentences import next_experiment, summary
 from whsklearn.gap.standard_errors import errors_of, labelled_errors
 from whsklearn.gap.verdict import verdict_of
-from whsklearn.gap.words import next_experiment, summary
 
 UNFINISHED = ("unknown", "partial", "coloured_noise")  # verdicts beside which a nameless torque is learned
 
@@ -31,7 +31,7 @@ def conclude(plant: Any, found: Found, rng: np.random.Generator, say: Callable[[
     headline = next(r for r in rows if r["horizon"] == plant.headline)
     diagnosis.before, diagnosis.after = headline["first"].as_dict(), headline["last"].as_dict()
     diagnosis.floor, diagnosis.closure = headline["floor"], headline["closure"]
-    view = plant.judging(found.base)
+    view = plant.verdict_view(found.base)
     diagnosis.need = view.limits.need(view.compare([found.base], 0)[0].n_effective, 0.0)
     diagnosis.interrupted = found.interrupted
     diagnosis.candidates = candidate_table(found, diagnosis)
@@ -136,7 +136,7 @@ def _verdict(
     plant: Any, found: Found, rows: list[dict[str, Any]], rng: np.random.Generator
 ) -> tuple[str, list, list, list]:
     """(verdict, rivals of every effect, share of draws in which it beats the next, names that are the same)."""
-    view = plant.judging(found.base)
+    view = plant.verdict_view(found.base)
     gap, floor = view.rms(view.gap(found.base)), view.floor(found.base)
     quiet = view.quiet(found.base, plant.tolerance * plant.scale)
     if not found.taken:
@@ -180,7 +180,7 @@ def _effects(plant: Any, found: Found, rivals: list, shares: list, same: list) -
 
 def _located(plant: Any, found: Found, diagnosis: Diagnosis, rng: np.random.Generator) -> None:
     """Where the gap lives, and which constant of the base model moves along the record."""
-    signals, gap = plant.signals(found.base), plant.judged_gap(found.base)
+    signals, gap = plant.signals(found.base), plant.gap_to_locate(found.base)
     diagnosis.where = localisation.locate(signals, gap, rng)
     diagnosis.where_sentence = localisation.sentence(diagnosis.where) if diagnosis.verdict != "no_gap" else ""
     diagnosis.drifting = parameter_drift.drift(plant, found.base, rng)

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from whsklearn.gap.plant import Judged
+    from whsklearn.gap.plant import ModelErrors
 
 Array = NDArray[Any]
 
@@ -27,8 +27,8 @@ Array = NDArray[Any]
 # Every rule of the engine takes its number from here.  "blind" is `python -m benchmarks.blind`, "real" is
 # `python -m benchmarks.real_axes`; both print the rates that a change of a number moves.
 
-DEFAULT_TOLERANCE = 0.004  # of the rms drive or output: no effect below is worth a name. Twins of records with nothing
-# missing leave 0.0037 to 0.0047 of the drive in the inverse view; the one default of every entry.
+DEFAULT_TOLERANCE = 0.004  # of the rms drive or output: no effect below is worth a name. Surrogates of records with
+# nothing missing leave 0.0037 to 0.0047 of the drive in the inverse view; the one default of every entry.
 NAMED = 0.88  # closure for a confident name: a neighbour of the true effect closes more than 0.8 in 3 % of blind cases
 PARTIAL = 0.3  # closure below which the name of the nearest neighbour says nothing: median closure of wrong names 0.2
 LEFT_BY_SEVERAL = 2.5  # floors that several effects together may leave: three wrong ones can imitate one without a name
@@ -110,7 +110,7 @@ TOO_SMALL = 0.5  # of what the effects leave, below which more orders and a free
 # ("chains --pair 20"); the WH2009 circuit under orders of two ends at 0.2
 SPOKEN_OF = 0.2  # of the mean square that orders, or a law, must take off to be put down to them in a sentence
 ABSORBED = 0.02  # of a signature that the model's own numbers must leave over: below, no record shows the effect
-ALIKE = 0.97  # coherence of two signatures beyond the model's own numbers from which on the names are aliases
+SAME_SIGNATURE = 0.97  # coherence of two signatures beyond the model's own numbers from which on the names are aliases
 BEYOND_DOUBT = 10.0  # times the evidence that a name needs: no chance and no other minimum of the base reached it
 FEW_EVENTS = 5  # samples, or reversals, that may come right by chance; evidence that sits in them is none
 WITHOUT_FEW = 0.5  # of the evidence a name needs that must be there without the five best samples
@@ -185,7 +185,7 @@ WHITENED = Limits(per_sample=200.0 / 2450.0, least=40.0, most=200.0, null=4.0, p
 # A spring of two numbers looks better than gravity wherever friction is still missing: gravity is forgiven 1.6 times
 # its leftover (known pendulums, "real --only xl330": at most 1.3; "blind" with cable_spring, over gravity: 2.5 and
 # more).
-# Records with nothing missing reach 1.28 of their twin, with Stribeck 4.1, with drag 8: quiet at 1.35.
+# Records with nothing missing reach 1.28 of their surrogate, with Stribeck 4.1, with drag 8: quiet at 1.35.
 CROSS_VALIDATED = Limits(
     per_sample=0.0, least=25.0, most=25.0, null=2.0, price=0.5, quiet=1.35, forgiven=1.6, run_counts=False
 )
@@ -265,7 +265,7 @@ def delta_bic_of(n: float, before: float, after: float, n_numbers: int, n_looks:
     return n * float(np.log(before / max(after, 1e-300))) - price * n_numbers * float(np.log(max(n, 2.0))) - looks
 
 
-def blocks_not_worse(before: Judged, after: Judged) -> float:
+def blocks_not_worse(before: ModelErrors, after: ModelErrors) -> float:
     """Share of held-out blocks that lose no more than `NOT_WORSE` of the total gain."""
     gain = np.array([np.sum(before.held[before.block == b] ** 2) - np.sum(after.held[after.block == b] ** 2)
                      for b in np.unique(before.block)])  # fmt: skip

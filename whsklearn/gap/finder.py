@@ -40,10 +40,10 @@ class GapFinder(BaseEstimator):
         Effects added at the most.
     tolerance : float
         Smallest effect worth a name, rms as a share of the rms drive or output.
-    n_twins : int
+    n_surrogates : int
         Logs made by the fitted model itself on which the same search must find nothing.
     random_state : int
-        Of twins, shifts and starts.
+        Of surrogates, shifts and starts.
     progress : callable, optional
         Called with the name of each step as it begins.
     on_round : callable, optional
@@ -72,7 +72,7 @@ class GapFinder(BaseEstimator):
     >>> from whsklearn.datasets import make_servo_log
     >>> from whsklearn.effects import Cogging
     >>> log = make_servo_log([Cogging(0.2, 12.0)], duration=12.0, random_state=0)
-    >>> finder = GapFinder("servo", n_twins=1).fit(log)
+    >>> finder = GapFinder("servo", n_surrogates=1).fit(log)
     >>> finder.verdict_, [e.name for e in finder.effects_]
     ('named', ['cogging'])
     """
@@ -86,7 +86,7 @@ class GapFinder(BaseEstimator):
         direct: int = 0,
         max_effects: int = 3,
         tolerance: float = DEFAULT_TOLERANCE,
-        n_twins: int = 1,
+        n_surrogates: int = 1,
         random_state: int = 0,
         progress: Callable[[str], None] | None = None,
         on_round: Callable[[Round], None] | None = None,
@@ -97,7 +97,7 @@ class GapFinder(BaseEstimator):
         self.direct = direct
         self.max_effects = max_effects
         self.tolerance = tolerance
-        self.n_twins = n_twins
+        self.n_surrogates = n_surrogates
         self.random_state = random_state
         self.progress = progress
         self.on_round = on_round
@@ -139,7 +139,7 @@ class GapFinder(BaseEstimator):
         self._say("base model")
         base = plant.base(rng)
         self._say("search")
-        search = Search(plant, lambda v, m: best_score(v, m, self.n_twins, rng), self.max_effects, self.on_round)
+        search = Search(plant, lambda v, m: best_score(v, m, self.n_surrogates, rng), self.max_effects, self.on_round)
         found = self.found_ = search.run(base)
         diagnosis = conclude(plant, found, rng, self._say)
         diagnosis.problems = problems

@@ -13,7 +13,7 @@ from whsklearn.gap.diagnosis import Diagnosis
 
 BEFORE, AFTER, MEASURED, FLOOR = "#c2552d", "#1b7f4d", "#1c2530", "#8a97a5"
 WINDOW = 2.0  # s shown of the overlay
-DRAWN = 3000  # stretches of a series of which the extremes are drawn: two a pixel of a wide screen
+DRAWN = 3000  # pieces of a series of which the extremes are drawn: two a pixel of a wide screen
 
 
 def titled(name: str, unit: str) -> str:
@@ -26,9 +26,9 @@ def draw(d: Diagnosis) -> list[tuple[str, str, str]]:
     out = []
     chain = "window" in d.pictures  # runs freely, in samples
     worst = (
-        "The worst held-out stretch, run freely."
+        "The worst held-out part, run freely."
         if chain
-        else f"The held-out stretch of {width_of(d):.3g} s that is worst, restarted every {d.horizon:g} s."
+        else f"The held-out part of {width_of(d):.3g} s that is worst, restarted every {d.horizon:g} s."
     )
     for title, caption, painter in (
         ("Simulation and measurement", worst, _overlay),
@@ -78,7 +78,7 @@ def _paint(painter: Callable[[Any, Diagnosis], bool], d: Diagnosis) -> str:
 
 
 def thinned(*series: Any) -> list[Any]:
-    """Series over one axis at the least and the largest value of each stretch, so that a long record stays drawable.
+    """Series over one axis at the least and the largest value of each piece, so that a long record stays drawable.
 
     The first is the axis, the second leads; further ones are taken at the same samples.
 

@@ -14,7 +14,7 @@ How to write a plant
 1. A frozen model class with ``terms`` (base model's first), ``n_base`` and ``without(index)``; each term has
    ``name`` and ``effect`` (the library's own `whsklearn.effects.Effect`).
 2. ``look``: rank candidates cheaply (a linear look is enough) and give each as a `Look`; ``refine`` fits one jointly
-   with the model.  ``compare`` turns a set of models into `Judged` errors, whitened or weighted as the plant sees fit.
+   with the model.  ``compare`` gives the `ModelErrors` of several models, whitened or weighted as the plant sees fit.
 3. ``simulate``: the free run that proves.  Everything else has a meaning of its own in `Plant`.
 """
 
@@ -99,7 +99,7 @@ class Look:
     reason: str = ""
 
 
-class Judged(NamedTuple):
+class ModelErrors(NamedTuple):
     """Errors of one model as evidence is computed from them.
 
     Attributes
@@ -187,7 +187,7 @@ class View(Protocol):
     def explained(self, before: Any, after: Any) -> float:
         """Rms of what the last effect of ``after`` does, in the unit of `Plant.scale`."""
 
-    def alike(self, a: Any, b: Any) -> bool:
+    def same_signature(self, a: Any, b: Any) -> bool:
         """Whether no such record tells the last effects of two models apart."""
 
     def look(self, model: Any) -> list[Look]:
@@ -196,7 +196,7 @@ class View(Protocol):
     def refine(self, model: Any, look: Look) -> Any:
         """The model with the candidate added as its last term, fitted jointly."""
 
-    def compare(self, models: Sequence[Any], best: int) -> list[Judged]:
+    def compare(self, models: Sequence[Any], best: int) -> list[ModelErrors]:
         """Errors of several models under one weighting, chosen for what ``models[best]`` leaves over."""
 
     def objection(self, model: Any, index: int) -> str:
@@ -212,7 +212,7 @@ class View(Protocol):
         """Further members of the last term's family (orders of a wave), each earned; empty for most effects."""
 
     def trimmed(self, model: Any) -> Any:
-        """The same view without a stretch of the record that follows another law than the rest; mostly itself."""
+        """The same view without a part of the record that follows another law than the rest; mostly itself."""
 
     def surrogate(self, model: Any, rng: np.random.Generator) -> Any:
         """The same view of a record that the model itself made in the same experiment: nothing is missing in it."""
@@ -254,7 +254,7 @@ class Plant(Protocol):
     def view(self, model: Any, after: Any | None) -> Any | None:
         """The view in which to search on from ``model`` after the one given (None: the first); None: no further."""
 
-    def judging(self, base: Any) -> Any:
+    def verdict_view(self, base: Any) -> Any:
         """The view whose gap and floor decide the verdict on the whole record."""
 
     def surrogate(self, model: Any, rng: np.random.Generator) -> Any:
@@ -302,7 +302,7 @@ class Plant(Protocol):
     def figures(self, base: Any, model: Any) -> tuple[float, float, float]:
         """(gap before, gap after, floor) of the first line, in the unit of drive or output."""
 
-    def judged_gap(self, model: Any) -> Array:
+    def gap_to_locate(self, model: Any) -> Array:
         """The gap at the samples of `signals`, for localisation."""
 
     def signals(self, model: Any) -> dict[str, tuple[Array, str]]:
@@ -343,7 +343,7 @@ class ViewDefaults:
         """The view itself."""
         return self
 
-    def alike(self, a: Any, b: Any) -> bool:
+    def same_signature(self, a: Any, b: Any) -> bool:
         """No two effects are one and the same but for `Plant.aliases`."""
         return False
 

@@ -68,7 +68,7 @@ def prove(plant: Any, base: Any, model: Any, rng: np.random.Generator) -> list[d
     same rule: what noise in the restarts alone gives.  Both runs of the log go through the same restarts, so an error
     below this floor is luck of the noise and the floor is never printed above it.
     """
-    twin = plant.surrogate(model, rng)
+    other = plant.surrogate(model, rng)
     y, held = plant.measured(base, model)
     spread = float(np.std(y[held]))
     given, first = plant.as_given(base)
@@ -77,7 +77,7 @@ def prove(plant: Any, base: Any, model: Any, rng: np.random.Generator) -> list[d
         after = free_run_error(plant, model, horizon, base, model)
         same = given is plant and first is model
         before = after if same else free_run_error(given, first, horizon, base, model)
-        floor = min(free_run_error(twin, model, horizon).rmse, after.rmse, before.rmse)
+        floor = min(free_run_error(other, model, horizon).rmse, after.rmse, before.rmse)
         rows.append({
             "horizon": horizon, "before": before.rmse, "after": after.rmse, "floor": floor,
             "closure": closure(before.rmse, after.rmse, floor, spread), "first": before, "last": after,

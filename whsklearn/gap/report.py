@@ -21,7 +21,7 @@ def write_report(diagnosis: Diagnosis, folder: str | os.PathLike[str], model: An
     All is rendered before the first byte is written, every file takes its name in one step, and what an earlier report
     left of a repaired model goes: an interruption leaves no page beside the numbers of another log.
     """
-    from whsklearn.gap.page import render
+    from whsklearn.gap.html_report import render
 
     target = Path(folder)
     target.mkdir(parents=True, exist_ok=True)

@@ -97,7 +97,7 @@ class Search:
         return found
 
     def _through(self, view: Any, found: Found) -> Any:
-        """One view, to its end; returns it, trimmed where a stretch of the record follows another law."""
+        """One view, to its end; returns it, trimmed where a part of the record follows another law."""
         found.model = view.fit(found.model)
         if not found.taken:
             found.base = found.model

@@ -17,7 +17,7 @@ N_DRAWS = 64
 def covariance(fit: Linearised) -> Array:
     """s^2 (J'J)^-1 of the fitted residual, with columns scaled to unit length; shape (p, p).
 
-    A number that moves no residual (a change whose time lies between two fitted stretches) gets no variance.
+    A number that moves no residual (a change whose time lies between two fitted parts) gets no variance.
     """
     scale = np.linalg.norm(fit.jacobian, axis=0)
     scale[scale == 0.0] = np.inf

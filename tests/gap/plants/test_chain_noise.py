@@ -17,7 +17,7 @@ from whsklearn.gap.plants.chain_noise import quietest_band
 def rounds():
     seen = []
     case = blind.make_case("named", 11, effects=("quadratic_drag",), size=0.15, noise=30.0, n=1500)
-    finder = GapFinder("wiener-hammerstein", n_twins=0, on_round=seen.append).fit(case.frame, **blind.COLUMNS)
+    finder = GapFinder("wiener-hammerstein", n_surrogates=0, on_round=seen.append).fit(case.frame, **blind.COLUMNS)
     return seen, finder.diagnosis_
 
 
@@ -41,14 +41,14 @@ def test_every_round_is_told_as_it_ends(rounds):
     assert len(seen) >= 1
 
 
-def test_the_number_of_twins_is_the_callers(monkeypatch):
+def test_the_number_of_surrogates_is_the_callers(monkeypatch):
     from whsklearn.gap.plants import chain_view
 
     made = []
-    twin = chain_view.twin_setting
-    monkeypatch.setattr(chain_view, "twin_setting", lambda *a, **k: made.append(1) or twin(*a, **k))
+    original = chain_view.surrogate_setting
+    monkeypatch.setattr(chain_view, "surrogate_setting", lambda *a, **k: made.append(1) or original(*a, **k))
     case = blind.make_case("none", 11, noise=30.0, n=1000)
-    GapFinder("wiener-hammerstein", n_twins=3).fit(case.frame, **blind.COLUMNS)
+    GapFinder("wiener-hammerstein", n_surrogates=3).fit(case.frame, **blind.COLUMNS)
     assert len(made) == 3
 
 

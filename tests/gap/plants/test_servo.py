@@ -62,7 +62,7 @@ def _stepped(t):
     ],
 )
 def test_an_odd_record_ends_in_a_verdict_with_physical_numbers_or_a_sentence(log):
-    finder = GapFinder("servo", n_twins=0, max_effects=1).fit(log())
+    finder = GapFinder("servo", n_surrogates=0, max_effects=1).fit(log())
     d = finder.diagnosis_
     assert d.verdict in VERDICTS
     assert len(d.sentence) > 20
@@ -74,7 +74,7 @@ def test_an_odd_record_ends_in_a_verdict_with_physical_numbers_or_a_sentence(log
 
 @pytest.mark.parametrize("units", [1.0, 1e3, 1e-3])
 def test_the_unit_of_the_drive_scales_the_numbers_and_no_more(units):
-    d = GapFinder("servo", n_twins=0, max_effects=1).fit(record(gravity=5 * COULOMB, units=units)).diagnosis_
+    d = GapFinder("servo", n_surrogates=0, max_effects=1).fit(record(gravity=5 * COULOMB, units=units)).diagnosis_
     inertia = next(r["after"] for r in d.base_parameters if r["name"] == "inertia")
     assert inertia / units == pytest.approx(INERTIA, rel=0.1)
     assert [e.name for e in d.effects][:1] == ["gravity_imbalance"]

@@ -15,13 +15,13 @@ from whsklearn.gap.plants import chain_pictures, chain_structure
 from whsklearn.gap.plants.chain_base import Base, base_of
 from whsklearn.gap.plants.chain_candidates import BETWEEN
 from whsklearn.gap.plants.chain_check import check_blocks
-from whsklearn.gap.plants.chain_doubts import beside_turned
 from whsklearn.gap.plants.chain_effects import FoundEffect, library_effect
 from whsklearn.gap.plants.chain_fit import fit_base, refit
 from whsklearn.gap.plants.chain_law import LawChoice, bent
 from whsklearn.gap.plants.chain_model import ChainModel, Setting, free_run
 from whsklearn.gap.plants.chain_noise import ahead_errors, coarse_grid, quietest_band
-from whsklearn.gap.plants.chain_view import ChainView, twin_setting
+from whsklearn.gap.plants.chain_objections import beside_turned
+from whsklearn.gap.plants.chain_view import ChainView, surrogate_setting
 from whsklearn.gap.record import blocks
 from whsklearn.systems.wiener_hammerstein import WienerHammersteinSystem
 
@@ -105,7 +105,7 @@ class ChainPlant(PlantDefaults):
         self._base, self._folded = found.minima[0], found.folded
         return self._base
 
-    def judging(self, base: ChainModel) -> Any:
+    def verdict_view(self, base: ChainModel) -> Any:
         """The whole record."""
         return self.whole_view
 
@@ -135,7 +135,7 @@ class ChainPlant(PlantDefaults):
         return other if other.cost < rules.BETTER_ANEW * model.cost else model
 
     def on_record(self, model: ChainModel) -> ChainModel:
-        """A model fitted to the whole record's training part, as a base model found on a stretch is for the proof."""
+        """A model fitted to the whole record's training part; a base model found on its first part is, for the proof."""
         if model.on is self.whole_view.setting or not any(model.on is v.setting for v in self._views):
             return model  # of another record it keeps its numbers
         if id(model) not in self._on_whole:
@@ -157,9 +157,9 @@ class ChainPlant(PlantDefaults):
             miss = (at.y - free_run(at, self._larger.model))[at.fit]
             most = min(most, float(np.sqrt(np.mean(miss**2))))
         fitted = self.on_record(model)
-        twin = twin_setting(s, fitted, rng, most=most, share=self.whole_view.noise_share(fitted))
-        other._views = [dataclasses.replace(self.whole_view, setting=twin, minima=[], quick=True, _left={}, _doubts={})]
-        other.y = twin.y
+        made = surrogate_setting(s, fitted, rng, most=most, share=self.whole_view.noise_share(fitted))
+        other._views = [self.whole_view.of_surrogate(made)]
+        other.y = made.y
         other._on_whole = {id(model): (model, fitted)}
         return other
 
@@ -252,7 +252,7 @@ class ChainPlant(PlantDefaults):
         return view.rms(view.gap(base)), view.rms(view.gap(model)), floor
 
     # --- report -------------------------------------------------------------------------------
-    def judged_gap(self, model: ChainModel) -> Array:
+    def gap_to_locate(self, model: ChainModel) -> Array:
         """The one-step errors, held to six robust deviations."""
         e = self.whole_view.gap(self.on_record(model))[SKIP:]
         limit = rules.WRONG_SIDE * 1.4826 * float(np.median(np.abs(e))) + 1e-300
@@ -265,7 +265,7 @@ class ChainPlant(PlantDefaults):
 
     def regressors(self, model: ChainModel) -> tuple[dict[str, tuple[float, Array]], Array, float]:
         """None: a chain's numbers are not regression coefficients of its error."""
-        return {}, self.judged_gap(model), self.dt
+        return {}, self.gap_to_locate(model), self.dt
 
     def residual_tests(self, base: ChainModel, model: ChainModel) -> list[dict[str, Any]]:
         """Whiteness and generic functions, before and after."""
@@ -298,7 +298,7 @@ class ChainPlant(PlantDefaults):
             "make up most of the mean square.",
             "The noise floor is the error of the repaired model against a record that it made itself, with the least "
             "noise that any fitted model, or the quietest band of the output's spectrum, allows.",
-            f"{int(s.fit.sum())} samples in five stretches are used for fitting, the {int((s.held >= 0).sum())} "
+            f"{int(s.fit.sum())} samples in five parts are used for fitting, the {int((s.held >= 0).sum())} "
             "between them for judging.",
         ]
 
@@ -308,7 +308,7 @@ class ChainPlant(PlantDefaults):
 
     def _everything(self) -> ChainView:
         s = self.whole_view.setting
-        return dataclasses.replace(self.whole_view, setting=s.on_all(int(np.argmax(s.fit))), _left={}, _doubts={})
+        return ChainView(s.on_all(int(np.argmax(s.fit))), self.whole_view.scales)
 
     def _final(self, model: ChainModel) -> ChainModel:
         """The model fitted to all samples."""

@@ -87,9 +87,9 @@ def as_looks(screened: list[Screened], starts: list[Start], n: int) -> list[Look
         out.append(_look(kind, x, x.promise, n))
     for name, other in PARTNERS.items():
         has = [k for k in out if k.name == name]
-        twins = [x for x in starts if x.screened.term.kind.name == other]
-        if has and twins and not any(k.name == other for k in out):
-            out.append(_look(twins[0].screened.term.kind, twins[0], max(0.5 * best, 1.0), n))
+        partners = [x for x in starts if x.screened.term.kind.name == other]
+        if has and partners and not any(k.name == other for k in out):
+            out.append(_look(partners[0].screened.term.kind, partners[0], max(0.5 * best, 1.0), n))
     for c in screened:
         if not any(k.name == c.name for k in out):
             expected = 0.0 if c.left < rules.ABSORBED else SURE_TO_SHOW

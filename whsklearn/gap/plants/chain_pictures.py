@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from whsklearn.gap.localisation import order_spectrum, spectrum
-from whsklearn.gap.plants.chain_doubts import beside_turned
 from whsklearn.gap.plants.chain_model import AR_ORDER, ChainModel, Setting, chain, free_run
+from whsklearn.gap.plants.chain_objections import beside_turned
 from whsklearn.gap.plants.chain_remainder import whiteness
 
 if TYPE_CHECKING:

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from whsklearn.gap import evidence as rules
-from whsklearn.gap.plant import Judged, Linearised, Look, ViewDefaults
-from whsklearn.gap.plants import chain_doubts as doubts
+from whsklearn.gap.plant import Linearised, Look, ModelErrors, ViewDefaults
+from whsklearn.gap.plants import chain_objections as objections
 from whsklearn.gap.plants.chain_candidates import Scales
 from whsklearn.gap.plants.chain_fit import deviance, refit, rms_dx, weights_of
 from whsklearn.gap.plants.chain_looks import elsewhere, looks_at, refined
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 @dataclass(eq=False)
 class ChainView(ViewDefaults):
-    """One record, or a first stretch of it, under one split.
+    """One record, or its first part, under one split.
 
     Attributes
     ----------
@@ -57,7 +57,7 @@ class ChainView(ViewDefaults):
     quick: bool = False
     limits: rules.Limits = rules.CAPPED
     _left: dict[int, tuple[ChainModel, Remainder]] = field(default_factory=dict, repr=False)
-    _doubts: dict[int, tuple[ChainModel, str]] = field(default_factory=dict, repr=False)
+    _objections: dict[int, tuple[ChainModel, str]] = field(default_factory=dict, repr=False)
 
     def fit(self, model: ChainModel) -> ChainModel:
         """The model refitted to the training part; as it is where that has been done."""
@@ -116,7 +116,7 @@ class ChainView(ViewDefaults):
         fitted, value = refined(self.setting, look.start, self.scales)
         return fitted.fitted(self.setting, value, before=model)
 
-    def compare(self, models: Sequence[ChainModel], best: int) -> list[Judged]:
+    def compare(self, models: Sequence[ChainModel], best: int) -> list[ModelErrors]:
         """Errors of the fit whose squares sum to the capped ones; held-out ones held to four deviations.
 
         Samples beside a reversal that only one of two models has say nothing: one is off by the sign's height, and
@@ -129,11 +129,9 @@ class ChainView(ViewDefaults):
         sigma = 1.4826 * float(np.median(np.abs(first[held]))) + 1e-300
         out = []
         for m, e in zip(models, all_errors, strict=True):
-            judged = np.where(doubts.beside_turned(s, models[0], m), first, e)[held]
-            fitted = _capped(e[s.fit])
-            out.append(
-                Judged(fitted, np.clip(judged / sigma, -rules.HELD_TO, rules.HELD_TO), s.held[held], float(fitted.size))
-            )
+            plain = np.where(objections.beside_turned(s, models[0], m), first, e)[held]
+            fitted, within = _capped(e[s.fit]), np.clip(plain / sigma, -rules.HELD_TO, rules.HELD_TO)
+            out.append(ModelErrors(fitted, within, s.held[held], float(fitted.size)))
         return out
 
     def explained(self, before: ChainModel, after: ChainModel) -> float:
@@ -144,18 +142,18 @@ class ChainView(ViewDefaults):
 
     def objection(self, model: ChainModel, index: int) -> str:
         """What is unphysical in a term's numbers, or what speaks against the last one on a closer look."""
-        why = doubts.unphysical(model.terms[index], self.scales)
+        why = objections.unphysical(model.terms[index], self.scales)
         before = model.before
         if why or before is None or index != len(model.terms) - 1 or len(before.terms) != index:
             return why
-        if id(model) not in self._doubts:  # a closer look costs two refits
-            why = doubts.on_a_closer_look(self.setting, before, model, self.scales, self.limits.least)
-            self._doubts[id(model)] = model, why
-        return self._doubts[id(model)][1]
+        if id(model) not in self._objections:  # a closer look costs two refits
+            why = objections.on_a_closer_look(self.setting, before, model, self.scales, self.limits.least)
+            self._objections[id(model)] = model, why
+        return self._objections[id(model)][1]
 
-    def alike(self, a: ChainModel, b: ChainModel) -> bool:
+    def same_signature(self, a: ChainModel, b: ChainModel) -> bool:
         """Whether no such record tells the last effects of two models apart."""
-        return doubts.alike(self.setting, a, b, self.scales)
+        return objections.same_signature(self.setting, a, b, self.scales)
 
     def demand(self, model: ChainModel) -> float:
         """No more than the tolerance."""
@@ -167,9 +165,11 @@ class ChainView(ViewDefaults):
 
     def surrogate(self, model: ChainModel, rng: np.random.Generator) -> ChainView:
         """The view of a record that the model itself made of the same input."""
-        return dataclasses.replace(
-            self, setting=twin_setting(self.setting, model, rng), minima=[], quick=True, _left={}, _doubts={}
-        )
+        return self.of_surrogate(surrogate_setting(self.setting, model, rng))
+
+    def of_surrogate(self, setting: Setting) -> ChainView:
+        """The view of a record in which nothing is missing: one linear look is enough."""
+        return ChainView(setting, self.scales, quick=True, limits=self.limits)
 
     def linearised(self, model: ChainModel) -> Linearised:
         """Weighted errors and their derivatives under a soft sign."""
@@ -193,7 +193,7 @@ def _capped(e: Array) -> Array:
     return held * float(np.sqrt(deviance(e)[0] / max(float(held @ held), 1e-300)))
 
 
-def twin_setting(
+def surrogate_setting(
     s: Setting, m: ChainModel, rng: np.random.Generator, *, most: float = np.inf, share: float = 1.0
 ) -> Setting:
     """The setting with an output that the model made, with noise of the colour of its errors.

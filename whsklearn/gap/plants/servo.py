@@ -133,7 +133,7 @@ class ServoPlant(PlantDefaults):
         seen = self.observer.rms(self.observer.gap(model))
         return seen > rules.DRIFTS * self.inverse.rms(self.inverse.gap(model))
 
-    def judging(self, base: AxisModel) -> Any:
+    def verdict_view(self, base: AxisModel) -> Any:
         """Inverse dynamics if the base model lacks much, the observer otherwise."""
         return self.view(base, None)
 
@@ -232,7 +232,7 @@ class ServoPlant(PlantDefaults):
         return view.rms(view.gap(base)), view.rms(view.gap(model)), view.floor(model)
 
     # --- report -------------------------------------------------------------------------------
-    def judged_gap(self, model: AxisModel) -> Array:
+    def gap_to_locate(self, model: AxisModel) -> Array:
         """The gap of inverse dynamics at the samples of `signals`."""
         return self.inverse.gap(model)
 
@@ -283,7 +283,7 @@ class ServoPlant(PlantDefaults):
             f"up to {view.filter.cutoff:.1f} Hz, where that noise makes {100 * view.floor() / self.scale:.2f} % "
             "of the rms drive.",
             "The drive is replayed and the model held near the measurement by an observer, so no controller is needed.",
-            "60 % of the record in five stretches is used for fitting, the 40 % between them for judging.",
+            "60 % of the record in five parts is used for fitting, the 40 % between them for judging.",
         ]
 
     def pictures(self, base: AxisModel, model: AxisModel) -> dict[str, Any]:

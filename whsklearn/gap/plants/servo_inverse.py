@@ -22,7 +22,7 @@ from whsklearn.gap.axis_candidates import TWO_MASS, Candidate, candidate, usable
 from whsklearn.gap.axis_model import AxisModel, Term
 from whsklearn.gap.evidence import weigh
 from whsklearn.gap.filters import CUTOFF_SIGMA, filtered, gaussian_derivatives
-from whsklearn.gap.plant import Judged, Linearised, Look, Trial, ViewDefaults
+from whsklearn.gap.plant import Linearised, Look, ModelErrors, Trial, ViewDefaults
 from whsklearn.gap.plants import inverse_dynamics as ols
 from whsklearn.gap.plants import servo_stop as stop
 from whsklearn.gap.plants import servo_two_mass as two_mass
@@ -260,9 +260,9 @@ class InverseView(ViewDefaults):
 
     def surrogate(self, model: AxisModel, rng: np.random.Generator) -> InverseView:
         """The view of a record that the model itself made in the same experiment."""
-        from whsklearn.gap.plants.servo_twin import twin_record
+        from whsklearn.gap.plants.servo_surrogate import surrogate_record
 
-        return InverseView(twin_record(self, model, rng), self.scene, self.cutoff, self.start, self.skipped)
+        return InverseView(surrogate_record(self, model, rng), self.scene, self.cutoff, self.start, self.skipped)
 
     def trimmed(self, model: AxisModel) -> InverseView:
         """The view without the one stretch that follows another law than the rest, if there is one.
@@ -293,7 +293,7 @@ class InverseView(ViewDefaults):
         _, fits = ols.held_out(ols.blocks_of(*rows, self.block), self.at.size, free)
         return stop.outside(target - np.einsum("ij,ij->i", x, fits[self.block]), away)
 
-    def compare(self, models: Sequence[AxisModel], best: int) -> list[Judged]:
+    def compare(self, models: Sequence[AxisModel], best: int) -> list[ModelErrors]:
         """Cross-validated errors of each, capped at `CAP` robust deviations of what the best leaves.
 
         A start-up or a knock that no candidate explains would else decide between them by its own sum of squares.
@@ -301,7 +301,7 @@ class InverseView(ViewDefaults):
         errors = [self.cross_validated(m) for m in models]
         cap = CAP * 1.4826 * float(np.median(np.abs(errors[best])))
         errors = [np.clip(e, -cap, cap) for e in errors]
-        return [Judged(e, e, self.block, self.n_effective) for e in errors]
+        return [ModelErrors(e, e, self.block, self.n_effective) for e in errors]
 
     def objection(self, model: AxisModel, index: int) -> str:
         """What is wrong with the sign or the range of a term's numbers; empty if nothing."""

@@ -20,7 +20,7 @@ from whsklearn.gap import evidence as rules
 from whsklearn.gap.axis_model import AxisModel
 from whsklearn.gap.filters import ResidualFilter, autoregression, solve_whitening, whiten
 from whsklearn.gap.least_squares import Fit, jacobian, least_squares
-from whsklearn.gap.plant import Judged, Linearised, Look, ViewDefaults
+from whsklearn.gap.plant import Linearised, Look, ModelErrors, ViewDefaults
 from whsklearn.gap.plants.servo_waves import off_shaft, on_excitation_line
 from whsklearn.gap.record import ServoRecord
 
@@ -173,7 +173,7 @@ class ObserverView(ViewDefaults):
         self.weigh(self.rms(self.gap(model)))
         return screening.refine(self, model, look.start)
 
-    def compare(self, models: Sequence[AxisModel], best: int) -> list[Judged]:
+    def compare(self, models: Sequence[AxisModel], best: int) -> list[ModelErrors]:
         """Held-out errors without the colour of what is left, training errors whitened by what the best leaves."""
         gaps = [self.gap(m) for m in models]
         self.weigh(self.rms(gaps[best]))
@@ -181,7 +181,7 @@ class ObserverView(ViewDefaults):
         self.tune_whitening(gaps[best])
         block = self.held[(self.held >= 0) & self.usable]
         fitted = [self.whitened(d) for d in gaps]
-        return [Judged(e, h, block, float(e.size)) for e, h in zip(fitted, held, strict=True)]
+        return [ModelErrors(e, h, block, float(e.size)) for e, h in zip(fitted, held, strict=True)]
 
     def objection(self, model: AxisModel, index: int) -> str:
         """What is wrong with the sign or the range of a term's numbers; empty if nothing."""
@@ -209,9 +209,9 @@ class ObserverView(ViewDefaults):
 
     def surrogate(self, model: AxisModel, rng: np.random.Generator) -> ObserverView:
         """The view of a record that the model itself made in the same experiment."""
-        from whsklearn.gap.plants.servo_twin import twin_record
+        from whsklearn.gap.plants.servo_surrogate import surrogate_record
 
-        return dataclasses.replace(self, record=twin_record(self, model, rng))
+        return dataclasses.replace(self, record=surrogate_record(self, model, rng))
 
     def seen(self, model: AxisModel) -> tuple[Array, Array, Array, NDArray[np.bool_], NDArray[np.bool_]]:
         """(position, velocity, drive, training mask, held-out mask) at the samples of the gap."""

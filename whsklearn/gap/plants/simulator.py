@@ -26,7 +26,7 @@ from whsklearn.gap.data_check import Problem, check_servo
 from whsklearn.gap.evidence import WHITENED
 from whsklearn.gap.filters import autoregression, whiten, whiteness
 from whsklearn.gap.localisation import order_spectrum, since_reversal, spectrum
-from whsklearn.gap.plant import Judged, Linearised, Look, PlantDefaults, ViewDefaults
+from whsklearn.gap.plant import Linearised, Look, ModelErrors, PlantDefaults, ViewDefaults
 from whsklearn.gap.plants.simulator_look import STARTS, Motion, catalogue, columns_of, gains, motion
 from whsklearn.gap.plants.simulator_model import EffectTerm, SimulatorFit, SimulatorModel
 from whsklearn.gap.record import ServoRecord, blocks, lattice, noise_level
@@ -75,7 +75,7 @@ class SimulatorPlant(PlantDefaults, ViewDefaults):
         self.noise = max(noise_level(self.record.position), lattice(self.record.position) / np.sqrt(12.0), 1e-300)
         return self.fits.build((), refit=False)
 
-    def judging(self, base: SimulatorModel) -> Any:
+    def verdict_view(self, base: SimulatorModel) -> Any:
         """The whole record."""
         return self
 
@@ -202,14 +202,14 @@ class SimulatorPlant(PlantDefaults, ViewDefaults):
     def _weighed(self, error: Array) -> Array:
         return whiten(error, self.ar)[self.train]
 
-    def compare(self, models: Sequence[SimulatorModel], best: int) -> list[Judged]:
+    def compare(self, models: Sequence[SimulatorModel], best: int) -> list[ModelErrors]:
         """Errors whitened by what the best leaves; held-out errors as they are."""
         errors = [self.gap(m) for m in models]
         self._tune(errors[best])
         held, out = ~self.train, []
         for e in errors:
             w = whiten(e, self.ar)
-            out.append(Judged(w[self.train], w[held], self.block[held], float(self.train.sum())))
+            out.append(ModelErrors(w[self.train], w[held], self.block[held], float(self.train.sum())))
         return out
 
     def objection(self, model: SimulatorModel, index: int) -> str:
@@ -320,7 +320,7 @@ class SimulatorPlant(PlantDefaults, ViewDefaults):
     def _every(self) -> int:
         return max(1, len(self.record) // 6000)
 
-    def judged_gap(self, model: SimulatorModel) -> Array:
+    def gap_to_locate(self, model: SimulatorModel) -> Array:
         """The error, thinned."""
         return self.gap(model)[:: self._every()]
 
@@ -337,7 +337,7 @@ class SimulatorPlant(PlantDefaults, ViewDefaults):
     def regressors(self, model: SimulatorModel) -> tuple[dict[str, tuple[float, Array]], Array, float]:
         """The gain of the drive stands for the simulator's numbers, which are its own."""
         k = self._every()
-        return {"gain of the motion": (1.0, self.record.position[::k])}, self.judged_gap(model), self.record.dt * k
+        return {"gain of the motion": (1.0, self.record.position[::k])}, self.gap_to_locate(model), self.record.dt * k
 
     def residual_tests(self, base: SimulatorModel, model: SimulatorModel) -> list[dict[str, Any]]:
         """Whiteness before and after."""
@@ -352,14 +352,14 @@ class SimulatorPlant(PlantDefaults, ViewDefaults):
         """Remarks."""
         out = [
             f"Position noise {self.noise:.3g} {self.units[1]} (from sixth differences).",
-            "60 % of the record in five stretches is used for fitting, the 40 % between them for judging.",
+            "60 % of the record in five parts is used for fitting, the 40 % between them for judging.",
         ]
         return out + [f"The simulator could not take {name}: {why}" for name, why in self._refused.items()]
 
     def pictures(self, base: SimulatorModel, model: SimulatorModel) -> dict[str, Any]:
         """Series that the page draws."""
         k, y = self._every(), self.record.position
-        d0, d1 = self.judged_gap(base), self.judged_gap(model)
+        d0, d1 = self.gap_to_locate(base), self.gap_to_locate(model)
         f, a0 = spectrum(d0, 1.0 / (self.record.dt * k))
         _, a1 = spectrum(d1, 1.0 / (self.record.dt * k))
         orders = np.arange(0.5, 40.0, 0.1)

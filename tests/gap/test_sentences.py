@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from whsklearn.gap.words import article_list, summary
+from whsklearn.gap.sentences import article_list, summary
 
 PLANT = SimpleNamespace(gap_word="missing torque", whole="drive")
 

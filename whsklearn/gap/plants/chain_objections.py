@@ -113,10 +113,10 @@ def worsened(s: Setting, before: ChainModel, after: ChainModel) -> float:
     return float(np.mean(np.clip(miss1, -limit, limit) ** 2) / np.mean(np.clip(miss0, -limit, limit) ** 2))
 
 
-def alike(s: Setting, a: ChainModel, b: ChainModel, z: Scales) -> bool:
+def same_signature(s: Setting, a: ChainModel, b: ChainModel, z: Scales) -> bool:
     """Whether the last effects of two models leave coherent signatures beyond the model's own parameters."""
     stand = take_stand(s, a.without(len(a.terms) - 1), z)
-    return coherence(_signature(s, stand, a.terms[-1], z), _signature(s, stand, b.terms[-1], z)) >= rules.ALIKE
+    return coherence(_signature(s, stand, a.terms[-1], z), _signature(s, stand, b.terms[-1], z)) >= rules.SAME_SIGNATURE
 
 
 def _signature(s: Setting, stand: Stand, term: Term, z: Scales) -> Array:

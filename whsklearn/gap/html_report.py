@@ -42,7 +42,7 @@ def render(diagnosis: Diagnosis) -> str:
 
     environment = Environment(autoescape=True)
     environment.filters["sig"] = significant
-    source = Path(__file__).with_name("page.html.j2").read_text(encoding="utf-8")
+    source = Path(__file__).with_name("html_report.html.j2").read_text(encoding="utf-8")
     pictures: list[tuple[str, str, str]] = []
     if diagnosis.pictures:
         from whsklearn.gap.pictures import draw

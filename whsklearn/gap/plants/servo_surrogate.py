@@ -1,8 +1,8 @@
-"""Twins: logs in which nothing is missing, made by the fitted model in the same experiment.
+"""Surrogates: logs in which nothing is missing, made by the fitted model in the same experiment.
 
-The twin follows the measured path under a soft controller of its own on top of the logged drive, with
+A surrogate follows the measured path under a soft controller of its own on top of the logged drive, with
 the measured noise on its encoder.  Whatever the diagnosis finds in it is a false alarm, so the best
-score that a candidate reaches on twins is the null of the real one.
+score that a candidate reaches on surrogates is the null of the real one.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from whsklearn.systems._servo_kernel import DRIVE, MEASURED, N_SIGNALS, How, Sig
 from whsklearn.systems._servo_torques import DELAY, RESOLUTION
 
 Array = NDArray[Any]
-HARDER = 1.5  # times the variation of the logged drive that holding the twin may cost
-LOST = 1.0  # half travels off the measured path: the twin is another experiment then
+HARDER = 1.5  # times the variation of the logged drive that holding it may cost
+LOST = 1.0  # half travels off the measured path: it is another experiment then
 
 
-def twin_record(view: Any, model: AxisModel, rng: np.random.Generator) -> Any:
+def surrogate_record(view: Any, model: AxisModel, rng: np.random.Generator) -> Any:
     """The record that the model would have left in the same experiment.
 
     Parameters

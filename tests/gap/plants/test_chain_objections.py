@@ -10,7 +10,7 @@ import pytest
 from tests.gap.plants.example_chain import PLAIN, SCALES, THETA, TRUE, U, setting, term
 from whsklearn.effects import DeadZone, QuadraticDrag
 from whsklearn.gap import evidence as rules
-from whsklearn.gap.plants import chain_doubts as doubts
+from whsklearn.gap.plants import chain_objections as objections
 from whsklearn.gap.plants.chain_model import ChainModel
 
 
@@ -23,28 +23,28 @@ from whsklearn.gap.plants.chain_model import ChainModel
     ],
 )
 def test_numbers_at_the_end_of_their_range_are_unphysical(bad, said):
-    assert said in doubts.unphysical(bad, SCALES)
+    assert said in objections.unphysical(bad, SCALES)
 
 
 @pytest.mark.parametrize(
     "good", [term("dead_zone", 0.3), term("cable_spring", -0.1, 0.0), term("sensor_rectification", 1.0)]
 )
 def test_sound_numbers_are_not(good):
-    assert doubts.unphysical(good, SCALES) == ""
+    assert objections.unphysical(good, SCALES) == ""
 
 
 def test_reversals_that_only_one_model_has_are_where_x_moves_the_other_way():
     other = ChainModel(THETA * np.array([0.8, 1, 1, 1, 1, 1, 1, 1, 1]))
-    events = doubts.turned(PLAIN, TRUE, other)
+    events = objections.turned(PLAIN, TRUE, other)
     assert 0 < events.size < 0.3 * U.size
-    assert doubts.turned(PLAIN, TRUE, TRUE).size == 0
-    beside = doubts.beside_turned(PLAIN, TRUE, other)
+    assert objections.turned(PLAIN, TRUE, TRUE).size == 0
+    beside = objections.beside_turned(PLAIN, TRUE, other)
     assert beside[events + 1].all()
-    assert not doubts.beside_turned(PLAIN, TRUE, TRUE).any()
+    assert not objections.beside_turned(PLAIN, TRUE, TRUE).any()
 
 
 def test_a_sign_is_remembered_for_a_few_samples():
-    behind = doubts.behind(30, np.array([3, 20]))
+    behind = objections.behind(30, np.array([3, 20]))
     assert behind[:4].tolist() == [-1] * 4  # L2 answers a sample late
     assert behind[4 : 4 + rules.SIGN_REMEMBERED].tolist() == [0] * rules.SIGN_REMEMBERED
     assert behind[4 + rules.SIGN_REMEMBERED] == -1
@@ -53,25 +53,25 @@ def test_a_sign_is_remembered_for_a_few_samples():
 
 def test_what_sits_in_five_samples_is_seen():
     s = setting(QuadraticDrag(0.1))
-    whole = doubts.few_samples(s, TRUE, TRUE.plus(term("quadratic_drag", 0.1)))
+    whole = objections.few_samples(s, TRUE, TRUE.plus(term("quadratic_drag", 0.1)))
     assert whole < 0.2
     spoilt = PLAIN.y.copy()
     spoilt[np.flatnonzero(PLAIN.fit)[10:13]] += 0.3
 
-    few = doubts.few_samples(dataclasses.replace(PLAIN, y=spoilt), ChainModel(0.999 * THETA), TRUE)
+    few = objections.few_samples(dataclasses.replace(PLAIN, y=spoilt), ChainModel(0.999 * THETA), TRUE)
     assert few > whole
 
 
 def test_the_free_run_tells_a_better_model_from_a_worse():
     s = setting(DeadZone(0.3))
     with_it = TRUE.plus(term("dead_zone", 0.3))
-    assert doubts.worsened(s, TRUE, with_it) < 0.5
-    assert doubts.worsened(PLAIN, TRUE, with_it) > rules.RUNS_WORSE
+    assert objections.worsened(s, TRUE, with_it) < 0.5
+    assert objections.worsened(PLAIN, TRUE, with_it) > rules.RUNS_WORSE
 
 
 def test_a_wave_of_order_one_is_gravity_and_no_drag():
     gravity = TRUE.plus(term("gravity_imbalance", 0.1, 0.05))
     cogging = TRUE.plus(term("cogging", 0.1, 0.05, 1.0))
     drag = TRUE.plus(term("quadratic_drag", 0.1))
-    assert doubts.alike(PLAIN, gravity, cogging, SCALES)
-    assert not doubts.alike(PLAIN, gravity, drag, SCALES)
+    assert objections.same_signature(PLAIN, gravity, cogging, SCALES)
+    assert not objections.same_signature(PLAIN, gravity, drag, SCALES)
