@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-settings.register_profile("whsklearn", deadline=None)  # the first example compiles
+# The first example compiles for seconds, so a time for each would fail by chance; pytest-timeout ends what hangs.
+settings.register_profile("whsklearn", deadline=None)
 settings.load_profile("whsklearn")
 
 os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")  # mlflow reads it at import

@@ -34,7 +34,6 @@ from whsklearn.state import pack_state, unpack_state
 
 FUZZ = settings(
     max_examples=60 * int(os.environ.get("WHSKLEARN_FUZZ", "1")),
-    deadline=None,
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture, HealthCheck.data_too_large],
 )
 NUMBERS = st.one_of(

@@ -18,7 +18,7 @@ PROBLEM = {
     "seed": st.integers(0, 2**32 - 1),
     "log_p0": st.floats(-2, 4),
 }
-QUICK = settings(max_examples=60, deadline=None)
+QUICK = settings(max_examples=60)
 
 
 def regression(n, length, seed):
@@ -97,7 +97,7 @@ def test_any_chunks_of_rows_give_the_same_state(cuts, n, length, p, seed, log_p0
         np.testing.assert_array_equal(whole.state_[name], parts.state_[name], err_msg=name)
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 @given(
     cuts=st.lists(st.integers(1, 119), max_size=6),
     seed=st.integers(0, 99),
@@ -127,7 +127,7 @@ def test_the_order_of_rows_does_not_matter_without_forgetting(n, length, p, seed
     close(a.theta_, b.theta_, 1e-7)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(st.integers(0, 99), st.floats(0.01, 100.0))
 def test_the_estimate_follows_the_unit_of_the_output(seed, unit):
     """With y in other units only the weights of the rows scale."""

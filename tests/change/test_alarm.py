@@ -69,7 +69,7 @@ def test_after_an_alarm_the_new_normal_is_learnt():
 
 
 @given(st.lists(st.integers(1, 700), min_size=1, max_size=30), st.integers(0, 1000))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 def test_chunks_pickles_and_states_make_no_difference(cuts, seed):
     e = np.random.default_rng(seed).normal(size=6000)
     e[4500:] *= 4

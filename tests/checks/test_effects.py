@@ -9,32 +9,20 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
+from tests import own_effect
 from whsklearn.checks import EffectContractError, check_effect
-from whsklearn.effects import Cogging, Effect, InputOffset, Quantity, get_effect
+from whsklearn.effects import Cogging, Effect, InputOffset, Quantity, base, get_effect
 from whsklearn.systems import ServoAxis
 
 TABLE = {"a": 1.0}  # the compiler takes no dict from outside
 
 
 @dataclass(frozen=True)
-class Magnet(Effect):
+class Magnet(own_effect.Magnet):
     """A torque in one place."""
 
-    torque: float = 0.1
-    width: float = 0.2
-
-    name: ClassVar[str] = "magnet"
     place: ClassVar[str] = "position"
-    equation: ClassVar[str] = "c exp(-(q/w)^2)"
-    size: ClassVar[str] = "torque"
-    quantities: ClassVar[dict[str, Quantity]] = {
-        "torque": Quantity("Nm", -1.0, 1.0),
-        "width": Quantity("rad", 0.01, 1.0, log=True),
-    }
-
-    @staticmethod
-    def evaluate(p, time, position, velocity, drive):
-        return p[0] * math.exp(-((position / p[1]) ** 2))
+    name: ClassVar[str] = "magnet"
 
 
 @dataclass(frozen=True)
@@ -53,6 +41,16 @@ class Hum(Effect):
     @staticmethod
     def evaluate(p, time, position, velocity, drive):
         return p[0] * math.sin(300.0 * time)
+
+
+for _name in ("magnet", "hum"):
+    del base._REGISTRY[_name]  # which the tests of all modules share
+
+
+@pytest.fixture(autouse=True)
+def listed(monkeypatch):
+    """Both in the catalogue, for one test."""
+    monkeypatch.setattr(base, "_REGISTRY", {**base._REGISTRY, "magnet": Magnet, "hum": Hum})
 
 
 def test_an_effect_of_ones_own_is_one_class():

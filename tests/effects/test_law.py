@@ -21,7 +21,7 @@ def test_the_reduced_law_is_four():
     np.testing.assert_allclose(as_law("reduced")(X, DX), v, atol=1e-15)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(st.lists(st.floats(0.05, 20.0), min_size=6, max_size=6))
 def test_the_smooth_law_is_three(gamma):
     g1, g2, g3, g4, g5, g6 = gamma
@@ -44,7 +44,7 @@ def test_a_polynomial_is_that_of_numpy():
     assert polynomial_law([0.0, 0.0, 1.0]).labels == ("x1", "x2")  # the linear term stays, as the key term
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     st.lists(st.floats(-3, 3), min_size=1, max_size=4, unique=True).map(sorted),
     st.lists(st.floats(-2, 2), min_size=5, max_size=5),

@@ -30,7 +30,7 @@ ORDERS = st.tuples(st.integers(1, 3), st.integers(0, 3), st.integers(1, 3), st.i
 CASES = {"orders": ORDERS, "law": st.integers(0, 3), "n_inputs": st.integers(1, 3), "seed": st.integers(0, 999)}
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(**CASES)
 def test_paper_and_natural_are_each_other_s_inverse(orders, law, n_inputs, seed):
     s = structure(orders, LAWS[law], n_inputs)
@@ -40,7 +40,7 @@ def test_paper_and_natural_are_each_other_s_inverse(orders, law, n_inputs, seed)
     np.testing.assert_allclose(wh.natural_vector(wh.paper_vector(natural, s), s), natural, rtol=1e-9, atol=1e-12)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(**CASES)
 def test_the_jacobian_is_that_of_the_map(orders, law, n_inputs, seed):
     s = structure(orders, LAWS[law], n_inputs)
@@ -71,7 +71,7 @@ def test_names_and_errors_have_one_layout():
     assert errors["viscous"] == named["viscous"]
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.lists(st.floats(-4, 4), max_size=4))
 def test_poles_are_drawn_inside_and_stable_ones_left_alone(d):
     d = np.array(d)

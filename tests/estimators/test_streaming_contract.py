@@ -49,7 +49,7 @@ def test_contract(name, check):
 
 @pytest.mark.parametrize("name", ["RLS on rows", "RMILS", "RMILS without memory", "RMILS as published"])
 @given(cuts=st.lists(st.integers(1, 299), max_size=12, unique=True), seed=st.integers(0, 99))
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 def test_no_chunking_makes_a_difference(name, cuts, seed):
     X, y = record(name)
     X = X * np.random.default_rng(seed).choice([1e-3, 1.0, 1e3])

@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
-from typing import ClassVar
-
 import numpy as np
 import pytest
 
+from tests.own_effect import Magnet
 from whsklearn import ServoAxis
 from whsklearn.effects import (
     BoucWen,
     CableSpring,
-    Effect,
     GeneralizedMaxwellSlip,
     InputDelay,
     LuGre,
-    Quantity,
     effect_names,
     get_effect,
 )
@@ -71,25 +66,8 @@ def test_a_delay_between_two_samples(drive, tmp_path, replay):
     _same(_axis(InputDelay(0.0017), substeps=4), drive, tmp_path, replay)
 
 
-@dataclass(frozen=True)
-class _Bump(Effect):
-    torque: float = 0.2
-    width: float = 0.3
-    name: ClassVar[str] = ""
-    place: ClassVar[str] = "position"
-    size: ClassVar[str] = "torque"
-    quantities: ClassVar[dict[str, Quantity]] = {
-        "torque": Quantity("Nm", -1, 1),
-        "width": Quantity("rad", 0.01, 1, log=True),
-    }
-
-    @staticmethod
-    def evaluate(p, time, position, velocity, drive):
-        return p[0] * math.exp(-((position / p[1]) ** 2))
-
-
 def test_an_effect_of_ones_own(drive, tmp_path, replay):
-    _same(_axis(_Bump()), drive, tmp_path, replay)
+    _same(_axis(Magnet(0.2, 0.3)), drive, tmp_path, replay)
 
 
 def test_single_precision_is_single(drive, tmp_path, replay):

@@ -79,7 +79,7 @@ class FaultyStream(RuleBasedStateMachine):
 
 TestFaultyStream = FaultyStream.TestCase
 TestFaultyStream.settings = settings(
-    max_examples=10, stateful_step_count=10, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True
+    max_examples=10, stateful_step_count=10, suppress_health_check=list(HealthCheck), derandomize=True
 )
 
 

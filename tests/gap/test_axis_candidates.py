@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 import pytest
 
-from whsklearn.effects import Effect, Quantity, Scales
+from tests.own_effect import Magnet
+from whsklearn.effects import Scales
 from whsklearn.effects import base as registry
 from whsklearn.gap.axis_candidates import Signals, candidate, catalogue, usable
 
@@ -23,22 +23,11 @@ def magnet(monkeypatch):
     monkeypatch.setattr(registry, "_REGISTRY", dict(registry._REGISTRY))
 
     @dataclass(frozen=True)
-    class Magnet(Effect):
-        torque: float = 0.1
-        width: float = 0.2
+    class Listed(Magnet):
         name: ClassVar[str] = "magnet"
         place: ClassVar[str] = "position"
-        size: ClassVar[str] = "torque"
-        quantities: ClassVar[dict[str, Quantity]] = {
-            "torque": Quantity("Nm", -1, 1),
-            "width": Quantity("rad", 0.01, 1, log=True),
-        }
 
-        @staticmethod
-        def evaluate(p, time, position, velocity, drive):
-            return p[0] * math.exp(-((position / p[1]) ** 2))
-
-    return Magnet
+    return Listed
 
 
 def test_an_effect_of_ones_own_is_a_candidate(magnet):

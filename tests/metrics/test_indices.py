@@ -41,7 +41,7 @@ def test_indices_agree_with_their_definitions_and_with_scikit_learn(record):
 
 
 @given(RECORDS, st.floats(0.1, 100), st.floats(-50, 50))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_nmse_knows_neither_unit_nor_offset_and_rmse_splits_into_mean_and_spread(y, gain, offset):
     y_hat = np.roll(y, 1)
     e = y - y_hat

@@ -64,7 +64,7 @@ def same(a, b):
 
 
 @given(st.dictionaries(NAMES, VALUES, max_size=4), st.dictionaries(NAMES, VALUES, max_size=4))
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 def test_round_trip_is_exact_to_the_bit(params, state):
     assert same(unpack_state(pack_state("k", params, state), "k"), (params, state))
 
@@ -133,7 +133,7 @@ def test_every_truncation_is_refused(sample):
 
 
 @given(st.data())
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 def test_every_edit_is_refused(sample, data):
     at = data.draw(st.integers(0, len(sample) - 1))
     new = data.draw(st.integers(0, 255).filter(lambda b: b != sample[at]))

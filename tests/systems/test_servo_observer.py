@@ -2,48 +2,24 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
-from typing import ClassVar
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from tests.own_effect import Magnet
 from whsklearn.effects import (
     Backlash,
     Cogging,
     Coulomb,
-    Effect,
     FlexibleCoupling,
     GravityImbalance,
     ParameterChange,
-    Quantity,
     Viscous,
 )
 from whsklearn.systems import ServoAxis
 from whsklearn.systems import servo_observer as ob
 
 DT, J, SHARE, HZ = 1e-3, 0.05, 0.4, 25.0
-
-
-@dataclass(frozen=True)
-class Bump(Effect):
-    torque: float = 0.1
-    width: float = 0.2
-
-    name: ClassVar[str] = "bump_of_the_observer_test"
-    place: ClassVar[str] = "static"
-    equation: ClassVar[str] = "c exp(-(q/w)^2)"
-    size: ClassVar[str] = "torque"
-    quantities: ClassVar[dict[str, Quantity]] = {
-        "torque": Quantity("Nm", -1.0, 1.0),
-        "width": Quantity("rad", 0.01, 1.0, log=True),
-    }
-
-    @staticmethod
-    def evaluate(p, time, position, velocity, drive):
-        return p[0] * math.exp(-((position / p[1]) ** 2))
 
 
 def run(effects, u, *, substeps=4, start=(0.0, 0.0), twist=None, every=0, on_load=False):
@@ -113,10 +89,10 @@ LAW = [Viscous(0.12), Coulomb(0.3)]
 def log():
     t = np.arange(6000) * DT
     drive = 0.9 * np.sin(2 * np.pi * 0.6 * t) + 0.4 * np.sin(2 * np.pi * 1.7 * t)
-    return ServoAxis(J, LAW, [Bump(0.2, 0.3)]).simulate_drive(drive)
+    return ServoAxis(J, LAW, [Magnet(0.2, 0.3)]).simulate_drive(drive)
 
 
-@pytest.mark.parametrize("effects", [LAW, [*LAW, Bump(0.2, 0.3)], [*LAW, Cogging(0.1, 7.0)]], ids=len)
+@pytest.mark.parametrize("effects", [LAW, [*LAW, Magnet(0.2, 0.3)], [*LAW, Cogging(0.1, 7.0)]], ids=len)
 def test_it_is_the_simulation_where_nothing_is_corrected(log, effects):
     plant = ob.plant_of(effects, ob.bare_parts(J))
     measured = np.array([log.position, log.velocity])
@@ -151,7 +127,7 @@ def test_the_missing_torque_is_the_innovations_and_what_the_effects_differ_by(lo
 
 
 def test_it_follows_a_fine_reference_of_another_integrator():
-    effects = [Viscous(0.3), GravityImbalance(0.5, 0.4), Cogging(0.1, 5.0, 1.0), Bump(0.2, 0.5)]
+    effects = [Viscous(0.3), GravityImbalance(0.5, 0.4), Cogging(0.1, 5.0, 1.0), Magnet(0.2, 0.5)]
     u = 0.8 * np.sin(2 * np.pi * 1.1 * np.arange(1500) * DT)
     out = run(effects, u, substeps=8)
 

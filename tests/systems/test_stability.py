@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from whsklearn.systems.stability import is_stable
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(st.lists(st.floats(-3, 3), max_size=6), st.sampled_from([0.5, 0.95, 1.0]))
 def test_it_is_about_the_roots(b, radius):
     b = np.array(b)

@@ -28,7 +28,7 @@ def drawn(seed, law):
     return WienerHammersteinSystem(a, random_stable(nb, rng), c, random_stable(nd, rng), law)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.integers(0, 10_000), st.sampled_from(list(LAWS)))
 def test_the_chain_is_two_filters_about_the_law(seed, law):
     system = drawn(seed, LAWS[law])

@@ -30,7 +30,7 @@ def test_alpha_and_beta_are_those_of_the_double_sum(p):
 
 
 @given(st.integers(0, 10_000), st.floats(-6, 6))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_rank_and_condition_know_no_units(seed, exponent):
     rng = np.random.default_rng(seed)
     phi = rng.normal(size=(40, 4))

@@ -1,4 +1,4 @@
-"""An effect of a user's own in a chain: simulated at its port, searched, named, handed back."""
+"""Candidates of a chain: an effect of a user's own is simulated at its port, searched, named, handed back."""
 
 from __future__ import annotations
 
@@ -14,6 +14,9 @@ from whsklearn import WienerHammersteinSystem
 from whsklearn.effects import Effect, Quantity
 from whsklearn.effects import base as catalogue
 from whsklearn.gap import GapFinder
+from whsklearn.gap.plants.chain import ChainPlant
+from whsklearn.gap.plants.chain_candidates import own_candidates
+from whsklearn.gap.plants.chain_law import law_choice
 
 BLOCKS = {"a": [1.0, 2.2], "b": [1.0, 0.5], "c": [1.0, 0.2], "d": [0.15, 0.4]}
 
@@ -52,6 +55,20 @@ def test_it_is_added_behind_the_first_block(bump):
     got = with_it.signals(u)
     np.testing.assert_allclose(got.x, plain.x)
     np.testing.assert_allclose(got.v - plain.v, 0.5 * np.exp(-(((plain.x - 1.0) / 0.8) ** 2)), atol=1e-12)
+
+
+def test_what_its_class_says_of_the_search_counts(bump):
+    kind = next(k for k in own_candidates() if k.name == "bump")
+    assert [kind.is_free(i) for i in range(3)] == [True, True, True]
+    assert kind.scanned == 1
+    bump.held, bump.aliases, bump.commoner = ("centre",), ("end_stop",), ("cable_spring",)
+    bump.quantities["width"] = Quantity("rad", 0.01, 20.0, log=True, scan="step")
+    kind = next(k for k in own_candidates() if k.name == "bump")
+    assert [kind.is_free(i) for i in range(3)] == [True, False, True]
+    assert kind.scanned > 1
+    plant = ChainPlant(np.zeros(9), np.zeros(9), (law_choice(None), (2, 2, 2, 2), 0), tolerance=0.004)
+    assert (plant.aliases("bump"), plant.commoner("bump")) == (("end_stop",), ("cable_spring",))
+    assert plant.aliases("end_stop") == ()
 
 
 def test_it_is_named_where_it_is_and_not_where_it_is_not(bump):

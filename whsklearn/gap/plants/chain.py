@@ -13,7 +13,7 @@ from whsklearn.gap.data_check import Problem
 from whsklearn.gap.plant import Linearised, PlantDefaults
 from whsklearn.gap.plants import chain_pictures, chain_structure
 from whsklearn.gap.plants.chain_base import Base, base_of
-from whsklearn.gap.plants.chain_candidates import BETWEEN
+from whsklearn.gap.plants.chain_candidates import BETWEEN, own_attribute
 from whsklearn.gap.plants.chain_check import check_blocks
 from whsklearn.gap.plants.chain_effects import FoundEffect, library_effect
 from whsklearn.gap.plants.chain_fit import fit_base, refit
@@ -135,7 +135,7 @@ class ChainPlant(PlantDefaults):
         return other if other.cost < rules.BETTER_ANEW * model.cost else model
 
     def on_record(self, model: ChainModel) -> ChainModel:
-        """A model fitted to the whole record's training part; a base model found on its first part is, for the proof."""
+        """A model fitted to the whole record's training part: a base model may be found on its first part."""
         if model.on is self.whole_view.setting or not any(model.on is v.setting for v in self._views):
             return model  # of another record it keeps its numbers
         if id(model) not in self._on_whole:
@@ -209,11 +209,11 @@ class ChainPlant(PlantDefaults):
 
     def aliases(self, name: str) -> tuple[str, ...]:
         """Names that no record of a chain tells from ``name``."""
-        return ALIASES.get(name, ())
+        return own_attribute(name, "aliases") or ALIASES.get(name, ())
 
     def commoner(self, name: str) -> tuple[str, ...]:
         """Names preferred to ``name`` on a tie."""
-        return COMMONER.get(name, ())
+        return own_attribute(name, "commoner") or COMMONER.get(name, ())
 
     def linearised(self, model: ChainModel) -> Linearised:
         """Of all samples but the first ones."""

@@ -112,12 +112,11 @@ class Candidate:
         return j < 0 or not self.free or self.free[j]
 
 
+PLACES = {"": 1, "position": 20, "time": 2000, "step": 40}  # independent ones that a scan looks at, by what it finds
+
+
 def _grid(*axes: Iterable[float]) -> list[Numbers]:
     return [tuple(map(float, p)) for p in itertools.product(*axes)]
-
-
-def _ratios(low: float, high: float, n: int) -> list[float]:
-    return [float(v) for v in np.geomspace(low, high, n)]
 
 
 def _orders(z: Scales) -> list[Numbers]:
@@ -130,11 +129,6 @@ def _order_range(z: Scales) -> list[Range]:
 
 def _times(z: Scales) -> list[Numbers]:
     return _grid(np.linspace(0.08, 0.92, 43) * z.seconds)
-
-
-def _tones(z: Scales) -> list[Numbers]:
-    n = min(z.n, 4000)
-    return _grid(np.arange(4, int(0.99 * n)) * 0.5 / (n * z.dt))
 
 
 def _lags(z: Scales) -> list[Numbers]:
@@ -160,7 +154,7 @@ CATALOGUE: tuple[Candidate, ...] = (
     Candidate("load_friction", k.LOAD_FRICTION, ("coefficient",), unit=lambda z: 1e-3 * z.v / z.u),
     Candidate(
         "position_friction", s.POSITION_FRICTION, ("cosine", "sine", "order"), linear=2,
-        shapes=_orders, ranges=_order_range, scanned=20,
+        shapes=_orders, ranges=_order_range, scanned=PLACES["position"],
     ),
     Candidate(
         "presliding_hysteresis", k.DAHL, ("torque", "distance"),
@@ -194,7 +188,7 @@ CATALOGUE: tuple[Candidate, ...] = (
     ),
     Candidate(
         "torque_ripple", k.TORQUE_RIPPLE, ("cosine", "sine", "order"), linear=2, shapes=_orders,
-        ranges=_order_range, unit=lambda _: 1e-3, scanned=20,
+        ranges=_order_range, unit=lambda _: 1e-3, scanned=PLACES["position"],
     ),
     Candidate(
         "backlash", k.BACKLASH, ("gap",), linear=0, positive=True,
@@ -207,7 +201,8 @@ CATALOGUE: tuple[Candidate, ...] = (
         ranges=lambda z: [(0.005 / z.dt, 0.49 / z.dt), (0.002, 0.95)],
     ),
     Candidate(
-        "cogging", k.COGGING, ("cosine", "sine", "order"), linear=2, shapes=_orders, ranges=_order_range, scanned=20,
+        "cogging", k.COGGING, ("cosine", "sine", "order"), linear=2, shapes=_orders, ranges=_order_range,
+        scanned=PLACES["position"],
     ),
     Candidate("gravity_imbalance", k.GRAVITY_IMBALANCE, ("cosine", "sine"), linear=2),
     Candidate(
@@ -232,19 +227,19 @@ CATALOGUE: tuple[Candidate, ...] = (
     Candidate(
         "encoder_eccentricity", k.ENCODER_ECCENTRICITY, ("cosine", "sine", "order"), linear=2,
         shapes=lambda z: _grid(np.arange(0.4, 8.0, 0.45) / z.y), ranges=lambda z: [(0.25 / z.y, 15.0 / z.y)],
-        unit=lambda z: 1e-4 * z.y, scanned=20,
+        unit=lambda z: 1e-4 * z.y, scanned=PLACES["position"],
     ),
     Candidate(
-        "disturbance_tone", k.DISTURBANCE_TONE, ("cosine", "sine", "frequency"), linear=2, shapes=_tones,
-        ranges=lambda z: [(0.5 / z.seconds, 0.5 / z.dt)], scanned=2000,
+        "disturbance_tone", k.DISTURBANCE_TONE, ("cosine", "sine", "frequency"), linear=2,
+        ranges=lambda z: [(0.5 / z.seconds, 0.5 / z.dt)], scanned=PLACES["time"],
     ),
     Candidate(
-        "disturbance_tone", TONE_U, ("cosine", "sine", "frequency"), linear=2, shapes=_tones, variant="at the input",
-        ranges=lambda z: [(0.5 / z.seconds, 0.5 / z.dt)], unit=lambda z: 1e-3 * z.u, scanned=2000,
+        "disturbance_tone", TONE_U, ("cosine", "sine", "frequency"), linear=2, variant="at the input",
+        ranges=lambda z: [(0.5 / z.seconds, 0.5 / z.dt)], unit=lambda z: 1e-3 * z.u, scanned=PLACES["time"],
     ),
     *(
         Candidate(
-            "parameter_change", code, ("change", "time"), shapes=_times, free=(False,), scanned=40,
+            "parameter_change", code, ("change", "time"), shapes=_times, free=(False,), scanned=PLACES["step"],
             ranges=lambda z: [(0.02 * z.seconds, 0.98 * z.seconds)], unit=unit, options={"parameter": parameter},
         )
         for parameter, code, unit in (
@@ -293,11 +288,19 @@ def _own_candidate(cls: Any) -> Candidate:
     def unit(z: Scales) -> float:
         return 1e-3 * (z.y if cls.port == "output" else z.v)
 
+    scan = cls.quantities[cls.scanned()].scan if cls.scanned() else ""
     return Candidate(
         cls.name, cls.code, (cls.size, *cls.searched()), own=cls, unit=unit,
         shapes=lambda z: cls.starts(as_effects_see(z)), ranges=lambda z: cls.bounds(as_effects_see(z)),
-        positive=cls.quantities[cls.size].positive,
+        positive=cls.quantities[cls.size].positive, free=tuple(f not in cls.held for f in cls.searched()),
+        scanned=PLACES[scan],
     )  # fmt: skip
+
+
+def own_attribute(name: str, attribute: str) -> tuple[str, ...]:
+    """What an effect of one's own says of other names; nothing for the library's, which say it of an axis."""
+    cls: Any = get_effect(name)
+    return tuple(getattr(cls, attribute)) if cls.evaluate is not None else ()
 
 
 def as_effects_see(z: Scales) -> EffectScales:
