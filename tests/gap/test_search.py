@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,13 +12,15 @@ from whsklearn.gap import evidence as rules
 from whsklearn.gap.plant import Look, ModelErrors, ViewDefaults
 from whsklearn.gap.search import Search
 
+LIMITS = replace(rules.CAPPED, few_refined=rules.FEW_REFINED)
+
 
 @dataclass
 class QuietView(ViewDefaults):
     """A view of 400 samples at their floor; a candidate leaves the share of them that its start says."""
 
     refined: list[str]
-    limits: rules.Limits = rules.CAPPED
+    limits: rules.Limits = LIMITS
 
     def gap(self, model):
         return np.full(400, float(model))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from whsklearn.effects import Scales
 from whsklearn.effects import codes as k
 from whsklearn.effects.own import WHICH, address_of
-from whsklearn.gap.axis_candidates import Candidate
+from whsklearn.gap.plant import FittedTerm
 from whsklearn.systems.servo_observer import (
     LOAD,
     LOAD_VELOCITY,
@@ -32,21 +32,8 @@ TIMING_LIMIT = 1.0  # samples; less than one is bookkeeping, not physics
 
 
 @dataclass(frozen=True)
-class Term:
-    """A candidate with its numbers."""
-
-    kind: Candidate
-    q: tuple[float, ...]
-
-    @property
-    def name(self) -> str:
-        """Canonical name."""
-        return self.kind.name
-
-    @property
-    def effect(self) -> Any:
-        """The catalogue's effect with these numbers."""
-        return self.kind.effect(np.array(self.q))
+class Term(FittedTerm):
+    """A candidate (`whsklearn.gap.axis_candidates.Candidate`) with its numbers."""
 
     def with_slot(self, i: int, value: float) -> Term:
         """The same with one number changed."""

@@ -44,6 +44,31 @@ class Term(Protocol):
         """The library's `Effect` with these numbers."""
 
 
+@dataclass(frozen=True)
+class FittedTerm:
+    """A candidate with its numbers.
+
+    Attributes
+    ----------
+    kind : object
+        With ``name`` and ``effect(q)``.
+    q : tuple of float
+    """
+
+    kind: Any
+    q: tuple[float, ...]
+
+    @property
+    def name(self) -> str:
+        """Canonical name."""
+        return str(self.kind.name)
+
+    @property
+    def effect(self) -> Any:
+        """The effect with these numbers."""
+        return self.kind.effect(np.array(self.q))
+
+
 class Model(Protocol):
     """A value: what a plant fits, simulates and extends."""
 

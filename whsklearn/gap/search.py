@@ -148,7 +148,7 @@ class Search:
         ]  # fmt: skip
         elementary = [k for k in worth if k.elementary]
         others = [k for k in worth if not k.elementary][: rules.MOST_REFINED]
-        few = others if wanting else others[: rules.FEW_REFINED]
+        few = others if wanting else others[: view.limits.few_refined]
         trials = [Trial(k, view.refine(model, k)) for k in (*elementary, *few)]
         evidence = weigh(view, model, trials)
         if len(few) < len(others) and any(e.delta_bic >= view.limits.least for e in evidence):

@@ -10,15 +10,15 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from tests.gap.plants.example_chain import PARTS, PLAIN, TRUE, U, term
 from whsklearn import WienerHammersteinSystem
 from whsklearn.effects import Effect, Quantity
 from whsklearn.effects import base as catalogue
 from whsklearn.gap import GapFinder
 from whsklearn.gap.plants.chain import ChainPlant
-from whsklearn.gap.plants.chain_candidates import own_candidates
+from whsklearn.gap.plants.chain_candidates import BENDS, CATALOGUE, own_candidates
 from whsklearn.gap.plants.chain_law import law_choice
-
-BLOCKS = {"a": [1.0, 2.2], "b": [1.0, 0.5], "c": [1.0, 0.2], "d": [0.15, 0.4]}
+from whsklearn.gap.plants.chain_model import Term, free_run
 
 
 @pytest.fixture
@@ -50,8 +50,8 @@ def bump():
 
 def test_it_is_added_behind_the_first_block(bump):
     u = np.random.default_rng(0).normal(size=200)
-    with_it = WienerHammersteinSystem(**BLOCKS, effects=[bump(0.5, 1.0, 0.8)])
-    plain = WienerHammersteinSystem(**BLOCKS).signals(u)
+    with_it = WienerHammersteinSystem(**PARTS, effects=[bump(0.5, 1.0, 0.8)])
+    plain = WienerHammersteinSystem(**PARTS).signals(u)
     got = with_it.signals(u)
     np.testing.assert_allclose(got.x, plain.x)
     np.testing.assert_allclose(got.v - plain.v, 0.5 * np.exp(-(((plain.x - 1.0) / 0.8) ** 2)), atol=1e-12)
@@ -74,11 +74,42 @@ def test_what_its_class_says_of_the_search_counts(bump):
 def test_it_is_named_where_it_is_and_not_where_it_is_not(bump):
     rng = np.random.default_rng(1)
     u = rng.normal(size=1500)
-    hidden = WienerHammersteinSystem(**BLOCKS, effects=[bump(0.6, 2.0, 1.5)])
+    hidden = WienerHammersteinSystem(**PARTS, effects=[bump(0.6, 2.0, 1.5)])
     y = hidden.simulate(u, 0.02 * rng.normal(size=u.size))
     finder = GapFinder("wiener-hammerstein", n_surrogates=0).fit(pd.DataFrame({"u": u, "y": y}))
     assert (finder.verdict_, [e.name for e in finder.effects_]) == ("named", ["bump"])
     assert finder.effects_[0].effect.labelled()["torque"] == pytest.approx(0.6, rel=0.1)
     assert [e.name for e in finder.model_.effects] == ["bump"]
-    y = WienerHammersteinSystem(**BLOCKS).simulate(u, 0.02 * rng.normal(size=u.size))
+    y = WienerHammersteinSystem(**PARTS).simulate(u, 0.02 * rng.normal(size=u.size))
     assert GapFinder("wiener-hammerstein", n_surrogates=0).fit(pd.DataFrame({"u": u, "y": y})).verdict_ == "no_gap"
+
+
+@pytest.mark.parametrize(
+    "fitted",
+    [
+        term("cogging", 0.1, -0.2, 0.6), term("quadratic_drag", 0.1), term("dead_zone", 0.2),
+        term("output_offset", 0.3),
+        term("backlash", 0.3), term("position_friction", 0.1, 0.1, 0.7), term("hardening_spring", 0.01, 0.0),
+        term("presliding_hysteresis", 0.2, 0.8), term("actuator_lag", 0.8), term("disturbance_tone", 0.1, 0.2, 0.05),
+        term("encoder_eccentricity", 0.05, 0.02, 0.9), term("parameter_change", 0.1, 300.0),
+    ],
+    ids=lambda t: t.name,
+)  # fmt: skip
+def test_the_librarys_system_runs_as_the_fitted_model_does(fitted):
+    system = WienerHammersteinSystem(**PARTS, effects=[fitted.kind.of_library(fitted.q)])
+    np.testing.assert_allclose(system.simulate(U), free_run(PLAIN, TRUE.plus(fitted)), atol=1e-9)
+
+
+def test_a_wave_is_told_by_amplitude_and_phase():
+    told = term("cogging", 3.0, -4.0, 0.6).effect.labelled()
+    assert told == {"amplitude": 5.0, "phase": pytest.approx(np.arctan2(4.0, 3.0)), "order": 0.6}
+
+
+def test_what_the_library_has_in_another_form_only_is_told_and_not_handed_on():
+    coupling = term("flexible_coupling", 0.1, 0.2)
+    at_input = Term(next(k for k in CATALOGUE if k.variant == "at the input"), (0.1, 0.1, 0.05))
+    between = Term(BENDS[0], (0.8,))
+    assert [t.kind.of_library(t.q) for t in (coupling, at_input, between)] == [None] * 3
+    assert "resonance" in coupling.effect.equation
+    assert between.effect.place == "law"
+    assert "u" not in between.effect.equation.replace("saturation", "")

@@ -13,9 +13,8 @@ from whsklearn.gap.data_check import Problem
 from whsklearn.gap.plant import Linearised, PlantDefaults
 from whsklearn.gap.plants import chain_pictures, chain_structure
 from whsklearn.gap.plants.chain_base import Base, base_of
-from whsklearn.gap.plants.chain_candidates import BETWEEN, own_attribute
+from whsklearn.gap.plants.chain_candidates import BETWEEN, FoundEffect, own_attribute
 from whsklearn.gap.plants.chain_check import check_blocks
-from whsklearn.gap.plants.chain_effects import FoundEffect, library_effect
 from whsklearn.gap.plants.chain_fit import fit_base, refit
 from whsklearn.gap.plants.chain_law import LawChoice, bent
 from whsklearn.gap.plants.chain_model import ChainModel, Setting, free_run
@@ -325,7 +324,7 @@ class ChainPlant(PlantDefaults):
         law = s.law.reweighted(final.theta[structure.slices()[2]])
         for t in final.terms:
             law = bent(law, t.name, t.q[0]) if t.kind.variant == BETWEEN else law
-        effects = [e for e in map(library_effect, final.terms) if e is not None]
+        effects = [e for e in (t.kind.of_library(t.q) for t in final.terms) if e is not None]
         grid = coarse_grid(s, final)
         if grid:
             effects.append(Quantization(grid))

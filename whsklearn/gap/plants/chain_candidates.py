@@ -46,6 +46,29 @@ Range = tuple[float, float]
 
 
 @dataclass(frozen=True)
+class FoundEffect:
+    """An effect of a u-y record: catalogue name, place, equation and numbers in the units of the log."""
+
+    name: str
+    place: str
+    equation: str
+    parameters: dict[str, float]
+
+    def labelled(self) -> dict[str, float]:
+        """The numbers by name; a u-y record has no units of its own."""
+        return dict(self.parameters)
+
+
+BETWEEN = "between the blocks"
+AT_INPUT = "at the input"
+# what the catalogue's equations are in a chain, where they are others
+EQUATIONS = {
+    "flexible_coupling": "a resonance of gain one between L1 and the law, natural frequency f, damping zeta",
+    "backlash": "x_l = play of x, gap b",
+}
+
+
+@dataclass(frozen=True)
 class Candidate:
     """One effect in one variant.
 
@@ -110,6 +133,34 @@ class Candidate:
         """Whether number i takes part in the joint fit."""
         j = i - self.linear
         return j < 0 or not self.free or self.free[j]
+
+    def named(self, q: Iterable[float]) -> dict[str, Any]:
+        """Numbers by the names of the catalogue; a wave by its amplitude and phase."""
+        rest = [(f, float(v)) for f, v in zip(self.fields, q, strict=False)]
+        out: dict[str, Any] = {}
+        if self.linear == 2:
+            (_, cosine), (_, sine), *rest = rest
+            size = "torque" if self.name == "position_friction" else "amplitude"
+            out = {size: math.hypot(cosine, sine), "phase": math.atan2(-sine, cosine)}
+        out.update(rest)
+        if self.name == "sensor_rectification":
+            out["fraction"] = min(out["fraction"], 1.0)
+        return out | self.options
+
+    def effect(self, q: Iterable[float]) -> FoundEffect:
+        """What a report says of the effect with these numbers."""
+        cls: Any = get_effect(self.name)
+        equation = EQUATIONS.get(self.name, str(cls.equation))
+        if self.variant == BETWEEN:
+            return FoundEffect(self.name, "law", equation.replace("u", "x"), self.named(q))
+        return FoundEffect(self.name, cls.place, equation, self.named(q))
+
+    def of_library(self, q: Iterable[float]) -> Any:
+        """The catalogue's own effect with these numbers; None where a chain has it in another form."""
+        if self.name == "flexible_coupling" or self.variant in (AT_INPUT, BETWEEN):
+            return None
+        cls: Any = get_effect(self.name)
+        return cls(**{k: v for k, v in self.named(q).items() if k in cls.__dataclass_fields__})
 
 
 PLACES = {"": 1, "position": 20, "time": 2000, "step": 40}  # independent ones that a scan looks at, by what it finds
@@ -234,7 +285,7 @@ CATALOGUE: tuple[Candidate, ...] = (
         ranges=lambda z: [(0.5 / z.seconds, 0.5 / z.dt)], scanned=PLACES["time"],
     ),
     Candidate(
-        "disturbance_tone", TONE_U, ("cosine", "sine", "frequency"), linear=2, variant="at the input",
+        "disturbance_tone", TONE_U, ("cosine", "sine", "frequency"), linear=2, variant=AT_INPUT,
         ranges=lambda z: [(0.5 / z.seconds, 0.5 / z.dt)], unit=lambda z: 1e-3 * z.u, scanned=PLACES["time"],
     ),
     *(
@@ -252,7 +303,6 @@ CATALOGUE: tuple[Candidate, ...] = (
 )  # fmt: skip
 
 
-BETWEEN = "between the blocks"
 # where the law is a line in x, what bends it has the names that it has before L1
 BENDS: tuple[Candidate, ...] = (
     Candidate(
@@ -309,26 +359,3 @@ def as_effects_see(z: Scales) -> EffectScales:
         torque=z.v, peak=3.0 * z.v, speed=z.dx, reach=z.x_peak, duration=z.seconds, dt=z.dt,
         resonance=0.25 / z.dt,
     )  # fmt: skip
-
-
-def effect_of(candidate: Candidate, numbers: Iterable[float]) -> tuple[str, dict[str, float]]:
-    """(equation, named parameters) of the catalogue's effect with these numbers; waves as amplitude and phase."""
-    cls: Any = get_effect(candidate.name)
-    q = [float(v) for v in numbers]
-    named: dict[str, Any] = {}
-    rest = list(zip(candidate.fields, q, strict=False))
-    if candidate.linear == 2:
-        named["amplitude"] = math.hypot(q[0], q[1])
-        named["phase"] = math.atan2(-q[1], q[0])
-        rest = rest[2:]
-        if candidate.name == "position_friction":
-            named["torque"] = named.pop("amplitude")
-    named.update(rest)
-    if candidate.name == "sensor_rectification":
-        named["fraction"] = min(named["fraction"], 1.0)
-    equation = str(cls.equation)
-    if candidate.name == "flexible_coupling":
-        equation = "a resonance of gain one between L1 and the law, natural frequency f, damping zeta"
-    elif candidate.name == "backlash":
-        equation = "x_l = play of x, gap b"
-    return equation, named

@@ -19,7 +19,8 @@ from whsklearn.effects.codes import N_NUMBERS, OUTPUT_OFFSET, QUANTIZATION, USER
 from whsklearn.effects.own import WHICH, address_of
 from whsklearn.effects.terms import term
 from whsklearn.estimators._model import inside
-from whsklearn.gap.plants.chain_candidates import Candidate, Scales
+from whsklearn.gap.plant import FittedTerm
+from whsklearn.gap.plants.chain_candidates import Scales
 from whsklearn.systems.chain import Chain, Ports, run
 from whsklearn.systems.stability import is_stable
 
@@ -34,23 +35,8 @@ LONGEST_COLOUR = 0.95  # modulus of the colour's roots at the most: with one at 
 
 
 @dataclass(frozen=True)
-class Term:
-    """A candidate with its numbers."""
-
-    kind: Candidate
-    q: tuple[float, ...]
-
-    @property
-    def name(self) -> str:
-        """Canonical name."""
-        return self.kind.name
-
-    @property
-    def effect(self) -> Any:
-        """The effect with these numbers, as a report writes it."""
-        from whsklearn.gap.plants.chain_effects import found_effect
-
-        return found_effect(self)
+class Term(FittedTerm):
+    """A candidate (`whsklearn.gap.plants.chain_candidates.Candidate`) with its numbers."""
 
     def row(self) -> Array:
         """The numbers as the compiled chain takes them."""
