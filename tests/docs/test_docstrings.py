@@ -67,7 +67,10 @@ def test_arguments_and_fields_have_a_section() -> None:
         if (inspect.isclass(o) and not issubclass(o, (Effect, Exception)))
         or (not inspect.isclass(o) and inspect.signature(o).parameters)
     }
-    assert len(documented) > 120
+    for name, method in routines().items():
+        if [p for p in inspect.signature(method).parameters if p not in ("self", "cls")]:
+            documented[name] = "Parameters\n" in (inspect.getdoc(method) or "")
+    assert len(documented) > 200
     assert [name for name, is_documented in documented.items() if not is_documented] == []
 
 

@@ -86,7 +86,7 @@ def main() -> int:
     """Type them; print status, seconds and the last line of what failed."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("--list", action="store_true", help="Only say what would be typed.")
-    parser.add_argument("--only", default="", help="Lines that hold this.")
+    parser.add_argument("--only", default="", help="A pattern of lines, as they are listed.")
     wanted = parser.parse_args()
     failed = 0
     with tempfile.TemporaryDirectory() as scratch:
@@ -101,7 +101,7 @@ def main() -> int:
         env = os.environ | {"PATH": path, "PYTHONPATH": tree, "MLFLOW_DISABLE_TELEMETRY": "true"}
         for page, line in commands():
             why = next((reason for part, reason in LEFT_OUT.items() if part in line), "")
-            if why or wanted.list or wanted.only not in line:
+            if why or wanted.list or not re.search(wanted.only, f"{page}: {line}"):
                 print(f"{'left out' if why else 'to type':>9}  {page}: {line}{f'  ({why})' if why else ''}", flush=True)
                 continue
             began = time.monotonic()

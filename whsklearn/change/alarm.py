@@ -83,6 +83,11 @@ class ChangeAlarm(BaseEstimator):
     def update(self, innovations: ArrayLike) -> NDArray[np.int64]:
         """Take innovations y - y_hat(t|t-1) in their order; return the indices at which an alarm was raised.
 
+        Parameters
+        ----------
+        innovations : array-like of shape (n,)
+            In the unit of y.
+
         Raises
         ------
         ValueError
@@ -137,7 +142,12 @@ class ChangeAlarm(BaseEstimator):
         }
 
     def set_state(self, state: dict[str, Any]) -> ChangeAlarm:
-        """Go on from a state that `get_state` gave."""
+        """Go on from a state that `get_state` gave.
+
+        Parameters
+        ----------
+        state : dict
+        """
         self._begin()
         self._buffer = None
         for name, value in state.items():

@@ -209,6 +209,11 @@ class Effect:
     def resized(self, magnitude: float) -> Self:
         """The same effect at another size.
 
+        Parameters
+        ----------
+        magnitude : float
+            Of the field ``size``, in its unit.
+
         Examples
         --------
         >>> from whsklearn.effects import Coulomb
@@ -276,6 +281,13 @@ class Effect:
     def from_row(cls, row: Sequence[float] | NDArray[np.float64], **options: str) -> Self:
         """The effect of a row of numbers, the inverse of `row`.
 
+        Parameters
+        ----------
+        row : sequence of float
+            The numbers in the order of the fields.
+        **options : str
+            Fields that are text.
+
         Examples
         --------
         >>> from whsklearn.effects import Cogging
@@ -296,7 +308,13 @@ class Effect:
 
     @classmethod
     def bounds(cls, scales: Scales) -> list[tuple[float, float]]:
-        """Range in one record of every number in `searched`."""
+        """Range in one record of every number in `searched`.
+
+        Parameters
+        ----------
+        scales : Scales
+            Of the record.
+        """
         return [cls.quantities[f].bounds(scales) for f in cls.searched()]
 
     @classmethod
@@ -304,6 +322,11 @@ class Effect:
         """Points in `searched` from which a search of one record begins: the product of the quantities' grids.
 
         Where that is more than 60 points the grids are thinned, those of quantities with starts of their own last.
+
+        Parameters
+        ----------
+        scales : Scales
+            Of the record.
         """
         grids = [cls.quantities[f].grid(scales) for f in cls.searched()]
         while math.prod(map(len, grids)) > MOST_STARTS:
@@ -319,12 +342,24 @@ class Effect:
 
     @classmethod
     def parent_of(cls, **options: str) -> str:
-        """The effect without which a variant is not asked for: `parent`, unless a choice decides."""
+        """The effect without which a variant is not asked for: `parent`, unless a choice decides.
+
+        Parameters
+        ----------
+        **options : str
+            Fields that are text.
+        """
         return cls.parent
 
     @classmethod
     def physical(cls, size: float) -> bool:
-        """Whether a size has the sign that the effect can have; the weights of a phased effect are free."""
+        """Whether a size has the sign that the effect can have; the weights of a phased effect are free.
+
+        Parameters
+        ----------
+        size : float
+            In the unit of the field ``size``.
+        """
         return cls.phased or size >= 0.0 or not cls.quantities[cls.size].positive
 
     @property
@@ -338,6 +373,13 @@ class Effect:
     @classmethod
     def from_coefficients(cls, coefficients: Sequence[float] | NDArray[np.float64], **fields: Any) -> Self:
         """The effect whose columns have these weights; the other fields as given or by default.
+
+        Parameters
+        ----------
+        coefficients : sequence of float
+            Weights of its columns.
+        **fields
+            The other fields.
 
         Examples
         --------
@@ -378,7 +420,13 @@ class Effect:
         return columns_of(self, signals)
 
     def contribution(self, signals: Any) -> NDArray[np.float64]:
-        """What the effect asks of the drive (Nm), or adds to the measured position (rad)."""
+        """What the effect asks of the drive (Nm), or adds to the measured position (rad).
+
+        Parameters
+        ----------
+        signals : Bunch
+            ``time`` (s), ``position`` (rad), ``velocity``, ``acceleration`` and ``drive`` (Nm), shape (n,) each.
+        """
         weights = self.coefficients  # a limit may be infinite, and then its column is zero
         return self.columns(signals) @ np.where(np.isfinite(weights), weights, 0.0)
 
@@ -392,6 +440,11 @@ class Effect:
         drive: ArrayLike = 0.0,
     ) -> Any:
         """`contribution` for signals given one by one, broadcast against each other: a number, or an array (n,).
+
+        Parameters
+        ----------
+        time, position, velocity, acceleration, drive : array-like
+            In s, rad, rad/s, rad/s2 and Nm.
 
         Examples
         --------

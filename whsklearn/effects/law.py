@@ -94,13 +94,27 @@ class FrictionLaw:
         return self.regressors(x, dx, kappa) @ self.weights
 
     def regressors(self, x: ArrayLike, dx: ArrayLike, kappa: float = np.inf) -> NDArray[np.float64]:
-        """Every term at weight one, stacked along a new last axis."""
+        """Every term at weight one, stacked along a new last axis.
+
+        Parameters
+        ----------
+        x, dx : array-like of shape (n,)
+            Signal and its change, x(t) - x(t-1).
+        kappa : float, default=inf
+            sign(dx) is tanh(kappa dx).
+        """
         x, dx = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(dx, dtype=float))
         flat = _evaluate(self.codes, self.shapes, x.ravel(), dx.ravel(), float(kappa))
         return flat.reshape(*x.shape, len(self))
 
     def reweighted(self, weights: Sequence[float] | NDArray[np.float64]) -> FrictionLaw:
-        """The same terms with other weights."""
+        """The same terms with other weights.
+
+        Parameters
+        ----------
+        weights : sequence of float
+            One a term, in the unit of y.
+        """
         return FrictionLaw([t.resized(float(w)) for t, w in zip(self.terms, weights, strict=True)])
 
 

@@ -66,6 +66,11 @@ class Quantity:
     def labelled(self, name: str) -> str:
         """The name with the unit appended, in the letters of a column: ``torque_nm``.
 
+        Parameters
+        ----------
+        name : str
+            Of the field.
+
         Examples
         --------
         >>> Quantity("rad/s", 0, 1).labelled("velocity")
@@ -78,6 +83,11 @@ class Quantity:
         """Range to search in one record: the plausible one, cut to what the record can show.
 
         Where the two do not meet, as in a log in degrees or millimetres, the record's own range counts.
+
+        Parameters
+        ----------
+        scales : Scales
+            Of the record.
 
         Examples
         --------
@@ -103,6 +113,13 @@ class Quantity:
 
     def grid(self, scales: Scales, n: int = N_STARTS) -> tuple[float, ...]:
         """Values from which a search of one record begins, in rising order.
+
+        Parameters
+        ----------
+        scales : Scales
+            Of the record.
+        n : int, default=5
+            Values, where it has no starts of its own.
 
         Examples
         --------

@@ -71,7 +71,15 @@ class Scales:
         return 4.0 / (self.inertia * (2.0 * math.pi * self.resonance) ** 2)
 
     def of(self, unit: str, name: str = "") -> tuple[float | None, float]:
-        """Scale and origin of a quantity by its unit, or by the scale's own name; None where there is none."""
+        """Scale and origin of a quantity by its unit, or by the scale's own name; None where there is none.
+
+        Parameters
+        ----------
+        unit : str
+            Such as ``rad/s``.
+        name : str, optional
+            A scale's own name.
+        """
         name = name or _OF_UNIT.get(unit, "")
         if not name:
             return None, 0.0

@@ -109,7 +109,13 @@ class ParameterChange(Effect):
 
     @classmethod
     def parent_of(cls, **options: str) -> str:
-        """Friction that changes must be there."""
+        """Friction that changes must be there.
+
+        Parameters
+        ----------
+        **options : str
+            Fields that are text.
+        """
         return options["parameter"] if options["parameter"] in ("viscous", "coulomb") else ""
 
     @property

@@ -115,7 +115,19 @@ class StreamingPEMRegressor(ChainRegressor):
     def partial_fit(
         self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None, sample_weight: ArrayLike | None = None
     ) -> Self:
-        """Take further samples; without ``groups`` they continue the last experiment.  Raises as `fit`."""
+        """Take further samples; without ``groups`` they continue the last experiment.  Raises as `fit`.
+
+        Parameters
+        ----------
+        X : array-like of shape (n, n_features)
+            Input.
+        y : array-like of shape (n,)
+            Output.
+        groups : array-like of shape (n,), optional
+            The experiment of each row; one by default.
+        sample_weight : array-like of shape (n,), optional
+            1 / variance of each sample.
+        """
         before = self.state_["seen"] if hasattr(self, "state_") else 0
         with self._unchanged_if_refused():
             self._learn(joined(X, y, groups, sample_weight, before), some=False)

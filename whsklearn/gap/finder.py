@@ -146,7 +146,13 @@ class GapFinder(BaseEstimator):
         return self._close(plant, diagnosis, plant.system(found.model), began)
 
     def report(self, path: Any) -> Any:
-        """Write ``gap.html``, ``gap.json`` and ``repaired.json`` into the folder ``path``; returns the page's path."""
+        """Write ``gap.html``, ``gap.json`` and ``repaired.json`` into the folder ``path``; returns the page's path.
+
+        Parameters
+        ----------
+        path : str or path
+            A folder, made if it is not there.
+        """
         from whsklearn.gap.report import write_report
 
         return write_report(self.diagnosis_, path, self.model_)

@@ -77,6 +77,14 @@ class ServoRecord:
     ) -> ServoRecord:
         """Pick the columns of a log; a name that ends in a unit, ``_deg`` or ``_ms``, is brought to rad, m and s.
 
+        Parameters
+        ----------
+        frame : DataFrame
+        time, drive, position : str
+            Names of columns.
+        reference : str, optional
+            Name of a column.
+
         Examples
         --------
         >>> import numpy as np, pandas as pd

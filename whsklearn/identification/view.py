@@ -61,7 +61,13 @@ class View:
         return noise_floor(self.y)
 
     def part(self, start: int, stop: int) -> View:
-        """Some of the samples."""
+        """Some of the samples.
+
+        Parameters
+        ----------
+        start, stop : int
+            Samples, the last one left out.
+        """
         return replace(self, u=self.u[start:stop], y=self.y[start:stop], target=self.target[start:stop])
 
 

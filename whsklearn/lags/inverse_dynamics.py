@@ -149,7 +149,15 @@ class InverseDynamicsLags(MotionStream, TransformerMixin, BaseEstimator):
         self.degree = degree
 
     def fit(self, X: ArrayLike, y: ArrayLike | None = None) -> Self:
-        """Check the log and settle columns, filter and delay; nothing is estimated here."""
+        """Check the log and settle columns, filter and delay; nothing is estimated here.
+
+        Parameters
+        ----------
+        X : array-like of shape (n, 1)
+            Position.
+        y : array-like of shape (n,), optional
+            Drive; not used.
+        """
         n_columns = check_array(X, dtype=np.float64).shape[1]
         if n_columns > 2:
             raise ValueError(f"X has {n_columns} columns, expected position, or position and drive; pick those.")
@@ -182,7 +190,17 @@ class InverseDynamicsLags(MotionStream, TransformerMixin, BaseEstimator):
         return self._columns(X, drive, drive, groups)[0]
 
     def fit_transform(self, X: ArrayLike, y: ArrayLike | None = None, groups: ArrayLike | None = None) -> Array:
-        """`fit`, then columns from a clean start; a stream can go on from the end of X."""
+        """`fit`, then columns from a clean start; a stream can go on from the end of X.
+
+        Parameters
+        ----------
+        X : array-like of shape (n, 1)
+            Position.
+        y : array-like of shape (n,), optional
+            Drive.
+        groups : array-like of shape (n,), optional
+            The experiment of each row; one by default.
+        """
         return self._fresh(X, y, groups)
 
     def rows(self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None) -> tuple[Array, Array]:
@@ -262,7 +280,13 @@ class InverseDynamicsLags(MotionStream, TransformerMixin, BaseEstimator):
         return float(theta[0]), sized_effects(self.terms_, theta[1:])
 
     def get_feature_names_out(self, input_features: Any = None) -> NDArray[np.object_]:
-        """``inertia``, then the effects' names, numbered where one recurs, with cos and sin where there are two."""
+        """``inertia``, then the effects' names, numbered where one recurs, with cos and sin where there are two.
+
+        Parameters
+        ----------
+        input_features : object
+            Not used; as scikit-learn has it.
+        """
         check_is_fitted(self, "terms_")
         return np.array(["inertia", *column_names(self.terms_)], dtype=object)
 

@@ -138,7 +138,15 @@ class WienerHammersteinLags(TransformerMixin, BaseEstimator):
         )
 
     def fit(self, X: ArrayLike, y: ArrayLike | None = None) -> Self:
-        """Check the settings; nothing is learnt."""
+        """Check the settings; nothing is learnt.
+
+        Parameters
+        ----------
+        X : array-like of shape (n, n_inputs)
+            Inputs.
+        y : array-like of shape (n,), optional
+            Not used.
+        """
         self.dims()
         if self.advance() != 0:
             raise ValueError(
@@ -173,7 +181,17 @@ class WienerHammersteinLags(TransformerMixin, BaseEstimator):
         return self._rows(X, y, groups, {})
 
     def fit_transform(self, X: ArrayLike, y: ArrayLike | None = None, groups: ArrayLike | None = None) -> Any:
-        """Start clean, and keep the state for `partial_fit_transform`."""
+        """Start clean, and keep the state for `partial_fit_transform`.
+
+        Parameters
+        ----------
+        X : array-like of shape (n, n_inputs)
+            Inputs.
+        y : array-like of shape (n,)
+            Output, of which past samples are regressors.
+        groups : array-like of shape (n,), optional
+            The experiment of each row; one by default.
+        """
         carried: dict[str, Any] = {}
         rows = clone(self).fit(X, y)._rows(X, y, groups, carried)
         self.fit(X, y)
@@ -181,13 +199,29 @@ class WienerHammersteinLags(TransformerMixin, BaseEstimator):
         return rows
 
     def partial_fit_transform(self, X: ArrayLike, y: ArrayLike | None = None, groups: ArrayLike | None = None) -> Any:
-        """Go on from where the last call ended."""
+        """Go on from where the last call ended.
+
+        Parameters
+        ----------
+        X : array-like of shape (n, n_inputs)
+            Inputs.
+        y : array-like of shape (n,)
+            Output, of which past samples are regressors.
+        groups : array-like of shape (n,), optional
+            The experiment of each row; one by default.
+        """
         if not hasattr(self, "_carried"):
             return self.fit_transform(X, y, groups)
         return self._rows(X, y, groups, self._carried)
 
     def get_feature_names_out(self, input_features: Any = None) -> NDArray[np.object_]:
-        """Names of the columns, such as ``u(k-2)`` and ``-x_hat(k-2)``."""
+        """Names of the columns, such as ``u(k-2)`` and ``-x_hat(k-2)``.
+
+        Parameters
+        ----------
+        input_features : object
+            Not used; as scikit-learn has it.
+        """
         law, key = as_law(self.law), self.key_term()
         m = getattr(self, "n_features_in_", 1)
         inputs = ["u"] if m == 1 else [f"u{k + 1}" for k in range(m)]

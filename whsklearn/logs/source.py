@@ -83,6 +83,13 @@ class Source:
     def resolve(self, wanted: str | int, role: str) -> str:
         """The column's name for a name or a number from 0.
 
+        Parameters
+        ----------
+        wanted : str or int
+            Name, or number from 0.
+        role : str
+            What it is wanted for, such as ``drive``; for the message.
+
         Raises
         ------
         ColumnError

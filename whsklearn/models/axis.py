@@ -54,7 +54,13 @@ class AxisModel(IdentifiedModel):
         self.system()  # refuses what cannot be simulated
 
     def system(self, **changes: Any) -> ServoAxis:
-        """The axis as `ServoAxis`, to simulate it in closed loop or with other parts."""
+        """The axis as `ServoAxis`, to simulate it in closed loop or with other parts.
+
+        Parameters
+        ----------
+        **changes
+            Fields of `ServoAxis` that are to be others.
+        """
         return ServoAxis(
             self.inertia, self.law, self.effects, sample_rate=1.0 / self.dt, **{"substeps": SUBSTEPS, **changes}
         )
@@ -72,6 +78,12 @@ class AxisModel(IdentifiedModel):
         return {k: float(v) for k, v in axis.parameters.items() if not k.startswith(parts)}
 
     def simulate(self, u: ArrayLike) -> NDArray[np.float64]:
-        """Output from the drive alone, from standstill at zero; see `IdentifiedModel.simulate`."""
+        """Output from the drive alone, from standstill at zero; see `IdentifiedModel.simulate`.
+
+        Parameters
+        ----------
+        u : array-like of shape (n,)
+            Drive in the unit of the log.
+        """
         record = self.system().simulate_drive(as_input(u))
         return record.position if self.logged == "position" else record.velocity

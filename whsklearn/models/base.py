@@ -68,7 +68,13 @@ class IdentifiedModel:
         return {}
 
     def simulate(self, u: ArrayLike) -> NDArray[np.float64]:
-        """Output (n,) in the logged unit, from the input (n,) alone, at rest before its first sample."""
+        """Output (n,) in the logged unit, from the input (n,) alone, at rest before its first sample.
+
+        Parameters
+        ----------
+        u : array-like of shape (n,)
+            Input in the unit of the log.
+        """
         raise NotImplementedError
 
 

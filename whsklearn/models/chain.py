@@ -88,7 +88,13 @@ class ChainModel(IdentifiedModel):
         return {**first, **weights, **numbered("b2_", np.array(self.b2)), **numbered("f2_", np.array(self.f2[1:]), 1)}
 
     def signals(self, u: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """x, v and y before any integration, each of shape (n,)."""
+        """x, v and y before any integration, each of shape (n,).
+
+        Parameters
+        ----------
+        u : array-like of shape (n,)
+            Input in the unit of the log.
+        """
         from scipy.signal import lfilter
 
         if self.effects:
@@ -99,6 +105,12 @@ class ChainModel(IdentifiedModel):
         return x, v, lfilter(self.b2, self.f2, v)
 
     def simulate(self, u: ArrayLike) -> NDArray[np.float64]:
-        """Output from the input alone; see `IdentifiedModel.simulate`."""
+        """Output from the input alone; see `IdentifiedModel.simulate`.
+
+        Parameters
+        ----------
+        u : array-like of shape (n,)
+            Input in the unit of the log.
+        """
         y = self.signals(u)[2]
         return np.cumsum(y) * self.dt if self.logged == "position" else y

@@ -63,7 +63,13 @@ class LinearModel(IdentifiedModel):
         return {**numbered("b", b), **numbered("f", f, 1), "offset": float(self.offset)}
 
     def simulate(self, u: ArrayLike) -> NDArray[np.float64]:
-        """Output from the input alone; see `IdentifiedModel.simulate`."""
+        """Output from the input alone; see `IdentifiedModel.simulate`.
+
+        Parameters
+        ----------
+        u : array-like of shape (n,)
+            Input in the unit of the log.
+        """
         from scipy.signal import lfilter
 
         y = lfilter(self.numerator, self.denominator, as_input(u)) + self.offset

@@ -57,7 +57,25 @@ class ConvergenceDisplay(Display):
         name: str | None = None,
         axes: Any = None,
     ) -> ConvergenceDisplay:
-        """Stream the record through a clone of `estimator` and draw what it learns."""
+        """Stream the record through a clone of `estimator` and draw what it learns.
+
+        Parameters
+        ----------
+        estimator : estimator
+            With `partial_fit`; it stays as it is.
+        X : array-like of shape (n, n_features)
+            Input.
+        y : array-like of shape (n,)
+            Output.
+        truth : mapping of str to float, optional
+            True parameters, drawn dashed.
+        every : int, default=10
+            Samples between two points.
+        name : str, optional
+            In the legend; the class by default.
+        axes : array of matplotlib axes, optional
+            Where to draw; a new figure by default.
+        """
         paths = parameter_paths(estimator, X, y, every=every)
         return cls({name or type(estimator).__name__: paths}, truth).plot(axes)
 
@@ -72,7 +90,13 @@ class ConvergenceDisplay(Display):
         }
 
     def plot(self, axes: Any = None) -> ConvergenceDisplay:
-        """Draw L1, friction, L2 and delta, one panel each."""
+        """Draw L1, friction, L2 and delta, one panel each.
+
+        Parameters
+        ----------
+        axes : array of matplotlib axes, optional
+            Where to draw; a new figure by default.
+        """
         panels = ("L1", "friction", "L2", "delta") if self.truth else ("L1", "friction", "L2")
         shape = (2, 2) if self.truth else (1, 3)
         axes = self._axes(axes, *shape, (10.0, 6.4) if self.truth else (12.0, 3.6), sharex=True)

@@ -120,7 +120,13 @@ class EffectDisplay(Display):
         return cls(signals[against][window], effect.contribution(signals)[window], _LABELS[against], ylabel)
 
     def plot(self, ax: Any = None) -> EffectDisplay:
-        """Draw the effect, and the signal before it where there is one."""
+        """Draw the effect, and the signal before it where there is one.
+
+        Parameters
+        ----------
+        ax : matplotlib axes, optional
+            Where to draw; a new figure by default.
+        """
         (ax,) = self._axes(ax, 1, 1, (4.8, 2.8))[:1]
         if self.before is not None:
             ax.step(self.x, self.before, where="post", color="0.6", linewidth=1.0)

@@ -63,7 +63,20 @@ class FrictionDisplay(Display):
         truth: FrictionLaw | None = None,
         ax: Any = None,
     ) -> FrictionDisplay:
-        """Draw a law at x = 0; `covariance` (n_terms, n_terms) is that of its weights."""
+        """Draw a law at x = 0; `covariance` (n_terms, n_terms) is that of its weights.
+
+        Parameters
+        ----------
+        law : FrictionLaw
+        velocity : array-like of shape (n,)
+            Abscissa.
+        covariance : array-like of shape (n_terms, n_terms), optional
+            Of the weights, for the band.
+        truth : FrictionLaw, optional
+            Drawn dashed.
+        ax : matplotlib axes, optional
+            Where to draw; a new figure by default.
+        """
         dx = np.asarray(velocity, dtype=float)
         columns = law.regressors(np.zeros_like(dx), dx)
         error = None
@@ -72,7 +85,13 @@ class FrictionDisplay(Display):
         return cls(dx, columns @ law.weights, error, None if truth is None else truth(0.0, dx)).plot(ax)
 
     def plot(self, ax: Any = None) -> FrictionDisplay:
-        """Draw law, band and truth."""
+        """Draw law, band and truth.
+
+        Parameters
+        ----------
+        ax : matplotlib axes, optional
+            Where to draw; a new figure by default.
+        """
         (ax,) = self._axes(ax, 1, 1, (6.4, 4.2))[:1]
         if self.standard_error is not None:
             low, high = (self.friction + s * Z95 * self.standard_error for s in (-1, 1))

@@ -59,7 +59,23 @@ class HorizonDisplay(Display):
         name: str | None = None,
         ax: Any = None,
     ) -> HorizonDisplay:
-        """Predict at every horizon with a fitted estimator."""
+        """Predict at every horizon with a fitted estimator.
+
+        Parameters
+        ----------
+        estimator : estimator
+            Fitted.
+        X : array-like of shape (n, n_features)
+            Input.
+        y : array-like of shape (n,)
+            Output.
+        horizons : sequence of int
+            In samples.
+        name : str, optional
+            In the legend; the class by default.
+        ax : matplotlib axes, optional
+            Where to draw; a new figure by default.
+        """
         return cls.from_estimators({name or type(estimator).__name__: estimator}, X, y, horizons=horizons, ax=ax)
 
     @classmethod
@@ -72,13 +88,33 @@ class HorizonDisplay(Display):
         horizons: Sequence[int] = HORIZONS,
         ax: Any = None,
     ) -> HorizonDisplay:
-        """Predict at every horizon with several fitted estimators."""
+        """Predict at every horizon with several fitted estimators.
+
+        Parameters
+        ----------
+        estimators : mapping of str to estimator
+            Fitted ones, by their names in the legend.
+        X : array-like of shape (n, n_features)
+            Input.
+        y : array-like of shape (n,)
+            Output.
+        horizons : sequence of int
+            In samples.
+        ax : matplotlib axes, optional
+            Where to draw; a new figure by default.
+        """
         curves = {name: error_against_horizon(model, X, y, horizons) for name, model in estimators.items()}
         errors = {name: curve.nmse for name, curve in curves.items()}
         return cls(sorted(set(horizons)), errors, {n: c.free_run_nmse for n, c in curves.items()}).plot(ax)
 
     def plot(self, ax: Any = None) -> HorizonDisplay:
-        """Draw the error of each horizon; the free run is the dashed line."""
+        """Draw the error of each horizon; the free run is the dashed line.
+
+        Parameters
+        ----------
+        ax : matplotlib axes, optional
+            Where to draw; a new figure by default.
+        """
         (ax,) = self._axes(ax, 1, 1, (6.4, 4.2))[:1]
         for i, (name, error) in enumerate(self.errors.items()):
             colour = COLOURS[i % len(COLOURS)]

@@ -58,12 +58,32 @@ class ResidualDisplay(Display):
     def from_estimator(
         cls, estimator: Any, X: ArrayLike, y: ArrayLike, *, max_lag: int | None = None, axes: Any = None
     ) -> ResidualDisplay:
-        """Draw the one-step residuals of a fitted estimator."""
+        """Draw the one-step residuals of a fitted estimator.
+
+        Parameters
+        ----------
+        estimator : estimator
+            Fitted.
+        X : array-like of shape (n, n_features)
+            Input.
+        y : array-like of shape (n,)
+            Output.
+        max_lag : int, optional
+            In samples.
+        axes : array of matplotlib axes, optional
+            Where to draw; a new figure by default.
+        """
         residuals = np.asarray(y, dtype=float).ravel() - estimator.predict_ahead(X, y, horizon=1)
         return cls(residuals, np.asarray(X)[:, 0], max_lag=max_lag).plot(axes)
 
     def plot(self, axes: Any = None) -> ResidualDisplay:
-        """Draw the autocorrelation, and the cross-correlation where there is an input."""
+        """Draw the autocorrelation, and the cross-correlation where there is an input.
+
+        Parameters
+        ----------
+        axes : array of matplotlib axes, optional
+            Where to draw; a new figure by default.
+        """
         panels = [("with themselves", self.whiteness.lags, self.whiteness.r, self.whiteness.p_value)]
         if self.dependence is not None:
             panels.append(("with the input", self.dependence.lags, self.dependence.r, self.dependence.p_value))

@@ -67,11 +67,33 @@ class TrackingDisplay(Display):
     def from_estimator(
         cls, estimator: Any, X: ArrayLike, y: ArrayLike, *, name: str | None = None, axes: Any = None, **kwargs: Any
     ) -> TrackingDisplay:
-        """Draw the free run of a fitted estimator."""
+        """Draw the free run of a fitted estimator.
+
+        Parameters
+        ----------
+        estimator : estimator
+            Fitted.
+        X : array-like of shape (n, n_features)
+            Input.
+        y : array-like of shape (n,)
+            Output.
+        name : str, optional
+            In the legend; the class by default.
+        axes : array of matplotlib axes, optional
+            Where to draw; a new figure by default.
+        **kwargs
+            Further arguments of `TrackingDisplay`.
+        """
         return cls(y, {name or type(estimator).__name__: estimator.predict(X)}, **kwargs).plot(axes)
 
     def plot(self, axes: Any = None) -> TrackingDisplay:
-        """Draw the overlay above the error."""
+        """Draw the overlay above the error.
+
+        Parameters
+        ----------
+        axes : array of matplotlib axes, optional
+            Where to draw; a new figure by default.
+        """
         top, bottom = self._axes(axes, 2, 1, (10.0, 5.6), sharex=True, height_ratios=[2, 1])[:2]
         time, y = self.time[self.window], self.y[self.window]
         top.plot(time, y, color="black", linewidth=1.6, label="measured")

@@ -80,7 +80,12 @@ class FMUSimulator:
                 raise ValueError(f"The FMU has no variable {name!r}; it has {', '.join(sorted(there))}.")
 
     def simulate(self, record: Any) -> Array:
-        """Position from the drive alone, shape (n,), beginning at the record's first."""
+        """Position from the drive alone, shape (n,), beginning at the record's first.
+
+        Parameters
+        ----------
+        record : ServoRecord
+        """
         fmpy = _library()
         u = record.drive - sum((self._torque(e, record) for e in self.effects), np.zeros(len(record)))
         time = record.time - record.time[0]
@@ -110,7 +115,14 @@ class FMUSimulator:
         )
 
     def refit(self, record: Any, keep: NDArray[np.bool_]) -> FMUSimulator:
-        """The parameters, in ratios, by least squares; the FMU as it is without any."""
+        """The parameters, in ratios, by least squares; the FMU as it is without any.
+
+        Parameters
+        ----------
+        record : ServoRecord
+        keep : ndarray of bool, shape (n,)
+            Samples that count.
+        """
         if not self.parameters:
             return self
         from scipy.optimize import least_squares
@@ -126,7 +138,13 @@ class FMUSimulator:
         return np.log(np.abs(list(self.parameters.values())))
 
     def with_numbers(self, x: Array) -> FMUSimulator:
-        """The FMU at other parameters, their signs kept."""
+        """The FMU at other parameters, their signs kept.
+
+        Parameters
+        ----------
+        x : ndarray
+            As ``numbers`` gives them.
+        """
         other = copy.copy(self)
         values: Array = np.sign(list(self.parameters.values())) * np.exp(x)
         other.parameters = dict(zip(self.parameters, map(float, values), strict=True))
@@ -134,6 +152,10 @@ class FMUSimulator:
 
     def with_effect(self, effect: Effect) -> FMUSimulator:
         """The FMU with one effect more on its drive.
+
+        Parameters
+        ----------
+        effect : Effect
 
         Raises
         ------

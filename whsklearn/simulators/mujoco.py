@@ -107,7 +107,12 @@ class MuJoCoSimulator:
 
     # --- the three methods ----------------------------------------------------------------
     def simulate(self, record: Any) -> Array:
-        """Position of the joint under the logged control, shape (n,), held near the log by the observer."""
+        """Position of the joint under the logged control, shape (n,), held near the log by the observer.
+
+        Parameters
+        ----------
+        record : ServoRecord
+        """
         mujoco = _library()
         model, dt = self.model, record.dt
         every = max(1, math.ceil(dt / model.opt.timestep - 1e-6))
@@ -130,7 +135,14 @@ class MuJoCoSimulator:
         return out
 
     def refit(self, record: Any, keep: NDArray[np.bool_]) -> MuJoCoSimulator:
-        """Inertia, damping, dry friction and stiffness, as far as the model has them, by Gauss-Newton on the replay."""
+        """Inertia, damping, dry friction and stiffness, as far as the model has them, by Gauss-Newton on the replay.
+
+        Parameters
+        ----------
+        record : ServoRecord
+        keep : ndarray of bool, shape (n,)
+            Samples that count.
+        """
         model, x = self, np.asarray(self.numbers)
         r = (record.position - model.simulate(record))[keep]
         for _ in range(ITERATIONS):
@@ -152,6 +164,10 @@ class MuJoCoSimulator:
 
     def with_effect(self, effect: Effect) -> MuJoCoSimulator:
         """The model with one effect more.
+
+        Parameters
+        ----------
+        effect : Effect
 
         Raises
         ------
@@ -199,7 +215,13 @@ class MuJoCoSimulator:
         return np.log(list(self.parameters.values()))
 
     def with_numbers(self, x: Array) -> MuJoCoSimulator:
-        """The model at other numbers; the inertia is changed by the joint's armature."""
+        """The model at other numbers; the inertia is changed by the joint's armature.
+
+        Parameters
+        ----------
+        x : ndarray
+            As ``numbers`` gives them.
+        """
         values = dict(zip(self.parameters, np.exp(np.clip(x, -60.0, 60.0)), strict=True))
         other = copy.copy(self)
         other.spec = self.spec.copy()
@@ -218,7 +240,14 @@ class MuJoCoSimulator:
 
     # --- out -------------------------------------------------------------------------------
     def replay(self, record: Any, horizon: float) -> Array:
-        """Free run restarted from the smoothed log every ``horizon`` seconds, shape (n,)."""
+        """Free run restarted from the smoothed log every ``horizon`` seconds, shape (n,).
+
+        Parameters
+        ----------
+        record : ServoRecord
+        horizon : float
+            In s.
+        """
         from whsklearn.filtering.records import motion
 
         mujoco = _library()
@@ -242,7 +271,13 @@ class MuJoCoSimulator:
         return str(self.edited.to_xml())
 
     def write(self, path: str | os.PathLike[str]) -> Path:
-        """Write ``repaired.xml``; returns its path."""
+        """Write ``repaired.xml``; returns its path.
+
+        Parameters
+        ----------
+        path : str or path
+            A folder.
+        """
         Path(path).write_text(self.to_xml(), encoding="utf-8")
         return Path(path)
 

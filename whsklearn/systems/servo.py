@@ -110,6 +110,11 @@ class ServoAxis:
         The controller, the rate and the encoder are the paper's; it gives no inertia and no
         friction, so these are set to values of a small turntable.  Its reference is
         ``0.8 sin(2/5 pi t)``, see `whsklearn.datasets.reference_signal`.
+
+        Parameters
+        ----------
+        **changes
+            Fields of `ServoAxis` that are to be others.
         """
         rig: dict[str, Any] = {
             "inertia": 0.02,
@@ -137,6 +142,13 @@ class ServoAxis:
     def with_parameters(self, values: Mapping[str, float] | None = None, /, **more: float) -> Self:
         """The same axis with other numbers.
 
+        Parameters
+        ----------
+        values : mapping of str to float, optional
+            By the names of `parameters`.
+        **more : float
+            The same, as arguments.
+
         Examples
         --------
         >>> ServoAxis().with_parameters(inertia=0.04, coulomb=0.2).parameters["coulomb"]
@@ -145,7 +157,13 @@ class ServoAxis:
         return servo_parameters.replace(self, {**(values or {}), **more})
 
     def vector(self, names: Sequence[str]) -> NDArray[np.float64]:
-        """Chosen parameters as a vector."""
+        """Chosen parameters as a vector.
+
+        Parameters
+        ----------
+        names : sequence of str
+            Of `parameters`.
+        """
         known = self.parameters
         missing = [n for n in names if n not in known]
         if missing:
@@ -153,15 +171,34 @@ class ServoAxis:
         return np.array([known[n] for n in names])
 
     def with_vector(self, names: Sequence[str], values: ArrayLike) -> Self:
-        """The same axis with the chosen parameters taken from a vector."""
+        """The same axis with the chosen parameters taken from a vector.
+
+        Parameters
+        ----------
+        names : sequence of str
+            Of `parameters`.
+        values : array-like of shape (n_names,)
+            In the units of those parameters.
+        """
         return self.with_parameters(dict(zip(names, np.asarray(values, dtype=float).tolist(), strict=True)))
 
     def with_effect(self, effect: Effect) -> Self:
-        """The same axis with one effect more."""
+        """The same axis with one effect more.
+
+        Parameters
+        ----------
+        effect : Effect
+        """
         return dataclasses.replace(self, effects=(*self.effects, effect))
 
     def without_effect(self, label: str) -> Self:
-        """The same axis without the effect of that label."""
+        """The same axis without the effect of that label.
+
+        Parameters
+        ----------
+        label : str
+            Its name, numbered where one recurs.
+        """
         labels = servo_parameters.effect_labels(self)
         if label not in labels:
             raise ValueError(f"No effect is called {label!r}; expected one of: {', '.join(labels) or 'none'}.")
@@ -169,7 +206,13 @@ class ServoAxis:
         return dataclasses.replace(self, effects=keep)
 
     def with_law(self, law: FrictionLaw | str | Iterable[Any]) -> Self:
-        """The same axis with another friction law."""
+        """The same axis with another friction law.
+
+        Parameters
+        ----------
+        law : FrictionLaw, str or iterable of StaticEffect
+            As `as_law` takes it.
+        """
         return dataclasses.replace(self, law=as_law(law))  # type: ignore[arg-type]
 
     def columns(self, signals: Any) -> tuple[NDArray[np.float64], tuple[str, ...]]:
@@ -177,6 +220,11 @@ class ServoAxis:
 
         Effects of the sensor and those that can only be simulated have none; a phased
         effect has two, labelled ``name__cos`` and ``name__sin``.
+
+        Parameters
+        ----------
+        signals : Bunch
+            ``time`` (s), ``position`` (rad), ``velocity``, ``acceleration`` and ``drive`` (Nm), shape (n,) each.
         """
         blocks, names = [np.asarray(signals.acceleration, dtype=float).reshape(-1, 1)], ["inertia"]
         for label, e in zip(self.term_names[1:], (*self.law.terms, *self.effects), strict=True):

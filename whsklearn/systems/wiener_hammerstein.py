@@ -150,5 +150,13 @@ class WienerHammersteinSystem:
         return Bunch(x=x[self.direct :], v=v[self.direct :], y=y[self.direct :])
 
     def simulate(self, u: ArrayLike, d: ArrayLike | None = None) -> NDArray[np.float64]:
-        """The output y of shape (n,) alone; arguments as for `signals`."""
+        """The output y of shape (n,) alone; arguments as for `signals`.
+
+        Parameters
+        ----------
+        u : array-like of shape (n,)
+            Input in the unit of the log.
+        d : array-like of shape (n,), optional
+            Noise of (2).
+        """
         return self.signals(u, d).y

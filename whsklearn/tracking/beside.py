@@ -85,7 +85,14 @@ class BesideRun:
         self._opened.wait(OPEN_SECONDS)
 
     def log_metrics(self, metrics: Mapping[str, float], step: int = 0) -> None:
-        """Hand metrics over; returns at once."""
+        """Hand metrics over; returns at once.
+
+        Parameters
+        ----------
+        metrics : mapping of str to float
+        step : int, default=0
+            Such as the samples seen.
+        """
         self._given += 1
         try:
             self._queue.put_nowait((dict(metrics), step))
@@ -93,7 +100,13 @@ class BesideRun:
             self._lose("it takes metrics more slowly than they come")
 
     def close(self, seconds: float = CLOSE_SECONDS) -> int:
-        """End the run if that takes no longer than so many seconds; the number of sets of metrics that were lost."""
+        """End the run if that takes no longer than so many seconds; the number of sets of metrics that were lost.
+
+        Parameters
+        ----------
+        seconds : float, default=10
+            How long to wait.
+        """
         self._end.set()
         self._thread.join(seconds)
         self.lost = self._given - self._sent

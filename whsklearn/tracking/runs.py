@@ -215,7 +215,15 @@ class Tracker:
 
     @contextlib.contextmanager
     def run(self, name: str, *, parent: Run | None = None, tags: Mapping[str, str] | None = None) -> Iterator[Run]:
-        """A run: FINISHED after the block, FAILED with its reason if the block raises, KILLED if interrupted."""
+        """A run: FINISHED after the block, FAILED with its reason if the block raises, KILLED if interrupted.
+
+        Parameters
+        ----------
+        name : str
+        parent : Run, optional
+            The run above it.
+        tags : mapping of str to str, optional
+        """
         own = {**self.tags, **(tags or {})}
         if self.client is None:
             yield Run(self, "")
@@ -277,18 +285,34 @@ class Run:
         return self.tracker.client
 
     def child(self, name: str, *, tags: Mapping[str, str] | None = None) -> Any:
-        """A run below this one, to be used in a ``with`` block."""
+        """A run below this one, to be used in a ``with`` block.
+
+        Parameters
+        ----------
+        name : str
+        tags : mapping of str to str, optional
+        """
         return self.tracker.run(name, parent=self, tags=tags)
 
     def log_tags(self, tags: Mapping[str, Any]) -> None:
-        """Set tags, such as ``data``, ``reading``, ``reason``."""
+        """Set tags, such as ``data``, ``reading``, ``reason``.
+
+        Parameters
+        ----------
+        tags : mapping of str to str
+        """
         if self._client is not None:
             from mlflow.entities import RunTag
 
             self._client.log_batch(self.id, tags=[RunTag(k, str(v)[:5000]) for k, v in tags.items()])
 
     def log_params(self, params: Mapping[str, Any]) -> None:
-        """Log parameters; long values are cut."""
+        """Log parameters; long values are cut.
+
+        Parameters
+        ----------
+        params : mapping
+        """
         if self._client is not None:
             from mlflow.entities import Param
 
@@ -297,11 +321,27 @@ class Run:
                 self._client.log_batch(self.id, params=entries[start : start + 100])
 
     def log_metrics(self, metrics: Mapping[str, float], step: int = 0) -> None:
-        """Buffer metrics of one step; what is not finite becomes the tag ``not_finite``."""
+        """Buffer metrics of one step; what is not finite becomes the tag ``not_finite``.
+
+        Parameters
+        ----------
+        metrics : mapping of str to float
+        step : int, default=0
+            Such as the samples seen.
+        """
         self.log_paths({k: [v] for k, v in metrics.items()}, [step])
 
     def log_paths(self, paths: Mapping[str, ArrayLike], steps: ArrayLike | None = None, *, points: int = 1000) -> None:
-        """Buffer stepped metrics, such as the path of every parameter, thinned to at most `points` each."""
+        """Buffer stepped metrics, such as the path of every parameter, thinned to at most `points` each.
+
+        Parameters
+        ----------
+        paths : mapping of str to array-like of shape (n,)
+        steps : array-like of shape (n,), optional
+            0, 1, ... by default.
+        points : int, default=1000
+            At most, a path.
+        """
         if self._client is None:
             return
         from mlflow.entities import Metric
@@ -327,7 +367,19 @@ class Run:
             del self._buffer[:_BATCH]
 
     def log_input(self, X: ArrayLike, y: ArrayLike, name: str, context: str = "training") -> None:
-        """Record the data set: its name, shape and digest, not the samples."""
+        """Record the data set: its name, shape and digest, not the samples.
+
+        Parameters
+        ----------
+        X : array-like of shape (n, n_features)
+            Input.
+        y : array-like of shape (n,)
+            Output.
+        name : str
+            Of the data set.
+        context : str, default="training"
+            What it is used for.
+        """
         if self._client is not None:
             mlflow = store.import_mlflow()
             from mlflow.entities import DatasetInput, InputTag
@@ -337,17 +389,37 @@ class Run:
             self._client.log_inputs(self.id, [DatasetInput(data._to_mlflow_entity(), [label])])
 
     def log_figure(self, figure: Any, file: str) -> None:
-        """Keep a matplotlib figure as an artifact."""
+        """Keep a matplotlib figure as an artifact.
+
+        Parameters
+        ----------
+        figure : matplotlib figure
+        file : str
+            Name of the artifact.
+        """
         if self._client is not None:
             self._client.log_figure(self.id, figure, file)
 
     def log_text(self, text: str, file: str) -> None:
-        """Keep a text as an artifact."""
+        """Keep a text as an artifact.
+
+        Parameters
+        ----------
+        text : str
+        file : str
+            Name of the artifact.
+        """
         if self._client is not None:
             self._client.log_text(self.id, text, file)
 
     def log_artifact(self, path: str | os.PathLike[str]) -> None:
-        """Keep a file as an artifact."""
+        """Keep a file as an artifact.
+
+        Parameters
+        ----------
+        path : str or path
+            Of a file.
+        """
         if self._client is not None:
             self._client.log_artifact(self.id, os.fspath(path))
 
