@@ -37,6 +37,7 @@ myst_enable_extensions = ["deflist", "colon_fence"]
 myst_heading_anchors = 3
 
 autosummary_generate = True
+toc_object_entries_show_parents = "hide"  # the class stands above its methods anyway
 autodoc_typehints = "none"  # numpydoc sections say it in words
 numpydoc_show_class_members = False
 numpydoc_class_members_toctree = False
