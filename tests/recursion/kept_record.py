@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from tests.recursion.reruns import refine, replay
 from whsklearn.datasets import make_wiener_hammerstein
-from whsklearn.recursion.gauss_newton import Prior, refine
+from whsklearn.recursion.gauss_newton import Prior
 from whsklearn.recursion.memory_cost import Memory as KeptSamples
-from whsklearn.recursion.memory_cost import replay
 from whsklearn.recursion.predictor import record_errors, state_size
 
 KAPPA = 3.0

@@ -9,7 +9,7 @@ from tests.recursion.kept_record import KAPPA, Memory, natural
 from whsklearn import WienerHammersteinSystem
 from whsklearn.effects.law import polynomial_law
 from whsklearn.recursion.gauss_newton import Prior, refine_part, solve_damped
-from whsklearn.recursion.memory_cost import BUDGET, COST, work_size
+from whsklearn.recursion.memory_cost import BUDGET, COST, new_work
 from whsklearn.recursion.predictor import state_size
 from whsklearn.recursion.predictor_block import LENGTH
 from whsklearn.systems.stability import is_stable
@@ -82,12 +82,12 @@ def test_in_parts_it_is_the_same_to_the_bit(budget):
     whole = theta.copy()
     cost, information = memory.refine(whole, np.zeros(9), nothing, 3)
     got, state = np.zeros((9, 9)), np.zeros(state_size(memory.dims))
-    work, parts = np.zeros(work_size(memory.dims, state.size)), 1
-    work[BUDGET] = budget
+    work, parts = new_work(memory.dims, 1), 1
+    work.at[BUDGET] = budget
     prior = Prior(np.zeros(9), nothing)
     while not refine_part(theta, memory.kernel, KAPPA, memory.shared(), prior, 3, got, state, work):
-        work[BUDGET], parts = budget, parts + 1
+        work.at[BUDGET], parts = budget, parts + 1
     assert parts >= 400 * 2 / (budget + LENGTH)  # a part is one stretch at least, and ends with the stretch it is in
-    assert work[COST] == cost
+    assert work.at[COST] == cost
     np.testing.assert_array_equal(theta, whole)
     np.testing.assert_array_equal(got, information)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import itertools
-
 import numpy as np
 import pytest
 
+from tests.recursion.reruns import replay
 from whsklearn import WienerHammersteinSystem
 from whsklearn.datasets import make_wiener_hammerstein
-from whsklearn.recursion.linearised_memory import Record, deviation, empty_rows, jumps, linearise, listed
+from whsklearn.recursion.linearised_memory import Pass, deviation, jumps, listed
+from whsklearn.recursion.memory_cost import Memory
 from whsklearn.recursion.predictor import record_errors, state_size
 
 EXAMPLE = WienerHammersteinSystem.example()
@@ -25,15 +25,15 @@ def record():
     restart = np.zeros(N, dtype=bool)
     restart[[0, 140]] = True
     u = np.concatenate([np.zeros((HISTORY, 1)), X])
-    return Record(u, np.concatenate([np.zeros(HISTORY), y]), restart, HISTORY, N)
+    y = np.concatenate([np.zeros(HISTORY), y])
+    return Memory(np.zeros(state_size(DIMS)), u, y, restart, N, HISTORY, 1, np.ones(N))
 
 
-def linearised(record, theta, parts=(0, N)):
-    rows = empty_rows(N, theta.size, 3)
-    past = np.zeros(state_size(DIMS) + 4)
-    for first, stop in itertools.pairwise(parts):
-        linearise(theta, *LAW, past, record, first, stop, rows)
-    return rows
+def linearised(record, theta):
+    memory = Pass(theta, LAW, record)
+    while memory.done < N:
+        memory.read_stretch()
+    return memory.rows
 
 
 def test_errors_are_those_of_the_true_sign_and_gradients_those_of_the_smooth_part(record):
@@ -54,10 +54,16 @@ def test_errors_are_those_of_the_true_sign_and_gradients_those_of_the_smooth_par
             np.testing.assert_allclose(slope, rows.gradient[:, k], atol=1e-4)
 
 
-def test_parts_make_no_difference(record):
-    whole, cut = linearised(record, TRUTH), linearised(record, TRUTH, (0, 1, 100, 257, N))
-    for a, b in zip(whole, cut, strict=True):
-        np.testing.assert_array_equal(a, b)
+def test_it_goes_on_from_a_state_as_if_it_had_read_what_came_before(record):
+    cut, system = 150, linearised(record, TRUTH)
+    state, work = np.zeros(state_size(DIMS)), np.zeros((9, 9))
+    replay(TRUTH, LAW, np.inf, record._replace(fill=cut), work, np.zeros(9), state)
+    rest = Memory(state, record.u[cut:], record.y[cut:], record.restart[cut:], N - cut, HISTORY, 1, np.ones(N - cut))
+    later = Pass(TRUTH, LAW, rest)
+    while later.done < N - cut:
+        later.read_stretch()
+    for whole, part in zip(system, later.rows, strict=True):
+        np.testing.assert_allclose(part, whole[cut:], atol=1e-12)
 
 
 def test_a_sign_enters_the_rows_after_it_but_for_those_of_another_experiment(record):

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from tests.recursion.kept_record import KAPPA, Memory, natural
+from tests.recursion.reruns import replay
 from whsklearn import WienerHammersteinSystem
 from whsklearn.recursion.memory_cost import Memory as KeptSamples
-from whsklearn.recursion.memory_cost import replay
 
 
 @pytest.mark.parametrize("tail", [1, 4])

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tests.recursion.reruns import replay
 from whsklearn.effects.terms import ASYMMETRIC_VISCOUS, COULOMB, POSITION_FRICTION, STRIBECK_TANH, VISCOUS
-from whsklearn.recursion.memory_cost import Memory, replay
+from whsklearn.recursion.memory_cost import Memory
 from whsklearn.recursion.predictor import advance, parameter_count, predict, state_size
 from whsklearn.recursion.predictor_block import LENGTH, dot, through_denominator
 from whsklearn.recursion.starts import random_start

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import math
 
-from whsklearn._numba import njit
+from whsklearn._numba import njit, part
 
 AT_REST = 1e-6
 
 
-@njit(error_model="numpy")
+@part
 def tanh(z):
     """The hyperbolic tangent to three units in the last place, in half of the C library's time.
 
@@ -28,7 +28,7 @@ def tanh(z):
     return math.copysign((1.0 - q) / (1.0 + q), z)
 
 
-@njit(error_model="numpy")
+@part
 def smooth_sign(dx, kappa):
     """sign(dx) and its slope; tanh(kappa dx) for a finite kappa, the sign with that slope for -kappa."""
     if kappa == math.inf:

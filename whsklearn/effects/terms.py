@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from whsklearn._numba import njit
+from whsklearn._numba import njit, part
 from whsklearn.effects.codes import (
     ASYMMETRIC_COULOMB,
     ASYMMETRIC_VISCOUS,
@@ -67,7 +67,7 @@ __all__ = [
 ]
 
 
-@njit(error_model="numpy")
+@part
 def directed_term(code, s0, s1, s2, x, dx, s, ds):
     """Value of a term and its derivatives by x and by dx, with s and ds for sign(dx) and its slope."""
     if code == VISCOUS:
@@ -101,7 +101,7 @@ def directed_term(code, s0, s1, s2, x, dx, s, ds):
     return 1.0, 0.0, 0.0
 
 
-@njit(error_model="numpy", forceinline=True)
+@njit(cache=False, error_model="numpy", forceinline=True)
 def term(code, s0, s1, s2, x, dx, kappa):
     """Value of a term and its derivatives by x and by dx, where sign(dx) has the sharpness kappa."""
     if COULOMB <= code <= POSITION_FRICTION:

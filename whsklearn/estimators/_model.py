@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from whsklearn._numba import njit
+from whsklearn._numba import njit, part
 from whsklearn.effects import FrictionLaw
 from whsklearn.effects.terms import VISCOUS, term
-from whsklearn.recursion.delay_line import push
+from whsklearn.recursion.delay_line import clear, push
 from whsklearn.recursion.linearised_memory import jumps
 from whsklearn.systems.stability import is_stable
 
@@ -216,10 +216,11 @@ def _static_output(a, b, c, law, jumping, spread, u, restart):
     g = np.zeros(n1)
     for t in range(n):
         if restart[t]:
-            u_past[:] = 0.0
-            x_past[:] = 0.0
-            v_past[:] = 0.0
-            g_past[:] = 0.0
+            clear(u_past)
+            clear(x_past)
+            clear(v_past)
+            for j in range(b.size + 1):
+                clear(g_past[j])
         for k in range(c.size):
             out[t] += c[k] * v_past[k]
         x = 0.0
@@ -247,7 +248,7 @@ def _static_output(a, b, c, law, jumping, spread, u, restart):
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def _advance_gradient(past, g, na, b, u_past, x_past, spread):
     """One sample of the sensitivities of x to (a, b); returns the variance of dx."""
     n1 = g.size
@@ -260,9 +261,10 @@ def _advance_gradient(past, g, na, b, u_past, x_past, spread):
     for i in range(n1):
         for j in range(n1):
             variance += spread[i, j] * (g[i] - past[0, i]) * (g[j] - past[0, j])
-    for j in range(b.size, 0, -1):
-        past[j] = past[j - 1]
-    past[0] = g
+    for k in range(n1):
+        for j in range(b.size, 0, -1):
+            past[j, k] = past[j - 1, k]
+        past[0, k] = g[k]
     return variance
 
 

@@ -101,7 +101,7 @@ class BackgroundRefit:
         self.state, self.reading, self.size, self.end = state, r, size, end
         self.is_page = size == r.memory
         self.block = state["blocks"]
-        self._work = new_work(r.dims, state["before"].shape[1])
+        self._work = new_work(r.dims, r.n_inputs)
         self._steps = self._rerun()
         self._ends: list[tuple[np.ndarray, np.ndarray]] = []
         self._models: dict[str, Any] = {}
@@ -117,12 +117,12 @@ class BackgroundRefit:
     def advance(self, n_samples: int) -> None:
         """Do what ``n_samples`` new samples pay for."""
         rate = PAGE * len(self.state["page_theta"]) if self.is_page else FILLING
-        self._work[BUDGET] = rate * n_samples
+        self._work.at[BUDGET] = rate * n_samples
         self._go_on()
 
     def take_over(self) -> None:
         """Finish, and let the new models go on in the place of the old; a page is turned."""
-        self._work[BUDGET] = UNBOUNDED
+        self._work.at[BUDGET] = UNBOUNDED
         for _ in self._steps:
             pass
         self._go_on()
@@ -180,7 +180,7 @@ class BackgroundRefit:
         for theta, parent in zip(thetas, self._parents, strict=True):
             information, end = np.zeros((r.size, r.size)), np.zeros(state["before"].shape[1])
             kappa = inference_sharpness(theta, r, *refit.latest)
-            self._work[AT] = self._work[PHASE] = 0
+            self._work.at[AT] = self._work.at[PHASE] = 0
             memory = memory_of(state, r, m, refit.weights, state["origin"][parent], tail=1)
             while not refine_part(theta, r.law, kappa, memory, Prior(theta, nothing), 0, information, end, self._work):
                 yield
@@ -189,8 +189,8 @@ class BackgroundRefit:
         if has_posterior(r) and refit.moved:
             past = Linearisation(state, r, self._parents[0], thetas[0], refit.weights)
             yield
-            while not past.advance(max(int(self._work[BUDGET]) // COST_OF_ROW, 1)):
-                self._work[BUDGET] = 0
+            while not past.advance(max(int(self._work.at[BUDGET]) // COST_OF_ROW, 1)):
+                self._work.at[BUDGET] = 0
                 yield
             yield
             self._past = yield from past.left_behind()
@@ -221,13 +221,13 @@ class BackgroundRefit:
         rest = state["fill"] - n
         restart, kept = state["memory_restart"][n : n + rest], state["memory_kept"][n : n + rest]
         cost = COST_OF_WINDOW * len(self._running.theta)
-        while self._caught_up < rest and self._work[BUDGET] > 0:
+        while self._caught_up < rest and self._work.at[BUDGET] > 0:
             at = self._caught_up
             if restart[at]:
                 self._since = 0
                 for past in (self._running.before, self._recent.u, self._recent.y):
                     past[:] = 0.0
-            stop = min(at + 1 + int(min(self._work[BUDGET] / cost, rest)), rest)
+            stop = min(at + 1 + int(min(self._work.at[BUDGET] / cost, rest)), rest)
             begun = np.flatnonzero(restart[at + 1 : stop] | (kept[at + 1 : stop] != kept[at : stop - 1]))
             stop = at + 1 + int(begun[0]) if begun.size else stop
             piece = slice(h + n + at, h + n + stop)
@@ -239,5 +239,5 @@ class BackgroundRefit:
                 self._models["sharpness"], 0.0, r.law, r.p, r.frozen, samples,
                 np.where(state["memory_still"][n + at : n + stop], STILL, MOVING).astype(np.uint8),
             )  # fmt: skip
-            self._work[BUDGET] -= (stop - at) * cost
+            self._work.at[BUDGET] -= (stop - at) * cost
             self._caught_up = stop

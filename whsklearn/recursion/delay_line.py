@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from whsklearn._numba import njit
+from whsklearn._numba import part
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def push(past, newest):
     """Put the newest sample, one number an input, before the older ones."""
     m = newest.size
@@ -13,3 +13,10 @@ def push(past, newest):
         past[i] = past[i - m]
     for i in range(m):
         past[i] = newest[i]
+
+
+@part
+def clear(past):
+    """Nothing is known of the past."""
+    for i in range(past.size):
+        past[i] = 0.0

@@ -6,7 +6,7 @@ window of p samples does for the newest ones.  What lies before the memory enter
 Gaussian prior (theta_0, information), as in moving-horizon estimation (Rao, Rawlings,
 Mayne 2003, IEEE TAC 48(2)).
 
-Like a re-run itself (`replay`) it can be done in parts, so that no sample has to wait for it.
+Like a re-run itself (`replay_part`) it can be done in parts, so that no sample has to wait for it.
 """
 
 from __future__ import annotations
@@ -15,20 +15,16 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from whsklearn._numba import njit
+from whsklearn._numba import njit, part
 from whsklearn.recursion.memory_cost import (
     AT,
-    BUDGET,
     COST,
     DAMPING,
-    HEAD,
     HUGE,
     ITERATION,
     PHASE,
     TOTAL,
-    UNBOUNDED,
     replay_part,
-    work_size,
 )
 from whsklearn.systems.stability import is_stable
 
@@ -47,85 +43,76 @@ class Prior(NamedTuple):
     information: Array
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy")
 def refine_part(theta, law, kappa, memory, prior, iterations, information, state, work):
-    """Go on with a `refine` as far as the budget allows; True at its end, with ``work[COST]`` reached.
+    """Go on with Levenberg-Marquardt steps (Marquardt 1963) on ``theta``, in place, as far as the budget allows.
 
-    It begins where ``work[PHASE]`` and ``work[AT]`` are 0.
+    It begins where ``work.at[PHASE]`` and ``work.at[AT]`` are 0.  True at its end, with ``work.at[COST]`` reached and
+    Gauss-Newton matrix, slope (``work.slope``) and state of what was reached.
     """
-    n = theta.size
+    n, at, trial = theta.size, work.at, work.trial
     na, nb = law[0][0], law[0][1]
-    slope = work[HEAD : HEAD + n]
-    trial = work[HEAD + n : HEAD + 2 * n]
-    slope_t = work[HEAD + 2 * n : HEAD + 3 * n]
-    information_t = work[HEAD + 3 * n : HEAD + 3 * n + n * n].reshape(n, n)
-    state_t = work[HEAD + 3 * n + n * n : HEAD + 3 * n + n * n + state.size]
-    while work[PHASE] != DONE:
-        if work[PHASE] == PROPOSAL:
-            work[AT] = 0
-            work[TOTAL] = np.inf
-            if work[ITERATION] == iterations:
-                work[PHASE] = DONE
+    while at[PHASE] != DONE:
+        if at[PHASE] == PROPOSAL:
+            at[AT] = 0
+            at[TOTAL] = np.inf
+            if at[ITERATION] == iterations:
+                at[PHASE] = DONE
                 break
-            work[ITERATION] += 1
-            solved = solve_damped(information, slope, work[DAMPING], trial)
+            at[ITERATION] += 1
+            solved = solve_damped(information, work.slope, at[DAMPING], trial)
             for i in range(n):
                 trial[i] += theta[i]
             if solved and is_stable(trial[na - 1 : na - 1 + nb], 0.999):
-                work[PHASE] = TRIAL
+                at[PHASE] = TRIAL
             else:
-                _judge(work, np.inf)
+                _judge(at, np.inf)
             continue
         # one call for both kinds of run: the compiler would write the whole re-run out twice, and take twice as long
-        first = work[PHASE] == FIRST_RUN
-        at = theta if first else trial
-        information_at = information if first else information_t
-        slope_at = slope if first else slope_t
-        if not replay_part(at, law, kappa, memory, information_at, slope_at, state if first else state_t, work):
+        first = at[PHASE] == FIRST_RUN
+        where = theta if first else trial
+        matrix = information if first else work.trial_information
+        slope = work.slope if first else work.trial_slope
+        end = state if first else work.trial_state
+        if not replay_part(where, law, kappa, memory, work, matrix, slope, end):
             return False
-        cost = work[TOTAL] + _add_prior(at, prior, information_at, slope_at)
+        cost = at[TOTAL] + _add_prior(where, prior, matrix, slope)
         if first:
-            work[COST] = cost
-            work[DAMPING] = 1e-3
-            work[ITERATION] = 0
-            work[PHASE] = PROPOSAL
+            at[COST] = cost
+            at[DAMPING] = 1e-3
+            at[ITERATION] = 0
+            at[PHASE] = PROPOSAL
             if not cost < HUGE:
-                work[COST] = np.inf
-                work[PHASE] = DONE
-        elif _judge(work, cost):
-            theta[:] = trial
-            slope[:] = slope_t
-            information[:] = information_t
-            state[:] = state_t
+                at[COST] = np.inf
+                at[PHASE] = DONE
+        elif _judge(at, cost):
+            for i in range(n):
+                theta[i] = trial[i]
+                work.slope[i] = slope[i]
+                for j in range(n):
+                    information[i, j] = matrix[i, j]
+            for i in range(state.size):
+                state[i] = end[i]
     return True
 
 
-@njit(cache=True, error_model="numpy")
-def _judge(work, cost):
+@part
+def _judge(at, cost):
     """Whether a trial is taken; sets damping and phase, which is the end where it gains next to nothing."""
-    work[PHASE] = PROPOSAL
-    if cost < work[COST]:
-        if 1.0 - cost / work[COST] < 1e-6:
-            work[PHASE] = DONE
-        work[COST] = cost
-        work[DAMPING] = max(work[DAMPING] * 0.1, 1e-9)
+    at[PHASE] = PROPOSAL
+    if cost < at[COST]:
+        if 1.0 - cost / at[COST] < 1e-6:
+            at[PHASE] = DONE
+        at[COST] = cost
+        at[DAMPING] = max(at[DAMPING] * 0.1, 1e-9)
         return True
-    work[DAMPING] *= 10.0
-    if work[DAMPING] > 1e6:
-        work[PHASE] = DONE
+    at[DAMPING] *= 10.0
+    if at[DAMPING] > 1e6:
+        at[PHASE] = DONE
     return False
 
 
-@njit(cache=True, error_model="numpy")
-def refine(theta, law, kappa, memory, prior, iterations, information, state):
-    """Levenberg-Marquardt steps (Marquardt 1963) on ``theta`` in place; returns the cost reached."""
-    work = np.zeros(work_size(law[0], memory.origin.size))
-    work[BUDGET] = UNBOUNDED
-    refine_part(theta, law, kappa, memory, prior, iterations, information, state, work)
-    return work[COST]
-
-
-@njit(cache=True, error_model="numpy")
+@part
 def _add_prior(theta, prior, information, slope):
     """Add the prior's part to the Gauss-Newton matrix and slope; returns its part of the cost."""
     n = theta.size
@@ -140,7 +127,7 @@ def _add_prior(theta, prior, information, slope):
     return cost
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def solve_damped(matrix, right, damping, solution):
     """Solve (A + damping diag A) s = r by Cholesky; False where A is not positive definite."""
     n = right.size

@@ -18,9 +18,9 @@ import numpy as np
 
 from whsklearn._numba import njit
 from whsklearn.effects.terms import COULOMB, POSITION_FRICTION, STRIBECK_EXP, term_values
-from whsklearn.recursion.memory_cost import load_past, load_samples, save_past
-from whsklearn.recursion.predictor_block import LENGTH, forget, move_on, predict_stretch
-from whsklearn.recursion.predictor_block import empty_rows as empty_stretch
+from whsklearn.recursion.gauss_newton import Prior, refine_part
+from whsklearn.recursion.memory_cost import AT, BUDGET, COST, Memory, new_work
+from whsklearn.recursion.predictor_block import LENGTH
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -34,18 +34,8 @@ IN_DOUBT = 7.0  # standard deviations of dx, of the covariance with signs frozen
 SETTLED = 12.0  # beyond these a listed sign is frozen for good when a page is turned
 
 
-class Record(NamedTuple):
-    """Samples as the memory holds them: ``history`` samples before the first, ``stop`` samples in all."""
-
-    u: Array
-    y: Array
-    restart: NDArray[np.bool_]
-    history: int
-    stop: int
-
-
 class Rows(NamedTuple):
-    """What `linearise` fills, a row a sample: [psi, e]; x, dx; gradient of dx by (a, b)."""
+    """What is known of each sample: [psi, e]; x, dx; gradient of dx by (a, b)."""
 
     psi: Array
     motion: Array
@@ -125,40 +115,57 @@ def empty_rows(n: int, size: int, n1: int) -> Rows:
     return Rows(np.empty((n, size + 1)), np.empty((n, 2)), np.empty((n, n1)))
 
 
-@njit(cache=True, error_model="numpy")
-def linearise(theta, dims, codes, shapes, past, record, first, stop, out):
-    """Fill ``out`` from sample ``first`` to ``stop``; ``past`` is what precedes, and is taken along."""
-    rows = empty_stretch(dims, record.u.shape[1])
-    load_past(past, dims, rows)
-    errors = np.empty(LENGTH)
-    n1, n, nx = rows[2].shape[0], theta.size, rows[1].size - LENGTH
-    h, t = record.history, first
-    while t < stop:
-        if record.restart[t]:
-            forget(rows)
-        end = min(t + LENGTH, stop)
-        for i in range(t + 1, end):
-            if record.restart[i]:
-                end = i
-                break
-        e = errors[: end - t]
-        load_samples(rows, record.u[h + t : h + end], record.y[h + t : h + end])
-        predict_stretch(theta, dims, codes, shapes, np.inf, rows, e)
-        x, gradient, psi = rows[1], rows[2], rows[6]
-        for i in range(e.size):
-            for k in range(n):
-                out.psi[t + i, k] = psi[k, i]
-            out.psi[t + i, n] = e[i]
-            out.motion[t + i, 0] = x[nx + i]
-            out.motion[t + i, 1] = x[nx + i] - x[nx + i - 1]
-            for k in range(n1):
-                out.gradient[t + i, k] = gradient[k, nx + i] - gradient[k, nx + i - 1]
-        move_on(rows, e.size)
-        t = end
-    save_past(past, dims, rows)
+class Pass:
+    """One pass over a memory at ``theta`` with the true sign, which tells of each sample.
+
+    Parameters
+    ----------
+    theta : ndarray of shape (n,)
+    law : tuple
+        dims, codes, shapes.
+    memory : Memory
+
+    Attributes
+    ----------
+    rows : Rows
+        Filled as far as ``done``.
+    done : int
+        Samples read.
+    """
+
+    def __init__(self, theta: Array, law: Law, memory: Memory):
+        n, self.n1 = theta.size, int(law[0][0] - 1 + law[0][1])
+        self.theta, self.law, self.memory = theta, law, memory
+        self.rows, self.done = empty_rows(memory.fill, n, self.n1), 0
+        self._work = new_work(law[0], memory.u.shape[1])
+        self._nothing = Prior(theta, np.zeros((n, n)))
+        nx = max(int(law[0][1]), 1)
+        self._before = memory.origin[np.r_[0, nx : nx + self.n1]]  # x(t-1) and its gradient
+
+    def read_stretch(self) -> None:
+        """Read on to the end of a stretch; not a number, if the model has blown up."""
+        work, memory, first, m = self._work, self.memory, self.done, self.memory.u.shape[1]
+        work.at[BUDGET] = 0.0
+        ended = refine_part(
+            self.theta, self.law, np.inf, memory, self._nothing, 0, work.trial_information, work.trial_state, work
+        )
+        if ended and work.at[COST] == np.inf:
+            for values in self.rows:
+                values[first:] = np.nan
+            self.done = memory.fill
+            return
+        self.done = memory.fill if ended else int(work.at[AT])
+        n, past = self.done - first, work.stretch.lines.shape[1] - LENGTH
+        x = work.stretch.lines[m : m + 1 + self.n1, past : past + n].T
+        before = np.vstack([np.zeros_like(self._before) if memory.restart[first] else self._before, x[:-1]])
+        self._before = x[-1].copy()
+        self.rows.psi[first : self.done] = work.stretch.psi[:, :n].T
+        self.rows.motion[first : self.done, 0] = x[:, 0]
+        self.rows.motion[first : self.done, 1] = x[:, 0] - before[:, 0]
+        self.rows.gradient[first : self.done] = x[:, 1:] - before[:, 1:]
 
 
-def listed(rows: Rows, record: Record, chosen: NDArray[np.int64], law: Law, weights: Array, first: int) -> Signs:
+def listed(rows: Rows, record: Memory, chosen: NDArray[np.int64], law: Law, weights: Array, first: int) -> Signs:
     """Entries for the samples ``chosen`` of ``rows``, whose [psi, e] are weighted already.
 
     ``first`` is how many samples of the stream came before the record.
@@ -169,9 +176,9 @@ def listed(rows: Rows, record: Record, chosen: NDArray[np.int64], law: Law, weig
     for k in np.flatnonzero(jumps(codes)):
         height[:, k] = term_values(codes[k], *shapes[k], x, np.abs(dx), np.inf)
     after = chosen[:, None] + 1 + np.arange(dims[2])
-    there = after < record.stop
+    there = after < record.fill
     after = np.where(there, after, 0)
-    experiment = np.cumsum(record.restart[: record.stop])
+    experiment = np.cumsum(record.restart[: record.fill])
     there &= experiment[after] == experiment[chosen][:, None]  # what follows a restart knows nothing of it
     return Signs(
         dx, np.sign(dx), np.sqrt(weights[chosen]), rows.gradient[chosen], height,

@@ -1,7 +1,7 @@
 """A re-run of the samples kept in memory with given parameters: squared errors and their Gauss-Newton matrix.
 
 A re-run of thousands of samples may take longer than a control loop can wait, so it can be done in
-parts: `work` holds where it stands and how many samples it may still read.
+parts: `Work` holds where it stands and how many samples it may still read.
 """
 
 from __future__ import annotations
@@ -10,9 +10,19 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from whsklearn._numba import njit
-from whsklearn.recursion.predictor import parameter_count
-from whsklearn.recursion.predictor_block import LENGTH, dot, empty_rows, forget, keep, move_on, predict_stretch, restore
+from whsklearn._numba import njit, part
+from whsklearn.recursion.predictor import parameter_count, state_size
+from whsklearn.recursion.predictor_block import (
+    LENGTH,
+    Stretch,
+    begin,
+    dot,
+    forget,
+    keep,
+    move_on,
+    new_stretch,
+    predict_stretch,
+)
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -23,9 +33,9 @@ HUGE = 1e290
 COST_OF_PASS = 64.0  # samples that the beginning and end of a pass count for, with the step that follows from it
 UNBOUNDED = 1e18
 
-# the head of ``work``: sample, sum of squares, budget in samples | phase, iteration, damping, cost (`gauss_newton`) |
-# samples read in all
-AT, TOTAL, BUDGET, PHASE, ITERATION, DAMPING, COST, SPENT, HEAD = range(9)
+# ``Work.at``: sample, sum of squares, budget in samples | phase, iteration, damping, cost (`gauss_newton`) | samples
+# read in all
+AT, TOTAL, BUDGET, PHASE, ITERATION, DAMPING, COST, SPENT, SIZE = range(9)
 
 
 class Memory(NamedTuple):
@@ -57,78 +67,99 @@ class Memory(NamedTuple):
     weights: Array
 
 
-@njit(cache=True, error_model="numpy")
-def work_size(dims, n_state):
-    """Length of ``work``: its head, n + n + n + n n numbers of a trial, two states, past u and y."""
-    n = parameter_count(dims)
-    return HEAD + n * (n + 3) + 2 * n_state + dims[0] + dims[3]
+class Work(NamedTuple):
+    """Where a re-run stands.
 
-
-def new_work(dims, n_state):
-    """Work that has not begun and has no budget."""
-    return np.zeros(work_size(dims, n_state))
-
-
-@njit(cache=True, error_model="numpy")
-def replay_part(theta, law, kappa, memory, information, slope, state, work):
-    """Go on with a `replay` until the budget is spent, for one stretch at least; True at its end.
-
-    It begins where ``work[AT]`` is 0 and leaves the sum in ``work[TOTAL]``.  It stops between
-    stretches only, whose bounds the record sets, so the sums are the same however it was divided.
+    Attributes
+    ----------
+    at : ndarray of shape (SIZE,)
+        Numbers by the names above.
+    stretch : Stretch
+        Signals of the samples that are read just now, which begin with those before.
+    weighted : ndarray of shape (3, LENGTH)
+        Weights, weighted errors, and a weighted row of psi.
+    slope, trial, trial_slope : ndarrays of shape (n,)
+    trial_information : ndarray of shape (n, n)
+    trial_state : ndarray of shape (n_state,)
     """
-    dims, codes, shapes = law
-    fill, tail, restarts, weights = memory.fill, memory.tail, memory.restart, memory.weights
-    past = work[work.size - memory.origin.size - dims[0] - dims[3] :]
-    if work[AT] == 0:
-        work[BUDGET] -= COST_OF_PASS
-        work[SPENT] += COST_OF_PASS
-        work[TOTAL] = 0.0
-        information[:] = 0.0
-        slope[:] = 0.0
-        begin_past(past, dims, memory.origin, memory.u, memory.y, memory.history)
-    rows = empty_rows(dims, memory.u.shape[1])
-    load_past(past, dims, rows)
-    errors, weighted = np.empty(LENGTH), np.empty((2, LENGTH))
+
+    at: Array
+    stretch: Stretch
+    weighted: Array
+    slope: Array
+    trial: Array
+    trial_slope: Array
+    trial_information: Array
+    trial_state: Array
+
+
+def new_work(dims: NDArray[np.int64], n_inputs: int) -> Work:
+    """Work that has not begun and has no budget."""
+    n = int(parameter_count(dims))
+    return Work(
+        np.zeros(SIZE), new_stretch(dims, n_inputs), np.zeros((3, LENGTH)), np.zeros(n), np.zeros(n), np.zeros(n),
+        np.zeros((n, n)), np.zeros(int(state_size(dims))),
+    )  # fmt: skip
+
+
+@njit(cache=False, error_model="numpy", inline="always")
+def replay_part(theta, law, kappa, memory, work, information, slope, state):
+    """Go on with a re-run until the budget is spent, for one stretch at least; True at its end.
+
+    It begins where ``work.at[AT]`` is 0 and leaves the weighted sum of squares in ``work.at[TOTAL]``, its
+    Gauss-Newton matrix and slope, and in ``state`` what holds before the first sample of the next window.  It stops
+    between stretches only, whose bounds the record sets, so the sums are the same however it was divided.
+
+    It has one caller, whose code it is written into: compiled by itself as well it would take twice as long.
+    """
+    at, lines, psi = work.at, work.stretch.lines, work.stretch.psi
+    fill, tail, restarts = memory.fill, memory.tail, memory.restart
+    m, n = memory.u.shape[1], theta.size
+    past = lines.shape[1] - LENGTH
+    if at[AT] == 0:
+        at[BUDGET] -= COST_OF_PASS
+        at[SPENT] += COST_OF_PASS
+        at[TOTAL] = 0.0
+        for i in range(n):
+            slope[i] = 0.0
+            for j in range(n):
+                information[i, j] = 0.0
+        begin(lines, law[0], memory.origin, memory.u, memory.y, memory.history)
     handover = max(fill - tail + 1, 0)
-    t = int(work[AT])
+    t = int(at[AT])
     while t < fill:
         if restarts[t]:
-            forget(rows)
+            forget(lines)
         if t == handover or (t > handover and restarts[t]):
-            keep(rows, state)
-        stop = _end_of_stretch(t, fill, handover, restarts)
-        e = errors[: stop - t]
-        here = memory.history + t
-        load_samples(rows, memory.u[here : here + e.size], memory.y[here : here + e.size])
-        predict_stretch(theta, dims, codes, shapes, kappa, rows, e)
-        w, g = weighted[0, : e.size], weighted[1, : e.size]
-        for i in range(e.size):
-            w[i] = min((fill - t - i) / tail, 1.0) * weights[t + i]
-            g[i] = w[i] * e[i]
-        work[TOTAL] += dot(g, e)
-        if not work[TOTAL] < HUGE:
-            work[TOTAL] = np.inf
+            keep(lines, law[0], m, state)
+        count = _end_of_stretch(t, fill, handover, restarts) - t
+        for i in range(count):
+            lines[lines.shape[0] - 1, past + i] = memory.y[memory.history + t + i]
+            for j in range(m):
+                lines[j, past + i] = memory.u[memory.history + t + i, j]
+        predict_stretch(theta, law, kappa, m, work.stretch, count)
+        at[TOTAL] += _add_squares(t, count, memory, psi, work.weighted, information, slope)
+        if not at[TOTAL] < HUGE:
+            at[TOTAL] = np.inf
             return True
-        _add_squares(rows[6], w, g, information, slope)
-        move_on(rows, e.size)
-        work[BUDGET] -= e.size
-        work[SPENT] += e.size
-        t = stop
-        if work[BUDGET] <= 0.0:
+        move_on(lines, count)
+        at[BUDGET] -= count
+        at[SPENT] += count
+        t += count
+        if at[BUDGET] <= 0.0:
             break
-    work[AT] = t
-    save_past(past, dims, rows)
+    at[AT] = t
     if t < fill:
         return False
     if handover == fill:
-        keep(rows, state)
-    for i in range(theta.size):
+        keep(lines, law[0], m, state)
+    for i in range(n):
         for j in range(i):
             information[j, i] = information[i, j]
     return True
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def _end_of_stretch(t, fill, handover, restarts):
     """Where the stretch that begins at ``t`` ends: next mark, new experiment, state to hand over."""
     stop = min((t // LENGTH + 1) * LENGTH, fill)
@@ -140,75 +171,19 @@ def _end_of_stretch(t, fill, handover, restarts):
     return stop
 
 
-@njit(cache=True, error_model="numpy")
-def _add_squares(psi, w, g, information, slope):
-    """Add sum w psi psi', below the diagonal, and sum g psi."""
-    m = w.size
-    weighted = np.empty(m)
+@part
+def _add_squares(t, count, memory, psi, weighted, information, slope):
+    """Add sum w psi psi', below the diagonal, and sum w e psi; returns sum w e^2."""
+    w, g, row_weighted = weighted[0, :count], weighted[1, :count], weighted[2, :count]
+    e = psi[slope.size, :count]
+    for i in range(count):
+        w[i] = min((memory.fill - t - i) / memory.tail, 1.0) * memory.weights[t + i]
+        g[i] = w[i] * e[i]
     for i in range(slope.size):
-        row = psi[i, :m]
+        row = psi[i, :count]
         slope[i] += dot(g, row)
-        for k in range(m):
-            weighted[k] = w[k] * row[k]
+        for k in range(count):
+            row_weighted[k] = w[k] * row[k]
         for j in range(i + 1):
-            information[i, j] += dot(weighted, psi[j, :m])
-
-
-@njit(cache=True, error_model="numpy")
-def begin_past(past, dims, origin, memory_u, memory_y, history):
-    """The state, u and y before the memory's first sample."""
-    m, u0, y0 = memory_u.shape[1], origin.size, origin.size + dims[0]
-    past[:u0] = origin
-    for i in range(dims[0]):
-        past[u0 + i] = memory_u[history - 1 - i // m, i % m]
-    for i in range(dims[3]):
-        past[y0 + i] = memory_y[history - 1 - i]
-
-
-@njit(cache=True, error_model="numpy")
-def load_past(past, dims, rows):
-    """Put state, u and y where a stretch finds its past."""
-    u, y = rows[0], rows[5]
-    m, y0 = u.shape[0], past.size - dims[3]
-    u0 = y0 - dims[0]
-    restore(rows, past[:u0])
-    for i in range(dims[0]):
-        u[i % m, dims[0] // m - 1 - i // m] = past[u0 + i]
-    for i in range(dims[3]):
-        y[dims[3] - 1 - i] = past[y0 + i]
-
-
-@njit(cache=True, error_model="numpy")
-def save_past(past, dims, rows):
-    """The reverse of `load_past`."""
-    u, y = rows[0], rows[5]
-    m, y0 = u.shape[0], past.size - dims[3]
-    u0 = y0 - dims[0]
-    keep(rows, past[:u0])
-    for i in range(dims[0]):
-        past[u0 + i] = u[i % m, dims[0] // m - 1 - i // m]
-    for i in range(dims[3]):
-        past[y0 + i] = y[dims[3] - 1 - i]
-
-
-@njit(cache=True, error_model="numpy")
-def load_samples(rows, new_u, new_y):
-    """Put new samples behind the past of u and y."""
-    u, y = rows[0], rows[5]
-    u0, y0 = u.shape[1] - LENGTH, y.size - LENGTH
-    for i in range(new_y.size):
-        y[y0 + i] = new_y[i]
-        for j in range(u.shape[0]):
-            u[j, u0 + i] = new_u[i, j]
-
-
-@njit(cache=True, error_model="numpy")
-def replay(theta, law, kappa, memory, information, slope, state):
-    """Weighted sum of squared innovations of the memory, its Gauss-Newton matrix and slope.
-
-    ``law`` is (dims, codes, shapes).  ``state`` receives what holds before the first sample of the next window.
-    """
-    work = np.zeros(work_size(law[0], memory.origin.size))
-    work[BUDGET] = UNBOUNDED
-    replay_part(theta, law, kappa, memory, information, slope, state, work)
-    return work[TOTAL]
+            information[i, j] += dot(row_weighted, psi[j, :count])
+    return dot(g, e)

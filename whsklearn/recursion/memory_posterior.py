@@ -16,16 +16,13 @@ from whsklearn.recursion.linearised_memory import (
     CAPACITY,
     IN_DOUBT,
     SETTLED,
-    Record,
+    Pass,
     Signs,
     deviation,
-    empty_rows,
     jumps,
-    linearise,
     listed,
 )
-from whsklearn.recursion.memory_cost import begin_past
-from whsklearn.recursion.memory_refit import count_of, left_of_prior, weights_of
+from whsklearn.recursion.memory_refit import count_of, left_of_prior, memory_of, weights_of
 from whsklearn.recursion.sign_posterior import Gaussian, frozen, posed, sample
 
 if TYPE_CHECKING:
@@ -38,7 +35,6 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
     Indices = NDArray[np.intp]
 
-CHUNK = 256  # rows of a product, so that a page can be summed in parts
 ROUNDS = 3  # linearisations of the memory at most: the second is at the mean of the first
 WORSE = 1.02  # squared errors at the mean over those at theta_0, beyond which the linearisation did not hold
 
@@ -112,29 +108,23 @@ class Linearisation:
     """
 
     def __init__(self, state: State, r: Reading, s: int, theta: Array, weights: Array):
-        stop = weights.size
-        self.state, self.reading, self.model, self.theta, self.stop = state, r, s, theta, stop
-        n, n1 = r.size, int(r.dims[0] - 1 + r.dims[1])
-        self.record = Record(state["memory_u"], state["memory_y"], state["memory_restart"], r.history, stop)
+        self.state, self.reading, self.model, self.theta, self.stop = state, r, s, theta, weights.size
+        self.record = memory_of(state, r, self.stop, weights, state["origin"][s], tail=1)
         self.weights = weights
-        self.rows = empty_rows(stop, n, n1)
-        self.matrix = np.zeros((n + 1, n + 1))
-        self.done = 0
-        origin = state["origin"][s]
-        self._past = np.empty(origin.size + int(r.dims[0] + r.dims[3]))
-        begin_past(self._past, r.dims, origin, state["memory_u"], state["memory_y"], r.history)
+        self.matrix = np.zeros((theta.size + 1, theta.size + 1))
+        self._pass = Pass(theta, r.law, self.record)
+        self.rows = self._pass.rows
 
     def advance(self, n: int) -> bool:
         """Read at least ``n`` samples more; True when all are read."""
-        target = min(self.stop, self.done + n)
-        while self.done < target:
-            end = min(self.done + CHUNK, self.stop)
-            linearise(self.theta, *self.reading.law, self._past, self.record, self.done, end, self.rows)
-            psi = self.rows.psi[self.done : end]
-            psi *= np.sqrt(self.weights[self.done : end, None])
+        target = min(self.stop, self._pass.done + n)
+        while self._pass.done < target:
+            begin = self._pass.done
+            self._pass.read_stretch()
+            psi = self.rows.psi[begin : self._pass.done]
+            psi *= np.sqrt(self.weights[begin : self._pass.done, None])
             self.matrix += psi.T @ psi
-            self.done = end
-        return self.done == self.stop
+        return self._pass.done == self.stop
 
     def joined(self, about: Gaussian | None = None) -> tuple[Array, Signs, float]:
         """M, signs in doubt and number of samples, of the past and of the memory together.

@@ -9,7 +9,7 @@ import numpy as np
 
 from whsklearn.recursion.covariance import factorise
 from whsklearn.recursion.gauss_newton import Prior, refine_part
-from whsklearn.recursion.memory_cost import AT, BUDGET, COST, HEAD, HUGE, PHASE, SPENT, UNBOUNDED, Memory, new_work
+from whsklearn.recursion.memory_cost import AT, BUDGET, COST, HUGE, PHASE, SPENT, UNBOUNDED, Memory, Work, new_work
 from whsklearn.recursion.predictor import motion
 from whsklearn.recursion.starts import least_squares_start, random_start, scales_from, term_sizes
 from whsklearn.recursion.subinnovations import relative_sharpness
@@ -63,13 +63,13 @@ class Refit:
     r : Reading
     size : int
         Samples.
-    work : ndarray
-        Of `new_work`; steps yield when the budget in it is spent.
+    work : Work
+        Steps yield when the budget in it is spent.
     limit : float
         Readings after which no further start or rung is begun.
     """
 
-    def __init__(self, state: State, r: Reading, size: int, work: Array, limit: float = np.inf):
+    def __init__(self, state: State, r: Reading, size: int, work: Work, limit: float = np.inf):
         self.state, self.reading, self.size, self.work, self.limit = state, r, size, work, limit
         h = r.history
         self.weights = weights_of(state, size)
@@ -111,7 +111,7 @@ class Refit:
             for s, theta in enumerate(thetas):
                 found.append((yield from self.refine(s, theta, rungs)))
         for i in range(count):
-            if work[SPENT] >= self.limit:
+            if work.at[SPENT] >= self.limit:
                 break
             yield
             theta = random_start(tuple(r.dims), rng, scales)
@@ -120,7 +120,7 @@ class Refit:
                 u, restart = self.latest
                 theta = least_squares_start(theta, r.law, u, self._y[-SAMPLED:], restart)
                 yield
-            work[SPENT] += COST_OF_START
+            work.at[SPENT] += COST_OF_START
             found.append((yield from self.refine(0, theta, climb)))
         return best_first(found)[: self._kept()]
 
@@ -168,14 +168,14 @@ class Refit:
         prior = Prior(self.given["prior_theta"][parent], self.given["prior_information"][parent] * left)
 
         def refined(kappa: float, iterations: int, information: Array, before: Array) -> Generator[None, None, float]:
-            work[AT] = work[PHASE] = 0
+            work.at[AT] = work.at[PHASE] = 0
             while not refine_part(theta, r.law, kappa, memory, prior, iterations, information, before, work):
                 yield
-            return float(work[COST])
+            return float(work.at[COST])
 
         best = None
         for relative in steps:
-            if work[SPENT] >= self.limit:
+            if work.at[SPENT] >= self.limit:
                 break
             kappa = relative / max(motion(theta, r.dims, *self.latest), 1e-12)
             information, before = np.zeros((n, n)), np.zeros(n_state)
@@ -198,7 +198,7 @@ class Refit:
             if not np.isfinite(information).all() or (step and not cost < SLACK * best.cost):
                 break
             best = _Candidate(cost, theta.copy(), information, before, best.sharpness, parent)
-            theta[n1:] += _inverse(information[n1:, n1:]) @ work[HEAD + n1 : HEAD + n]
+            theta[n1:] += _inverse(information[n1:, n1:]) @ work.slope[n1:]
         return best
 
 
@@ -206,8 +206,8 @@ def consolidate(state: State, r: Reading) -> None:
     """Re-run all samples in memory for every model and for fresh starts; the best go on, in place."""
     if not state["fill"]:
         return
-    work = new_work(r.dims, state["before"].shape[1])
-    work[BUDGET] = UNBOUNDED
+    work = new_work(r.dims, r.n_inputs)
+    work.at[BUDGET] = UNBOUNDED
     refit = Refit(state, r, state["fill"], work)
     chosen = in_one(refit.search(state["theta"]))
     if chosen:

@@ -23,19 +23,20 @@ m times n_a then.
 from __future__ import annotations
 
 import numpy as np
+from numba.extending import register_jitable  # type: ignore[import-untyped]
 
-from whsklearn._numba import njit
+from whsklearn._numba import njit, part
 from whsklearn.effects.terms import term
-from whsklearn.recursion.delay_line import push
+from whsklearn.recursion.delay_line import clear, push
 
 
-@njit(cache=True, error_model="numpy")
+@register_jitable
 def parameter_count(dims):
     """Number of entries of theta."""
     return dims[0] - 1 + dims[1] + dims[4] + dims[2] - 1 + dims[3]
 
 
-@njit(cache=True, error_model="numpy")
+@register_jitable
 def state_size(dims):
     """Length of the flat state of one model."""
     n1 = dims[0] - 1 + dims[1]
@@ -43,7 +44,7 @@ def state_size(dims):
     return nx * (1 + n1) + dims[2] * (1 + n1 + dims[4])
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def predict(theta, dims, state, y_past, first, psi):
     """y_hat(t) from the state and y(t-1), ... at y_past[first], ...; psi receives its gradient."""
     na, nb, nc, nd, nw = dims[0], dims[1], dims[2], dims[3], dims[4]
@@ -70,7 +71,7 @@ def predict(theta, dims, state, y_past, first, psi):
     return y_hat
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def advance(theta, dims, codes, shapes, kappa, state, u_past, first):
     """Take the state one sample on, from u(t-1), ... at u_past[first], ...; returns dx = x(t) - x(t-1)."""
     na, nb, nc, nw = dims[0], dims[1], dims[2], dims[4]
@@ -136,9 +137,9 @@ def record_errors(theta, dims, codes, shapes, kappa, u, y, restart, errors, jaco
     keep = jacobian.shape[0] > 0
     for t in range(len(u)):
         if restart[t]:
-            state[:] = 0.0
-            u_past[:] = 0.0
-            y_past[:] = 0.0
+            clear(state)
+            clear(u_past)
+            clear(y_past)
         errors[t] = y[t] - predict(theta, dims, state, y_past, 0, psi)
         if keep:
             for k in range(n):
@@ -162,9 +163,10 @@ def record_regressors(theta, dims, codes, shapes, kappa, u, y, restart, rows):
     since = 0
     for t in range(len(u)):
         if restart[t]:
-            u_past[:] = 0.0
-            x_past[:] = 0.0
-            f[:] = 0.0
+            clear(u_past)
+            clear(x_past)
+            for m in range(nc):
+                clear(f[m])
             since = 0
         for m in range(nc):
             for k in range(nw):
@@ -198,8 +200,8 @@ def motion(theta, dims, u, restart):
     power = 0.0
     for t in range(len(u)):
         if restart[t]:
-            u_past[:] = 0.0
-            x_past[:] = 0.0
+            clear(u_past)
+            clear(x_past)
         x = u_past[0]
         for i in range(1, na):
             x += theta[i - 1] * u_past[i]

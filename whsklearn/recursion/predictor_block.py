@@ -8,167 +8,210 @@ many samples as the lags reach back.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, NamedTuple
+
 import numpy as np
 
-from whsklearn._numba import njit
+from whsklearn._numba import njit, part
 from whsklearn.effects.terms import term
 
-LENGTH = 128  # samples of a stretch: all its rows stay in the fastest cache
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+LENGTH = 128  # samples of a stretch: all its signals stay in the fastest cache
 
 
-@njit(cache=True, error_model="numpy")
-def empty_rows(dims, n_inputs):
-    """Rows of u, x, its gradients, v, its gradients and y; of psi; of f_x + f_dx and -f_dx."""
-    na, nb, nc, nd, nw = dims[0], dims[1], dims[2], dims[3], dims[4]
-    n1, nx = na - 1 + nb, max(nb, 1)
-    return (
-        np.zeros((n_inputs, na // n_inputs + LENGTH)),
-        np.zeros(nx + LENGTH),
-        np.zeros((n1, nx + LENGTH)),
-        np.zeros(nc + LENGTH),
-        np.zeros((n1 + nw, nc + LENGTH)),
-        np.zeros(nd + LENGTH),
-        np.empty((n1 + nw + nc - 1 + nd, LENGTH)),
-        np.empty((2, LENGTH)),
-    )
+class Stretch(NamedTuple):
+    """Room for the signals of a stretch.
 
-
-@njit(cache=True, error_model="numpy")
-def restore(rows, state):
-    """The past of x, v and their gradients from the flat state, laid out as `predictor` says."""
-    _, x, dx, v, dv, _, _, _ = rows
-    nx, nc, n1, nv = x.size - LENGTH, v.size - LENGTH, dx.shape[0], dv.shape[0]
-    v0 = nx * (1 + n1)
-    for j in range(nx):
-        x[nx - 1 - j] = state[j]
-        for k in range(n1):
-            dx[k, nx - 1 - j] = state[nx + j * n1 + k]
-    for j in range(nc):
-        v[nc - 1 - j] = state[v0 + j]
-        for k in range(nv):
-            dv[k, nc - 1 - j] = state[v0 + nc + j * nv + k]
-
-
-@njit(cache=True, error_model="numpy")
-def keep(rows, state):
-    """The flat state from the past of x, v and their gradients."""
-    _, x, dx, v, dv, _, _, _ = rows
-    nx, nc, n1, nv = x.size - LENGTH, v.size - LENGTH, dx.shape[0], dv.shape[0]
-    v0 = nx * (1 + n1)
-    for j in range(nx):
-        state[j] = x[nx - 1 - j]
-        for k in range(n1):
-            state[nx + j * n1 + k] = dx[k, nx - 1 - j]
-    for j in range(nc):
-        state[v0 + j] = v[nc - 1 - j]
-        for k in range(nv):
-            state[v0 + nc + j * nv + k] = dv[k, nc - 1 - j]
-
-
-@njit(cache=True, error_model="numpy")
-def forget(rows):
-    """An experiment begins: nothing is known of the past."""
-    u, x, dx, v, dv, y, _, _ = rows
-    x[: x.size - LENGTH] = 0.0
-    v[: v.size - LENGTH] = 0.0
-    y[: y.size - LENGTH] = 0.0
-    for many in (u, dx, dv):
-        many[:, : many.shape[1] - LENGTH] = 0.0
-
-
-@njit(cache=True, error_model="numpy")
-def move_on(rows, n):
-    """After a stretch of ``n`` samples its last ones are the past."""
-    u, x, dx, v, dv, y, _, _ = rows
-    for row in (x, v, y):
-        for i in range(row.size - LENGTH):
-            row[i] = row[n + i]
-    for many in (u, dx, dv):
-        for k in range(many.shape[0]):
-            for i in range(many.shape[1] - LENGTH):
-                many[k, i] = many[k, n + i]
-
-
-@njit(cache=True, error_model="numpy")
-def predict_stretch(theta, dims, codes, shapes, kappa, rows, errors):
-    """Prediction errors of as many samples as ``errors`` has; psi is in the rows of that name.
-
-    u, y and every signal's past must be in ``rows``.
+    Attributes
+    ----------
+    lines : ndarray of shape (n_inputs + 3 + 2 n_1 + K, past + LENGTH)
+        A row each: u, x, its gradients by (a, b), v, its gradients by (a, b, w), y; the past first, oldest first.
+    psi : ndarray of shape (n + 1, LENGTH)
+        d y_hat / d theta, and below it the prediction error.
+    slopes : ndarray of shape (2, LENGTH)
+        f_x + f_dx and -f_dx.
     """
-    _, _, _, v, dv, y, psi, _ = rows
-    nc, nd, n, nv = dims[2], dims[3], errors.size, dv.shape[0]
-    _filter_input(theta, dims, rows, n)
-    _apply_law(theta, dims, codes, shapes, kappa, rows, n)
-    j = nv + nc - 1
+
+    lines: Array
+    psi: Array
+    slopes: Array
+
+
+def new_stretch(dims: NDArray[np.int64], n_inputs: int) -> Stretch:
+    """A stretch with nothing before it."""
+    na, nb, nc, nd, nw = (int(i) for i in dims)
+    n1, past = na - 1 + nb, max(na // n_inputs, nb, nc, nd, 1)
+    lines = np.zeros((n_inputs + 3 + 2 * n1 + nw, past + LENGTH))
+    return Stretch(lines, np.zeros((n1 + nw + nc - 1 + nd + 1, LENGTH)), np.zeros((2, LENGTH)))
+
+
+@part
+def begin(lines, dims, state, u, y, history):
+    """The past of every signal: of u and y their first ``history`` samples, else the flat state of `predictor`."""
+    na, nb, nc, nd, nw = dims[0], dims[1], dims[2], dims[3], dims[4]
+    m, n1, nx, last = u.shape[1], na - 1 + nb, max(nb, 1), lines.shape[1] - LENGTH - 1
+    nv = n1 + nw
+    x0, v0 = m, m + 1 + n1
+    y0 = v0 + 1 + nv
+    for i in range(na):
+        lines[i % m, last - i // m] = u[history - 1 - i // m, i % m]
+    at = 0
+    for j in range(nx):
+        lines[x0, last - j] = state[at]
+        at += 1
+    for j in range(nx):
+        for k in range(n1):
+            lines[x0 + 1 + k, last - j] = state[at]
+            at += 1
+    for j in range(nc):
+        lines[v0, last - j] = state[at]
+        at += 1
+    for j in range(nc):
+        for k in range(nv):
+            lines[v0 + 1 + k, last - j] = state[at]
+            at += 1
+    for i in range(nd):
+        lines[y0, last - i] = y[history - 1 - i]
+
+
+@part
+def keep(lines, dims, m, state):
+    """The flat state from the past of x, v and their gradients; ``m`` inputs."""
+    na, nb, nc, nw = dims[0], dims[1], dims[2], dims[4]
+    n1, nx, last = na - 1 + nb, max(nb, 1), lines.shape[1] - LENGTH - 1
+    at = 0
+    for first, lags, n in ((m, nx, n1), (m + 1 + n1, nc, n1 + nw)):
+        for j in range(lags):
+            state[at] = lines[first, last - j]
+            at += 1
+        for j in range(lags):
+            for k in range(n):
+                state[at] = lines[first + 1 + k, last - j]
+                at += 1
+
+
+@part
+def forget(lines):
+    """An experiment begins: nothing is known of the past."""
+    for k in range(lines.shape[0]):
+        for i in range(lines.shape[1] - LENGTH):
+            lines[k, i] = 0.0
+
+
+@part
+def move_on(lines, n):
+    """After a stretch of ``n`` samples its last ones are the past."""
+    for k in range(lines.shape[0]):
+        for i in range(lines.shape[1] - LENGTH):
+            lines[k, i] = lines[k, n + i]
+
+
+@part
+def delayed(lines, k, lag, n):
+    """Signal ``k`` of the ``n`` samples, ``lag`` samples before."""
+    first = lines.shape[1] - LENGTH - lag
+    return lines[k, first : first + n]
+
+
+@part
+def put(out, row):
+    """out = row."""
+    for i in range(out.size):
+        out[i] = row[i]
+
+
+@part
+def add(out, factor, row):
+    """out += factor row."""
+    for i in range(out.size):
+        out[i] += factor * row[i]
+
+
+@part
+def predict_stretch(theta, law, kappa, m, stretch, n):
+    """psi and prediction errors of ``n`` samples; u of ``m`` inputs, y and every signal's past must be in the lines."""
+    dims = law[0]
+    lines, psi = stretch.lines, stretch.psi
+    n1, nc, nd = dims[0] - 1 + dims[1], dims[2], dims[3]
+    nv, v0 = n1 + dims[4], m + 1 + n1
+    y0 = v0 + 1 + nv
+    _filter_input(theta, dims, lines, m, n)
+    _apply_law(theta, law, kappa, lines, m, stretch.slopes, n)
     for k in range(nv):
         out = psi[k, :n]
-        out[:] = dv[k, nc - 1 : nc - 1 + n]
-        for m in range(1, nc):
-            add(out, theta[nv + m - 1], dv[k, nc - 1 - m : nc - 1 - m + n])
+        put(out, delayed(lines, v0 + 1 + k, 1, n))
+        for j in range(1, nc):
+            add(out, theta[nv + j - 1], delayed(lines, v0 + 1 + k, j + 1, n))
+    errors = psi[psi.shape[0] - 1, :n]
+    y, v = delayed(lines, y0, 0, n), delayed(lines, v0, 1, n)
     for i in range(n):
-        errors[i] = y[nd + i] - v[nc - 1 + i]
-    for m in range(1, nc):
-        out = psi[nv + m - 1, :n]
-        out[:] = v[nc - 1 - m : nc - 1 - m + n]
-        add(errors, -theta[nv + m - 1], out)
-    for m in range(nd):
-        out = psi[j + m, :n]
-        for i in range(n):
-            out[i] = -y[nd - 1 - m + i]
-        add(errors, -theta[j + m], out)
-
-
-@njit(cache=True, error_model="numpy")
-def _filter_input(theta, dims, rows, n):
-    """Give x of (1) and its gradients by a_2 .. and b_1 .. over ``n`` samples."""
-    u, x, dx, _, _, _, _, _ = rows
-    na, nb = dims[0], dims[1]
-    m, nx, newest = u.shape[0], x.size - LENGTH, u.shape[1] - LENGTH - 1
-    b = theta[na - 1 : na - 1 + nb]
-    now = x[nx : nx + n]
-    now[:] = u[0, newest : newest + n]
-    for i in range(1, na):
-        first = newest - i // m
-        add(now, theta[i - 1], u[i % m, first : first + n])
-    through_denominator(x[nx - nb : nx + n], b)
-    for k in range(dx.shape[0]):
-        out = dx[k, nx : nx + n]
-        if k < na - 1:
-            first = newest - (k + 1) // m
-            out[:] = u[(k + 1) % m, first : first + n]
+        errors[i] = y[i] - v[i]
+    for j in range(nc - 1 + nd):
+        out = psi[nv + j, :n]
+        if j < nc - 1:
+            put(out, delayed(lines, v0, j + 2, n))
         else:
-            first = nx - 1 - (k - (na - 1))
+            past = delayed(lines, y0, j - nc + 2, n)
             for i in range(n):
-                out[i] = -x[first + i]
-        through_denominator(dx[k, nx - nb : nx + n], b)
+                out[i] = -past[i]
+        add(errors, -theta[nv + j], out)
 
 
-@njit(cache=True, error_model="numpy")
-def _apply_law(theta, dims, codes, shapes, kappa, rows, n):
+@part
+def _filter_input(theta, dims, lines, m, n):
+    """Give x of (1) and its gradients by a_2 .. and b_1 .. over ``n`` samples."""
+    na, nb = dims[0], dims[1]
+    b = theta[na - 1 : na - 1 + nb]
+    # the first row is x = sum a_i u(t-i) - sum b_j x(t-j), the others its gradients, of u(t-i) and -x(t-j) alone
+    for k in range(na + nb):
+        out = delayed(lines, m + k, 0, n)
+        if k == 0:
+            put(out, delayed(lines, 0, 1, n))
+            for i in range(1, na):
+                add(out, theta[i - 1], delayed(lines, i % m, 1 + i // m, n))
+        elif k < na:
+            put(out, delayed(lines, k % m, 1 + k // m, n))
+        else:
+            x = delayed(lines, m, 1 + k - na, n)
+            for i in range(n):
+                out[i] = -x[i]
+        through_denominator(delayed(lines, m + k, nb, nb + n), b)
+
+
+@part
+def _apply_law(theta, law, kappa, lines, m, slopes, n):
     """Give v = sum w_k f_k(x, x(t) - x(t-1)) and its gradients over ``n`` samples."""
-    _, x, dx, v, dv, _, _, slopes = rows
-    nx, nc, n1 = x.size - LENGTH, dims[2], dx.shape[0]
-    old, now, v_now = x[nx - 1 : nx - 1 + n], x[nx : nx + n], v[nc : nc + n]
-    by_now, by_old = slopes[0, :n], slopes[1, :n]
-    v_now[:] = 0.0
-    by_now[:] = 0.0
-    by_old[:] = 0.0
+    dims, codes, shapes = law
+    n1 = dims[0] - 1 + dims[1]
+    v0 = m + 1 + n1
+    old, now, v = delayed(lines, m, 1, n), delayed(lines, m, 0, n), delayed(lines, v0, 0, n)
+    by_now, by_old = slopes[0], slopes[1]
+    for i in range(n):
+        v[i] = by_now[i] = by_old[i] = 0.0
     for k in range(codes.size):
         w, code, s0, s1, s2 = theta[n1 + k], codes[k], shapes[k, 0], shapes[k, 1], shapes[k, 2]
-        value = dv[n1 + k, nc : nc + n]
+        value = delayed(lines, v0 + 1 + n1 + k, 0, n)
         for i in range(n):
             f, f_x, f_dx = term(code, s0, s1, s2, now[i], now[i] - old[i], kappa)
             value[i] = f
-            v_now[i] += w * f
+            v[i] += w * f
             by_now[i] += w * (f_x + f_dx)
             by_old[i] -= w * f_dx
     for k in range(n1):
-        out, g_now, g_old = dv[k, nc : nc + n], dx[k, nx : nx + n], dx[k, nx - 1 : nx - 1 + n]
+        out, g, g_old = (
+            delayed(lines, v0 + 1 + k, 0, n),
+            delayed(lines, m + 1 + k, 0, n),
+            delayed(lines, m + 1 + k, 1, n),
+        )
         for i in range(n):
-            out[i] = by_now[i] * g_now[i] + by_old[i] * g_old[i]
+            out[i] = by_now[i] * g[i] + by_old[i] * g_old[i]
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def through_denominator(row, b):
     """row(t) -= sum b_j row(t-j), in place; the row begins with as many past samples as b has."""
     nb = b.size
@@ -186,14 +229,7 @@ def through_denominator(row, b):
         row[i] = s
 
 
-@njit(cache=True, error_model="numpy")
-def add(out, factor, row):
-    """out += factor row."""
-    for i in range(out.size):
-        out[i] += factor * row[i]
-
-
-@njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract"})
+@njit(cache=False, error_model="numpy", fastmath={"reassoc", "contract"})
 def dot(a, b):
     """Inner product, summed in the order that suits the processor."""
     s = 0.0

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from whsklearn._numba import njit
+from whsklearn._numba import njit, part
 from whsklearn.systems.stability import is_stable
 
 if TYPE_CHECKING:
@@ -117,23 +117,119 @@ def sample(problem: Problem, start: Gaussian, rng: np.random.Generator) -> Gauss
         return start
     spread = WIDTH**2 * start.covariance[:n1, :n1]
     root = np.linalg.cholesky(spread + 1e-12 * np.diag(np.diag(spread)))
-    first = start.mean[:n1] - problem.theta[:n1] + rng.standard_normal((PARTICLES, n1)) @ root.T
-    uniform = rng.random((MOST_SWEEPS, PARTICLES, 4))
-    mean, covariance = np.zeros(problem.theta.size), np.zeros((problem.theta.size, problem.theta.size))
     centre = start.mean[:n1] - problem.theta[:n1]
-    if not run_particles(problem, first, centre, np.linalg.inv(spread), uniform, mean, covariance):
+    first = centre + rng.standard_normal((PARTICLES, n1)) @ root.T
+    uniform = rng.random((MOST_SWEEPS, PARTICLES, 4))
+    swarm = new_swarm(first, problem)
+    final = tempered(problem, swarm, centre, np.linalg.inv(spread), uniform)
+    if final is None:
         return None
+    mean, covariance = final
+    covariance[n1:, n1:] += rest_covariance(problem, swarm)
     if not np.isfinite(covariance).all():
         return None
     return Gaussian(problem.theta + mean, covariance)
 
 
-@njit(cache=True, error_model="numpy")
+class Swarm(NamedTuple):
+    """Particles, an entry each, and scratch.
+
+    Attributes
+    ----------
+    delta : ndarray of shape (S, n)
+        Their phi, and the rest that is best with it, from theta_0.
+    numbers : ndarray of shape (S, 3)
+        log p(phi), the squares S, log density of the first particles.
+    low : ndarray of shape (S, n_r, n_r)
+        Cholesky factor of H.
+    matrix, change, touched
+        Scratch of `turn`.
+    """
+
+    delta: Array
+    numbers: Array
+    low: Array
+    matrix: Array
+    change: Array
+    touched: NDArray[np.int64]
+
+
+def new_swarm(first: Array, p: Problem) -> Swarm:
+    """Particles that stand at ``first`` and know nothing of it yet."""
+    count, n1 = first.shape
+    n, rows = p.theta.size, p.rows.shape[0]
+    delta, numbers = np.zeros((count, n)), np.zeros((count, 3))
+    delta[:, :n1] = first
+    numbers[:, 0] = -np.inf
+    scratch = np.empty((n + 1, n + 1)), np.zeros((rows, n + 1)), np.empty(rows, dtype=np.int64)
+    return Swarm(delta, numbers, np.zeros((count, n - n1, n - n1)), *scratch)
+
+
+def tempered(
+    problem: Problem, swarm: Swarm, centre: Array, precision: Array, uniform: Array
+) -> tuple[Array, Array] | None:
+    """Temper and move the particles, in place: mean and covariance over the last sweeps; None if they did not do."""
+    stay = np.zeros_like(uniform[0])
+    move(problem, swarm, centre, precision, stay, 0.0, -1)
+    swarm.numbers[swarm.numbers[:, 0] == -np.inf, 0] = -1e300
+    beta, left, weight, parent = 0.0, 0, np.empty(PARTICLES), np.empty(PARTICLES, dtype=np.int64)
+    kept = []
+    for sweep, numbers in enumerate(uniform):
+        if left == 0:
+            beta = next_temperature(beta, swarm.numbers[:, 0] - swarm.numbers[:, 2], weight)
+            resample(weight, numbers[0, 3], parent)
+            for values in swarm[:3]:
+                values[:] = values[parent]
+            left = SWEEPS + FINAL_SWEEPS if beta == 1.0 else SWEEPS
+        move(problem, swarm, centre, precision, numbers, beta, sweep)
+        if beta == 1.0 and left <= FINAL_SWEEPS:
+            kept.append(swarm.delta.copy())
+        left -= 1
+        if left == 0 and beta == 1.0:
+            everyone = np.concatenate(kept)
+            mean = everyone.mean(axis=0)
+            return mean, (everyone - mean).T @ (everyone - mean) / len(everyone)
+    return None
+
+
+def rest_covariance(problem: Problem, swarm: Swarm) -> Array:
+    """What r is uncertain by once phi is known: mean of sigma^2 H^-1 over the particles."""
+    half = np.linalg.inv(swarm.low)
+    variance = swarm.numbers[:, 1] / (max(problem.count - problem.theta.size, 1.0) * len(half))
+    return np.einsum("s,ski,skj->ij", variance, half, half)
+
+
+def next_temperature(beta: float, gain: Array, weight: Array) -> float:
+    """The next beta, at which half of the particles still count; ``weight`` receives theirs."""
+    low, high = 0.0, 1.0 - beta
+    step = high
+    for _ in range(40):
+        np.exp(step * (gain - gain.max()), out=weight)
+        if weight.sum() ** 2 >= 0.5 * gain.size * (weight @ weight):
+            if step == 1.0 - beta or high - low < 1e-3 * high:
+                break
+            low = step
+        else:
+            high = step
+        step = 0.5 * (low + high)
+    return 1.0 if step == 1.0 - beta else beta + step
+
+
+def resample(weight: Array, u: float, parent: NDArray[np.int64]) -> None:
+    """Systematic resampling."""
+    passed = np.cumsum(weight)
+    marks = (np.arange(weight.size) + u) / weight.size * passed[-1]
+    parent[:] = np.minimum(np.searchsorted(passed, marks), weight.size - 1)
+
+
+@part
 def turn(delta, p, matrix, change, touched):
     """M at (a, b) = theta_0 + delta: the signs that turn, and what they change in the rows they enter."""
     n, n1, nw, nc = p.theta.size, p.gradient.shape[1], p.height.shape[1], p.row.shape[1]
     w, c = p.theta[n1 : n1 + nw], p.theta[n1 + nw : n1 + nw + nc - 1]
-    matrix[:] = p.matrix
+    for j in range(n + 1):
+        for k in range(n + 1):
+            matrix[j, k] = p.matrix[j, k]
     n_touched = 0
     for t in range(p.dx.size):
         dx = p.dx[t]
@@ -172,10 +268,11 @@ def turn(delta, p, matrix, change, touched):
                 matrix[j, k] += d[j] * (row[k] + d[k])
             for k in range(n + 1):
                 matrix[k, j] += row[k] * d[j]
-        d[:] = 0.0
+        for k in range(n + 1):
+            d[k] = 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def log_density(delta, p, matrix, change, touched, low, rest):
     """(log p(phi), S); ``rest`` receives what r - r_0 is best, ``low`` the Cholesky factor of H."""
     n, n1 = p.theta.size, delta.size
@@ -222,7 +319,7 @@ def log_density(delta, p, matrix, change, touched, low, rest):
     return -0.5 * (p.count - nr) * np.log(s) - curvature, s
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def log_first(delta, centre, precision):
     """Log density of the first particles, without its constant."""
     s = 0.0
@@ -232,121 +329,32 @@ def log_first(delta, centre, precision):
     return -0.5 * s
 
 
-@njit(cache=True, error_model="numpy")
-def next_temperature(beta, gain, weight):
-    """The next beta, at which half of the particles still count; ``weight`` receives theirs."""
-    count = gain.size
-    low, high = 0.0, 1.0 - beta
-    step = high
-    for _ in range(40):
-        top = np.max(gain) * step
-        one, two = 0.0, 0.0
-        for i in range(count):
-            weight[i] = np.exp(step * gain[i] - top)
-            one += weight[i]
-            two += weight[i] * weight[i]
-        if one * one >= 0.5 * count * two:
-            if step == 1.0 - beta or high - low < 1e-3 * high:
-                break
-            low = step
-        else:
-            high = step
-        step = 0.5 * (low + high)
-    return 1.0 if step == 1.0 - beta else beta + step
+@njit(error_model="numpy")
+def move(p, swarm, centre, precision, uniform, beta, sweep):
+    """One differential-evolution move of each particle at the temperature ``beta``; before the first sweep none.
 
-
-@njit(cache=True, error_model="numpy")
-def resample(weight, u, parent):
-    """Systematic resampling."""
-    total = np.sum(weight)
-    j, passed = 0, weight[0]
-    for i in range(weight.size):
-        mark = (i + u) / weight.size * total
-        while passed < mark and j < weight.size - 1:
-            j += 1
-            passed += weight[j]
-        parent[i] = j
-
-
-@njit(cache=True, error_model="numpy")
-def run_particles(p, first, centre, precision, uniform, mean, covariance):
-    """Temper, move, and sum up; False if the sweeps did not suffice."""
-    count, n1 = first.shape
-    n = p.theta.size
-    nr = n - n1
-    matrix, low, rest = np.empty((n + 1, n + 1)), np.zeros((nr, nr)), np.empty(nr)
-    change, touched = np.zeros((p.rows.shape[0], n + 1)), np.empty(p.rows.shape[0], dtype=np.int64)
-    now, full, squares = np.empty((count, n)), np.empty(count), np.empty(count)
-    begin, gain, weight = np.empty(count), np.empty(count), np.empty(count)
-    parent, trial = np.empty(count, dtype=np.int64), np.empty(n1)
+    One call of the density for all, since a second would double what the compiler has to write.
+    """
+    delta, numbers = swarm.delta, swarm.numbers
+    count, n1 = delta.shape[0], centre.size
+    nr = delta.shape[1] - n1
+    trial, rest, low = np.empty(n1), np.empty(nr), np.zeros((nr, nr))
     for i in range(count):
-        full[i], squares[i] = log_density(first[i], p, matrix, change, touched, low, rest)
-        now[i, :n1], now[i, n1:] = first[i], rest
-        begin[i] = log_first(first[i], centre, precision)
-        if full[i] == -np.inf:
-            full[i] = -1e300
-    beta, sweep, left, summed = 0.0, 0, 0, 0
-    origin = now[0].copy()
-    while True:
-        if left == 0:
-            if beta == 1.0:
-                break
-            for i in range(count):
-                gain[i] = full[i] - begin[i]
-            beta = next_temperature(beta, gain, weight)
-            resample(weight, uniform[sweep, 0, 3], parent)
-            now, full, squares, begin = now[parent], full[parent], squares[parent], begin[parent]
-            left = SWEEPS + FINAL_SWEEPS if beta == 1.0 else SWEEPS
-            if beta == 1.0:
-                origin[:] = now[0]
-        if sweep == uniform.shape[0]:
-            return False
-        for i in range(count):
-            j = (i + 1 + int(uniform[sweep, i, 0] * (count - 1))) % count
-            k = (i + 1 + int(uniform[sweep, i, 1] * (count - 1))) % count
-            stride = STRIDES[(sweep + i) % 3]
-            for m in range(n1):
-                trial[m] = now[i, m] + stride * (now[j, m] - now[k, m])
-            there, s = log_density(trial, p, matrix, change, touched, low, rest)
-            if there == -np.inf:
+        j = (i + 1 + int(uniform[i, 0] * (count - 1))) % count
+        k = (i + 1 + int(uniform[i, 1] * (count - 1))) % count
+        stride = STRIDES[(sweep + i) % 3] if sweep >= 0 else 0.0
+        for m in range(n1):
+            trial[m] = delta[i, m] + stride * (delta[j, m] - delta[k, m])
+        there, s = log_density(trial, p, swarm.matrix, swarm.change, swarm.touched, low, rest)
+        away = log_first(trial, centre, precision)
+        if sweep >= 0:
+            ratio = beta * (there - numbers[i, 0]) + (1.0 - beta) * (away - numbers[i, 2])
+            if there == -np.inf or not np.log(uniform[i, 2]) < ratio:
                 continue
-            away = log_first(trial, centre, precision)
-            ratio = beta * (there - full[i]) + (1.0 - beta) * (away - begin[i])
-            if np.log(uniform[sweep, i, 2]) < ratio:
-                full[i], squares[i], begin[i] = there, s, away
-                now[i, :n1], now[i, n1:] = trial, rest
-        if beta == 1.0 and left <= FINAL_SWEEPS:
-            for i in range(count):
-                for m in range(n):
-                    trial_m = now[i, m] - origin[m]
-                    mean[m] += trial_m
-                    for q in range(n):
-                        covariance[m, q] += trial_m * (now[i, q] - origin[q])
-            summed += count
-        sweep += 1
-        left -= 1
-    mean /= summed
-    for m in range(n):
-        for q in range(n):
-            covariance[m, q] = covariance[m, q] / summed - mean[m] * mean[q]
-    mean += origin
-    # what r is uncertain by once phi is known, over the particles as they are
-    for i in range(count):
-        log_density(now[i, :n1].copy(), p, matrix, change, touched, low, rest)
-        variance = squares[i] / (max(p.count - n, 1.0) * count)
-        for q in range(nr):
-            rest[:] = 0.0
-            rest[q] = 1.0
-            for m in range(nr):
-                s = rest[m]
-                for k in range(m):
-                    s -= low[m, k] * rest[k]
-                rest[m] = s / low[m, m]
-            for m in range(nr - 1, -1, -1):
-                s = rest[m]
-                for k in range(m + 1, nr):
-                    s -= low[k, m] * rest[k]
-                rest[m] = s / low[m, m]
-            for m in range(nr):
-                covariance[n1 + m, n1 + q] += variance * rest[m]
-    return True
+        numbers[i, 0], numbers[i, 1], numbers[i, 2] = there, s, away
+        for m in range(n1):
+            delta[i, m] = trial[m]
+        for m in range(nr):
+            delta[i, n1 + m] = rest[m]
+            for q in range(nr):
+                swarm.low[i, m, q] = low[m, q]

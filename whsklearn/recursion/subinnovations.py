@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from whsklearn._numba import njit
+from whsklearn._numba import njit, part
 from whsklearn.recursion.covariance import inflate, measurement_update
 from whsklearn.recursion.delay_line import push
 from whsklearn.recursion.predictor import advance, predict
@@ -32,7 +32,7 @@ LONGEST_TRANSIENT = 256  # samples of constant input after which nothing more is
 MOVING, IDLE, STILL = range(3)
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def relative_sharpness(seen, sharpest):
     """kappa times the root mean square of dx: rises with the samples seen from 1 to ``sharpest``."""
     return min(max((seen / 32.0) ** 1.75, 1.0), sharpest)
@@ -155,32 +155,32 @@ def run_windows(
         recent_weight[0] = samples.weight[t]
         since += 1
         seen += 1
-        window = min(p, since)
-        if still[t] == STILL:
-            if since >= p:
-                for s in range(n_models):
-                    advance(theta[s], dims, codes, shapes, sharpness[s], before[s], recent_u, p * m)
-            continue
-        forgetting[0] += (1.0 - forgetting[2]) * (forgetting[1] - forgetting[0])
+        learns = still[t] != STILL
+        window = min(p, since) if learns else 0
+        if learns:
+            forgetting[0] += (1.0 - forgetting[2]) * (forgetting[1] - forgetting[0])
         for s in range(n_models):
             th = theta[s]
-            if forgetting[0] != 1.0 and still[t] == MOVING:
+            if learns and forgetting[0] != 1.0 and still[t] == MOVING:
                 inflate(ud[s], 1.0 / forgetting[0], ceiling)
             for k in range(n):
                 start[k] = th[k]
+            at = start if frozen else th
             for i in range(window):
-                # newest sample of the run-up has index window-1-i in ``recent``
-                if i == 0 or not frozen:
-                    work[:] = before[s]
-                    for k in range(window - 1, window - 1 - i, -1):
-                        advance(th, dims, codes, shapes, sharpness[s], work, recent_u, (k + 1) * m)
-                else:
-                    advance(start, dims, codes, shapes, sharpness[s], work, recent_u, (window - i + 1) * m)
+                # newest sample of the run-up has index window-1-i in ``recent``; a frozen one goes on where it was
                 now = window - 1 - i
+                run_up = window - 1
+                if frozen and i > 0:
+                    run_up = now + 1
+                else:
+                    for k in range(work.size):
+                        work[k] = before[s, k]
+                for k in range(run_up, now, -1):
+                    advance(at, dims, codes, shapes, sharpness[s], work, recent_u, (k + 1) * m)
                 weight = recent_weight[now]
                 if weight == 0.0:
                     continue
-                e = recent_y[now] - predict(start if frozen else th, dims, work, recent_y, now + 1, psi)
+                e = recent_y[now] - predict(at, dims, work, recent_y, now + 1, psi)
                 if frozen:
                     for k in range(n):
                         e -= psi[k] * (th[k] - start[k])
@@ -196,20 +196,22 @@ def run_windows(
                     _step(th, gain, e, na, nb, old)
             if since >= p:
                 dx = advance(th, dims, codes, shapes, sharpness[s], before[s], recent_u, p * m)
-                motion[s, 0] = LOSS_FORGETTING * motion[s, 0] + dx * dx
-                motion[s, 1] = LOSS_FORGETTING * motion[s, 1] + 1.0
-            if sharpest > 0.0:
+                if learns:
+                    motion[s, 0] = LOSS_FORGETTING * motion[s, 0] + dx * dx
+                    motion[s, 1] = LOSS_FORGETTING * motion[s, 1] + 1.0
+            if learns and sharpest > 0.0:
                 sharpness[s] = relative_sharpness(seen, sharpest) / max(
                     np.sqrt(motion[s, 0] / max(motion[s, 1], 1.0)), 1e-12
                 )
     return since
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def _step(theta, gain, e, na, nb, old):
     """theta += gain e, halved until L1 is stable, not taken if it never is; ``old`` is scratch."""
     n = theta.size
-    old[:] = theta
+    for k in range(n):
+        old[k] = theta[k]
     b = theta[na - 1 : na - 1 + nb]
     scale = 1.0
     for _ in range(10):
@@ -221,4 +223,5 @@ def _step(theta, gain, e, na, nb, old):
         if ok and is_stable(b, STABLE_RADIUS):
             return
         scale *= 0.5
-    theta[:] = old
+    for k in range(n):
+        theta[k] = old[k]

@@ -1,0 +1,26 @@
+"""Whole re-runs of a memory, without a budget."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from whsklearn.recursion.gauss_newton import Prior, refine_part
+from whsklearn.recursion.memory_cost import BUDGET, COST, UNBOUNDED, new_work
+
+
+def replay(theta, law, kappa, memory, information, slope, state):
+    """The weighted sum of squares; its Gauss-Newton matrix, slope and last state in place."""
+    work, n = new_work(law[0], memory.u.shape[1]), theta.size
+    work.at[BUDGET] = UNBOUNDED
+    nothing = Prior(theta, np.zeros((n, n)))
+    assert refine_part(theta, law, kappa, memory, nothing, 0, information, state, work)
+    slope[:] = work.slope
+    return np.float64(work.at[COST])
+
+
+def refine(theta, law, kappa, memory, prior, iterations, information, state):
+    """The cost that Levenberg-Marquardt reaches."""
+    work = new_work(law[0], memory.u.shape[1])
+    work.at[BUDGET] = UNBOUNDED
+    assert refine_part(theta, law, kappa, memory, prior, iterations, information, state, work)
+    return np.float64(work.at[COST])
