@@ -57,3 +57,23 @@ def test_a_kernel_depends_on_what_it_inlines_two_files_down():
 
 def test_the_users_own_setting_is_left_as_it_was():
     assert not str(numba.config.CACHE_DIR).startswith(str(PACKAGE))
+
+
+def test_a_first_run_says_once_that_it_compiles_and_no_model_is_charged_for_it(tmp_path):
+    """In a process of its own, with nothing in the cache."""
+    code = (
+        "import numpy as np, time, whsklearn as w\n"
+        "from whsklearn._numba import compiling_seconds\n"
+        "rng = np.random.default_rng(0); u = rng.normal(size=(200, 1))\n"
+        "began = time.process_time()\n"
+        "w.PEMRegressor(w.WienerHammersteinLags(n_a=1, n_b=1, n_c=1, n_d=1), n_starts=1).fit(u, 0.5 * u[:, 0] + 0.1)\n"
+        "print(compiling_seconds(), time.process_time() - began)"
+    )
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path), "PYTHONWARNINGS": "ignore"}
+    run = [sys.executable, "-c", code]
+    first, second = (subprocess.run(run, env=environment, capture_output=True, text=True, check=True) for _ in range(2))
+    assert first.stderr.count("compiling once") == 1
+    assert "compiling" not in second.stderr
+    (compiled, whole), (later, _) = (tuple(map(float, r.stdout.split())) for r in (first, second))
+    assert 1.0 < compiled < whole
+    assert later == 0.0

@@ -10,19 +10,57 @@ behind ``NUMBA_CACHE_DIR``) is set while a kernel is declared and put back after
 from __future__ import annotations
 
 import hashlib
+import logging
 import os
 import re
+import time
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numba
+from numba.core import event
 
 _settings: Any = numba.config  # its attributes are made at run time
 _declare: Any = numba.njit
 _ROOT = Path(__file__).resolve().parent
 _IMPORT = re.compile(r"^\s*from\s+(whsklearn[\w.]*)\s+import\s+(\([^)]*\)|[^\n]*)|^\s*import\s+(whsklearn[\w.]*)", re.M)
+
+
+class _Compiling(event.Listener):
+    """CPU seconds that this process has spent compiling kernels of the package; the first of them is announced."""
+
+    WORTH_A_WORD = 1.0  # seconds: an odd law costs a tenth, a first run ten
+
+    def __init__(self) -> None:
+        self.seconds, self.told = 0.0, False
+        self._depth, self._began = 0, 0.0
+
+    def on_start(self, e: Any) -> None:
+        """A function begins; those that it calls are compiled inside."""
+        if not self._depth:
+            self._began = time.process_time()
+        self._depth += 1
+
+    def on_end(self, e: Any) -> None:
+        """It ends."""
+        self._depth -= 1
+        if self._depth or not e.data["dispatcher"].py_func.__module__.startswith("whsklearn."):
+            return
+        self.seconds += time.process_time() - self._began
+        if self.seconds > self.WORTH_A_WORD and not self.told:
+            self.told = True
+            logging.getLogger("whsklearn").warning("compiling once on this machine, some 5 to 30 s; later runs load it")
+
+
+_compiling = _Compiling()
+event.register("numba:compile", _compiling)
+
+
+def compiling_seconds() -> float:
+    """CPU seconds that went into compiling kernels, in this process so far: they are nobody's fit."""
+    return _compiling.seconds
 
 
 def njit(*signature: Any, cache: bool = True, **options: Any) -> Any:

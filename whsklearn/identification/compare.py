@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from whsklearn._numba import compiling_seconds
 from whsklearn.identification.axis_fit import fit_free_law_axis, fit_rigid_axis
 from whsklearn.identification.chain_fit import fit_chain
 from whsklearn.identification.linear_fit import fit_arx, fit_output_error
@@ -264,7 +265,7 @@ def recommend(tried: list[Compared], trivial: Compared) -> tuple[Compared, str]:
 
 def _fitted(compared: Compared, fit: Callable[[View], Any], log: View, units: dict[str, str]) -> Compared:
     """The candidate with its model, or with the reason why there is none."""
-    begin = time.process_time()
+    begin = time.process_time() - compiling_seconds()
     try:
         model = fit(log)
         compared.model = replace(model, units=units) if units else model
@@ -273,7 +274,7 @@ def _fitted(compared: Compared, fit: Callable[[View], Any], log: View, units: di
             compared.structure = {"zeros_and_poles": sizes, "law": "cubic_spline", "knots": len(model.law)}
     except (ValueError, np.linalg.LinAlgError) as error:
         compared.failure = str(error).splitlines()[0]
-    compared.seconds = time.process_time() - begin
+    compared.seconds = time.process_time() - compiling_seconds() - begin
     return compared
 
 
