@@ -9,7 +9,7 @@ from tests.recursion.reruns import replay
 from whsklearn import WienerHammersteinSystem
 from whsklearn.datasets import make_wiener_hammerstein
 from whsklearn.recursion.linearised_memory import Pass, deviation, jumps, listed
-from whsklearn.recursion.memory_cost import Memory
+from whsklearn.recursion.memory_cost import Memory, new_work
 from whsklearn.recursion.predictor import record_errors, state_size
 
 EXAMPLE = WienerHammersteinSystem.example()
@@ -30,7 +30,7 @@ def record():
 
 
 def linearised(record, theta):
-    memory = Pass(theta, LAW, record)
+    memory = Pass(theta, LAW, record, new_work(DIMS, 1))
     while memory.done < N:
         memory.read_stretch()
     return memory.rows
@@ -59,7 +59,7 @@ def test_it_goes_on_from_a_state_as_if_it_had_read_what_came_before(record):
     state, work = np.zeros(state_size(DIMS)), np.zeros((9, 9))
     replay(TRUTH, LAW, np.inf, record._replace(fill=cut), work, np.zeros(9), state)
     rest = Memory(state, record.u[cut:], record.y[cut:], record.restart[cut:], N - cut, HISTORY, 1, np.ones(N - cut))
-    later = Pass(TRUTH, LAW, rest)
+    later = Pass(TRUTH, LAW, rest, new_work(DIMS, 1))
     while later.done < N - cut:
         later.read_stretch()
     for whole, part in zip(system, later.rows, strict=True):

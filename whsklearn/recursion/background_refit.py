@@ -23,7 +23,6 @@ from whsklearn.recursion.memory_refit import (
     LIVE,
     Refit,
     adopted,
-    count_of,
     inference_sharpness,
     left_of_prior,
     memory_of,
@@ -43,7 +42,7 @@ PAGE = 128  # the same for each model after that: a page is then read after a th
 COST_OF_ROW = 2  # readings that one linearised sample counts for
 COST_OF_WINDOW = 24  # readings that one sample of the recursion counts for
 RESERVED = 60  # readings of the whole record kept back for what follows the search
-PIECES = 40  # samples that pay for a piece of work that is no reading, beside those for each start
+PIECES = 60  # pieces of work that are no readings, beside those for each start; a sample pays for one
 FIRST_SPAN = 5.0  # the first re-run has every start to try; it takes over at five times its samples
 SPAN = 2.0  # ratio of the instants after that
 
@@ -79,8 +78,10 @@ def shift_memory(state: State, r: Reading, n: int) -> None:
         ("memory_u", h), ("memory_y", h), ("memory_restart", 0), ("memory_still", 0), ("memory_idle", 0),
         ("memory_kept", 0), ("memory_weight", 0),
     ):  # fmt: skip
-        state[name][: before + rest] = state[name][n : n + before + rest].copy()
-        state[name][before + rest :] = name in ("memory_kept", "memory_weight")
+        # in a new array: one that only grows need not be copied before every call that might be interrupted
+        shifted = np.full_like(state[name], name in ("memory_kept", "memory_weight"))
+        shifted[: before + rest] = state[name][n : n + before + rest]
+        state[name] = shifted
     state["fill"] = rest
     state["blocks"] += 1
 
@@ -109,6 +110,7 @@ class BackgroundRefit:
         self._caught_up = 0
         self._past: dict[str, Any] | None = None
         self._known = float(state["page_known"])
+        self._pace = 1 + 2 * PIECES // (end - size)  # pieces a sample: a short page has fewer samples than pieces
 
     def is_of(self, state: State, size: int) -> bool:
         """Whether this is the re-run of so many samples of the memory that the state holds now."""
@@ -118,7 +120,10 @@ class BackgroundRefit:
         """Do what ``n_samples`` new samples pay for."""
         rate = PAGE * len(self.state["page_theta"]) if self.is_page else FILLING
         self._work.at[BUDGET] = rate * n_samples
-        self._go_on()
+        for _ in range(self._pace):
+            self._go_on()
+            if self._work.at[BUDGET] <= 0.0:
+                break
 
     def take_over(self) -> None:
         """Finish, and let the new models go on in the place of the old; a page is turned."""
@@ -157,20 +162,21 @@ class BackgroundRefit:
         if not self.is_page:
             limit = (FILLING - LIVE * COST_OF_WINDOW) * (self.end - size - PIECES) - RESERVED * size
         refit = Refit(state, r, size, self._work, limit)
+        yield from refit.prepare()
         yield
         thetas, self._parents = state["page_theta"], list(range(len(state["page_theta"])))
         chosen = yield from refit.search(thetas)
         self._given = refit.given
         if chosen:
             yield
-            self._models = yield from adopted(chosen, count_of(self.state, size), self._known)
+            self._models = yield from adopted(chosen, refit.count, self._known)
             yield
             thetas = self._models["theta"]
             self._parents = [c.parent for c in chosen]
         if self.is_page:
             yield from self._end_of_page(thetas, refit)
             yield
-        self._begin_catching_up(thetas)
+        yield from self._begin_catching_up(thetas)
         yield
 
     def _end_of_page(self, thetas: np.ndarray, refit: Refit) -> Iterator[None]:
@@ -180,22 +186,24 @@ class BackgroundRefit:
         for theta, parent in zip(thetas, self._parents, strict=True):
             information, end = np.zeros((r.size, r.size)), np.zeros(state["before"].shape[1])
             kappa = inference_sharpness(theta, r, *refit.latest)
+            yield
             self._work.at[AT] = self._work.at[PHASE] = 0
             memory = memory_of(state, r, m, refit.weights, state["origin"][parent], tail=1)
             while not refine_part(theta, r.law, kappa, memory, Prior(theta, nothing), 0, information, end, self._work):
                 yield
+            yield
             self._ends.append((information * refit.moved, end))
         yield
         if has_posterior(r) and refit.moved:
-            past = Linearisation(state, r, self._parents[0], thetas[0], refit.weights)
+            past = Linearisation(state, r, self._parents[0], thetas[0], refit.weights, self._work)
             yield
             while not past.advance(max(int(self._work.at[BUDGET]) // COST_OF_ROW, 1)):
                 self._work.at[BUDGET] = 0
                 yield
             yield
-            self._past = yield from past.left_behind()
+            self._past = yield from past.left_behind(refit.left, refit.count)
 
-    def _begin_catching_up(self, thetas: np.ndarray) -> None:
+    def _begin_catching_up(self, thetas: np.ndarray) -> Iterator[None]:
         """The new models where the re-run samples end."""
         state, r, n = self.state, self.reading, self.size
         h, k = r.history, state["recent_y"].size
@@ -204,8 +212,10 @@ class BackgroundRefit:
             return
         new = self._models
         self._running = Models(*(new[name][:LIVE].copy() for name in Models._fields))
+        yield
         begun = np.flatnonzero(state["memory_restart"][:n])
         self._since = n - int(begun[-1]) if begun.size else n + h
+        yield
         recent_u, recent_y, weight = np.zeros((k, r.n_inputs)), np.zeros(k), np.ones(k)
         known = min(self._since, k, n + h)
         recent_u[:known] = state["memory_u"][h + n - known : h + n][::-1]

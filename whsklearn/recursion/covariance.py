@@ -8,9 +8,15 @@ rows below it, so that the inner loops run along memory.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from whsklearn._numba import njit
+from whsklearn.recursion.steps import in_one
+
+if TYPE_CHECKING:
+    from collections.abc import Generator
 
 WIND_UP = 1e3  # forgetting may take P to this many times P(0), and no further
 
@@ -56,8 +62,14 @@ def inflate(ud, factor, ceiling):
 
 def factorise(p: np.ndarray) -> np.ndarray:
     """U and D of a symmetric positive definite P, in one array."""
+    return in_one(factorise_steps(p))
+
+
+def factorise_steps(p: np.ndarray) -> Generator[None, None, np.ndarray]:
+    """`factorise` in two parts."""
     # P = U D U' with U upper: the Cholesky factor of P with both axes reversed, reversed back
     root = np.linalg.cholesky(p[::-1, ::-1])[::-1, ::-1]
+    yield
     scale = np.diag(root).copy()
     ud = np.triu(root / scale, 1).T.copy()
     ud[np.diag_indices_from(ud)] = scale**2

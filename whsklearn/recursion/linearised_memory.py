@@ -19,10 +19,13 @@ import numpy as np
 from whsklearn._numba import njit
 from whsklearn.effects.terms import COULOMB, POSITION_FRICTION, STRIBECK_EXP, term_values
 from whsklearn.recursion.gauss_newton import Prior, refine_part
-from whsklearn.recursion.memory_cost import AT, BUDGET, COST, Memory, new_work
+from whsklearn.recursion.memory_cost import AT, BUDGET, COST, PHASE, Memory, Work
 from whsklearn.recursion.predictor_block import LENGTH
+from whsklearn.recursion.steps import in_one
 
 if TYPE_CHECKING:
+    from collections.abc import Generator
+
     from numpy.typing import NDArray
 
     from whsklearn.recursion.starts import Law
@@ -124,6 +127,8 @@ class Pass:
     law : tuple
         dims, codes, shapes.
     memory : Memory
+    work : Work
+        Of nothing that goes on.
 
     Attributes
     ----------
@@ -133,22 +138,24 @@ class Pass:
         Samples read.
     """
 
-    def __init__(self, theta: Array, law: Law, memory: Memory):
+    def __init__(self, theta: Array, law: Law, memory: Memory, work: Work):
         n, self.n1 = theta.size, int(law[0][0] - 1 + law[0][1])
         self.theta, self.law, self.memory = theta, law, memory
         self.rows, self.done = empty_rows(memory.fill, n, self.n1), 0
-        self._work = new_work(law[0], memory.u.shape[1])
+        self._work = work
+        work.at[AT] = work.at[PHASE] = 0.0
         self._nothing = Prior(theta, np.zeros((n, n)))
         nx = max(int(law[0][1]), 1)
-        self._before = memory.origin[np.r_[0, nx : nx + self.n1]]  # x(t-1) and its gradient
+        self._before = np.append(memory.origin[:1], memory.origin[nx : nx + self.n1])  # x(t-1) and its gradient
 
     def read_stretch(self) -> None:
         """Read on to the end of a stretch; not a number, if the model has blown up."""
         work, memory, first, m = self._work, self.memory, self.done, self.memory.u.shape[1]
-        work.at[BUDGET] = 0.0
+        budget, work.at[BUDGET] = float(work.at[BUDGET]), 0.0  # to the end of a stretch, at whoever's cost
         ended = refine_part(
             self.theta, self.law, np.inf, memory, self._nothing, 0, work.trial_information, work.trial_state, work
         )
+        work.at[BUDGET] = budget
         if ended and work.at[COST] == np.inf:
             for values in self.rows:
                 values[first:] = np.nan
@@ -165,22 +172,34 @@ class Pass:
         self.rows.gradient[first : self.done] = x[:, 1:] - before[:, 1:]
 
 
-def listed(rows: Rows, record: Memory, chosen: NDArray[np.int64], law: Law, weights: Array, first: int) -> Signs:
+def listed(rows: Rows, record: Memory, chosen: NDArray[np.intp], law: Law, weights: Array, first: int) -> Signs:
     """Entries for the samples ``chosen`` of ``rows``, whose [psi, e] are weighted already.
 
     ``first`` is how many samples of the stream came before the record.
     """
+    return in_one(listed_steps(rows, record, chosen, law, weights, first))
+
+
+def listed_steps(
+    rows: Rows, record: Memory, chosen: NDArray[np.intp], law: Law, weights: Array, first: int
+) -> Generator[None, None, Signs]:
+    """`listed` in parts."""
     dims, codes, shapes = law
     x, dx = np.ascontiguousarray(rows.motion[chosen].T)
     height = np.zeros((chosen.size, codes.size))
+    yield
     for k in np.flatnonzero(jumps(codes)):
         height[:, k] = term_values(codes[k], *shapes[k], x, np.abs(dx), np.inf)
+    yield
     after = chosen[:, None] + 1 + np.arange(dims[2])
     there = after < record.fill
     after = np.where(there, after, 0)
+    yield
     experiment = np.cumsum(record.restart[: record.fill])
     there &= experiment[after] == experiment[chosen][:, None]  # what follows a restart knows nothing of it
-    return Signs(
-        dx, np.sign(dx), np.sqrt(weights[chosen]), rows.gradient[chosen], height,
-        rows.psi[after] * there[..., None], np.where(there, first + after, -1),
-    )  # fmt: skip
+    yield
+    entered = rows.psi[after] * there[..., None]
+    yield
+    at = np.where(there, first + after, -1)
+    yield
+    return Signs(dx, np.sign(dx), np.sqrt(weights[chosen]), rows.gradient[chosen], height, entered, at)

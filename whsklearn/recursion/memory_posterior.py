@@ -20,10 +20,12 @@ from whsklearn.recursion.linearised_memory import (
     Signs,
     deviation,
     jumps,
-    listed,
+    listed_steps,
 )
+from whsklearn.recursion.memory_cost import Work, new_work
 from whsklearn.recursion.memory_refit import count_of, left_of_prior, memory_of, weights_of
-from whsklearn.recursion.sign_posterior import Gaussian, frozen, posed, sample
+from whsklearn.recursion.sign_posterior import Gaussian, frozen, frozen_steps, posed, sample
+from whsklearn.recursion.steps import in_one
 
 if TYPE_CHECKING:
     from collections.abc import Generator
@@ -105,14 +107,16 @@ class Linearisation:
     theta : ndarray of shape (n,)
     weights : ndarray
         What forgetting has left of each sample; as many samples as it has are read.
+    work : Work, optional
+        That of a re-run that is over.
     """
 
-    def __init__(self, state: State, r: Reading, s: int, theta: Array, weights: Array):
+    def __init__(self, state: State, r: Reading, s: int, theta: Array, weights: Array, work: Work | None = None):
         self.state, self.reading, self.model, self.theta, self.stop = state, r, s, theta, weights.size
         self.record = memory_of(state, r, self.stop, weights, state["origin"][s], tail=1)
         self.weights = weights
         self.matrix = np.zeros((theta.size + 1, theta.size + 1))
-        self._pass = Pass(theta, r.law, self.record)
+        self._pass = Pass(theta, r.law, self.record, work or new_work(r.dims, r.n_inputs))
         self.rows = self._pass.rows
 
     def advance(self, n: int) -> bool:
@@ -131,26 +135,31 @@ class Linearisation:
 
         In doubt by the covariance ``about``, or by that with the signs frozen.
         """
-        matrix, signs, count = self._with_past()
+        left, n = left_of_prior(self.state, self.stop), count_of(self.state, self.stop)
+        matrix, signs, count = in_one(self._with_past(left, n))
         about = about or frozen(matrix, self.theta, count)
         kept, chosen = self._chosen(signs, self._doubtful(about), about)
-        return matrix, signs.take(kept).joined(self._listed(chosen)), count
+        return matrix, signs.take(kept).joined(in_one(self._listed(chosen))), count
 
-    def _with_past(self) -> tuple[Array, Signs, float]:
-        """M and number of samples of past and memory, and the signs of the past."""
+    def _with_past(self, left: float, count: float) -> Generator[None, None, tuple[Array, Signs, float]]:
+        """M and number of samples of past and memory, and the signs of the past.
+
+        ``left`` is what forgetting has left of the past, ``count`` the number of samples of the memory.
+        """
         state, r, n = self.state, self.reading, self.theta.size
-        left = left_of_prior(state, self.stop)
-        count = count_of(state, self.stop)
+        signs = unpacked(state, r)
+        yield
         if state["past_count"][0] > 0.0:
             delta = self.theta - state["past_theta"]
             matrix = self.matrix + left * moved(state["past_matrix"], delta)
-            signs = unpacked(state, r).weighted(left).shifted(delta)
-            return matrix, signs, count + left * float(state["past_count"][0])
+            yield
+            signs = signs.weighted(left)
+            yield
+            return matrix, signs.shifted(delta), count + left * float(state["past_count"][0])
         # P0, as the information that the memory's re-run goes by
         matrix = np.zeros((n + 1, n + 1))
         matrix[:n, :n] = left * state["prior_information"][self.model]
-        matrix = self.matrix + moved(matrix, self.theta - state["prior_theta"][self.model])
-        return matrix, unpacked(state, r), count
+        return self.matrix + moved(matrix, self.theta - state["prior_theta"][self.model]), signs, count
 
     def _doubtful(self, about: Gaussian | None) -> Array:
         """|dx| of every sample in standard deviations; infinite where the sign is no question."""
@@ -172,23 +181,24 @@ class Linearisation:
             kept, chosen = kept[before[kept] < bar], chosen[doubt[chosen] < bar]
         return kept, chosen
 
-    def _listed(self, chosen: Indices) -> Signs:
+    def _listed(self, chosen: Indices) -> Generator[None, None, Signs]:
         """Signs of the memory."""
         first = self.state["seen"] - self.state["fill"]
-        return listed(self.rows, self.record, chosen, self.reading.law, self.weights, first)
+        return (yield from listed_steps(self.rows, self.record, chosen, self.reading.law, self.weights, first))
 
-    def left_behind(self) -> Generator[None, None, State]:
+    def left_behind(self, left: float, n: float) -> Generator[None, None, State]:
         """What a page leaves for those to come, as the state holds it; in parts, since it is done between samples."""
-        matrix, old, count = self._with_past()
+        matrix, old, count = yield from self._with_past(left, n)
         yield
-        about = frozen(matrix, self.theta, count)
+        about = yield from frozen_steps(matrix, self.theta, count)
         yield
         doubt = self._doubtful(about)
         yield
         kept, chosen = self._chosen(old, doubt, about)
+        yield
         old = old.take(kept)
         yield
-        new = self._listed(chosen)
+        new = yield from self._listed(chosen)
         yield
         signs = old.joined(new)
         yield

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from whsklearn.recursion.covariance import factorise
+from whsklearn.recursion.covariance import factorise_steps
 from whsklearn.recursion.gauss_newton import Prior, refine_part
 from whsklearn.recursion.memory_cost import AT, BUDGET, COST, HUGE, PHASE, SPENT, UNBOUNDED, Memory, Work, new_work
 from whsklearn.recursion.predictor import motion
-from whsklearn.recursion.starts import least_squares_start, random_start, scales_from, term_sizes
+from whsklearn.recursion.starts import least_squares_steps, random_start, regressors, scales_from, term_sizes
+from whsklearn.recursion.steps import in_one
 from whsklearn.recursion.subinnovations import relative_sharpness
 
 if TYPE_CHECKING:
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
     Steps = Generator[None, None, "_Candidate | None"]
 
-Answer = TypeVar("Answer")
 LADDER = (1.0, 2.0, 4.0, 8.0, 20.0, 50.0, 100.0, 200.0, 400.0)
 ITERATIONS = 8
 EARLY_ITERATIONS = 5  # on a rung while the memory fills, where samples pay: the next rung goes on from there anyway
@@ -72,14 +72,29 @@ class Refit:
     def __init__(self, state: State, r: Reading, size: int, work: Work, limit: float = np.inf):
         self.state, self.reading, self.size, self.work, self.limit = state, r, size, work, limit
         h = r.history
-        self.weights = weights_of(state, size)
-        u, y = state["memory_u"][h : h + size], state["memory_y"][h : h + size]
-        self.moved = bool(size and np.ptp(y) > 0.0 and not state["memory_idle"][:size].all())
-        self.latest = u[-SAMPLED:], state["memory_restart"][max(size - SAMPLED, 0) : size]
+        self.latest = state["memory_u"][h : h + size][-SAMPLED:], state["memory_restart"][max(size - SAMPLED, 0) : size]
         self.iterations = EARLY_ITERATIONS if np.isfinite(limit) else ITERATIONS
-        self._y = y
-        self.left = left_of_prior(state, size) if state["blocks"] else 1.0
+        self._y = state["memory_y"][h : h + size]
         self.given = {name: state[name] for name in ("origin", "prior_theta", "prior_information")}
+
+    def prepare(self) -> Generator[None, None, None]:
+        """What is asked of the whole memory once, each in its turn: weights and their number, the prior's, any motion.
+
+        All that follows is done in small pieces too.  Code that runs once a page is in no cache by then, and what takes
+        20 us in a loop takes 100 there.
+        """
+        state, size = self.state, self.size
+        left = left_of(state, size)
+        yield
+        self.weights = left * state["memory_weight"][:size]
+        yield
+        self.count = _number(left, state["memory_weight"][:size])
+        yield
+        self.left = left_of_prior(state, size) if state["blocks"] else 1.0
+        yield
+        self.moved = bool(size and np.ptp(self._y) > 0.0)
+        yield
+        self.moved = self.moved and not state["memory_idle"][:size].all()
 
     def search(self, thetas: Array) -> Generator[None, None, list[_Candidate]]:
         """Refine the models ``thetas`` and fresh ones; the best, best first.  An axis at rest shows nothing."""
@@ -89,12 +104,13 @@ class Refit:
         first_block = not self.state["blocks"]
         seen = self.state["seen"] - self.state["fill"] + self.size
         climb = climb_to(relative_sharpness(seen, LADDER[-1]))
-        rng = np.random.default_rng([r.seed, seen])
         yield
         begins = first_block and not self.state["prior_information"].any()
         count = r.n_starts if begins else (r.n_starts // FRESH if first_block and 2 * self.size <= r.memory else 0)
         scales = None
         if count:
+            rng = np.random.default_rng([r.seed, seen])
+            yield
             scales = yield from self._scales(rng)
             yield
         found: list[_Candidate | None] = []
@@ -109,19 +125,25 @@ class Refit:
             # not: the posterior takes the mean over the steps in any case
             rungs = climb if first_block and len(thetas) <= 2 and self.size < r.memory else climb[-2:]
             for s, theta in enumerate(thetas):
+                yield
                 found.append((yield from self.refine(s, theta, rungs)))
         for i in range(count):
             if work.at[SPENT] >= self.limit:
                 break
             yield
             theta = random_start(tuple(r.dims), rng, scales)
-            yield
             if i % 2 == 0:  # of two kinds in turn: all random, and least squares given a random L1
                 u, restart = self.latest
-                theta = least_squares_start(theta, r.law, u, self._y[-SAMPLED:], restart)
+                rows = regressors(theta, r.law, u, restart=restart, y=self._y[-SAMPLED:])
+                yield
+                theta = yield from least_squares_steps(theta, r.law, rows, self._y[-SAMPLED:])
+                if not begins:  # the first re-run has no row to spare
+                    yield
+            else:
                 yield
             work.at[SPENT] += COST_OF_START
             found.append((yield from self.refine(0, theta, climb)))
+        yield
         return best_first(found)[: self._kept()]
 
     def _kept(self) -> int:
@@ -185,6 +207,7 @@ class Refit:
                 best = _Candidate(cost, theta.copy(), information, before, kappa, parent)
         if best is None:
             return None
+        yield
         moves = max(motion(best.theta, r.dims, *self.latest), 1e-12)
         theta = best.theta.copy()
         if not state["blocks"] and self.size < r.memory:
@@ -198,7 +221,10 @@ class Refit:
             if not np.isfinite(information).all() or (step and not cost < SLACK * best.cost):
                 break
             best = _Candidate(cost, theta.copy(), information, before, best.sharpness, parent)
-            theta[n1:] += _inverse(information[n1:, n1:]) @ work.slope[n1:]
+            yield
+            inverse = yield from _inverse(information[n1:, n1:])
+            theta[n1:] += inverse @ work.slope[n1:]
+            yield
         return best
 
 
@@ -209,21 +235,13 @@ def consolidate(state: State, r: Reading) -> None:
     work = new_work(r.dims, r.n_inputs)
     work.at[BUDGET] = UNBOUNDED
     refit = Refit(state, r, state["fill"], work)
+    in_one(refit.prepare())
     chosen = in_one(refit.search(state["theta"]))
     if chosen:
         parents = [c.parent for c in chosen]
         state.update({name: value[parents].copy() for name, value in refit.given.items()})
-        state.update(in_one(adopted(chosen, count_of(state, refit.size), float(state["known"][0]))))
+        state.update(in_one(adopted(chosen, refit.count, float(state["known"][0]))))
         state["page_theta"] = state["theta"].copy()
-
-
-def in_one(steps: Generator[None, None, Answer]) -> Answer:
-    """What steps return that need no budget."""
-    while True:
-        try:
-            next(steps)
-        except StopIteration as end:
-            return end.value
 
 
 def climb_to(sharpest: float) -> list[float]:
@@ -262,7 +280,11 @@ def left_of(state: State, fill: int) -> Array:
 
 def count_of(state: State, fill: int) -> float:
     """How many samples these are, whatever they weigh: those of weight zero and those that stood still are none."""
-    return float(left_of(state, fill)[state["memory_weight"][:fill] > 0.0].sum())
+    return _number(left_of(state, fill), state["memory_weight"][:fill])
+
+
+def _number(left: Array, weight: Array) -> float:
+    return float(left[weight > 0.0].sum())
 
 
 def inference_sharpness(theta: Array, r: Reading, u: Array, restart: NDArray[np.bool_]) -> float:
@@ -282,26 +304,30 @@ def adopted(chosen: list[_Candidate], count: float, known: float) -> Generator[N
     """
     live = []
     for c in chosen[:LIVE]:
-        inverse = _inverse(c.information)
+        inverse = yield from _inverse(c.information)
         yield
-        live.append(factorise(inverse))
+        live.append((yield from factorise_steps(inverse)))
         yield
     ud = np.array([live[min(i, len(live) - 1)] for i in range(len(chosen))])
-    return {
-        "theta": np.array([c.theta for c in chosen]),
-        "before": np.array([c.before for c in chosen]),
+    # far from where it was learnt the model is another one: after an idle spell P must not be wide open
+    ceiling = float(max(REOPENING, known / FEWEST) * ud.diagonal(axis1=1, axis2=2).max())
+    yield
+    models = {"theta": np.array([c.theta for c in chosen]), "before": np.array([c.before for c in chosen])}
+    yield
+    return models | {
         "sharpness": np.array([c.sharpness for c in chosen]),
         "loss": np.array([[c.cost if i < LIVE else HUGE, max(count, 1.0)] for i, c in enumerate(chosen)]),
         "motion": np.zeros((len(chosen), 2)),
         "ud": ud,
-        # far from where it was learnt the model is another one: after an idle spell P must not be wide open
-        "ceiling": float(max(REOPENING, known / FEWEST) * ud.diagonal(axis1=1, axis2=2).max()),
+        "ceiling": ceiling,
     }
 
 
-def _inverse(information: NDArray[np.float64]) -> NDArray[np.float64]:
+def _inverse(information: NDArray[np.float64]) -> Generator[None, None, NDArray[np.float64]]:
     """Inverse of a symmetric positive definite matrix of any scaling."""
     scale = 1.0 / np.sqrt(np.maximum(np.diag(information), 1e-200))
-    values, vectors = np.linalg.eigh(information * np.outer(scale, scale))
-    inverse = (vectors / np.maximum(values, 1e-13)) @ vectors.T
-    return inverse * np.outer(scale, scale)
+    around = np.outer(scale, scale)
+    yield
+    values, vectors = np.linalg.eigh(information * around)
+    yield
+    return (vectors / np.maximum(values, 1e-13)) @ vectors.T * around

@@ -18,9 +18,12 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from whsklearn._numba import njit, part
+from whsklearn.recursion.steps import in_one
 from whsklearn.systems.stability import is_stable
 
 if TYPE_CHECKING:
+    from collections.abc import Generator
+
     from numpy.typing import NDArray
 
     from whsklearn.recursion.linearised_memory import Signs
@@ -33,6 +36,7 @@ SWEEPS = 3  # moves of each particle at each temperature
 FINAL_SWEEPS = 12  # at the last one, all of which the mean and the covariance are taken over
 MOST_SWEEPS = 90  # in all: a posterior that is not reached by then is given up
 STRIDES = (0.9, 0.4, 0.15)  # of the moves, in differences of two particles
+NONE = -1e300  # log density of a particle where there is none: an unstable L1
 RADIUS = 0.999  # of the poles of L1, at most
 
 
@@ -91,10 +95,19 @@ def posed(matrix: Array, theta: Array, dims: NDArray[np.int64], count: float, si
 
 def frozen(matrix: Array, theta: Array, count: float) -> Gaussian | None:
     """Least squares with the signs as they are; None where nothing is known of the noise yet."""
+    return in_one(frozen_steps(matrix, theta, count))
+
+
+def frozen_steps(matrix: Array, theta: Array, count: float) -> Generator[None, None, Gaussian | None]:
+    """`frozen` in parts."""
     n = theta.size
     scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix)[:n], 1e-200))
-    values, vectors = np.linalg.eigh(matrix[:n, :n] * np.outer(scale, scale))
-    inverse = (vectors / np.maximum(values, 1e-13)) @ vectors.T * np.outer(scale, scale)
+    around = np.outer(scale, scale)
+    yield
+    values, vectors = np.linalg.eigh(matrix[:n, :n] * around)
+    yield
+    inverse = (vectors / np.maximum(values, 1e-13)) @ vectors.T * around
+    yield
     step = inverse @ matrix[:n, n]
     squares = max(matrix[n, n] - step @ matrix[:n, n], 1e-14 * matrix[n, n])
     if count <= n or not squares > 0.0 or not np.isfinite(step).all():
@@ -121,8 +134,8 @@ def sample(problem: Problem, start: Gaussian, rng: np.random.Generator) -> Gauss
     first = centre + rng.standard_normal((PARTICLES, n1)) @ root.T
     uniform = rng.random((MOST_SWEEPS, PARTICLES, 4))
     swarm = new_swarm(first, problem)
-    final = tempered(problem, swarm, centre, np.linalg.inv(spread), uniform)
-    if final is None:
+    final = tempered(problem, swarm, centre, np.asarray(np.linalg.inv(spread), dtype=np.float64), uniform)
+    if final is None or not (swarm.numbers[:, 0] > NONE).all():
         return None
     mean, covariance = final
     covariance[n1:, n1:] += rest_covariance(problem, swarm)
@@ -171,7 +184,7 @@ def tempered(
     """Temper and move the particles, in place: mean and covariance over the last sweeps; None if they did not do."""
     stay = np.zeros_like(uniform[0])
     move(problem, swarm, centre, precision, stay, 0.0, -1)
-    swarm.numbers[swarm.numbers[:, 0] == -np.inf, 0] = -1e300
+    swarm.numbers[swarm.numbers[:, 0] == -np.inf, 0] = NONE
     beta, left, weight, parent = 0.0, 0, np.empty(PARTICLES), np.empty(PARTICLES, dtype=np.int64)
     kept = []
     for sweep, numbers in enumerate(uniform):
