@@ -37,7 +37,7 @@ class _Compiling(event.Listener):
         self.seconds, self.told = 0.0, False
         self._depth, self._began = 0, 0.0
 
-    def on_start(self, e: Any) -> None:
+    def on_start(self, _: Any) -> None:
         """A function begins; those that it calls are compiled inside."""
         if not self._depth:
             self._began = time.process_time()
