@@ -167,7 +167,7 @@ class SimulatorPlant(PlantDefaults, ViewDefaults):
             return SimulatorModel(model.simulator, refused, model.error)
         if self.rms(best.error[self.train]) < PROMISING * self.rms(model.error[self.train]):
             self._tune(best.error)  # weighed by what is left: before, the weights hid the effect's own spectrum
-            best = self.fits.grow(model, best.terms[-1], self._weighed)
+            best = self.fits.grow(model, best.terms[-1], self._weighed, best)
         return best
 
     def _grown(self, model: SimulatorModel, start: Any) -> SimulatorModel:
@@ -200,7 +200,8 @@ class SimulatorPlant(PlantDefaults, ViewDefaults):
         self.ar = autoregression(error[self.train], AR_ORDER, self.noise**2)
 
     def _weighed(self, error: Array) -> Array:
-        return whiten(error, self.ar)[self.train]
+        """Whitened training samples of errors, shape (n,) or (n, k); k may be 0."""
+        return whiten(error, self.ar)[self.train] if error.size else error[self.train]
 
     def compare(self, models: Sequence[SimulatorModel], best: int) -> list[ModelErrors]:
         """Errors whitened by what the best leaves; held-out errors as they are."""
@@ -282,26 +283,23 @@ class SimulatorPlant(PlantDefaults, ViewDefaults):
         return get_effect(name).commoner if name in _known() else ()
 
     def linearised(self, model: SimulatorModel) -> Linearised:
-        """Of the whitened, profiled training residual by the numbers of all effects."""
+        """Of the whitened training residual by the numbers of all effects, and by the simulator's own where it has them.
+
+        Of a simulator that hides its numbers, the residual is freed of what they can do, and they get no errors.
+        ``rebuild`` simulates and refits nothing: standard errors draw a hundred of its models.
+        """
         model = self.fits.built(model)
         self._tune(model.error)
-        sizes = [len(t.vector()) for t in model.terms]
-        ends = np.cumsum([0, *sizes])
-        x = np.concatenate([np.array(t.vector()) for t in model.terms]) if model.terms else np.zeros(0)
-        steps = [h for t in model.terms for h in t.steps()]
-
-        def terms(z: Array) -> tuple[EffectTerm, ...]:
-            return tuple(t.with_vector(z[a:b]) for t, a, b in zip(model.terms, ends[:-1], ends[1:], strict=True))
-
-        r = self._weighed(model.error)
-        columns = []
-        for j, h in enumerate(steps):
-            moved = x.copy()
-            moved[j] += h
-            columns.append((self._weighed(self.fits.build(terms(moved)).error) - r) / h)
+        jac, own = self._weighed(self.fits.by_terms(model)), self._weighed(self.fits.tangent(model))
+        r, effects = self._weighed(model.error), jac.shape[1]
+        x = np.concatenate([np.zeros(0), *(np.array(t.vector()) for t in model.terms)])
+        if hasattr(model.simulator, "with_numbers"):
+            x, jac = np.concatenate([x, np.asarray(model.simulator.numbers, dtype=float)]), np.column_stack([jac, own])
+        else:
+            q, _ = np.linalg.qr(own)
+            jac, r = jac - q @ (q.T @ jac), r - q @ (q.T @ r)
         wide = np.full(x.size, np.inf)
-        jac = np.column_stack(columns) if columns else np.zeros((r.size, 0))
-        return Linearised(x, -wide, wide, r, jac, lambda z: model.with_terms(terms(z)))
+        return Linearised(x, -wide, wide, r, jac, lambda z: model.moved(z[:effects], z[effects:]))
 
     def parameters(self, model: SimulatorModel) -> dict[str, float]:
         """The simulator's ``parameters``, if it tells them."""

@@ -20,7 +20,9 @@ from whsklearn.effects import Effect
 Array = NDArray[Any]
 STEP = 1e-3  # of a logarithm
 PARTS = 6  # of the record that are left out in turn: one more than the numbers that a rigid axis usually has
-ITERATIONS = 5
+ITERATIONS = 10  # of Gauss-Newton; half of the effects stop after two
+LEAST_GAIN = 1e-3  # of the sum of squares, below which a step is the last one on these derivatives
+WORTH_SLOPES = 0.25  # of the sum of squares without the effect: one that leaves more is not worth new derivatives
 SHORTER = (1.0, 0.3, 0.1)  # shares of a step that are tried
 
 
@@ -103,6 +105,12 @@ class SimulatorModel:
         """The model with other terms, not built yet: an effect cannot be taken out of a simulator."""
         return SimulatorModel(None, tuple(terms))
 
+    def moved(self, x: Array, numbers: Array) -> SimulatorModel:
+        """The model at other numbers of its effects and of the simulator (none: as they are), not simulated."""
+        ends = np.cumsum([0, *(len(t.vector()) for t in self.terms)])
+        terms = (t.with_vector(x[a:b]) for t, a, b in zip(self.terms, ends[:-1], ends[1:], strict=True))
+        return SimulatorModel(self.simulator.with_numbers(numbers) if numbers.size else self.simulator, tuple(terms))
+
 
 @dataclass
 class SimulatorFit:
@@ -180,58 +188,112 @@ class SimulatorFit:
             self._tangents[model.terms] = _spanned(columns, self.train.size)
         return self._tangents[model.terms]
 
-    def grow(self, model: SimulatorModel, term: EffectTerm, weigh: Any) -> SimulatorModel:
-        """The model with one term more, its numbers found by Gauss-Newton beside the simulator's own.
+    def by_terms(self, model: SimulatorModel) -> Array:
+        """Derivatives of the error by the numbers of the effects, shape (n, k).
 
-        ``weigh`` takes an error (n,) or (n, k) to the weighted training residual.
+        At the simulator's own numbers where they can be set; else after a refit at every one of them.
         """
-        own = weigh(self.tangent(model))
-        before = model.simulator
-
-        def error(x: Array) -> Array:
-            return self.error(before.with_effect(term.with_vector(x).effect))
-
-        x = np.array(term.vector())
-        joint = hasattr(before, "with_numbers")  # then both move in one step, and nothing is refitted in between
-        numbers = np.asarray(before.numbers, dtype=float) if joint else None
-        best = self._placed(model, term, x, numbers)
-        cost = _square(weigh(best.error))
-        for _ in range(ITERATIONS):
-            at = error(x) if not joint or numbers is None else best.error
-            columns = []
-            for j, h in enumerate(best.terms[-1].steps()):
+        columns = []
+        for i, t in enumerate(model.terms):
+            x = np.array(t.vector())
+            for j, h in enumerate(t.steps()):
                 moved = x.copy()
                 moved[j] += h
-                change = self._placed(model, term, moved, numbers).error if joint else error(moved)
-                columns.append(weigh(change - at) / h)
-            r = weigh(best.error)
-            step = -np.linalg.lstsq(np.column_stack([*columns, own]), r, rcond=1e-9)[0]
-            found, share = None, 1.0
-            for share in SHORTER:
-                shifted = None if numbers is None else numbers + share * np.clip(step[x.size :], -1.0, 1.0)
-                try:
-                    found = self._placed(model, term, x + share * step[: x.size], shifted)
-                except (ValueError, FloatingPointError):
-                    found = None
-                    continue
-                if _square(weigh(found.error)) < cost:
+                terms = (*model.terms[:i], t.with_vector(moved), *model.terms[i + 1 :])
+                columns.append((self._at_numbers_of(model, terms).error - model.error) / h)
+        return np.column_stack(columns) if columns else np.zeros((self.train.size, 0))
+
+    def _at_numbers_of(self, model: SimulatorModel, terms: tuple[EffectTerm, ...]) -> SimulatorModel:
+        """The model with other terms, its simulator's own numbers kept, or else refitted."""
+        if not hasattr(model.simulator, "with_numbers"):
+            return self.build(terms)
+        simulator = self.core
+        for t in terms:
+            simulator = simulator.with_effect(t.effect)
+        simulator = simulator.with_numbers(model.simulator.numbers)
+        return SimulatorModel(simulator, terms, self.error(simulator))
+
+    def grow(self, model: SimulatorModel, term: EffectTerm, weigh: Any, begin: SimulatorModel | None = None):
+        """The model with one term more, its numbers found by Gauss-Newton beside the simulator's own.
+
+        Derivatives are differences once, then follow the steps taken (Broyden 1965, Math. Comp. 19(92), 577-593): a
+        step costs one simulation.  They are taken anew where that ends at a model worth it.  ``weigh`` takes an error
+        (n,) or (n, k) to the weighted training residual; ``begin`` is a model with the term to start from.
+        """
+        joint = hasattr(model.simulator, "with_numbers")  # then both move in one step, nothing is refitted in between
+        best = begin or self._placed(model, term, self._vector(model, term))
+        first = _square(weigh(model.error))
+        slopes, fresh = self._slopes(model, best, weigh, again=begin is not None), not joint or begin is not None
+        r = weigh(best.error)
+        for _ in range(ITERATIONS):
+            step = -np.linalg.lstsq(slopes, r, rcond=1e-9)[0]
+            found, step = self._stepped(model, best, step, weigh)
+            change = weigh(found.error) - r if found is not None else np.zeros_like(r)
+            gain = 1.0 - _square(r + change) / max(_square(r), 1e-300)
+            if found is not None:
+                scale = 1.0 / np.maximum(np.linalg.norm(slopes, axis=0), 1e-300)
+                moved = step / scale
+                slopes = slopes + np.outer(change - slopes @ step, moved / scale) / max(_square(moved), 1e-300)
+                best, r = found, r + change
+            if gain < LEAST_GAIN:
+                if fresh or _square(r) > WORTH_SLOPES * first:
                     break
-                found = None
-            if found is None:
-                break
-            numbers = None if numbers is None else numbers + share * np.clip(step[x.size :], -1.0, 1.0)
-            gain = 1.0 - _square(weigh(found.error)) / cost
-            best, x = found, np.array(found.terms[-1].vector())
-            cost = _square(weigh(found.error))
-            if gain < 1e-3:
-                break
+                slopes, fresh = self._slopes(model, best, weigh, again=True), True
+            elif joint:
+                fresh = False
         return best
 
-    def _placed(self, model: SimulatorModel, term: EffectTerm, x: Array, numbers: Array | None) -> SimulatorModel:
-        """The model and the term at the numbers ``x``, the simulator at its own ``numbers``, or else refitted."""
-        term = term.with_vector(x)
-        simulator = model.simulator.with_effect(term.effect)
-        own = simulator.refit(self.record, self.train) if numbers is None else simulator.with_numbers(numbers)
+    def _stepped(
+        self, model: SimulatorModel, best: SimulatorModel, step: Array, weigh: Any
+    ) -> tuple[SimulatorModel | None, Array]:
+        """The first model along a step, shortened where need be, that is better, and the step taken."""
+        n, cost = len(best.terms[-1].vector()), _square(weigh(best.error))
+        step = np.concatenate([step[:n], np.clip(step[n:], -1.0, 1.0)])
+        at = self._vector(best, best.terms[-1])
+        for share in SHORTER:
+            try:
+                found = self._placed(model, best.terms[-1], at + share * step)
+            except (ValueError, FloatingPointError):
+                continue
+            if _square(weigh(found.error)) < cost:
+                return found, share * step
+        return None, step
+
+    def _slopes(self, model: SimulatorModel, best: SimulatorModel, weigh: Any, *, again: bool) -> Array:
+        """Derivatives of the weighted error by the numbers of the last term, and by the simulator's own if it has them.
+
+        Those by its own are the model's, which are known, unless ``again``.  Where the simulator refits itself those
+        of the term are freed of what it can do.
+        """
+        term, x = best.terms[-1], np.array(best.terms[-1].vector())
+        before, joint = model.simulator, hasattr(model.simulator, "with_numbers")
+        at = best.error if joint else self.error(before.with_effect(term.effect))
+        columns = []
+        for j, h in enumerate(term.steps()):
+            moved = x.copy()
+            moved[j] += h
+            grown = before.with_effect(term.with_vector(moved).effect)
+            grown = grown.with_numbers(best.simulator.numbers) if joint else grown
+            columns.append((self.error(grown) - at) / h)
+        own = self.tangent(best if joint and again else model)
+        if joint:
+            return np.asarray(weigh(np.column_stack([*columns, own])))
+        q, _ = np.linalg.qr(weigh(own))
+        slopes = weigh(np.column_stack(columns))
+        return np.asarray(slopes - q @ (q.T @ slopes))
+
+    def _vector(self, model: SimulatorModel, term: EffectTerm) -> Array:
+        """Numbers of a term, and those of the simulator if it has any."""
+        own = np.asarray(getattr(model.simulator, "numbers", ()), dtype=float)
+        return np.concatenate([term.vector(), own if hasattr(model.simulator, "with_numbers") else []])
+
+    def _placed(self, model: SimulatorModel, term: EffectTerm, z: Array) -> SimulatorModel:
+        """The model and the term at the numbers ``z``, the simulator at its own numbers there, or else refitted."""
+        n = len(term.vector())
+        term = term.with_vector(z[:n])
+        own = model.simulator.with_effect(term.effect)
+        joint = hasattr(own, "with_numbers")
+        own = own.with_numbers(z[n:]) if joint else own.refit(self.record, self.train)
         return SimulatorModel(own, (*model.terms, term), self.error(own))
 
 
