@@ -81,3 +81,13 @@ def test_single_precision_is_single(drive, tmp_path, replay):
 def test_nothing_is_allocated(tmp_path):
     export_model(_axis(InputDelay(0.003)), to="c", out=tmp_path)
     assert "alloc" not in (tmp_path / "model.c").read_text()
+
+
+@pytest.mark.parametrize("order", [1.0, 12.0, 300.0])
+def test_waves_are_remembered_slow_and_fast(order, drive, tmp_path, replay):
+    """Within a tenth of a radian of the last place, and where a step goes further."""
+    axis = _axis(get_effect("cogging")(0.1, order, 0.4), get_effect("torque_ripple")(0.1, order, 1.0))
+    _same(axis, drive, tmp_path, replay)
+    text = (tmp_path / "model.c").read_text()
+    assert text.count("near_cos(&s->wave[0]") >= 2  # the branches of one step share a slot
+    assert "s->wave[6]" not in text

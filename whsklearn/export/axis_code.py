@@ -21,6 +21,7 @@ from whsklearn.systems._servo_torques import Ends, arranged, load_sum, motor_sum
 from whsklearn.systems.servo import ServoAxis
 
 STATES = ("position", "velocity", "load_position", "load_velocity")
+WAVE = 3  # numbers kept of a wave: where it was taken, its cosine and its sine there
 
 
 @dataclass
@@ -92,7 +93,9 @@ def _read(law, position, t, lattice):  # type: ignore[no-untyped-def]
     return quantized(lattice, read(law.effects, law.p, law.own, law.ends, t, position))
 
 
-def axis_code(axis: ServoAxis, language: Language, state: Any, *, velocity: bool = False) -> AxisCode:
+def axis_code(
+    axis: ServoAxis, language: Language, state: Any, *, velocity: bool = False, remember: bool = False
+) -> AxisCode:
     """Specialise the integrator to one axis.
 
     Parameters
@@ -103,6 +106,8 @@ def axis_code(axis: ServoAxis, language: Language, state: Any, *, velocity: bool
         ``state(name, index)``: how the language reads a number that is kept between samples.
     velocity : bool
         Answer with the velocity instead of the encoder's reading.
+    remember : bool
+        Take sines and cosines of the motion from the last ones, with what is kept in ``wave``.
     """
     plant = pack(axis)
     law = _arranged(plant.codes, plant.p, axis)
@@ -119,7 +124,7 @@ def axis_code(axis: ServoAxis, language: Language, state: Any, *, velocity: bool
     def hysteresis(i: int, k: int) -> str:
         return state("memory", memory.setdefault((i, k), len(memory)))
 
-    work = Specialiser(language)
+    work = Specialiser(language, wave=(lambda i: state("wave", WAVE * i)) if remember else None)
     work.call(
         _driven, law, Memory(hysteresis), Memory(mechanical), body, chain,
         Memory(lambda i: state("lag", i)), Symbol("u"), Symbol("t"), h,
@@ -133,6 +138,8 @@ def axis_code(axis: ServoAxis, language: Language, state: Any, *, velocity: bool
         states["memory"] = len(memory)
     if chain.lag > 0.0 or chain.second_lag > 0.0:
         states["lag"] = 2
+    if work.waves:
+        states["wave"] = WAVE * len(work.waves)
     reading = Part(*seeing.finish(y), seeing.text(y))
     substep = Part(*work.finish())
     return AxisCode(

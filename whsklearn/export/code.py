@@ -9,7 +9,7 @@ from typing import Any
 
 import jinja2
 
-from whsklearn.export.axis_code import axis_code, compensated, torque_code
+from whsklearn.export.axis_code import WAVE, axis_code, compensated, torque_code
 from whsklearn.export.chain_code import chain_code
 from whsklearn.export.languages import C, StructuredText
 from whsklearn.export.losses import Loss, left_out, lost_parts, size_of
@@ -69,11 +69,12 @@ def c_files(model: Exported, name: str, what: str = "model", real: str = "double
     names: dict[str, Any] = {"name": name, "real": real, "lang": lang, "code": None, "chain": None, "torque": None}
     names |= {"states": None, "counters": [], "title": _title(model, what), "header": f"{name}.h"}
     names |= {"losses": code_losses(model, what), "guard": f"{name.upper()}_H", "output": model.logged.capitalize()}
+    names |= {"one": lang.number(1.0), "wave": WAVE}
     names["drive_unit"] = f" ({model.units['input']})" if model.units.get("input") else ""
     if what == "compensator":
         names["torque"] = torque_code(model.need_axis("A compensator"), lang)
     elif model.axis is not None:
-        code = axis_code(model.axis, lang, state, velocity=model.logged == "velocity")
+        code = axis_code(model.axis, lang, state, velocity=model.logged == "velocity", remember=True)
         names["code"], names["states"] = code, dict(code.states)
         names["counters"] = ["samples"]
         if code.history > 1:

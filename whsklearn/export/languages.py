@@ -15,6 +15,11 @@ class Language(Protocol):
         """Operator by the name of its syntax node: ``Add``, ``LtE``, ``And``, ..."""
         ...
 
+    @property
+    def twice(self) -> frozenset[str]:
+        """Functions whose arguments are written more than once, and so need a name."""
+        ...
+
     def number(self, value: float) -> str:
         """A literal."""
         ...
@@ -39,6 +44,10 @@ class Language(Protocol):
         """A call; ``name`` as in `math`, or one of ``abs min max int``."""
         ...
 
+    def remembered(self, name: str, slot: str, argument: str) -> str:
+        """A sine or cosine with what is remembered of the last one in ``slot``."""
+        ...
+
 
 _ARITHMETIC = {"Add": "+", "Sub": "-", "Mult": "*", "Div": "/", "Lt": "<", "LtE": "<=", "Gt": ">", "GtE": ">="}
 
@@ -58,6 +67,7 @@ class C:
     operators: dict[str, str] = field(
         default_factory=lambda: {**_ARITHMETIC, "Eq": "==", "NotEq": "!=", "And": "&&", "Or": "||"}
     )
+    twice: frozenset[str] = frozenset({"min", "max"})
 
     def number(self, value: float) -> str:
         """The shortest text that reads back as the same number."""
@@ -86,9 +96,16 @@ class C:
         return [f"{pad}if {test} {{", *yes, *([f"{pad}}} else {{", *no] if no else []), f"{pad}}}"]
 
     def function(self, name: str, arguments: list[str]) -> str:
-        """A call of math.h."""
-        name = {"abs": "fabs", "min": "fmin", "max": "fmax", "int": "trunc"}.get(name, name)
+        """A call of math.h; ``min`` and ``max`` are choices, which take one instruction."""
+        if name in ("min", "max"):
+            a, *more = arguments
+            return a if not more else _choice(">" if name == "max" else "<", self.function(name, more), a)
+        name = {"abs": "fabs", "int": "trunc"}.get(name, name)
         return f"{name}{'f' if self.real == 'float' else ''}({', '.join(arguments)})"
+
+    def remembered(self, name: str, slot: str, argument: str) -> str:
+        """A sine or cosine of what moves little from step to step; see the function in ``model.c.j2``."""
+        return f"near_{name}(&{slot}, {argument})"
 
 
 @dataclass(frozen=True)
@@ -105,6 +122,7 @@ class StructuredText:
     operators: dict[str, str] = field(
         default_factory=lambda: {**_ARITHMETIC, "Eq": "=", "NotEq": "<>", "And": "AND", "Or": "OR"}
     )
+    twice: frozenset[str] = frozenset({"copysign", "floor"})
 
     def number(self, value: float) -> str:
         """A real literal; IEC 61131-3 has no infinity."""
@@ -146,6 +164,15 @@ class StructuredText:
             return f"LINT_TO_LREAL(TRUNC_LINT({a}))"
         name = {"log": "LN", "pow": "EXPT"}.get(name, name.upper())
         return f"{name}({', '.join(arguments)})"
+
+    def remembered(self, name: str, slot: str, argument: str) -> str:
+        """The function itself: nothing is remembered in this language."""
+        return self.function(name, [argument])
+
+
+def _choice(sign: str, a: str, b: str) -> str:
+    """``a`` where it is beyond ``b``, as Python's ``min`` and ``max`` of b and a have it."""
+    return f"({a} {sign} {b} ? {a} : {b})"
 
 
 def _wrapped(text: str) -> bool:

@@ -45,6 +45,9 @@ class Specialiser:
     language : Language
     prefix : str
         Begins the name of every variable.
+    wave : callable, optional
+        Slot i of the state in which a sine and cosine of the motion are remembered from one call of the code to the
+        next; without it every one is a call of the language's own.
 
     Attributes
     ----------
@@ -52,6 +55,8 @@ class Specialiser:
         What was written so far.
     variables : dict of str to str
         Kind of every variable they use.
+    waves : dict of str to int
+        Slot of every argument whose sine or cosine is remembered.
 
     Examples
     --------
@@ -63,9 +68,12 @@ class Specialiser:
     '(1.0 + (0.5 * exp((-(base_0 * base_0)))))'
     """
 
-    def __init__(self, language: Language, prefix: str = ""):
+    def __init__(self, language: Language, prefix: str = "", wave: Callable[[int], str] | None = None):
         self.language = language
         self.prefix = prefix
+        self.wave = wave
+        self.waves: dict[str, int] = {}
+        self.meaning: dict[str, tuple[str, set[str]]] = {}  # of a variable: expression, all that it depends on
         self.statements: list[Any] = []
         self.variables: dict[str, str] = {}
         self.globals: dict[str, Any] = {}
@@ -107,7 +115,13 @@ class Specialiser:
             return value
         name = self.variable(hint, value.kind)
         self.statements.append(Set(name, value.text))
+        self.meaning[name] = (value.text, self._sources(value.text))
         return Symbol(name, value.kind)
+
+    def _sources(self, text: str) -> set[str]:
+        """Every name that an expression depends on, also through variables."""
+        names = identifiers(text)
+        return names.union(*(self.meaning[n][1] for n in names if n in self.meaning))
 
     # -- functions --------------------------------------------------------------------
 
@@ -360,7 +374,18 @@ class Specialiser:
             arguments = [a for a in arguments if isinstance(a, Symbol) or a != never]
         if len(arguments) == 1 and name in ("min", "max", "float"):
             return arguments[0]
+        if name in self.language.twice:
+            arguments = [self.bind("a", a) for a in arguments]
+        if name in ("sin", "cos") and self.wave is not None and "t" not in self._sources(arguments[0].text):
+            return Symbol(self._remembered(name, arguments[0].text))
         return Symbol(self.language.function(name, [self.text(a) for a in arguments]))
+
+    def _remembered(self, name: str, argument: str) -> str:
+        """A sine or cosine of the motion; branches that need the same one share its slot."""
+        assert self.wave is not None
+        whole = self.meaning[argument][0] if argument in self.meaning else argument
+        slot = self.waves.setdefault(whole, len(self.waves))
+        return self.language.remembered(name, self.wave(slot), argument)
 
 
 def _kind(value: Any) -> str:
