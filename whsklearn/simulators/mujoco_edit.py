@@ -94,7 +94,8 @@ def _actuator(spec: Any, axis: Axis, effects: tuple[Effect, ...]) -> None:
             if e.magnitude < 0.0:
                 raise ValueError(f"a delay of {e.magnitude:.3g} s cannot be held")
             a.delay = float(a.delay) + e.magnitude
-            a.nsample = max(1, math.ceil(float(a.delay) / spec.option.timestep))
+            a.nsample = math.ceil(float(a.delay) / spec.option.timestep) + 1
+            a.interp = 1  # linear: held, a delay would have no derivative within a step
         elif e.name == "actuator_lag":
             if a.dyntype != mujoco.mjtDyn.mjDYN_NONE or e.magnitude <= 0.0:
                 raise ValueError("the actuator has dynamics of its own, or the lag is not above zero")

@@ -21,6 +21,7 @@ from whsklearn.gap.record import noise_level
 
 Array = NDArray[Any]
 HIGHEST = 25.0  # Hz; above, an encoder's noise is all there is in a second derivative
+CENTRES = np.array([0.0, -0.5, 0.5, -1.0, 1.0, -1.5, 1.5])  # of a spring, in half strokes from the middle
 STARTS = 2  # of the best shapes of an effect that are handed to the fit: neighbours of a wave are local minima
 
 
@@ -157,7 +158,9 @@ def _grid(field: str, unit: str, record: Any, signals: Any) -> Array:
         return np.array([30.0])
     if unit == "rad/s":
         return np.geomspace(0.03, 1.0, 8) * speed
-    if field in ("centre", "knot"):
+    if field == "centre":  # a spring rests anywhere within its travel, or beside it
+        return middle + CENTRES * reach
+    if field == "knot":
         return np.array([middle])
     if field in ("angle",):
         return np.array([0.5, 0.65, 0.75, 0.83, 0.9, 0.95]) * float(np.max(np.abs(signals.position)))
