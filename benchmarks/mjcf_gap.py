@@ -3,8 +3,10 @@
     python -m benchmarks.mjcf_gap --cases 20
 
 (extra ``bench``.) The logs are those of `benchmarks.blind_mujoco`; the simulator that the finder gets is the same MJCF
-without the hidden feature, its damping off by up to 15 %. Replay error: rms over free runs of 0.5 s, before and after;
-closed means 1 - (after - noise) / (before - noise).
+without the hidden feature, its damping off by up to 15 %. Replay error: rms over free runs of 0.5 s, restarted from the
+smoothed log, before and after; closed means 1 - (after - floor) / (before - floor), where the floor is what the MJCF
+that made the log leaves under the same restarts, as in `whsklearn.gap.proof`. Beside it: the same with the encoder's
+noise as floor, which no model reaches, because a restart knows velocity no better than the smoothed log does.
 """
 
 from __future__ import annotations
@@ -48,7 +50,7 @@ def simulator_without(effect: str, case: object, rng: np.random.Generator) -> Mu
 @click.option("--only", default="", help=f"Only these, joined by commas: {','.join(NAMES)}.")
 def main(cases: int, seeds: int, seconds: float, only: str) -> None:
     plan = [(NAMES[i % len(NAMES)], seeds + i // len(NAMES)) for i in range(cases)]
-    good = []
+    good, raws, times = [], [], []
     for effect, seed in tqdm([p for p in plan if not only or p[0] in only.split(",")]):
         case = make_case(effect, seed, seconds)
         record = ServoRecord.from_frame(case.frame, **COLUMNS)
@@ -57,19 +59,24 @@ def main(cases: int, seeds: int, seconds: float, only: str) -> None:
         finder = GapFinder(start).fit(record)
         spent = time.process_time() - began
         base = start.refit(record, np.ones(len(record), dtype=bool))
-        before, after = (
-            float(np.sqrt(np.mean((record.position - s.replay(record, HORIZON)) ** 2))) for s in (base, finder.model_)
+        truth = MuJoCoSimulator(case.xml, joint="axis", actuator="motor")
+        before, after, floor = (
+            float(np.sqrt(np.mean((record.position - s.replay(record, HORIZON)) ** 2)))
+            for s in (base, finder.model_, truth)
         )
         noise = max(noise_level(record.position), lattice(record.position) / np.sqrt(12.0))
-        closed = 1.0 - (after - noise) / max(before - noise, 1e-300)
+        closed, raw = (1.0 - (after - x) / max(before - x, 1e-300) for x in (min(floor, after), noise))
         names = [e.name for e in finder.effects_]
-        right = bool(names) and names[0] in accepted(EFFECTS[effect][0] if case.truth == "" else case.truth)
+        right = finder.verdict_ == "named" and names[0] in accepted(EFFECTS[effect][0] if case.truth == "" else case.truth)
         good.append(right and closed >= 0.9)
+        raws.append(right and raw >= 0.9)
+        times.append(spent)
         tqdm.write(
             f"{effect:<18}{seed:<4}{finder.verdict_:<12}{'+'.join(names) or '-':<40}"
-            f"closed {closed:6.3f}{spent:8.1f} s{'' if good[-1] else '   MISSED'}"
+            f"closed {closed:6.3f} ({raw:6.3f}){spent:8.1f} s{'' if good[-1] else '   MISSED'}"
         )
-    click.echo(f"named and closed by 0.9: {sum(good)} of {len(good)} (aim 18 of 20)")
+    click.echo(f"named and closed by 0.9: {sum(good)} of {len(good)} (aim 18 of 20); down to noise: {sum(raws)}")
+    click.echo(f"CPU seconds a log: median {np.median(times):.1f}, worst {max(times):.1f}")
 
 
 if __name__ == "__main__":

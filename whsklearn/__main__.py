@@ -8,8 +8,6 @@ import threading
 
 from whsklearn.cli import main
 
-RECORD = "record of "  # threads of `whsklearn.tracking.beside`, which is not imported for this
-
 
 def run() -> None:
     """The command; a record that still waits for a server that does not answer holds nobody up at its end."""
@@ -18,7 +16,8 @@ def run() -> None:
         main(prog_name="whsklearn")
     except SystemExit as end:
         status = end.code
-    if any(thread.name.startswith(RECORD) for thread in threading.enumerate()):
+    beside = sys.modules.get("whsklearn.tracking.beside")  # not imported for this: without it there is no such thread
+    if beside is not None and any(thread.name.startswith(beside.THREAD) for thread in threading.enumerate()):
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(status if isinstance(status, int) else 1)  # else the interpreter waits for MLflow's own threads

@@ -70,7 +70,7 @@ def test_sigterm_is_an_interruption_that_closes_what_is_open():
 
 def test_an_output_is_looked_at_before_the_work(tmp_path):
     assert writable_file(tmp_path / "new" / "table.csv").parent.is_dir()
-    with pytest.raises(OSError, match="is a folder"):
+    with pytest.raises(ValueError, match="is a folder"):
         writable_file(tmp_path)
     assert list((tmp_path / "new").iterdir()) == []
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -58,6 +59,28 @@ def test_interrupted_run_is_killed(tracker):
     with pytest.raises(KeyboardInterrupt), tracker.run("stopped"):
         raise KeyboardInterrupt
     assert runs(tracker)["stopped"].info.status == "KILLED"
+
+
+@pytest.mark.parametrize("call", ["create_run", "set_terminated"])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interruption_within_a_call_leaves_no_run_open(tracker, call, number, monkeypatch):
+    """As it lands when the database is slow: after the row is written, before the call returns."""
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    whole = getattr(tracker.client._client, call)
+
+    def interrupted(*args, **kwargs):
+        result = whole(*args, **kwargs) if call == "create_run" else None
+        signal.raise_signal(number)
+        return whole(*args, **kwargs) if result is None else result
+
+    monkeypatch.setattr(tracker.client._client, call, interrupted)
+    try:
+        with pytest.raises(KeyboardInterrupt), tracker.run("stopped"):
+            pass
+        assert signal.getsignal(signal.SIGTERM) is signal.default_int_handler
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    assert runs(tracker)["stopped"].info.status == {"create_run": "KILLED", "set_terminated": "FINISHED"}[call]
 
 
 def test_paths_are_stepped_and_thinned(tracker):

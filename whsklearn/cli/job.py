@@ -111,17 +111,21 @@ def writable_folder(path: str | os.PathLike[str]) -> Path:
 
 
 def writable_file(path: str | os.PathLike[str]) -> Path:
-    """The path of a file to write, after its folder was found writable.
+    """The path of a file to write, its folder made if it is not there; see `whsklearn.state.check_writable`.
 
     Raises
     ------
+    ValueError
+        If it is a folder, or cannot be written.
     OSError
-        If it is a folder, or nothing can be written there.
+        If the folder cannot be made.
     """
+    from whsklearn.state import check_writable
+
     file = Path(path)
-    if file.is_dir():
-        raise OSError(f"{file} is a folder; name a file.")
-    writable_folder(file.parent)
+    if not file.is_dir():
+        writable_folder(file.parent)
+    check_writable(file)
     return file
 
 

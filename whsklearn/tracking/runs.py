@@ -230,9 +230,10 @@ class Tracker:
             return
         if parent is not None:
             own["mlflow.parentRunId"] = parent.id
-        run = Run(self, self.client.create_run(self.experiment_id, run_name=name, tags=own).info.run_id)
-        status = "FAILED"
+        run, status = Run(self, ""), "FAILED"
         try:
+            with store.interruptions_wait():
+                run.id = self.client.create_run(self.experiment_id, run_name=name, tags=own).info.run_id
             yield run
             status = "FINISHED"
         except KeyboardInterrupt:
@@ -247,8 +248,15 @@ class Tracker:
                 run.log_tags({"reason": f"{type(error).__name__}: {store.sentence(error)}"})
             raise
         finally:
-            with contextlib.suppress(Exception) if status != "FINISHED" else contextlib.nullcontext():
-                if not isinstance(sys.exception(), TrackingError):
+            if run.id:
+                self._end(run, status)
+
+    def _end(self, run: Run, status: str) -> None:
+        """Write what is buffered and the end itself; a failure counts where the work did not fail."""
+        lost = isinstance(sys.exception(), TrackingError)
+        with contextlib.suppress(Exception) if status != "FINISHED" else contextlib.nullcontext():
+            with store.interruptions_wait():
+                if not lost:
                     run.flush()
                 self.client.set_terminated(run.id, status)
 

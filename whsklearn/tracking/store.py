@@ -12,6 +12,7 @@ import io
 import logging
 import os
 import re
+import signal
 import socket
 import sys
 import threading
@@ -161,6 +162,38 @@ def active(mlflow: Any, client: Any, run_id: str) -> Iterator[None]:
             os.environ.pop(k, None)
             if value is not None:
                 os.environ[k] = value
+
+
+@contextlib.contextmanager
+def interruptions_wait() -> Iterator[None]:
+    """Ctrl-C and SIGTERM act when the block has ended: half a call leaves a run that nobody will end.
+
+    A second one acts at once: a server that does not answer holds nobody up.  Outside the main thread, where signals
+    never act, nothing is done.
+    """
+    handlers = {n: signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)}
+    if threading.current_thread() is not threading.main_thread() or None in handlers.values():
+        yield
+        return
+    came: list[int] = []
+
+    def note(number: int, _frame: Any) -> None:
+        came.append(number)
+        if len(came) > 1:
+            again()
+
+    def again() -> None:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+        if came:
+            signal.raise_signal(came.pop())
+
+    for number in handlers:
+        signal.signal(number, note)
+    try:
+        yield
+    finally:
+        again()
 
 
 class _OfThisThread(io.TextIOBase):
