@@ -67,7 +67,9 @@ def main(cases: int, seeds: int, seconds: float, only: str) -> None:
         noise = max(noise_level(record.position), lattice(record.position) / np.sqrt(12.0))
         closed, raw = (1.0 - (after - x) / max(before - x, 1e-300) for x in (min(floor, after), noise))
         names = [e.name for e in finder.effects_]
-        right = finder.verdict_ == "named" and names[0] in accepted(EFFECTS[effect][0] if case.truth == "" else case.truth)
+        right = finder.verdict_ == "named" and names[0] in accepted(
+            EFFECTS[effect][0] if case.truth == "" else case.truth
+        )
         good.append(right and closed >= 0.9)
         raws.append(right and raw >= 0.9)
         times.append(spent)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import copy
 import math
 import os
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Self
 
@@ -18,6 +20,7 @@ Array = NDArray[Any]
 TRACKING = 1.5  # Hz: how fast the replay returns to the log; far below a controller, so that errors show
 LEAST = 1e-6  # of the inertia: below, a number of the model counts as zero
 ITERATIONS = 5
+CHECKED = 100  # samples between two looks at whether a run is still stable
 
 
 class MuJoCoSimulator:
@@ -123,15 +126,20 @@ class MuJoCoSimulator:
         data.qvel[self.dof] = (y[min(4, y.size - 1)] - y[0]) / (min(4, y.size - 1) * dt)
         w = 2.0 * math.pi * TRACKING
         first, second = 2.0 * w * dt, w * w * dt
-        out = np.empty(y.size)
+        out = np.full(y.size, np.nan)
         qpos, qvel, ctrl, at, dof, k = data.qpos, data.qvel, data.ctrl, self.q, self.dof, self.control
-        for i, u in enumerate(record.drive):
-            out[i] = qpos[at]
-            error = y[i] - out[i]
-            qpos[at] += first * error
-            qvel[dof] += second * error
-            ctrl[k] = u
-            mujoco.mj_step(model, data, every)
+        number = data.warning.number
+        with _silence():
+            for i, u in enumerate(record.drive):
+                out[i] = qpos[at]
+                error = y[i] - out[i]
+                qpos[at] += first * error
+                qvel[dof] += second * error
+                ctrl[k] = u
+                mujoco.mj_step(model, data, every)
+                if i % CHECKED == 0 and number.any():  # unstable: MuJoCo would begin anew, again and again
+                    out[i + 1 :] = np.nan
+                    break
         return out
 
     def refit(self, record: Any, keep: NDArray[np.bool_]) -> MuJoCoSimulator:
@@ -258,12 +266,13 @@ class MuJoCoSimulator:
         smooth = motion(record.position, 1.0 / dt, min(20.0, 0.2 / dt))
         q, v = smooth.position, smooth.velocity
         out, span = np.empty(len(record)), max(1, round(horizon / dt))
-        for i, u in enumerate(record.drive):
-            if i % span == 0:
-                data.qpos[self.q], data.qvel[self.dof] = q[i], v[i]
-            out[i] = data.qpos[self.q]
-            data.ctrl[self.control] = u
-            mujoco.mj_step(model, data, every)
+        with _silence():
+            for i, u in enumerate(record.drive):
+                if i % span == 0:
+                    data.qpos[self.q], data.qvel[self.dof] = q[i], v[i]
+                out[i] = data.qpos[self.q]
+                data.ctrl[self.control] = u
+                mujoco.mj_step(model, data, every)
         return out
 
     def to_xml(self) -> str:
@@ -293,6 +302,22 @@ def _library() -> Any:
     except ImportError:
         raise ImportError("MuJoCo is not installed; pip install 'whsklearn[mujoco]'.") from None
     return mujoco
+
+
+@contextlib.contextmanager
+def _silence() -> Iterator[None]:
+    """MuJoCo's warnings go nowhere: it would write MUJOCO_LOG.TXT into the user's folder at every unstable trial."""
+    mujoco = _library()
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(_ignore)
+    try:
+        yield
+    finally:
+        mujoco.set_mju_user_warning(before)
+
+
+def _ignore(_warning: str) -> None:
+    """Nothing."""
 
 
 def _only_actuator(spec: Any, joint: str) -> str:

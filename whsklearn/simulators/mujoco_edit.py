@@ -61,6 +61,8 @@ def hold(spec: Any, axis: Axis, effects: tuple[Effect, ...]) -> Any:
     for e in effects:
         if e.name not in HELD:
             raise NotImplementedError(f"MuJoCo has nothing like {e.name}")
+        if e.name == "presliding_hysteresis" and e.magnitude <= 0.0:
+            raise ValueError(f"a bristle cannot hold {e.magnitude:.3g}")
         hold_in(m, e, [*dry, *effects])
     if any(e.name == "stribeck" for e in effects) and m.lugre:
         j.frictionloss = 0.0  # LuGre's own Coulomb level stands in for it

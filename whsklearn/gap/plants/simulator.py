@@ -71,7 +71,9 @@ class SimulatorPlant(PlantDefaults, ViewDefaults):
 
     def base(self, rng: np.random.Generator) -> SimulatorModel:
         """The simulator, refitted."""
-        self.fits = SimulatorFit(self.given_model.refit(self.record, self.train), self.record, self.train)
+        self.fits = SimulatorFit(
+            self.given_model.refit(self.record, self.train), self.record, self.train, self.given_model
+        )
         self.noise = max(noise_level(self.record.position), lattice(self.record.position) / np.sqrt(12.0), 1e-300)
         return self.fits.build((), refit=False)
 
@@ -95,7 +97,7 @@ class SimulatorPlant(PlantDefaults, ViewDefaults):
         step = lattice(self.record.position)
         record = dataclasses.replace(self.record, position=np.round(y / step) * step if step else y)
         other = SimulatorPlant(self.given_model, record, tolerance=self.tolerance)
-        other.fits = SimulatorFit(self.fits.core, record, self.train)
+        other.fits = SimulatorFit(self.fits.core, record, self.train, self.given_model)
         other.noise = self.noise
         other._motion, other._shapes = self._motion, self._shapes  # it differs by noise alone
         return other
@@ -167,16 +169,24 @@ class SimulatorPlant(PlantDefaults, ViewDefaults):
             return SimulatorModel(model.simulator, refused, model.error)
         if self.rms(best.error[self.train]) < PROMISING * self.rms(model.error[self.train]):
             self._tune(best.error)  # weighed by what is left: before, the weights hid the effect's own spectrum
-            best = self.fits.grow(model, best.terms[-1], self._weighed, best)
+            best = self.fits.grow(model, best, self._weighed, again=True)
         return best
 
     def _grown(self, model: SimulatorModel, start: Any) -> SimulatorModel:
-        """A start brought to its size, then all its numbers fitted."""
+        """A start brought to its size, then all its numbers fitted.
+
+        From the simulator's refitted numbers, or from those that it was given with, whichever is better with the
+        effect: a refit without it may have bent them far to make up for it.
+        """
         searched = tuple(f for f in start.shape_fields() if _free(f))
-        if start.column_kind == "exact":
-            start = self._sized(model, start)
-        term = EffectTerm(start, searched)
-        return self.fits.grow(model, term, self._weighed)
+        begins = []
+        for home in self.fits.homes(model):
+            effect = self._sized(home, start) if start.column_kind == "exact" else start
+            if effect.quantities[effect.size].low >= 0.0 and effect.magnitude <= 0.0 and not effect.phased:
+                effect = start
+            begins.append((home, self.fits.begun(home, EffectTerm(effect, searched))))
+        home, begin = min(begins, key=lambda pair: self.rms(self._weighed(pair[1].error)))
+        return self.fits.grow(home, begin, self._weighed)
 
     def _sized(self, model: SimulatorModel, start: Any) -> Any:
         """The size (and phase) by the sensitivity of the simulated position to it."""
@@ -283,7 +293,7 @@ class SimulatorPlant(PlantDefaults, ViewDefaults):
         return get_effect(name).commoner if name in _known() else ()
 
     def linearised(self, model: SimulatorModel) -> Linearised:
-        """Of the whitened training residual by the numbers of all effects, and by the simulator's own where it has them.
+        """Of the whitened training residual by the numbers of all effects, and by the simulator's own if it has any.
 
         Of a simulator that hides its numbers, the residual is freed of what they can do, and they get no errors.
         ``rebuild`` simulates and refits nothing: standard errors draw a hundred of its models.

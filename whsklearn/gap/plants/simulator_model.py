@@ -122,11 +122,15 @@ class SimulatorFit:
         The simulator without effects, refitted.
     record : ServoRecord
     train : ndarray of bool, shape (n,)
+    given : object
+        The simulator as it came, not refitted.
     """
 
     core: Any
     record: Any
     train: NDArray[np.bool_]
+    given: Any = None
+    _given: dict[tuple[EffectTerm, ...], SimulatorModel] = dataclasses.field(default_factory=dict, repr=False)
     _cache: dict[tuple[EffectTerm, ...], SimulatorModel] = dataclasses.field(default_factory=dict, repr=False)
     _tangents: dict[tuple[EffectTerm, ...], Array] = dataclasses.field(default_factory=dict, repr=False)
 
@@ -213,17 +217,30 @@ class SimulatorFit:
         simulator = simulator.with_numbers(model.simulator.numbers)
         return SimulatorModel(simulator, terms, self.error(simulator))
 
-    def grow(self, model: SimulatorModel, term: EffectTerm, weigh: Any, begin: SimulatorModel | None = None):
-        """The model with one term more, its numbers found by Gauss-Newton beside the simulator's own.
+    def homes(self, model: SimulatorModel) -> list[SimulatorModel]:
+        """The model, and the same with the numbers that the simulator was given with, where they can be set."""
+        if not hasattr(model.simulator, "with_numbers"):
+            return [model]
+        if model.terms not in self._given:
+            simulator = model.simulator.with_numbers(np.asarray(self.given.numbers, dtype=float))
+            self._given[model.terms] = SimulatorModel(simulator, model.terms, self.error(simulator))
+        return [model, self._given[model.terms]]
+
+    def begun(self, model: SimulatorModel, term: EffectTerm) -> SimulatorModel:
+        """The model with one term more, the simulator's own numbers kept where they can be, or else refitted."""
+        return self._placed(model, term, self._vector(model, term))
+
+    def grow(self, model: SimulatorModel, begin: SimulatorModel, weigh: Any, *, again: bool = False) -> SimulatorModel:
+        """The model ``begin``, which has one term more, at numbers found by Gauss-Newton beside the simulator's own.
 
         Derivatives are differences once, then follow the steps taken (Broyden 1965, Math. Comp. 19(92), 577-593): a
         step costs one simulation.  They are taken anew where that ends at a model worth it.  ``weigh`` takes an error
-        (n,) or (n, k) to the weighted training residual; ``begin`` is a model with the term to start from.
+        (n,) or (n, k) to the weighted training residual; ``again`` if the derivatives by the simulator's own numbers
+        are to be those of ``begin`` from the first step on, not those of ``model``, which are known.
         """
         joint = hasattr(model.simulator, "with_numbers")  # then both move in one step, nothing is refitted in between
-        best = begin or self._placed(model, term, self._vector(model, term))
-        first = _square(weigh(model.error))
-        slopes, fresh = self._slopes(model, best, weigh, again=begin is not None), not joint or begin is not None
+        best, first = begin, _square(weigh(model.error))
+        slopes, fresh = self._slopes(model, best, weigh, again=again), again or not joint
         r = weigh(best.error)
         for _ in range(ITERATIONS):
             step = -np.linalg.lstsq(slopes, r, rcond=1e-9)[0]
