@@ -7,6 +7,9 @@ import pytest
 
 from whsklearn.effects import AsymmetricViscous, CableSpring, InputOffset
 from whsklearn.gap import GapFinder, ServoRecord
+from whsklearn.gap.plant import Look
+from whsklearn.gap.plants.simulator import SimulatorPlant
+from whsklearn.gap.standard_errors import errors_of, labelled_errors
 
 TIME = np.arange(8000) * 2e-3
 DRIVE = np.sin(3 * TIME) + 0.5 * np.sin(11 * TIME + 1) + 0.3 * np.sin(0.7 * TIME)
@@ -59,3 +62,45 @@ def test_names_what_the_simulator_lacks(record):
 def test_complete_simulator_lacks_nothing(record):
     finder = GapFinder(Damper(1.0, (CableSpring(0.3, 0.0),))).fit(record)
     assert (finder.verdict_, finder.effects_) == ("no_gap", [])
+
+
+class Told(Damper):
+    """The same, with its one number to set."""
+
+    refits = 0
+
+    @property
+    def parameters(self):
+        return {"damping": self.damping}
+
+    @property
+    def numbers(self):
+        return np.log([self.damping])
+
+    def with_numbers(self, x):
+        return Told(float(np.exp(x[0])), self.effects)
+
+    def refit(self, record, keep):
+        Told.refits += 1
+        return Told(super().refit(record, keep).damping, self.effects)
+
+    def with_effect(self, effect):
+        return Told(self.damping, (*self.effects, effect))
+
+
+def test_numbers_that_can_be_set_have_errors_without_a_refit(record):
+    plant = SimulatorPlant(Told(1.2), record, tolerance=0.004)
+    base = plant.base(np.random.default_rng(0))
+    look = Look("cable_spring", 1.0, (CableSpring(1.0, 0.0),))
+    plant.look(base)
+    model = plant.refine(base, look)
+    spring = model.terms[0].effect
+    assert (spring.stiffness, model.simulator.damping) == pytest.approx((0.3, 1.0), rel=2e-3)
+    before = Told.refits
+    errors = errors_of(plant.linearised(model), plant.parameters)
+    of_spring = labelled_errors(plant.linearised(model), 0)
+    assert Told.refits == before
+    # y moves by about itself when the damping is off by all of itself: noise over root n over that
+    rough = 1e-3 / np.std(record.position) / np.sqrt(0.6 * len(record))
+    assert rough / 3 < errors["damping"] < 10 * rough
+    assert 0 < next(iter(of_spring.values())) < 0.01 * spring.stiffness
