@@ -124,7 +124,10 @@ def axis_code(
     def hysteresis(i: int, k: int) -> str:
         return state("memory", memory.setdefault((i, k), len(memory)))
 
-    work = Specialiser(language, wave=(lambda i: state("wave", WAVE * i)) if remember else None)
+    def wave(name: str, i: int, argument: str) -> str:
+        return f"near_{name}(&{state('wave', WAVE * i)}, {argument})"  # of ``model.c.j2``
+
+    work = Specialiser(language, wave=wave if remember else None)
     work.call(
         _driven, law, Memory(hysteresis), Memory(mechanical), body, chain,
         Memory(lambda i: state("lag", i)), Symbol("u"), Symbol("t"), h,

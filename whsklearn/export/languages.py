@@ -44,10 +44,6 @@ class Language(Protocol):
         """A call; ``name`` as in `math`, or one of ``abs min max int``."""
         ...
 
-    def remembered(self, name: str, slot: str, argument: str) -> str:
-        """A sine or cosine with what is remembered of the last one in ``slot``."""
-        ...
-
 
 _ARITHMETIC = {"Add": "+", "Sub": "-", "Mult": "*", "Div": "/", "Lt": "<", "LtE": "<=", "Gt": ">", "GtE": ">="}
 
@@ -102,10 +98,6 @@ class C:
             return a if not more else _choice(">" if name == "max" else "<", self.function(name, more), a)
         name = {"abs": "fabs", "int": "trunc"}.get(name, name)
         return f"{name}{'f' if self.real == 'float' else ''}({', '.join(arguments)})"
-
-    def remembered(self, name: str, slot: str, argument: str) -> str:
-        """A sine or cosine of what moves little from step to step; see the function in ``model.c.j2``."""
-        return f"near_{name}(&{slot}, {argument})"
 
 
 @dataclass(frozen=True)
@@ -164,10 +156,6 @@ class StructuredText:
             return f"LINT_TO_LREAL(TRUNC_LINT({a}))"
         name = {"log": "LN", "pow": "EXPT"}.get(name, name.upper())
         return f"{name}({', '.join(arguments)})"
-
-    def remembered(self, name: str, slot: str, argument: str) -> str:
-        """The function itself: nothing is remembered in this language."""
-        return self.function(name, [argument])
 
 
 def _choice(sign: str, a: str, b: str) -> str:

@@ -46,8 +46,8 @@ class Specialiser:
     prefix : str
         Begins the name of every variable.
     wave : callable, optional
-        Slot i of the state in which a sine and cosine of the motion are remembered from one call of the code to the
-        next; without it every one is a call of the language's own.
+        ``wave(name, i, argument)`` writes a sine or cosine of the motion by what slot i of the state remembers of the
+        last one; without it every one is a call of the language's own.
 
     Attributes
     ----------
@@ -68,7 +68,7 @@ class Specialiser:
     '(1.0 + (0.5 * exp((-(base_0 * base_0)))))'
     """
 
-    def __init__(self, language: Language, prefix: str = "", wave: Callable[[int], str] | None = None):
+    def __init__(self, language: Language, prefix: str = "", wave: Callable[[str, int, str], str] | None = None):
         self.language = language
         self.prefix = prefix
         self.wave = wave
@@ -385,7 +385,7 @@ class Specialiser:
         assert self.wave is not None
         whole = self.meaning[argument][0] if argument in self.meaning else argument
         slot = self.waves.setdefault(whole, len(self.waves))
-        return self.language.remembered(name, self.wave(slot), argument)
+        return self.wave(name, slot, argument)
 
 
 def _kind(value: Any) -> str:
