@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from whsklearn.effects import FrictionLaw, Hinge, NaturalSpline, Power, StaticEffect
+from whsklearn.effects import FrictionLaw, Hinge, NaturalSpline, Power, StaticEffect, as_law
 from whsklearn.estimators import _model as wh
 from whsklearn.lags.wiener_hammerstein import WienerHammersteinLags
 from whsklearn.recursion.block_split import Orders
@@ -48,9 +48,13 @@ def structures_for(lags: WienerHammersteinLags) -> tuple[Structure, ...]:
     return (Structure(tuple(dict.fromkeys(orders)), Orders(na - 1, nb, nc - 1, nd), exact=True),)
 
 
+def law_of(lags: WienerHammersteinLags | None) -> FrictionLaw:
+    """The static block that is fitted."""
+    return as_law("cubic_spline" if lags is None else lags.law)
+
+
 def from_record(
     lags: WienerHammersteinLags | None,
-    law: FrictionLaw,
     u: Array,
     y: Array,
     restart: NDArray[np.bool_],
@@ -62,9 +66,7 @@ def from_record(
     Parameters
     ----------
     lags : WienerHammersteinLags or None
-        Orders; None searches for them.
-    law : FrictionLaw
-        The static block.
+        Orders and law; None searches for orders, with a cubic spline.
     u, y, restart : ndarray of shape (n, m), (n,), (n,)
         The record.
     start : ndarray or None
@@ -72,6 +74,7 @@ def from_record(
     weights : ndarray of shape (n,), optional
         Of the squared errors.
     """
+    law = law_of(lags)
     delays = (0, 0) if lags is None else tuple(int(d) for d in lags.delays)
     late, data = sum(delays), record(u, y, restart, weights)
     if late:

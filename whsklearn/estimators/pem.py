@@ -6,12 +6,11 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from whsklearn.effects import as_law
 from whsklearn.estimators import _model as wh
 from whsklearn.estimators._chain import ChainRegressor
 from whsklearn.estimators._prediction_error import PredictionError
 from whsklearn.estimators._records import joined
-from whsklearn.estimators._simulation_fit import from_record, scale_free
+from whsklearn.estimators._simulation_fit import from_record, law_of, scale_free
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -179,15 +178,15 @@ class PEMRegressor(ChainRegressor):
         }
 
     def _fit_simulation(self, X: Array, y: Array, restart: NDArray[np.bool_], weights: Array | None) -> Self:
-        law = as_law("cubic_spline" if self.lags is None else self.lags.law)
         many = X.shape[1] > 1
         if many and self.lags is None:
             raise ValueError(
                 f"X has {X.shape[1]} inputs, and orders are searched for one; give lags=WienerHammersteinLags(...)."
             )
         # the best linear approximation says nothing of a law in dx, nor of how several inputs share L1
-        start = self._fit_prediction(X, y, restart, weights)["theta"] if many or not scale_free(law) else None
-        fit = from_record(self.lags, law, X, y, restart, start, weights)
+        free = not many and scale_free(law_of(self.lags))
+        start = None if free else self._fit_prediction(X, y, restart, weights)["theta"]
+        fit = from_record(self.lags, X, y, restart, start, weights)
         self.__dict__.pop("costs_", None)
         self.cost_ = fit.cost
         self.state_ = {

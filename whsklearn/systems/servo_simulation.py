@@ -76,8 +76,9 @@ def simulate_many(
     axes = list(axes)
     noises = noise if isinstance(noise, list) else [noise] * len(axes)
     seeds = random_state if isinstance(random_state, list) else [random_state] * len(axes)
+    wanted = Conditions(**options)
     jobs = [
-        _job(a, _experiment(a, reference, drive, **options), n, s) for a, n, s in zip(axes, noises, seeds, strict=True)
+        _job(a, _experiment(a, reference, drive, wanted), n, s) for a, n, s in zip(axes, noises, seeds, strict=True)
     ]
     if n_jobs == 1 or len(jobs) == 1:
         return [_run(job) for job in jobs]
@@ -135,44 +136,48 @@ def _signal(values: ArrayLike, name: str, n: int | None = None) -> NDArray[np.fl
     return np.ascontiguousarray(signal)
 
 
+class Conditions(NamedTuple):
+    """What an experiment is besides its reference or drive; see `simulate_many`."""
+
+    disturbance: ArrayLike | None = None
+    reference_velocity: ArrayLike | None = None
+    reference_acceleration: ArrayLike | None = None
+    initial_position: float | None = None
+    initial_velocity: float | None = None
+    position: ArrayLike | None = None
+    velocity: ArrayLike | None = None
+    resync: float | None = None
+    hold: str = "zero"
+
+
 def _experiment(
-    axis: ServoAxis,
-    reference: ArrayLike | None,
-    drive: ArrayLike | None,
-    *,
-    disturbance: ArrayLike | None = None,
-    reference_velocity: ArrayLike | None = None,
-    reference_acceleration: ArrayLike | None = None,
-    initial_position: float | None = None,
-    initial_velocity: float | None = None,
-    position: ArrayLike | None = None,
-    velocity: ArrayLike | None = None,
-    resync: float | None = None,
-    hold: str = "zero",
+    axis: ServoAxis, reference: ArrayLike | None, drive: ArrayLike | None, wanted: Conditions
 ) -> Experiment:
     """Check what the caller wants and complete it."""
     if (reference is None) == (drive is None):
         raise ValueError("Give either a reference (closed loop) or a drive (open loop), not both and not neither.")
-    if hold not in ("zero", "linear"):
-        raise ValueError(f"hold is {hold!r}, expected 'zero' or 'linear'.")
+    if wanted.hold not in ("zero", "linear"):
+        raise ValueError(f"hold is {wanted.hold!r}, expected 'zero' or 'linear'.")
     main = _signal(drive, "drive") if reference is None else _signal(reference, "reference")  # type: ignore[arg-type]
     n = main.size
     if drive is None:
-        path = _path(axis, main, reference_velocity, reference_acceleration)
+        path = _path(axis, main, wanted.reference_velocity, wanted.reference_acceleration)
     else:
         path = np.full((3, n), np.nan)
-    measured, every = _returns(axis, position, velocity, resync, n)
-    start = initial_position if initial_position is not None else _first(position, main[0] if drive is None else 0.0)
-    speed = initial_velocity
+    measured, every = _returns(axis, wanted.position, wanted.velocity, wanted.resync, n)
+    start = wanted.initial_position
+    if start is None:
+        start = _first(wanted.position, main[0] if drive is None else 0.0)
+    speed = wanted.initial_velocity
     if speed is None:
-        speed = measured[1, 0] if position is not None and drive is not None else 0.0
+        speed = measured[1, 0] if wanted.position is not None and drive is not None else 0.0
     return Experiment(
         None if drive is None else main,
         path,
-        np.zeros(n) if disturbance is None else _signal(disturbance, "disturbance", n),
+        np.zeros(n) if wanted.disturbance is None else _signal(wanted.disturbance, "disturbance", n),
         measured,
         every,
-        hold == "linear",
+        wanted.hold == "linear",
         np.array([start, speed, start, speed], dtype=float),
     )
 

@@ -1,0 +1,31 @@
+"""The page: the sentence first, markup of names shown and not run, silence explained."""
+
+from __future__ import annotations
+
+import pytest
+
+from whsklearn.gap import Diagnosis
+from whsklearn.gap.html_report import COLOURS, SILENCE, render, significant
+from whsklearn.gap.verdict import VERDICTS
+
+
+@pytest.mark.parametrize("verdict", VERDICTS)
+def test_every_verdict_has_a_page_in_its_colour_and_silence_its_reason(verdict):
+    page = render(Diagnosis(verdict, "One sentence."))
+    assert "One sentence." in page
+    assert COLOURS.get(verdict, "#5a6773") in page
+    assert SILENCE.get(verdict, "One")[:30] in page
+    assert 'src="http' not in page  # no file from outside
+
+
+def test_a_name_that_is_markup_is_text():
+    page = render(Diagnosis("no_gap", "<script>alert(1)</script>", file="<b>log</b>", origin="<b>log</b>"))
+    assert "<script>alert" not in page
+    assert "<b>log</b>" not in page
+
+
+@pytest.mark.parametrize(
+    ("value", "text"), [(0.123456, "0.1235"), (12345.6, "1.235e+04"), ("N/A", "N/A"), (None, "None")]
+)
+def test_numbers_have_four_digits(value, text):
+    assert significant(value) == text

@@ -1,0 +1,69 @@
+"""Pictures of a page: made from the series that there are, bytes that depend on them alone, peaks kept."""
+
+from __future__ import annotations
+
+import base64
+
+import numpy as np
+import pytest
+
+from whsklearn.effects import Cogging
+from whsklearn.gap import Diagnosis, NamedEffect
+from whsklearn.gap.diagnosis import CandidateLine
+from whsklearn.gap.pictures import DRAWN, draw, thinned, titled, width_of
+
+T = 0.01 * np.arange(600)
+
+
+def diagnosis(**more):
+    gap = np.sin(T)
+    series = {
+        "time": T, "measured": gap, "runs": {"before": 0 * T, "after": 0.9 * gap}, "held": T > 3.0,
+        "gap_time": T, "gap_before": gap, "gap_after": 0.1 * gap, "usable": T > 0.1, "floor": 0.01,
+        "frequency": T, "spectrum": (1 + T, 1 + T), "orders": T[:20], "order_spectrum": (T[:20], T[:20]),
+        "axes": {}, "units": ("Nm", "rad"), "what": "missing torque",
+    }  # fmt: skip
+    return Diagnosis("named", "", pictures=series | more.pop("pictures", {}), **more)
+
+
+def titles(d):
+    return [title for title, _, _ in draw(d)]
+
+
+def test_a_picture_is_drawn_where_its_series_are_and_left_out_where_not():
+    d = diagnosis(candidates=[CandidateLine("cogging", 80.0, 0.9, "named", "accepted")])
+    assert titles(d) == ["Simulation and measurement", "The gap over time", "Candidates", "Frequency", "Order"]
+    del d.pictures["spectrum"]
+    d.pictures["orders"] = T[:3]
+    assert titles(d) == ["Simulation and measurement", "The gap over time", "Candidates"]
+    more = NamedEffect(Cogging(0.1, 8.0), {}, 0.0, 1.0, 1.0)
+    family = NamedEffect(Cogging(0.3, 4.0), {}, 0.0, 1.0, 1.0, orders=[more])
+    assert "Map over one turn" in titles(diagnosis(effects=[family]))
+
+
+def test_the_same_series_give_the_same_bytes_and_the_repair_is_a_line_of_its_own():
+    one, same = draw(diagnosis()), draw(diagnosis())
+    assert one == same
+    with_repair = draw(diagnosis(effects=[NamedEffect(Cogging(0.1, 4.0), {}, 0.0, 1.0, 1.0)]))
+    lines = [base64.b64decode(p[0][2]).count(b"<path") for p in (one, with_repair)]
+    assert lines[0] < lines[1]
+
+
+def test_a_thinned_series_keeps_every_peak():
+    x = np.zeros(50 * DRAWN)
+    x[[7, 99_999]] = 5.0, -3.0
+    t, thin, also = thinned(np.arange(x.size), x, 2 * x)
+    assert thin.size <= 2 * DRAWN
+    assert (thin.max(), thin.min()) == (5.0, -3.0)
+    assert t[np.argmax(thin)] == 7
+    np.testing.assert_array_equal(also, 2 * thin)
+    assert np.all(np.diff(t) >= 0)
+
+
+@pytest.mark.parametrize(("horizon", "width"), [(0.0, 2.0), (0.05, 0.5), (1.0, 2.0)])
+def test_the_overlay_shows_two_seconds_or_ten_restarts(horizon, width):
+    assert width_of(Diagnosis("named", "", horizon=horizon)) == pytest.approx(width)
+
+
+def test_a_log_without_units_has_none_on_its_axes():
+    assert (titled("drive", "Nm"), titled("drive", "")) == ("drive (Nm)", "drive")
