@@ -4,7 +4,8 @@
 
 Logs of the generator in ``tests/blind`` with pairs and triples of Coulomb friction (and Stribeck's part of it),
 gravity, an offset, a spring, cogging and load friction, each 20 to 200 % of the rms drive of the plain axis (load
-friction up to 60 %: beyond, a gear locks); the base law is ``viscous`` alone.
+friction up to 60 %: beyond, a gear locks); the base law is ``viscous`` alone.  An offset beside a spring is found with
+the spring, whose place of rest is drawn too: c (q - q_0) + o and c (q - (q_0 - o / c)) are the same torque.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from tqdm import tqdm
 
 from benchmarks.blind import rate, same
 from tests.blind.servo import make_large
+from whsklearn.effects import get_effect
 from whsklearn.gap import GapFinder
 
 FIELDS = "seed truth verdict names right missed wrong closure missing_before missing_after seconds error".split()
@@ -34,7 +36,7 @@ def diagnose(seed: int) -> dict[str, Any]:
     except (ValueError, ArithmeticError) as error:
         return row | {"verdict": "error", "error": str(error)[:80], "missed": row["truth"], "wrong": "", "right": False}
     names = [e.name for e in d.effects]
-    missed = [t for t in case.truth if not any(same("servo", n, t) for n in names)]
+    missed = [t for t in case.truth if not any(same("servo", n, t) or t in get_effect(n).covers for n in names)]
     wrong = [n for n in names if not any(same("servo", n, t) for t in case.truth)]
     return row | {
         "verdict": d.verdict, "names": "+".join(names), "missed": "+".join(missed), "wrong": "+".join(wrong),

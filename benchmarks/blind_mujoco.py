@@ -27,7 +27,7 @@ from tqdm import tqdm
 
 from benchmarks.blind import wilson
 from whsklearn.effects import effect_names, get_effect
-from whsklearn.gap import GapFinder
+from whsklearn.gap import GapFinder, ServoRecord
 
 COLUMNS = {"time": "time_s", "drive": "torque_nm", "position": "position_rad", "reference": "reference_rad"}
 FIELDS = "effect seed joint rate counts size law verdict names top closure right wrong seconds error".split()
@@ -290,7 +290,8 @@ def diagnose(case: Case) -> dict[str, Any]:
                            "counts": rig.counts, "size": round(case.size, 3), "law": case.law, "error": "",
                            "right": False, "wrong": False}  # fmt: skip
     try:
-        finder = GapFinder("servo", law=case.law).fit(case.frame, **COLUMNS)
+        record = ServoRecord.from_frame(case.frame, **COLUMNS, resolution=2 * np.pi / rig.counts)
+        finder = GapFinder("servo", law=case.law).fit(record)
         d = finder.diagnosis_
         names = [e.name for e in d.effects]
         may = accepted(case.truth) if case.truth else set()

@@ -53,8 +53,14 @@ def test_what_holds_the_drive_is_asked_of_the_equation():
 def test_what_modifies_friction_waits_for_it():
     names = {c.name for c in usable([])}
     assert "coulomb" in names
-    assert not names & {"stribeck", "position_friction", "load_friction"}
+    assert "load_friction" in names  # a gear rubs under its load whether or not it does so without
+    assert not names & {"stribeck", "position_friction"}
     assert {"stribeck", "position_friction"} <= {c.name for c in usable([candidate("coulomb")])}
+
+
+def test_a_spring_whose_place_of_rest_is_free_leaves_no_constant_to_find():
+    assert "input_offset" in {c.name for c in usable([])}
+    assert not {c.name for c in usable([candidate("cable_spring")])} & {"input_offset", "asymmetric_coulomb"}
 
 
 def test_one_transmission_and_one_of_a_name_but_several_waves():

@@ -26,6 +26,11 @@ def test_a_constant_has_no_derivative():
     assert abs(g2.sum()) < 1e-9 * np.abs(g2).sum()  # else a position offset would be a phantom torque
 
 
+def test_whitening_many_columns_is_whitening_each():
+    d, ar = np.random.default_rng(0).normal(size=(60, 5)), np.array([1.0, -0.4, 0.2])
+    assert whiten(d, ar) == pytest.approx(np.column_stack([whiten(c, ar) for c in d.T]))
+
+
 def test_whitening_undoes_the_colour():
     white = np.random.default_rng(0).normal(size=20_000)
     coloured = lfilter([1.0], [1.0, -0.9], white)

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
-from whsklearn.gap.record import blocks, lattice, noise_level
+from whsklearn.gap.plants.servo_sensors import coarse_encoder
+from whsklearn.gap.record import ServoRecord, blocks, lattice, noise_level
 
 T = np.arange(20_000) / 1000
 PATH = np.sin(2 * T) + 0.3 * np.sin(7 * T)
@@ -27,6 +30,25 @@ def test_the_step_of_an_encoder_is_found(lines):
 def test_a_smooth_record_lies_on_no_lattice():
     assert lattice(PATH + 1e-4 * np.random.default_rng(0).normal(size=T.size)) == 0.0
     assert lattice(np.zeros(100)) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("units", "made", "told"),
+    [(("counts", "counts"), False, False), (("", ""), False, False), (("Nm", "rad"), False, False),
+     (("rad", "rad"), False, True), (("m", "m"), False, True), (("counts", "counts"), True, True)],
+)  # fmt: skip
+def test_equal_units_make_no_following_error_of_a_drive(units, made, told):
+    record = ServoRecord(T, PATH, PATH, units=units, error_for_drive=made)
+    assert record.is_following_error == told
+
+
+@pytest.mark.parametrize(("stated", "named"), [(0.0, True), (0.01, False), (0.005, True)])
+def test_a_grid_that_the_log_states_is_no_effect(stated, named):
+    view = SimpleNamespace(
+        quantum=0.01, noise=0.003, scene=SimpleNamespace(reach=1.0), record=SimpleNamespace(resolution=stated),
+        gap=lambda m: m, rms=lambda g: 1.0, floor=lambda: 1.0,
+    )  # fmt: skip
+    assert bool(coarse_encoder(view, None)) == named
 
 
 def test_blocks_part_the_record_and_each_is_held_out_once():

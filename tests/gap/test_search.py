@@ -10,7 +10,7 @@ import pytest
 
 from whsklearn.gap import evidence as rules
 from whsklearn.gap.plant import Look, ModelErrors, ViewDefaults
-from whsklearn.gap.search import Search
+from whsklearn.gap.search import Found, Search
 
 LIMITS = replace(rules.CAPPED, few_refined=rules.FEW_REFINED)
 
@@ -58,3 +58,97 @@ def test_at_the_floor_few_are_fitted_unless_one_of_them_would_earn_a_name(left, 
     assert len(view.refined) == tried
     if tried == 4:
         assert evidence[0].name == "c"  # behind in the linear look, ahead in the fit
+
+
+@dataclass(frozen=True)
+class Parts:
+    """A model of named effects, each of which leaves a share of the gap."""
+
+    terms: tuple
+    n_base: int = 0
+
+    def without(self, index):
+        return Parts(self.terms[:index] + self.terms[index + 1 :])
+
+    def with_terms(self, terms):
+        return Parts(terms)
+
+
+def part(name, left, covers=()):
+    return SimpleNamespace(name=name, left=left, effect=SimpleNamespace(covers=covers))
+
+
+class PartsView(QuietView):
+    """A view in which what is left is the product of the shares that the effects leave."""
+
+    def gap(self, model):
+        return np.full(400, float(np.prod([t.left for t in model.terms])))
+
+    def fit(self, model):
+        return model
+
+    def quiet(self, model, least):
+        return False
+
+    def look(self, model):
+        return [Look(t.name, 1 - t.left, t) for t in self.candidates if t.name not in {o.name for o in model.terms}]
+
+    def refine(self, model, look):
+        return Parts((*model.terms, look.start))
+
+    def objection(self, model, index):
+        return ""
+
+    def demand(self, model):
+        return 0.0
+
+    def replaceable(self, model, index):
+        return True
+
+    def trimmed(self, model):
+        return self
+
+
+def search_of(*candidates, view=PartsView):
+    view = view([])
+    view.candidates, view.floor = candidates, lambda model: 0.01
+    plant = SimpleNamespace(tolerance=0.004, scale=1.0, commoner=lambda name: ())
+    return view, Search(plant, lambda v, m: 0.0), Found(Parts(()), Parts(()))
+
+
+def add(search, view, found, name):
+    evidence = search.try_all(view, found.model)[1]
+    found.add(next(e for e in evidence if e.name == name), evidence, view)
+
+
+@pytest.mark.parametrize(("covers", "left"), [((), ["offset", "spring"]), (("offset",), ["spring"])])
+def test_what_the_last_effect_says_already_is_taken_back(covers, left):
+    view, search, found = search_of(part("offset", 0.3), part("spring", 0.5, covers))
+    add(search, view, found, "offset")
+    add(search, view, found, "spring")
+    search._absorb(view, found)
+    assert [e.name for e in found.taken] == [t.name for t in found.model.terms] == left
+
+
+def test_an_effect_that_the_others_leave_nothing_for_is_dropped(monkeypatch):
+    least = lambda self, m: np.full(400, min([1.0, *(t.left for t in m.terms)]))  # noqa: E731
+    monkeypatch.setattr(PartsView, "gap", least)  # beside the second the first is worth nothing
+    view, search, found = search_of(part("coulomb", 0.5), part("load", 0.1))
+    add(search, view, found, "coulomb")
+    add(search, view, found, "load")
+    search._exchange(view, found, 0.0)
+    search._prune(view, found, 0.0)
+    assert [e.name for e in found.taken] == ["load"]
+
+
+def test_an_effect_found_anew_keeps_the_better_numbers():
+    class Coarse(PartsView):
+        def refine(self, model, look):
+            return Parts((*model.terms, part(look.name, 2 * look.start.left)))
+
+    view, search, found = search_of(part("a", 0.2), part("b", 0.1), view=Coarse)
+    add(search, view, found, "a")
+    add(search, view, found, "b")
+    polished = found.model = Parts((part("a", 0.2), part("b", 0.1)))
+    search._exchange(view, found, 0.0)
+    assert found.model is polished

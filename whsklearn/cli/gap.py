@@ -249,8 +249,10 @@ def as_record(options: dict[str, Any], log: Bunch) -> tuple[Any, dict[str, Any]]
         note(text)
         log.notes = (*log.notes, text)
     return ServoRecord(
-        log.time, drive, position, reference, ("drive" if drive_unit == UNKNOWN else drive_unit, unit)
-    ), {}
+        log.time, drive, position, reference, ("drive" if drive_unit == UNKNOWN else drive_unit, unit),
+        resolution=factor if log.units["position"].startswith("counts") else 0.0,
+        error_for_drive=log.command is not None,
+    ), {}  # fmt: skip
 
 
 def simulator_of(options: dict[str, Any]) -> Any:

@@ -115,6 +115,8 @@ class Effect:
         Effect without which this one is not asked for, such as ``coulomb`` for what modifies it; empty: none.
     commoner : tuple of str
         Effects that are preferred to this one where both explain a record about as well.
+    covers : tuple of str
+        Effects that its own numbers say already: an offset moves the place where a spring is at rest.
     elementary : bool
         Whether it is so common that it is tried first wherever much is missing.
     repeats : bool
@@ -159,6 +161,7 @@ class Effect:
     choices: ClassVar[dict[str, tuple[str, ...]]] = {}
     parent: ClassVar[str] = ""
     commoner: ClassVar[tuple[str, ...]] = ()
+    covers: ClassVar[tuple[str, ...]] = ()
     elementary: ClassVar[bool] = False
     held: ClassVar[tuple[str, ...]] = ()
     repeats: ClassVar[bool] = False

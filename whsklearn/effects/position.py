@@ -160,6 +160,7 @@ class CableSpring(Effect):
         "Hilkert 2008, Inertially Stabilized Platform Technology, IEEE Control Systems Magazine 28(1), 26-46"
     )
     commoner: ClassVar[tuple[str, ...]] = ("gravity_imbalance",)
+    covers: ClassVar[tuple[str, ...]] = ("input_offset", "asymmetric_coulomb")
     code: ClassVar[int] = codes.CABLE_SPRING
 
 

@@ -61,7 +61,7 @@ class LoadFriction(Effect):
     quantities: ClassVar[dict[str, Quantity]] = {"coefficient": Quantity("1", 1e-3, 0.5, log=True)}
     signature: ClassVar[str] = "a step at zero velocity whose height follows the drive"
     needs: ClassVar[str] = "several loads or accelerations at equal speed"
-    parent: ClassVar[str] = "coulomb"
+    commoner: ClassVar[tuple[str, ...]] = ("coulomb",)
     reference: ClassVar[str] = "Bittencourt, Gunnarsson 2012, ASME J. Dyn. Syst. Meas. Control 134(5), 051013"
     code: ClassVar[int] = codes.LOAD_FRICTION
 

@@ -241,13 +241,15 @@ TWO_MASS = frozenset((codes.BACKLASH, codes.FLEXIBLE_COUPLING))
 
 def usable(present: list[Candidate]) -> tuple[Candidate, ...]:
     """Candidates that a model with those ``present`` may still get: one that splits the inertia at the most, one of
-    a name unless it repeats, and what modifies another effect only beside that one.
+    a name unless it repeats, what modifies another effect only beside that one, and nothing that one present says.
     """
     names = {p.name for p in present}
+    said = {name for p in present for name in p.cls.covers}
     split = any(p.cls.port == "block" for p in present)
     return tuple(
         c for c in catalogue()
         if (c.name not in names or c.repeats)
+        and c.name not in said
         and not (split and c.cls.port == "block")
         and (not c.parent or c.parent in names)
     )  # fmt: skip

@@ -28,6 +28,7 @@ Array = NDArray[Any]
 WIDEST = 5.0  # times the inertia of the inverse dynamics either way: fits that left it by more had run away
 LARGEST = 10.0  # times the rms drive that one effect may ask for: larger ones only cancel each other
 LONGEST_STEP = 1.001e-3  # s of a fine step; the thousandth more takes the rounding of 1 / 1000
+FASTEST_COUPLING = 90.0  # Hz, the fastest one that is looked for, for which `Effect.finest` of a transmission holds
 TIMING_LIMIT = 1.0  # samples; less than one is bookkeeping, not physics
 
 
@@ -165,6 +166,17 @@ class AxisModel:
         parts = bare_parts(self.inertia, self.timing * self.scene.dt, on_load=self.load_side)
         return Plant(np.array([t.kind.code for t in self.terms], dtype=np.int64), p, parts, address_of(tuple(own)))
 
+    @property
+    def longest_step(self) -> float:
+        """Largest fine step (s) at which a run is right.
+
+        A coupling needs so many steps a period, and no record shows one much faster than its scales say: at 50 Hz of
+        sampling a period of 100 ms in steps of an eighth of a millisecond took eight times as long and no other digits.
+        """
+        slower = max(1.0, FASTEST_COUPLING / self.scene.resonance)
+        finest = (1.001 * t.kind.finest * (slower if t.kind.cls.port == "block" else 1.0) for t in self.terms)
+        return min([LONGEST_STEP, *finest])
+
     def follow(
         self,
         drive: Array,
@@ -177,7 +189,7 @@ class AxisModel:
     ) -> tuple[Array, Array, Array, Array]:
         """Predicted position, angle, velocity and twist (see `whsklearn.systems.servo_observer.follow`)."""
         dt = self.scene.dt
-        substeps = int(np.ceil(dt / min([LONGEST_STEP, *(1.001 * t.kind.finest for t in self.terms)])))
+        substeps = int(np.ceil(dt / self.longest_step))
         measured = [position if max(gains) > 0.0 else start[0], start[1]]
         if twist is not None and len(twist) > 0:
             measured += [twist[:, 0], twist[:, 1]]

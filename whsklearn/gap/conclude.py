@@ -152,7 +152,9 @@ def _verdict(
     if view.limits.run_counts or view.demand(found.model) > 0.0:  # knocks a sample early or late are no path
         total = max(total, headline["closure"])
     at_floor = view.quiet(found.model, plant.tolerance * plant.scale)
-    still = 0.0 if at_floor else plant.follows(found.model)
+    still = plant.follows(found.model)
+    if at_floor and after * np.sqrt(max(still, 0.0)) < view.limits.own_shape * gap:
+        still = 0.0
     rivals, shares, same = rivals_of(plant, found, rng)
     names = list(dict.fromkeys(t.name for t in found.model.terms[found.model.n_base :]))
     verdict = verdict_of(names, total, rivals, quiet=bool(quiet), follows=1.0, left=left, still=still)

@@ -6,16 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from whsklearn.gap import evidence as rules
 from whsklearn.gap.record import ServoRecord
-
-SHORTEST = 3.0  # s: a third of it is lost to restarts and filters, and the rest must hold several reversals
-HOLE = 5.5  # typical steps: five samples lost are a kick of several percent of the drive in any derivative
-FEWEST = 300  # samples
-FLAT = 0.02  # share of samples at an extreme that is worth a word
-TURNING = 0.01  # s, over which a halt at an extreme is compared with the rest of the path
-SHARPER = 1.4  # times the usual change of path: a turn stays below 0.6 on eight pendulum logs and, by v = a t, below 1;
-# sines clipped at their median or at nine tenths reach 1.9 to 7.6 (blind records of `tests.blind`)
-FEWEST_CHANGES = 4  # of the drive: a torque step has two
 
 
 @dataclass(frozen=True)
@@ -74,23 +66,26 @@ def _shape_problems(r: ServoRecord) -> list[Problem]:
     if n > 1 and np.any(np.diff(r.time) <= 0):
         text = "Time does not increase; sort the log, or pass one experiment at a time."
         return [Problem("data-time-order", "Time runs backwards", text)]
-    if n < FEWEST or r.time[-1] - r.time[0] < SHORTEST:
+    if n < rules.FEWEST_SAMPLES or r.time[-1] - r.time[0] < rules.SHORTEST_RECORD:
         span = r.time[-1] - r.time[0] if n else 0.0
-        text = f"{n} samples over {span:.1f} s; at least {FEWEST} samples and {SHORTEST:.0f} s are needed. Log longer."
+        text = (
+            f"{n} samples over {span:.1f} s; at least {rules.FEWEST_SAMPLES} samples and {rules.SHORTEST_RECORD:.0f} s "
+            "are needed. Log longer."
+        )
         return [Problem("data-too-short", "Record too short", text)]
     steps = np.diff(r.time)
     typical = float(np.median(steps))
     longest = int(np.argmax(steps))
-    if steps[longest] > HOLE * typical:
+    if steps[longest] > rules.HOLE * typical:
         text = (
             f"{1e3 * steps[longest]:.3g} ms pass after {r.time[longest]:.6g} s where {1e3 * typical:.3g} ms are usual: "
             "samples are missing. Read the file by load_log, which mends or cuts, or pass one unbroken part."
         )
         return [Problem("data-uneven-time", "A hole in time", text)]
-    if np.mean(np.abs(steps - typical) > 0.5 * typical) > 0.01:
+    if np.mean(np.abs(steps - typical) > 0.5 * typical) > rules.UNEVEN:
         text = f"More than 1 % of the steps differ by half from the typical {1e3 * typical:.3g} ms; resample evenly."
         return [Problem("data-uneven-time", "Uneven sampling", text)]
-    if typical > 0.05:
+    if typical > rules.SLOWEST_SAMPLING:
         text = f"One sample every {typical:.3g} s; an axis needs at least 20 a second. Is the time column in seconds?"
         return [Problem("data-time-unit", "Sampling too slow", text)]
     return []
@@ -98,13 +93,13 @@ def _shape_problems(r: ServoRecord) -> list[Problem]:
 
 def _motion_problems(r: ServoRecord) -> list[Problem]:
     travel = np.ptp(r.position)
-    if travel == 0 or np.mean(np.abs(np.diff(r.position)) > 0) < 0.002:
+    if travel == 0 or np.mean(np.abs(np.diff(r.position)) > 0) < rules.MOVING:
         text = "The position does not change; pick the measured position, or a record in which the axis moves."
         return [Problem("data-not-moving", "The axis does not move", text)]
     if np.ptp(r.drive) == 0:
         return [Problem("data-no-drive", "The drive is constant", "The drive column never changes; pick the drive.")]
-    if np.count_nonzero(np.diff(r.drive)) < FEWEST_CHANGES:
-        text = f"The drive changes fewer than {FEWEST_CHANGES} times; pick the drive that was applied."
+    if np.count_nonzero(np.diff(r.drive)) < rules.FEWEST_CHANGES:
+        text = f"The drive changes fewer than {rules.FEWEST_CHANGES} times; pick the drive that was applied."
         return [Problem("data-no-drive", "The drive hardly changes", text)]
     return []
 
@@ -112,14 +107,14 @@ def _motion_problems(r: ServoRecord) -> list[Problem]:
 def _value_problems(r: ServoRecord) -> list[Problem]:
     out = []
     share = flat_share(r.drive)
-    if share > FLAT:
+    if share > rules.FLAT:
         text = (
             f"The drive stands at its extreme for {100 * share:.0f} % of the record. If that is the limit of the "
             "amplifier, the log is as it should be; if the logger cut it off, log with a wider range."
         )
         out.append(Problem("data-drive-at-limit", "The drive reaches a limit", text, fatal=False))
     share = flat_share(r.position)
-    if share > FLAT:
+    if share > rules.FLAT:
         cut = cut_at_speed(r.position, r.dt)
         text = f"The position stands at its extreme for {100 * share:.0f} % of the record"
         text += (
@@ -130,8 +125,8 @@ def _value_problems(r: ServoRecord) -> list[Problem]:
         out.append(Problem("data-clipped-position" if cut else "data-rest-at-extreme", title, text, fatal=cut))
     jumps = np.abs(np.diff(r.position, 2))
     scale = np.quantile(jumps, 0.999) + 1e-300
-    spikes = int(np.sum(jumps > 60 * scale))
-    if spikes > 2:
+    spikes = int(np.sum(jumps > rules.SPIKE * scale))
+    if spikes > rules.SPIKES_BORNE:
         text = (
             f"{spikes} samples of the position jump far beyond the rest: outliers or a wrapped angle. Unwrap or repair."
         )
@@ -147,7 +142,7 @@ def cut_at_speed(x: np.ndarray, dt: float) -> bool:
     in k samples before the halt or after it is within its usual change of path over k samples.  That is measured on
     the record itself, so a coarse grid, friction or a stiff load move the bound as they move the path.
     """
-    k = max(2, round(TURNING / dt))
+    k = max(2, round(rules.TURNING / dt))
     if x.size < 10 * k:
         return False
     at = (x == x.max()) | (x == x.min())
@@ -159,7 +154,7 @@ def cut_at_speed(x: np.ndarray, dt: float) -> bool:
         return False
     usual = float(np.quantile(bends[~near], 0.99))
     speeds = [min(abs(x[a] - x[a - k]), abs(x[b - 1 + k] - x[b - 1])) for a, b in runs]
-    return float(np.median(speeds)) > SHARPER * usual
+    return float(np.median(speeds)) > rules.SHARPER * usual
 
 
 def flat_share(x: np.ndarray) -> float:

@@ -13,6 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from whsklearn._numba import njit
+
 Array = NDArray[Any]
 
 
@@ -164,10 +166,27 @@ def solve_whitening(covariance: Array, white: float) -> Array:
 
 
 def whiten(d: Array, ar: Array) -> Array:
-    """``d`` filtered by the whitening polynomial, along the first axis."""
+    """``d`` filtered by the whitening polynomial, along the first axis.
+
+    Many columns go row by row: column by column a scan of thousands of orders spent a fifth of its time here.
+    """
+    if d.ndim == 2:
+        return moving_average(np.ascontiguousarray(d), ar)
     from scipy.signal import lfilter
 
     return lfilter(ar, [1.0], d, axis=0)
+
+
+@njit(nogil=True)
+def moving_average(d, b):
+    """sum_k b_k d[i - k] of every column, zeros before the start; shape (n, m)."""
+    n, m = d.shape
+    out = np.zeros((n, m))
+    for i in range(n):
+        for k in range(min(b.size, i + 1)):
+            for j in range(m):
+                out[i, j] += b[k] * d[i - k, j]
+    return out
 
 
 def whiteness(e: Array, name: str, lags: int = 20) -> dict[str, Any]:

@@ -218,6 +218,12 @@ class View(Protocol):
     def look(self, model: Any) -> list[Look]:
         """All candidates on top of a fitted model, the most promising first."""
 
+    def look_again(self, model: Any, beside: Any) -> list[Look]:
+        """The same for a model that is ``beside`` without one effect, so that more is known than the model says."""
+
+    def absorbed(self, model: Any, index: int) -> Any:
+        """The model without a term that its last one says already (`Effect.covers`), the last one fitted anew."""
+
     def refine(self, model: Any, look: Look) -> Any:
         """The model with the candidate added as its last term, fitted jointly."""
 
@@ -232,6 +238,9 @@ class View(Protocol):
 
     def replaceable(self, model: Any, index: int) -> bool:
         """Whether other candidates may be tried in the place of a term."""
+
+    def settled(self, model: Any) -> Any:
+        """The model with numbers refitted that its last term moves, where ``refine`` fits only that term's."""
 
     def family(self, model: Any) -> Iterable[Trial]:
         """Further members of the last term's family (orders of a wave), each earned; empty for most effects."""
@@ -360,6 +369,10 @@ class ViewDefaults:
         """Rms of the gap that is gone."""
         return float(np.sqrt(max(self.rms(self.gap(before)) ** 2 - self.rms(self.gap(after)) ** 2, 0.0)))
 
+    def settled(self, model: Any) -> Any:
+        """The model itself: ``refine`` fits all numbers jointly."""
+        return model
+
     def family(self, model: Any) -> Iterable[Trial]:
         """None: further orders are candidates like any other."""
         return ()
@@ -367,6 +380,14 @@ class ViewDefaults:
     def trimmed(self, model: Any) -> Any:
         """The view itself."""
         return self
+
+    def look_again(self: Any, model: Any, beside: Any) -> list[Look]:
+        """As without it."""
+        return list(self.look(model))
+
+    def absorbed(self: Any, model: Any, index: int) -> Any:
+        """All free numbers refitted."""
+        return self.fit(model.without(index))
 
     def same_signature(self, a: Any, b: Any) -> bool:
         """No two effects are one and the same but for `Plant.aliases`."""

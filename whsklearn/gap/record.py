@@ -9,6 +9,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
+from whsklearn.gap import evidence as rules
+
 Array = NDArray[Any]
 
 
@@ -39,6 +41,10 @@ class ServoRecord:
         What the position should have been.
     units : tuple of two str
         Of drive and position.
+    resolution : float
+        Step of the encoder where the log states it (a log in counts), in the position's unit; 0 where it does not.
+    error_for_drive : bool
+        Whether command minus position stands for a drive that was not logged.
 
     References
     ----------
@@ -58,12 +64,17 @@ class ServoRecord:
     drive: Array
     position: Array
     reference: Array | None = None
-    units: tuple[str, str] = ("Nm", "rad")  # of drive and position
+    units: tuple[str, str] = ("Nm", "rad")
+    resolution: float = 0.0
+    error_for_drive: bool = False
 
     @property
     def is_following_error(self) -> bool:
-        """Whether command minus position stands for the drive: it is in the position's unit."""
-        return self.units[0] == self.units[1]
+        """Whether command minus position stands for the drive: it was made so, or is logged as an angle or a length.
+
+        Equal units alone say nothing: a converter's counts and an encoder's are both ``counts``.
+        """
+        return self.error_for_drive or (self.units[0] == self.units[1] and self.units[1] in ("rad", "m"))
 
     @classmethod
     def from_frame(
@@ -74,6 +85,7 @@ class ServoRecord:
         drive: str = "torque_nm",
         position: str = "position_rad",
         reference: str | None = None,
+        resolution: float = 0.0,
     ) -> ServoRecord:
         """Pick the columns of a log; a name that ends in a unit, ``_deg`` or ``_ms``, is brought to rad, m and s.
 
@@ -84,6 +96,8 @@ class ServoRecord:
             Names of columns.
         reference : str, optional
             Name of a column.
+        resolution : float
+            Step of the encoder in rad or m, where its data sheet says it.
 
         Examples
         --------
@@ -110,7 +124,7 @@ class ServoRecord:
             known: dict[str, tuple[str, float]] = {"time": TIMES, "drive": {}}.get(role, LENGTHS)
             picked[role] = values * _unit(column, known)[1]
         units = (_unit(drive, DRIVES, "Nm")[0], _unit(position, LENGTHS, "rad")[0])
-        return cls(**picked, units=units)
+        return cls(**picked, units=units, resolution=resolution)
 
     @property
     def dt(self) -> float:
@@ -144,8 +158,8 @@ def lattice(position: ArrayLike) -> float:
         return 0.0
     step = float(np.median(gaps[gaps < 1.5 * gaps.min()]))
     ratio = gaps / step
-    on_grid = np.abs(ratio - np.round(ratio)) < 0.02 * np.maximum(1.0, np.round(ratio) ** 0.5)
-    if np.mean(on_grid) < 0.99 or values.size > 0.9 * np.asarray(position).size:
+    on_grid = np.abs(ratio - np.round(ratio)) < rules.ON_GRID * np.maximum(1.0, np.round(ratio) ** 0.5)
+    if np.mean(on_grid) < rules.MOSTLY_ON_GRID or values.size > rules.DISTINCT * np.asarray(position).size:
         return 0.0
     offsets = (values - values[0]) / step
     slack = np.abs(offsets - np.round(offsets))

@@ -117,6 +117,8 @@ class Search:
             if taken is None:
                 break
             found.add(taken, evidence, view)
+            self._absorb(view, found)
+            found.model = view.settled(found.model)
             self._grow(view, found)
             whole, view = view, view.trimmed(found.model)
             if view is not whole:
@@ -136,9 +138,17 @@ class Search:
         for trial in view.family(found.model):
             found.add(weigh(view, found.model, [trial])[0], [], view)
 
-    def try_all(self, view: Any, model: Any) -> tuple[list[Look], list[Evidence]]:
-        """(all looks, evidence of the refined ones) on top of a model."""
-        looks = sorted(view.look(model), key=lambda k: -k.gain)
+    def _absorb(self, view: Any, found: Found) -> None:
+        """Take back what the last effect's own numbers say already."""
+        covered = getattr(found.model.terms[-1].effect, "covers", ())
+        for i in reversed(range(len(found.taken) - 1)):
+            if found.taken[i].name in covered:
+                found.model = view.absorbed(found.model, found.model.n_base + i)
+                found.drop(i)
+
+    def try_all(self, view: Any, model: Any, beside: Any = None) -> tuple[list[Look], list[Evidence]]:
+        """(all looks, evidence of the refined ones) on top of a model, which is ``beside`` without one effect."""
+        looks = sorted(view.look(model) if beside is None else view.look_again(model, beside), key=lambda k: -k.gain)
         wanting = not view.quiet(model, self.plant.tolerance * self.plant.scale)
         cheap = [k for k in looks if k.gain > 0 and (wanting or not k.costly)]
         top = max(cheap[0].gain, 1e-300) if cheap else 0.0
@@ -187,20 +197,29 @@ class Search:
         return best
 
     def _exchange(self, view: Any, found: Found, null: float) -> None:
-        """Try every effect taken against all others in its place: the first was chosen when more was missing."""
+        """Try every effect taken against all others in its place: the first was chosen when more was missing.
+
+        An effect that would earn nothing in its own place any more is no effect.
+        """
         for i in range(len(found.taken)):
             index = found.model.n_base + i
             if found.views[i] is not view or not view.replaceable(found.model, index):
                 continue
             without = view.fit(found.model.without(index))
-            _, evidence = self.try_all(view, without)
+            _, evidence = self.try_all(view, without, found.model)
             best = self.first_sound(view, evidence, null)
             found.rivals[i] = evidence
             if best is None:
+                own = max((e.delta_bic for e in evidence if e.name == found.taken[i].name), default=0.0)
+                if own < view.limits.least and not found.taken[i].reason:
+                    found.taken[i].reason = "the others leave nothing for it"
                 continue
-            terms = best.trial.model.terms
-            found.model = best.trial.model.with_terms((*terms[:index], terms[-1], *terms[index:-1]))
+            same = best.name == found.taken[i].name
             found.taken[i] = best
+            if same and best.left >= view.rms(view.gap(found.model)):
+                continue  # found anew from a coarse start, its numbers are no better than those it has by now
+            terms = best.trial.model.terms
+            found.model = view.settled(best.trial.model.with_terms((*terms[:index], terms[-1], *terms[index:-1])))
 
     def _prune(self, view: Any, found: Found) -> None:
         """Drop effects that the others have made needless."""

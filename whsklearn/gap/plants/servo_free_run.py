@@ -13,18 +13,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from whsklearn.gap import evidence as rules
 from whsklearn.gap.axis_model import AxisModel
 from whsklearn.gap.record import blocks
 
 Array = NDArray[Any]
 WINDOWS = (0.08, 0.04, 0.02, 0.01, 0.005)  # s
-OWN_MOTION = (
-    0.2  # of the rms speed that a model's own motion may differ from its smoothed self: a play's knocks reach 0.1
-)
 LONGEST = 0.5  # s
 SHORTER = (0.2, 0.1, 0.05, 0.02, 0.01, 0.005)  # s
-OWN_ERROR = 0.1  # of the path of a horizon that a model may miss of its own record by the noise of the restarts
-OFF_PATH = 0.05  # of the path that a run may leave by a torque that is worth no name
 
 
 def smoothed(position: Array, dt: float, width: int) -> tuple[Array, Array]:
@@ -69,7 +65,7 @@ def restart_states(view: Any, model: AxisModel) -> tuple[tuple[Array, Array], Ar
     own_q, own_v = smoothed(y_hat, dt, width)
     if model.load_side:
         angle, speed = angle - twist[:, 0], speed - twist[:, 1]
-    if float(np.sqrt(np.mean((speed - own_v) ** 2))) > OWN_MOTION * view.scene.speed:
+    if float(np.sqrt(np.mean((speed - own_v) ** 2))) > rules.OWN_MOTION * view.scene.speed:
         return (q, v), np.zeros((0, 2))
     return (q + angle - own_q, v + speed - own_v), twist
 
@@ -82,9 +78,9 @@ def horizon_of(model: AxisModel, scene: Any, tolerance: float) -> float:
     """
     viscous = sum(t.q[0] for t in model.terms if t.name == "viscous")
     error = tolerance * scene.torque
-    if error <= OFF_PATH * viscous * scene.speed:
+    if error <= rules.OFF_PATH * viscous * scene.speed:
         return LONGEST
-    longest = 2.0 * OFF_PATH * scene.speed * model.inertia / error
+    longest = 2.0 * rules.OFF_PATH * scene.speed * model.inertia / error
     digits = 10.0 ** np.floor(np.log10(longest))
     return float(np.clip(round(longest / digits) * digits, 10 * scene.dt, LONGEST))
 
@@ -99,7 +95,7 @@ def predictable(twin: Any, model: AxisModel, longest: float) -> float:
     held = held_out(twin)
     for h in horizons:
         e = (twin.record.position - free_run(twin, model, h))[held]
-        if np.all(np.isfinite(e)) and float(np.sqrt(np.mean(e**2))) < OWN_ERROR * h * model.scene.speed:
+        if np.all(np.isfinite(e)) and float(np.sqrt(np.mean(e**2))) < rules.OWN_ERROR * h * model.scene.speed:
             return h
     return longest
 

@@ -43,15 +43,6 @@ DRIVE_NOISE = (
 )
 # 0.0015 to 0.0019, since the controller puts the encoder's noise into the drive as well
 
-# Of the record: a window, and the longest stretch that may be left out.
-ODD_WINDOW, ODD_SHARE = 0.02, 0.06
-# Times the median window's rms: what is odd, and what nine of ten windows must stay below.  LAAS has 6 and 1.1 with its
-# first orders in, eight pendulum logs have no such stretch.
-ODD, EVEN = 4.0, 2.0
-# Robust standard deviations, which a Gaussian never reaches; the first 0.15 s of LAAS (before the index pulse, 2 % of
-# the samples and 60 % of what is left) reach 15.
-CAP = 6.0
-
 
 class InverseView(ViewDefaults):
     """One record behind one Gaussian.
@@ -273,14 +264,14 @@ class InverseView(ViewDefaults):
         if self.skipped is not None:
             return self
         time, gap = self.time[:: self.every][self.at], self.gap(model)
-        width = ODD_WINDOW * self.scene.duration
+        width = rules.ODD_WINDOW * self.scene.duration
         number = (time // width).astype(np.intp)
         count = np.bincount(number)
         power = np.bincount(number, gap**2) / np.maximum(count, 1)
         rms = np.sqrt(power[count > 0])
-        odd = np.flatnonzero(np.sqrt(power) > ODD * np.median(rms))
-        most = ODD_SHARE / ODD_WINDOW
-        if odd.size == 0 or odd[-1] - odd[0] >= most or np.quantile(rms, 0.9) > EVEN * np.median(rms):
+        odd = np.flatnonzero(np.sqrt(power) > rules.ODD * np.median(rms))
+        most = rules.ODD_SHARE / rules.ODD_WINDOW
+        if odd.size == 0 or odd[-1] - odd[0] >= most or np.quantile(rms, 0.9) > rules.EVEN * np.median(rms):
             return self
         span = (float(odd[0] * width) - self.g.size // 2 * self.scene.dt, float((odd[-1] + 1) * width))
         return InverseView(self.record, self.scene, self.cutoff, self.start, span)
@@ -294,12 +285,12 @@ class InverseView(ViewDefaults):
         return stop.outside(target - np.einsum("ij,ij->i", x, fits[self.block]), away)
 
     def compare(self, models: Sequence[AxisModel], best: int) -> list[ModelErrors]:
-        """Cross-validated errors of each, capped at `CAP` robust deviations of what the best leaves.
+        """Cross-validated errors of each, capped at `evidence.CAP` robust deviations of what the best leaves.
 
         A start-up or a knock that no candidate explains would else decide between them by its own sum of squares.
         """
         errors = [self.cross_validated(m) for m in models]
-        cap = CAP * 1.4826 * float(np.median(np.abs(errors[best])))
+        cap = rules.CAP * 1.4826 * float(np.median(np.abs(errors[best])))
         errors = [np.clip(e, -cap, cap) for e in errors]
         return [ModelErrors(e, e, self.block, self.n_effective) for e in errors]
 
@@ -343,11 +334,34 @@ class InverseView(ViewDefaults):
 
         return looks(self, model)
 
+    def look_again(self, model: AxisModel, beside: AxisModel) -> list[Look]:
+        """The same; what multiplies the torque is tried too where only ``beside`` predicts it well enough.
+
+        Coulomb friction stands for a gear's load friction until gravity or a spring is found; without it too much is
+        left again for the load friction to be looked at, and it would never be tried in its place.
+        """
+        from whsklearn.gap.plants.servo_inverse_look import looks
+
+        return looks(self, model, beside)
+
+    def absorbed(self, model: AxisModel, index: int) -> AxisModel:
+        """The last term polished without the one that it covers: a spring's place of rest takes an offset in."""
+        from whsklearn.gap.plants.servo_inverse_look import polished
+
+        rest = model.without(index)
+        return polished(self, rest.without(len(rest.terms) - 1), rest.terms[-1])
+
     def refine(self, model: AxisModel, look: Look) -> AxisModel:
         """The candidate with its shape polished on the sum of squares, sizes solved."""
         from whsklearn.gap.plants.servo_inverse_look import polished
 
         return polished(self, model, look.start)
+
+    def settled(self, model: AxisModel) -> AxisModel:
+        """See `whsklearn.gap.plants.servo_inverse_look.settled`."""
+        from whsklearn.gap.plants.servo_inverse_look import settled
+
+        return settled(self, model)
 
     def family(self, model: AxisModel) -> Iterator[Trial]:
         """Further orders of the model's last term, while each earns its place."""

@@ -22,16 +22,19 @@ CONTACTS = (6.0, 12.0, 25.0, 60.0)  # Hz, of the antiresonance in contact
 ANTIRESONANCES = np.geomspace(0.8, 65.0, 20)  # Hz
 N_LIMITS = 40  # of the drive over the plausible range: an eighth apart
 N_LINES = 3  # of a spectrum that are looked at as tones
-POLISH = 4  # rounds over the shape numbers, the step shrunk to 0.55 in each: a tenth of the start's spacing
+POLISH = 4  # rounds over the shape numbers, the step shrunk to 0.55 in each to a tenth of the start's spacing, and a
+# parabola through the last three: a spring of twice the drive off by a tenth leaves more than its neighbours explain
 HIGHEST = 160.0  # periods a turn
 
 
 class Base:
     """The model's own columns projected out of what is left."""
 
-    def __init__(self, view: Any, model: AxisModel):
+    def __init__(self, view: Any, model: AxisModel, beside: AxisModel | None = None):
         self.model = model
         self.torque = view.torque(model)
+        if self.torque is None and beside is not None:
+            self.torque = view.torque(beside)
         _, x, target, sizes, free = view.solved(model)
         self.away = stop.away(view, model)
         used = self.open(x[view.at][:, free])
@@ -59,12 +62,12 @@ class Base:
         return float(1.0 - np.sum((self.left - explained) ** 2) / max(self.power, 1e-300))
 
 
-def looks(view: Any, model: AxisModel) -> list[Any]:
-    """Every candidate at its best start."""
+def looks(view: Any, model: AxisModel, beside: AxisModel | None = None) -> list[Any]:
+    """Every candidate at its best start; the torque is predicted by ``beside`` where the model leaves too much."""
     from whsklearn.gap.plant import Look
     from whsklearn.gap.plants.servo_inverse import inverse_kinds
 
-    base, out = Base(view, model), []
+    base, out = Base(view, model, beside), []
     struck = stop.regions(view, model)
     for kind in inverse_kinds(model):
         if kind in stop.KINDS:
@@ -202,8 +205,25 @@ def polished(view: Any, model: AxisModel, term: Term) -> AxisModel:
     """The model with the term, its free shape numbers moved downhill one at a time, sizes solved."""
     if term.kind in stop.KINDS:
         return stop.settled(view, model, term)
-    grown = view.fit(model.with_term(term))
-    free = [(j, log) for i, j, log in grown.free() if i == len(model.terms) and j >= term.kind.linear]
+    return downhill(view, view.fit(model.with_term(term)), len(model.terms))
+
+
+def settled(view: Any, model: AxisModel) -> AxisModel:
+    """The model with the shapes of its effects polished again beside the last one.
+
+    Alone, a spring's place of rest makes up for what was missing beside it.
+    """
+    for i in range(model.n_base, len(model.terms) - 1):
+        kind = model.terms[i].kind
+        if not kind.scanned and kind.code != k.SATURATION and kind.code not in TWO_MASS and kind not in stop.KINDS:
+            model = downhill(view, model, i)
+    return model
+
+
+def downhill(view: Any, grown: AxisModel, i: int) -> AxisModel:
+    """The model with the free shape numbers of its term ``i`` moved downhill one at a time, sizes solved."""
+    term = grown.terms[i]
+    free = [(j, log) for of, j, log in grown.free() if of == i and j >= term.kind.linear]
     if term.kind.scanned == "position" and float(term.q[2]).is_integer():
         free = []
     if not free:
@@ -221,22 +241,32 @@ def polished(view: Any, model: AxisModel, term: Term) -> AxisModel:
         elif term.kind.scanned == "step":
             widths[j] = 0.02 * view.scene.duration
     low, high = grown.bounds()
-    limits = {(i, j): (a, b) for (i, j, _), a, b in zip(grown.free(), low[2:], high[2:], strict=True)}
+    limits = {j: (a, b) for (of, j, _), a, b in zip(grown.free(), low[2:], high[2:], strict=True) if of == i}
+
+    def at(j: int, log: bool, x: float) -> tuple[float, AxisModel]:
+        moved = float(np.clip(x, *limits[j]))
+        t = grown.terms[i].with_slot(j, float(np.exp(moved)) if log else moved)
+        other = view.fit(grown.with_terms((*grown.terms[:i], t, *grown.terms[i + 1 :])))
+        return view.rms(view.gap(other)), other
+
     for _ in range(POLISH * (3 if term.kind.code == k.SATURATION else 1)):
         for j, log in free:
-            i = len(model.terms)
-            value = grown.terms[i].q[j]
+            value, width = grown.terms[i].q[j], widths[j]
             x = float(np.log(max(value, 1e-300))) if log else value
-            for move in (x - widths[j], x + widths[j]):
-                a, b = limits[i, j]
-                moved = float(np.clip(move, a, b))
-                t = grown.terms[i].with_slot(j, float(np.exp(moved)) if log else moved)
-                other = view.fit(grown.with_terms((*grown.terms[:-1], t)))
-                c = view.rms(view.gap(other))
+            sides = []
+            for move in (-width, width):
+                c, other = at(j, log, x + move)
+                sides.append(c)
                 if c < cost:
                     grown, cost = other, c
                     widths[j] *= 1.6
                     break
+            else:  # between the two: the vertex of the parabola through the three powers
+                below, above = (c**2 - cost**2 for c in sides)
+                if below + above > 0.0:
+                    c, other = at(j, log, x + 0.5 * width * (below - above) / (below + above))
+                    if c < cost:
+                        grown, cost = other, c
             widths[j] *= 0.55
     return grown
 

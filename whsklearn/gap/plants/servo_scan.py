@@ -6,66 +6,72 @@ thousands of orders are tried on the decimated motion alone, all in one matrix p
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from whsklearn._numba import njit
 from whsklearn.gap.axis_candidates import Candidate
 from whsklearn.gap.filters import CUTOFF_SIGMA, whiten
 from whsklearn.gap.plants.servo_columns import Signals
 
 Array = NDArray[Any]
+TOGETHER = 128  # orders in one matrix product
 
 
-def scan_values(kind: Candidate, view: Any) -> Array:
-    """The grid of a scan: steps of a quarter of the resolution that the record has."""
+def scan_grids(kind: Candidate, view: Any) -> list[Array]:
+    """The even grids of a scan: steps of a quarter of the resolution that the record has, and whole orders."""
     s = view.scene
     if kind.scanned == "step":
-        return np.linspace(*kind.ranged(s)[0], 181)
+        return [np.linspace(*kind.ranged(s)[0], 181)]
     fastest = 2.0 * view.filter.cutoff
     if kind.scanned == "time":
-        return np.arange(kind.ranged(s)[0][0], fastest, 0.3 / s.duration)
+        return [np.arange(kind.ranged(s)[0][0], fastest, 0.3 / s.duration)]
     low, most = kind.ranged(s)[0]
     highest = min(
         float(np.clip(2 * np.pi * fastest / max(s.speed, 1e-9), 3 * max(low, 1.0), 400 * max(low, 1.0))), most
     )
     step = max(0.2 * np.pi / s.reach, highest / 900)
-    grid = np.arange(low, highest, step)
-    whole = np.arange(np.ceil(low), highest + 1) if highest < 300 else np.zeros(0)
-    return np.unique(np.concatenate([whole, grid]))
+    whole = [np.arange(np.ceil(low), highest + 1)] if highest < 300 else []
+    return [*whole, np.arange(low, highest, step)]
 
 
 def scan(
-    kind: Candidate, view: Any, residual: Array, base: Array, angle: Array, speed: Array, values: Array | None = None
+    kind: Candidate, view: Any, residual: Array, base: Array, angle: Array, speed: Array, grid: Array | None = None
 ) -> tuple[Array, Array]:
     """(values, drop of the sum of squares at each): linear, on the tracked motion.
 
     ``base`` are the sensitivities of the model in force on the training samples, which the columns
-    are projected off.
+    are projected off; ``grid`` is an even one in place of the candidate's own.
     """
-    values = scan_values(kind, view) if values is None else values
+    grids = scan_grids(kind, view) if grid is None else [grid]
     mask = view.train & view.usable
     q, _ = np.linalg.qr(base)
     r = residual - q @ (q.T @ residual)
-    gains = np.zeros(values.size)
     signals, front = _seen(kind, view, angle, speed)
-    for i in range(0, values.size, 128):
-        part = values[i : i + 128]
-        columns = _columns(kind, view, part, signals, front)
-        z = whiten(columns, view.ar)[mask]
-        z -= q @ (q.T @ z)
-        n = part.size
-        if not kind.paired:
-            gains[i : i + 128] = (z.T @ r) ** 2 / np.maximum(np.sum(z * z, axis=0), 1e-30)
-            continue
-        c, s = z[:, :n], z[:, n:]
-        cc, ss, cs = np.sum(c * c, 0), np.sum(s * s, 0), np.sum(c * s, 0)
-        rc, rs = c.T @ r, s.T @ r
-        ridge = 1e-6 * (cc + ss) + 1e-30
-        det = (cc + ridge) * (ss + ridge) - cs**2
-        gains[i : i + 128] = ((ss + ridge) * rc**2 - 2 * cs * rc * rs + (cc + ridge) * rs**2) / det
-    return values, gains
+    gains = [
+        _gains(kind, _columns(kind, view, part, signals, front), view.ar, mask, q, r)
+        for g in grids for part in np.split(g, range(TOGETHER, g.size, TOGETHER))
+    ]  # fmt: skip
+    values, first = np.unique(np.concatenate(grids), return_index=True)
+    return values, np.concatenate(gains)[first]
+
+
+def _gains(kind: Candidate, columns: Array, ar: Array, mask: NDArray[np.bool_], q: Array, r: Array) -> Array:
+    """Drop of the sum of squares by each column, or by each pair of cosine and sine, beyond the base ``q``."""
+    z = whiten(columns, ar)[mask]
+    z -= q @ (q.T @ z)
+    if not kind.paired:
+        return (z.T @ r) ** 2 / np.maximum(np.sum(z * z, axis=0), 1e-30)
+    n = z.shape[1] // 2
+    c, s = z[:, :n], z[:, n:]
+    cc, ss, cs = (np.einsum("ij,ij->j", a, b) for a, b in ((c, c), (s, s), (c, s)))
+    rc, rs = c.T @ r, s.T @ r
+    ridge = 1e-6 * (cc + ss) + 1e-30
+    det = (cc + ridge) * (ss + ridge) - cs**2
+    return ((ss + ridge) * rc**2 - 2 * cs * rc * rs + (cc + ridge) * rs**2) / det
 
 
 def _seen(kind: Candidate, view: Any, angle: Array, speed: Array) -> tuple[Signals, Array]:
@@ -80,18 +86,41 @@ def _seen(kind: Candidate, view: Any, angle: Array, speed: Array) -> tuple[Signa
 
 
 def _columns(kind: Candidate, view: Any, values: Array, s: Signals, front: Array) -> Array:
-    """Columns at every value: of a wave all cosines and then all sines, behind the view's Gaussian."""
+    """Columns at every value of an even grid: of a wave all cosines, then all sines, behind the view's Gaussian."""
     if not kind.paired:
         return np.column_stack([kind.unit_columns((float(x),), s)[:, 0] for x in values])
     sigma = CUTOFF_SIGMA / (2 * np.pi * view.filter.cutoff)
+    angle, rate = (s.position, s.velocity)
     if kind.scanned == "time":
-        phase = 2 * np.pi * s.time[:, None] * values[None, :]
-        rate = np.broadcast_to(2 * np.pi * values, phase.shape)
-    else:
-        phase = s.position[:, None] * values[None, :]
-        rate = s.velocity[:, None] * values[None, :]
-    size = front[:, None] * np.exp(-0.5 * (rate * sigma) ** 2)
-    return np.concatenate([size * np.cos(phase), size * np.sin(phase)], axis=1)
+        angle, rate = 2 * np.pi * s.time, np.full(s.time.size, 2 * np.pi)
+    step = float(values[1] - values[0]) if values.size > 1 else 0.0
+    return waves(angle, sigma * rate, front * np.ones(angle.size), float(values[0]), step, values.size)
+
+
+@njit(nogil=True)
+def waves(angle, blur, front, first, step, count):
+    """front exp(-(k blur)^2 / 2) of cos(k angle), then of sin(k angle), for ``count`` orders k an even ``step`` apart.
+
+    From one order to the next the angle turns by a constant and the logarithm of the damping falls by an even amount
+    more, so three functions a sample do for all orders; the rounding of a hundred products is 1e-13.
+    """
+    n = angle.size
+    out = np.empty((n, 2 * count))
+    for i in range(n):
+        c, s = math.cos(first * angle[i]), math.sin(first * angle[i])
+        turn_c, turn_s = math.cos(step * angle[i]), math.sin(step * angle[i])
+        b = blur[i] * blur[i]
+        size = front[i] * math.exp(-0.5 * first * first * b)
+        fall, further = math.exp(-(first + 0.5 * step) * step * b), math.exp(-step * step * b)
+        for j in range(count):
+            out[i, j] = size * c
+            out[i, count + j] = size * s
+            c, s = c * turn_c - s * turn_s, s * turn_c + c * turn_s
+            size *= fall
+            fall *= further
+            if abs(size) < 1e-100:  # products of the smallest numbers take a hundred times as long
+                size = 0.0
+    return out
 
 
 def peaks(values: Array, gains: Array, n: int = 3) -> list[float]:
@@ -118,7 +147,7 @@ def zoom(
     step = float(np.median(np.diff(values)))
     out: list[tuple[float, ...]] = []
     for centre in peaks(values, gains):
-        fine = np.clip(centre + step * np.linspace(-1.2, 1.2, 25), values[0], values[-1])
-        fine, again = scan(kind, view, residual, base, *motion, values=fine)
+        low, high = max(centre - 1.2 * step, values[0]), min(centre + 1.2 * step, values[-1])
+        fine, again = scan(kind, view, residual, base, *motion, grid=np.linspace(low, high, 25))
         out.append((float(fine[np.argmax(again)]),))
     return out

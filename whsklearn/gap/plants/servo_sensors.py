@@ -11,12 +11,17 @@ from whsklearn.gap import evidence as rules
 
 
 def coarse_encoder(view: Any, base: Any) -> list[Any]:
-    """The quantization, if all positions lie on a grid that is the main noise and nothing else is missing."""
+    """The quantization, if all positions lie on a grid that is the main noise and nothing else is missing.
+
+    A log in counts states its grid; only one that is coarser than stated is an effect.
+    """
     from whsklearn.effects import get_effect
     from whsklearn.gap.diagnosis import NamedEffect
 
     step = view.quantum
     if step < rules.COARSE_GRID * view.scene.reach or step / 12**0.5 < rules.GRID_NOISE * view.noise:
+        return []
+    if step < rules.COARSER_THAN_STATED * view.record.resolution:
         return []
     effect = get_effect("quantization")(step=step)  # type: ignore[call-arg]
     if view.rms(view.gap(base)) > rules.NEAR_GRID * view.floor():

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.signal import fftconvolve
 
 from whsklearn.effects import Scales
-from whsklearn.gap.axis_model import AxisModel
+from whsklearn.gap.axis_model import FASTEST_COUPLING, AxisModel
 from whsklearn.gap.evidence import DEFAULT_TOLERANCE
 from whsklearn.gap.filters import CUTOFF_SIGMA, gaussian_derivatives, residual_filter
 from whsklearn.gap.plants.servo_inverse import InverseView, base_model, best_view
@@ -49,7 +49,7 @@ def start_of(record: ServoRecord, law: tuple[str, ...], goal: float) -> tuple[In
         duration=float(y.size * dt),
         dt=dt,
         peak=float(np.abs(record.drive).max()),
-        resonance=min(90.0, 0.2 / dt),
+        resonance=min(FASTEST_COUPLING, 0.2 / dt),
     )
     view = InverseView(record, scene, first, (q, v))
     model = view.fit(base_model(law, scene))

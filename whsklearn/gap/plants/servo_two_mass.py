@@ -18,6 +18,7 @@ from whsklearn.effects import codes as k
 from whsklearn.gap.axis_model import AxisModel, Term
 
 Array = NDArray[Any]
+STEPS = 8  # a period of the load on its spring; twice the damping ratio times as many, or a damper runs away
 BOTH = (k.BACKLASH, k.FLEXIBLE_COUPLING)
 
 
@@ -65,7 +66,7 @@ def columns(view: Any, model: AxisModel, t: Term) -> Array:
     """Acceleration of the load behind the view's Gaussian, shape (n, 1)."""
     gap, w, zeta = contact(model, t)
     dt = view.scene.dt
-    substeps = max(1, math.ceil(w * dt * 8 / (2 * np.pi)))
+    substeps = max(1, math.ceil(w * dt * max(STEPS, 2 * STEPS * zeta) / (2 * np.pi)))
     a = load_acceleration(view.motion.position, view.motion.velocity, gap, w, zeta, dt, substeps)
     return view.blur(a)[:, None]
 
