@@ -78,8 +78,6 @@ LITTLE_TRAVEL = (
 STANDS_OUT = 10.0  # times the median power around it that makes a line of a reference, on which no tone is believed
 # Shares of the drive above which an effect that acts on it explains it by itself (SO-101: a ripple of 1 "closed" all).
 LARGEST_SHARE = {"torque_ripple": 0.5, "load_friction": 0.75}
-LIMIT_TAKES = 3.0  # rms of the drive over what a limit leaves of it, at the most: a limit far below the drive leaves a
-# square wave that friction explains, whatever is missing ("real --only xl330": 75; "blind" with saturation: 1.8)
 STEEPEST_ERROR = 0.3  # rad a rad: an encoder error steeper than that would let the reading stand still
 ORDER_NEED = 20.0  # cross-validated evidence for one more order of a family (three numbers); LAAS earns eight, blind
 # records with one order none

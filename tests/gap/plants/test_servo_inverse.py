@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from tests.blind import servo
 from whsklearn.effects import GravityImbalance
 from whsklearn.gap import GapFinder
 from whsklearn.gap.axis_candidates import candidate
@@ -17,6 +18,7 @@ from whsklearn.gap.record import ServoRecord
 from whsklearn.systems import ServoAxis
 
 RATE, SECONDS = 500.0, 14.0
+LARGE = {"time": "time_s", "drive": "torque_nm", "position": "position_rad"}
 TIME = np.arange(int(RATE * SECONDS)) / RATE
 REFERENCE = 1.4 * np.sin(1.7 * TIME) + 0.5 * np.sin(5.1 * TIME + 1) + 0.2 * np.sin(12.3 * TIME)
 
@@ -52,6 +54,24 @@ def test_friction_never_turns_negative(plain):
     pushed = ServoRecord(plain.time, plain.drive - 0.3 * np.gradient(plain.position, plain.time), plain.position)
     _, model = start_of(pushed, ("viscous", "coulomb"), 0.004)
     assert min(t.q[0] for t in model.terms) >= 0.0
+
+
+@pytest.mark.parametrize(("share", "refused"), [(0.001, True), (0.5, False)])
+def test_a_limit_at_which_the_drive_always_stands_is_refused(plain, share, refused):
+    view, model = start_of(plain, ("viscous",), 0.004)
+    limited = model.with_term(Term(candidate("saturation"), (share * float(np.abs(plain.drive).max()),)))
+    assert ("sign alone" in view.objection(limited, 1)) == refused
+
+
+@pytest.mark.parametrize(
+    ("seed", "names"),
+    [(9052, {"input_offset", "load_friction"}), (9030, {"cable_spring", "gravity_imbalance"})],
+    ids=["a gear's friction without Coulomb's", "no constant beside a spring's place of rest"],
+)
+def test_large_effects_are_found_and_nothing_that_only_stood_for_them(seed, names):
+    finder = GapFinder("servo", law="viscous").fit(servo.make_large(seed).frame, **LARGE)
+    assert finder.verdict_ == "named"
+    assert {e.name for e in finder.effects_} == names
 
 
 def test_added_columns_never_worsen_the_fit(plain):

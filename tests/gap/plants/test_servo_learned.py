@@ -7,9 +7,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from tests.blind import servo
 from whsklearn.effects import LearnedTorque
 from whsklearn.export.axis_code import torque_code
 from whsklearn.export.languages import C
+from whsklearn.gap import GapFinder
 from whsklearn.gap.axis_candidates import catalogue
 from whsklearn.gap.filters import CUTOFF_SIGMA, filtered, gaussian_derivatives
 from whsklearn.gap.plants.servo import ServoPlant
@@ -91,3 +93,9 @@ def test_a_thinned_record_looks_the_same_behind_the_filter():
 
 def test_no_search_tries_it():
     assert "learned_torque" not in {c.name for c in catalogue()}
+
+
+def test_a_neighbour_that_leaves_its_own_shape_over_speed_is_not_sure():
+    """Friction that grows above a speed ended as `stribeck`, closed to 0.94, what it leaves below the tolerance."""
+    case = servo.make_case("foreign", 700, effects=("dead_velocity",), size=0.15, noise=1e-4, seconds=20.0)
+    assert GapFinder("servo").fit(case.frame, **servo.COLUMNS).verdict_ in ("partial", "unknown")

@@ -301,8 +301,8 @@ class InverseView(ViewDefaults):
             return "an encoder error so steep would let the reading stand still while the axis turns"
         if t.kind.positive and t.q[0] <= 0:
             return f"its size would be {t.q[0]:.3g}, and a physical one is positive"
-        if t.kind.code == codes.SATURATION and self.target(model)[1] > rules.LIMIT_TAKES:
-            return "it would take most of the drive away, and what little is left needs no explanation"
+        if t.kind.code == codes.SATURATION and self.below_limit(t.q[0]) < model.vector().size:
+            return "the drive would stand at it nearly all the time, and its sign alone tells too little of the axis"
         return (
             model.at_the_end(index)
             or negative_damping(model, index)
@@ -310,6 +310,15 @@ class InverseView(ViewDefaults):
             or off_shaft(model, index)
             or on_excitation_line(self.record, model.terms[index])
         )
+
+    def below_limit(self, limit: float) -> float:
+        """Independent samples at which the drive is below a limit: elsewhere it is a constant, whatever the axis asks.
+
+        A limit so low that they are fewer than the model's numbers leaves a square wave, which friction explains
+        whatever is missing (a pendulum of XL330: at the limit for 98.7 % of the time; true limits reach 60 %).
+        """
+        below = np.abs(self.record.drive[:: self.every][self.at]) < limit
+        return self.n_effective * float(np.mean(below))
 
     def demand(self, model: AxisModel) -> float:
         """Beside a play a further effect must explain most of what is left."""
