@@ -44,3 +44,10 @@ def test_each_slip_is_named_with_the_option_that_mends_it(seed):
         assert found, option
         assert option in found[0].option
         assert str(found[0]).count(".") >= 1
+
+
+def test_a_velocity_that_was_summed_up_turns_for_as_long_as_it_likes():
+    good = log()
+    spun = {"y": 10.0 * np.sin(good.time) + 3.0 * good.y}
+    assert "position=deg" in slips_in(log(**spun))[0].option
+    assert slips_in(log(**spun, columns={"velocity": "omega", "drive": "u"})) == []

@@ -64,6 +64,9 @@ LARGE_GAP = 0.2  # of the variation of the drive: above, a wrong model carries t
 DRIFTS = 1.5  # times the gap of inverse dynamics that the observer may see behind a filter that lets less through; more
 # is its own drift: LAAS shows 5 to 6; the blind records are named under this rule, their ratio was not looked at
 DRIVE_KNOWN = 0.35  # share of the rms drive that a model may leave for the torque it predicts to stand for the drive
+LEAST_GAP = (
+    1e-3  # of what is left, that counts as a gap over the floor: at the floor itself no share of it means anything
+)
 LARGEST_FLOOR = 0.1  # of the rms drive that noise may make behind any filter
 OF_THE_GAP = 0.2  # of the gap that noise may make: cogging of order 72 needs a filter that lets it through (LAAS)
 BLIND_SHARE = 0.03  # of the time, in motion, in which noise may hide the direction: each reversal costs friction
@@ -332,7 +335,7 @@ def weigh(view: Any, current: Any, trials: Sequence[Any]) -> list[Evidence]:
             view.explained(current, trial.model),
             blocks_not_worse(first, j),
             1.0 - float(j.held @ j.held) / max(float(first.held @ first.held), 1e-300),
-            1.0 - (after - floor) / max(before - floor, 1e-12 * before + 1e-300),
+            1.0 - (after - floor) / max(before - floor, LEAST_GAP * before + 1e-300),
                 after,
             min(1.0, (floor / max(after, 1e-300)) ** 2),
         ))  # fmt: skip

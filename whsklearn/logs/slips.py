@@ -77,7 +77,8 @@ def slips_in(log: Any) -> list[Slip]:
     found = time_slips(log.time, log.units.get("time", "s"))
     n = min(log.y.size, MOST_ROWS)
     unit = log.units.get("position", "")
-    found += unit_slips(log.y[:n], unit)
+    if "velocity" not in log.get("columns", ()):  # the sum of a velocity turns for as long as the axis does
+        found += unit_slips(log.y[:n], unit)
     if log.get("command") is None and n > 200 and not found:
         found += drive_slips(log.X[:n, 0], log.y[:n])
     return found
