@@ -7,27 +7,27 @@ import pytest
 
 from tests.gap.plants.example_chain import PLAIN, SCALES, TRUE, kind, setting
 from whsklearn.effects import Cogging, QuadraticDrag
-from whsklearn.gap.plants.chain_screening import coherence, refine_scan, screen, signature, take_stand
+from whsklearn.gap.plants.chain_screening import coherence, refine_scan, screen, signature, tangent_of
 
 
 @pytest.fixture(scope="module")
-def stand():
-    return take_stand(PLAIN, TRUE, SCALES)
+def tangent():
+    return tangent_of(PLAIN, TRUE, SCALES)
 
 
-def test_what_the_models_own_numbers_can_make_leaves_nothing_over(stand):
-    viscous = signature(PLAIN, stand, kind("viscous"), (), SCALES)  # a term of the law
-    assert np.linalg.norm(stand.leftover(viscous)) < 1e-3 * np.linalg.norm(viscous)
-    drag = signature(PLAIN, stand, kind("quadratic_drag"), (), SCALES)
-    assert np.linalg.norm(stand.leftover(drag)) > 0.02 * np.linalg.norm(drag)
-    again = stand.leftover(stand.leftover(drag))
-    np.testing.assert_allclose(again, stand.leftover(drag), atol=1e-12)
+def test_what_the_models_own_numbers_can_make_leaves_nothing_over(tangent):
+    viscous = signature(PLAIN, tangent, kind("viscous"), (), SCALES)  # a term of the law
+    assert np.linalg.norm(tangent.leftover(viscous)) < 1e-3 * np.linalg.norm(viscous)
+    drag = signature(PLAIN, tangent, kind("quadratic_drag"), (), SCALES)
+    assert np.linalg.norm(tangent.leftover(drag)) > 0.02 * np.linalg.norm(drag)
+    again = tangent.leftover(tangent.leftover(drag))
+    np.testing.assert_allclose(again, tangent.leftover(drag), atol=1e-12)
 
 
 def test_a_hidden_effect_gains_most_at_about_its_size():
     s = setting(QuadraticDrag(0.05))
-    stand = take_stand(s, TRUE, SCALES)
-    found = screen(s, stand, [kind(n) for n in ("quadratic_drag", "load_friction", "output_drift")], SCALES)
+    tangent = tangent_of(s, TRUE, SCALES)
+    found = screen(s, tangent, [kind(n) for n in ("quadratic_drag", "load_friction", "output_drift")], SCALES)
     assert found[0].name == "quadratic_drag"
     assert found[0].term.q[0] == pytest.approx(0.05, rel=0.3)
     assert found[0].gain > 2.0 * found[1].gain
@@ -36,9 +36,9 @@ def test_a_hidden_effect_gains_most_at_about_its_size():
 def test_an_order_between_those_of_the_grid_is_walked_to():
     order = 2.37 / SCALES.x
     s = setting(Cogging(0.1, order, 0.4))
-    stand = take_stand(s, TRUE, SCALES)
-    best = screen(s, stand, [kind("cogging")], SCALES)[0]
-    walked = refine_scan(s, stand, best, SCALES)
+    tangent = tangent_of(s, TRUE, SCALES)
+    best = screen(s, tangent, [kind("cogging")], SCALES)[0]
+    walked = refine_scan(s, tangent, best, SCALES)
     assert walked.gain >= best.gain
     assert abs(walked.term.q[2] - order) <= abs(best.term.q[2] - order)
     assert walked.term.q[2] == pytest.approx(order, rel=0.05)

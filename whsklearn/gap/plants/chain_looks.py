@@ -15,7 +15,7 @@ from whsklearn.gap.plants.chain_candidates import Candidate, Scales, catalogue_f
 from whsklearn.gap.plants.chain_fit import climb, cost, refit, rms_dx, shortened
 from whsklearn.gap.plants.chain_law import is_line
 from whsklearn.gap.plants.chain_model import ChainModel, Setting, Term
-from whsklearn.gap.plants.chain_screening import SOFT, Screened, Stand, refine_scan, screen, take_stand
+from whsklearn.gap.plants.chain_screening import SOFT, Screened, Tangent, refine_scan, screen, tangent_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -47,15 +47,15 @@ def looks_at(s: Setting, m: ChainModel, z: Scales, *, quick: bool) -> list[Look]
     """
     kinds = candidates_for(s, m)
     value = m.cost if np.isfinite(m.cost) else cost(s, m)
-    stand = take_stand(s, m, z)
-    screened = screen(s, stand, kinds, z)
-    starts = starts_of(s, stand, screened, m, z)
+    tangent = tangent_of(s, m, z)
+    screened = screen(s, tangent, kinds, z)
+    starts = starts_of(s, tangent, screened, m, z)
     if not quick:
-        soft = take_stand(s, m, z, SOFT)
+        soft = tangent_of(s, m, z, SOFT)
         linear = [k for k in kinds if k.linear and k.name not in SOFT_ITSELF]
         starts += starts_of(s, soft, screen(s, soft, linear, z), m, z, soft=True)
         white = replace(m, ar=np.zeros_like(m.ar))
-        tones = take_stand(s, white, z)
+        tones = tangent_of(s, white, z)
         tone_kinds = [k for k in kinds if k.name == "disturbance_tone"]
         starts += starts_of(s, tones, screen(s, tones, tone_kinds, z), white, z)
         starts += [Start(c, m, p) for p, c in from_sizes(s, m, value, [k for k in kinds if k.linear == 0], z)]
@@ -104,19 +104,19 @@ def _look(kind: Candidate, x: Start, promise: float, n: int) -> Look:
 
 
 def starts_of(
-    s: Setting, stand: Stand, screened: list[Screened], at: ChainModel, z: Scales, *, soft: bool = False
+    s: Setting, tangent: Tangent, screened: list[Screened], at: ChainModel, z: Scales, *, soft: bool = False
 ) -> list[Start]:
     """The best scores of one way of looking, with scans refined."""
     n = int(s.fit.sum())
-    ranked = sorted(screened, key=lambda c: -promise_of(c, stand, n))[: rules.LOOKS_OF_ONE_KIND]
+    ranked = sorted(screened, key=lambda c: -promise_of(c, tangent, n))[: rules.LOOKS_OF_ONE_KIND]
     seen = [c for c in ranked if c.left >= rules.ABSORBED and c.gain > 0.0]
-    worth = [c for c in seen if promise_of(c, stand, n) > rules.LITTLE_PROMISE]
-    return [Start(replace(refine_scan(s, stand, c, z), soft=soft), at, promise_of(c, stand, n)) for c in worth]
+    worth = [c for c in seen if promise_of(c, tangent, n) > rules.LITTLE_PROMISE]
+    return [Start(replace(refine_scan(s, tangent, c, z), soft=soft), at, promise_of(c, tangent, n)) for c in worth]
 
 
-def promise_of(c: Screened, stand: Stand, n: int) -> float:
+def promise_of(c: Screened, tangent: Tangent, n: int) -> float:
     """Delta BIC that a linear look expects."""
-    value = float(stand.errors @ stand.errors)
+    value = float(tangent.errors @ tangent.errors)
     kind = c.term.kind
     return delta_bic_of(n, value, max(value - c.gain, 1e-3 * value), kind.n_estimated, kind.scanned)
 
@@ -187,10 +187,10 @@ def elsewhere(s: Setting, minima: list[ChainModel], looks: list[Look], z: Scales
     tops = [k for k in looks if k.start is not None][:1]
     out = []
     for m in minima:
-        stand = take_stand(s, m, z)
+        tangent = tangent_of(s, m, z)
         for k in tops:
-            again = screen(s, stand, [k.start.screened.term.kind], z)
+            again = screen(s, tangent, [k.start.screened.term.kind], z)
             if again and again[0].gain > 0.0:
-                start = Start(refine_scan(s, stand, again[0], z), m, k.start.promise)
+                start = Start(refine_scan(s, tangent, again[0], z), m, k.start.promise)
                 out.append(replace(k, start=start, costly=True))
     return out

@@ -12,7 +12,7 @@ from whsklearn.gap.evidence import delta_bic_of
 from whsklearn.gap.plants.chain_candidates import Candidate, Scales
 from whsklearn.gap.plants.chain_fit import CAP, refit, weights_of
 from whsklearn.gap.plants.chain_model import ChainModel, Setting, Term, chain, coloured, free_run, raw_errors
-from whsklearn.gap.plants.chain_screening import Stand, coherence, signature, take_stand
+from whsklearn.gap.plants.chain_screening import Tangent, coherence, signature, tangent_of
 from whsklearn.systems.chain_probes import TONE_U
 
 if TYPE_CHECKING:
@@ -115,11 +115,12 @@ def worsened(s: Setting, before: ChainModel, after: ChainModel) -> float:
 
 def same_signature(s: Setting, a: ChainModel, b: ChainModel, z: Scales) -> bool:
     """Whether the last effects of two models leave coherent signatures beyond the model's own parameters."""
-    stand = take_stand(s, a.without(len(a.terms) - 1), z)
-    return coherence(_signature(s, stand, a.terms[-1], z), _signature(s, stand, b.terms[-1], z)) >= rules.SAME_SIGNATURE
+    tangent = tangent_of(s, a.without(len(a.terms) - 1), z)
+    one, other = (_signature(s, tangent, m.terms[-1], z) for m in (a, b))
+    return coherence(one, other) >= rules.SAME_SIGNATURE
 
 
-def _signature(s: Setting, stand: Stand, term: Term, z: Scales) -> Array:
+def _signature(s: Setting, tangent: Tangent, term: Term, z: Scales) -> Array:
     """What an effect does beyond the model's own parameters, at its fitted shape."""
-    columns = stand.leftover(signature(s, stand, term.kind, term.q[term.kind.linear :], z))
+    columns = tangent.leftover(signature(s, tangent, term.kind, term.q[term.kind.linear :], z))
     return columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)

@@ -10,7 +10,7 @@ import numpy as np
 from whsklearn.gap.plants.chain_candidates import Candidate, Scales
 from whsklearn.gap.plants.chain_fit import rms_dx, weights_of
 from whsklearn.gap.plants.chain_model import ChainModel, Setting, chain, coloured, jacobian, raw_errors
-from whsklearn.gap.plants.chain_screening import Stand, change
+from whsklearn.gap.plants.chain_screening import Tangent, basis_of, change
 from whsklearn.systems import chain_probes as probes
 from whsklearn.validation.residuals import WhitenessTest, whiteness_test
 
@@ -20,27 +20,24 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 
-def sharp_stand(s: Setting, m: ChainModel, z: Scales) -> Stand:
+def sharp_tangent(s: Setting, m: ChainModel, z: Scales) -> Tangent:
     """The model's own errors beside sensitivities of a softer sign: for tests of what is left."""
     soft = m.at(min(m.kappa, 30.0 / rms_dx(s, m)))
     base = raw_errors(s, soft)
     errors = coloured(raw_errors(s, m), m.ar)[s.fit]
     root = np.sqrt(weights_of(errors)[0])
-    rows = jacobian(s, soft, z, base)[s.fit] * root[:, None]
-    rows = rows / np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
-    left, values, _ = np.linalg.svd(rows, full_matrices=False)
-    return Stand(soft, root * errors, left[:, values > 1e-9 * values[0]], base, root)
+    return Tangent(soft, root * errors, basis_of(jacobian(s, soft, z, base)[s.fit] * root[:, None]), base, root)
 
 
-def probe_columns(s: Setting, stand: Stand, z: Scales) -> Array:
+def probe_columns(s: Setting, tangent: Tangent, z: Scales) -> Array:
     """Signatures of generic functions at every port: hats over u, x, dx, q and time, lags, products."""
-    x, _v, _ = chain(s, stand.model)
+    x, _v, _ = chain(s, tangent.model)
     dx = np.diff(x, prepend=0.0)
     out = []
 
     def probe(code: int, numbers: tuple[float, ...], unit: float) -> None:
         kind = Candidate("probe", code, ("c", *("p",) * len(numbers)))
-        column = change(s, stand, kind, (unit, *numbers)) / unit
+        column = change(s, tangent, kind, (unit, *numbers)) / unit
         if np.all(np.isfinite(column)) and np.linalg.norm(column) > 0:
             out.append(column)
 
@@ -77,14 +74,11 @@ def remainder(s: Setting, m: ChainModel, z: Scales) -> Remainder:
     """The test of what is left, with generic functions at every port."""
     from scipy.stats import f as fisher
 
-    stand = sharp_stand(s, m, z)
-    columns = stand.leftover(probe_columns(s, stand, z))
-    columns = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-    left, values, _ = np.linalg.svd(columns, full_matrices=False)
-    basis = left[:, values > 1e-3 * values[0]]
-    residual = stand.leftover(stand.errors[:, None])[:, 0]
+    tangent = sharp_tangent(s, m, z)
+    basis = basis_of(tangent.leftover(probe_columns(s, tangent, z)), 1e-3)
+    residual = tangent.leftover(tangent.errors[:, None])[:, 0]
     k, n = basis.shape[1], residual.size
-    room = max(n - k - stand.basis.shape[1], 1)
+    room = max(n - k - tangent.basis.shape[1], 1)
     explained = float(np.sum((basis.T @ residual) ** 2))
     rest = float(residual @ residual) - explained
     variance = rest / room

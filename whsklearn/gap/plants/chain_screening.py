@@ -55,8 +55,8 @@ class Screened:
 
 
 @dataclass
-class Stand:
-    """The model's errors and an orthonormal basis of its own sensitivities, over the samples of the fit."""
+class Tangent:
+    """The model's errors and an orthonormal basis of its tangent space (its sensitivities), over the fit's samples."""
 
     model: ChainModel
     errors: Array
@@ -69,7 +69,7 @@ class Stand:
         return columns - self.basis @ (self.basis.T @ columns)
 
 
-def take_stand(s: Setting, m: ChainModel, z: Scales, sharpness: float = SHARPNESS) -> Stand:
+def tangent_of(s: Setting, m: ChainModel, z: Scales, sharpness: float = SHARPNESS) -> Tangent:
     """Errors and sensitivities under a sign that is soft enough to have a slope.
 
     Under a much softer one a sample on the wrong side of a reversal tells by how far; what the softness itself
@@ -86,40 +86,43 @@ def take_stand(s: Setting, m: ChainModel, z: Scales, sharpness: float = SHARPNES
     if much:
         moved = [coloured(raw_errors(s, soft.at(f * soft.kappa)) - base, soft.ar)[s.fit] for f in (0.6, 0.8, 1.3, 2.0)]
         rows = np.column_stack([rows, *moved])
-    rows = rows * root[:, None]
-    rows = rows / np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
-    left, values, _ = np.linalg.svd(rows, full_matrices=False)
-    return Stand(soft, root * errors, left[:, values > 1e-9 * values[0]], base, root)
+    return Tangent(soft, root * errors, basis_of(rows * root[:, None]), base, root)
 
 
-def change(s: Setting, stand: Stand, kind: Candidate, numbers: tuple[float, ...]) -> Array:
+def basis_of(columns: Array, least: float = 1e-9) -> Array:
+    """Orthonormal basis of columns of unit length, shape (n, r), of singular values above ``least`` of the first."""
+    left, values, _ = np.linalg.svd(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300), full_matrices=False)
+    return left[:, values > least * values[0]]
+
+
+def change(s: Setting, tangent: Tangent, kind: Candidate, numbers: tuple[float, ...]) -> Array:
     """What the effect with these numbers does to the errors."""
-    moved = raw_errors(s, stand.model.plus(Term(kind, numbers)))
-    return stand.root * coloured(moved - stand.smooth_base, stand.model.ar)[s.fit]
+    moved = raw_errors(s, tangent.model.plus(Term(kind, numbers)))
+    return tangent.root * coloured(moved - tangent.smooth_base, tangent.model.ar)[s.fit]
 
 
-def signature(s: Setting, stand: Stand, kind: Candidate, shape: tuple[float, ...], z: Scales) -> Array:
+def signature(s: Setting, tangent: Tangent, kind: Candidate, shape: tuple[float, ...], z: Scales) -> Array:
     """Columns of the effect at one shape, per unit of its linear numbers (or at its size); shape (n_fit, 1 or 2)."""
     if kind.linear == 0:
-        return change(s, stand, kind, shape)[:, None]
+        return change(s, tangent, kind, shape)[:, None]
     unit = kind.unit(z)  # small, so that no sign turns
     columns = []
     for i in range(kind.linear):
         numbers = [0.0] * kind.linear
         numbers[i] = unit
-        columns.append(change(s, stand, kind, (*numbers, *shape)) / unit)
+        columns.append(change(s, tangent, kind, (*numbers, *shape)) / unit)
     return np.column_stack(columns)
 
 
-def screen(s: Setting, stand: Stand, kinds: list[Candidate], z: Scales) -> list[Screened]:
+def screen(s: Setting, tangent: Tangent, kinds: list[Candidate], z: Scales) -> list[Screened]:
     """Every candidate at its best shape, the largest gain first."""
-    residual = stand.leftover(stand.errors[:, None])[:, 0]
+    residual = tangent.leftover(tangent.errors[:, None])[:, 0]
     found = []
     for kind in kinds:
-        shapes = _tone_shapes(s, stand, z) if kind.name == "disturbance_tone" else kind.shapes(z)
+        shapes = _tone_shapes(s, tangent, z) if kind.name == "disturbance_tone" else kind.shapes(z)
         best: Screened | None = None
         for shape in shapes:
-            one = _score(s, stand, kind, shape, z, residual)
+            one = _score(s, tangent, kind, shape, z, residual)
             if one is not None and (best is None or one.gain > best.gain):
                 best = one
         if best is not None:
@@ -128,14 +131,14 @@ def screen(s: Setting, stand: Stand, kinds: list[Candidate], z: Scales) -> list[
 
 
 def _score(
-    s: Setting, stand: Stand, kind: Candidate, shape: tuple[float, ...], z: Scales, residual: Array
+    s: Setting, tangent: Tangent, kind: Candidate, shape: tuple[float, ...], z: Scales, residual: Array
 ) -> Screened | None:
     """The score of one shape."""
-    raw = signature(s, stand, kind, shape, z)
+    raw = signature(s, tangent, kind, shape, z)
     size = np.linalg.norm(raw, axis=0)
     if not np.all(np.isfinite(raw)) or not np.all(size > 1e-12):
         return None
-    columns = stand.leftover(raw)
+    columns = tangent.leftover(raw)
     left = float(np.linalg.norm(columns) / np.linalg.norm(raw))
     if left < 1e-4:
         return Screened(Term(kind, (*([0.0] * kind.linear), *shape)), 0.0, left, columns)
@@ -149,10 +152,10 @@ def _score(
     return Screened(Term(kind, (*numbers, *shape)), gain, left, columns / np.linalg.norm(columns, axis=0))
 
 
-def _tone_shapes(s: Setting, stand: Stand, z: Scales) -> list[tuple[float, ...]]:
+def _tone_shapes(s: Setting, tangent: Tangent, z: Scales) -> list[tuple[float, ...]]:
     """Frequencies worth a look: the largest lines of the errors."""
     e = np.zeros(s.u.size)
-    e[s.fit] = stand.errors
+    e[s.fit] = tangent.errors
     spectrum = np.abs(np.fft.rfft(e, 4 * e.size))
     hertz = np.fft.rfftfreq(4 * e.size, s.dt)
     spectrum[hertz < 0.7 / z.seconds] = 0.0
@@ -164,7 +167,7 @@ def _tone_shapes(s: Setting, stand: Stand, z: Scales) -> list[tuple[float, ...]]
     return out
 
 
-def refine_scan(s: Setting, stand: Stand, best: Screened, z: Scales) -> Screened:
+def refine_scan(s: Setting, tangent: Tangent, best: Screened, z: Scales) -> Screened:
     """Shapes between those of the scan, where a refit could not walk (orders and times)."""
     kind = best.term.kind
     if kind.name == "parameter_change":
@@ -173,13 +176,13 @@ def refine_scan(s: Setting, stand: Stand, best: Screened, z: Scales) -> Screened
         step = 0.35 / (z.y if kind.name == "encoder_eccentricity" else z.x)
     else:
         return best
-    residual = stand.leftover(stand.errors[:, None])[:, 0]
+    residual = tangent.leftover(tangent.errors[:, None])[:, 0]
     low, high = kind.ranges(z)[0]
     for _ in range(5):
         centre = best.term.q[kind.linear]
         for shift in (-0.5, 0.5):
             value = min(max(centre + shift * step, low), high)
-            one = _score(s, stand, kind, (value,), z, residual)
+            one = _score(s, tangent, kind, (value,), z, residual)
             if one is not None and one.gain > best.gain:
                 best = one
         step *= 0.5
