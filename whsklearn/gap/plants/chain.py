@@ -17,7 +17,7 @@ from whsklearn.gap.plants.chain_candidates import BETWEEN, FoundEffect, own_attr
 from whsklearn.gap.plants.chain_check import check_blocks
 from whsklearn.gap.plants.chain_fit import fit_base, refit
 from whsklearn.gap.plants.chain_law import LawChoice, bent
-from whsklearn.gap.plants.chain_model import ChainModel, Setting, free_run
+from whsklearn.gap.plants.chain_model import SKIP, ChainModel, Setting, free_run
 from whsklearn.gap.plants.chain_noise import ahead_errors, coarse_grid, quietest_band
 from whsklearn.gap.plants.chain_objections import beside_turned
 from whsklearn.gap.plants.chain_view import ChainView, surrogate_setting
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-SKIP = 40  # samples at the start, where the state is not known
 # at rest nothing moves in a chain whose |sgn(dx)| is always one: a constant of v is one of y through L2
 ALIASES = {
     "output_offset": ("asymmetric_coulomb",),

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from whsklearn.gap.localisation import order_spectrum, spectrum
-from whsklearn.gap.plants.chain_model import AR_ORDER, ChainModel, Setting, chain, free_run
+from whsklearn.gap.plants.chain_model import AR_ORDER, SKIP, ChainModel, Setting, chain, free_run
 from whsklearn.gap.plants.chain_objections import beside_turned
 from whsklearn.gap.plants.chain_remainder import whiteness
 
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 LAGS = 20  # of the test of whiteness
-SKIP = 40  # samples at the start that no picture shows
 WINDOW = 200  # samples of the overlay
 
 
