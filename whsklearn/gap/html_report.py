@@ -22,8 +22,7 @@ SILENCE = {
     "coloured_noise": "More is left than encoder noise, but nothing of it can be predicted from motion, drive or time: "
     "disturbances, or noise with a colour of its own. No name is given.",
     "not_testable": "Nothing is seen, but most effects of the catalogue could not have been seen either: the axis "
-    "moves "
-    "too little or too uniformly.",
+    "moves too little or too uniformly.",
     "ambiguous": "Two or more effects explain this record about as well. The next experiment would part them.",
     "partial": "What was added explains a part of the gap only. Something else is missing too.",
 }

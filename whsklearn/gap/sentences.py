@@ -4,28 +4,21 @@ from __future__ import annotations
 
 from typing import Any
 
-MENU: dict[frozenset[str], str] = {
-    frozenset({"input_offset", "asymmetric_coulomb"}): (
-        "Let the axis rest and ramp the drive slowly up and down until it breaks away in both directions, 30 s: at "
-        "rest "
-        "only an offset of the drive remains."
-    ),
-    frozenset(
-        {"input_delay", "actuator_lag"}
-    ): "Add a fast multisine (to a third of the sampling rate) at small amplitude, 20 s.",
-    frozenset({"quadratic_drag", "stribeck"}): "Run constant speeds from very slow to top speed, both ways, 60 s.",
-    frozenset(
-        {"backlash", "presliding_hysteresis"}
-    ): "Run one sine at three amplitudes, the smallest below 1 degree, 30 s.",
-    frozenset(
-        {"cogging", "disturbance_tone"}
-    ): "Cross the full turn at two constant speeds, 30 s: orders stay, hertz move.",
-    frozenset({"cable_spring", "gravity_imbalance"}): "Travel at least half a turn at slow speed, 30 s.",
+MENU = {
+    frozenset(pair.split()): text
+    for pair, text in {
+        "input_offset asymmetric_coulomb": "Let the axis rest and ramp the drive slowly up and down until it breaks "
+        "away in both directions, 30 s: at rest only an offset of the drive remains.",
+        "input_delay actuator_lag": "Add a fast multisine (to a third of the sampling rate) at small amplitude, 20 s.",
+        "quadratic_drag stribeck": "Run constant speeds from very slow to top speed, both ways, 60 s.",
+        "backlash presliding_hysteresis": "Run one sine at three amplitudes, the smallest below 1 degree, 30 s.",
+        "cogging disturbance_tone": "Cross the full turn at two constant speeds, 30 s: orders stay, hertz move.",
+        "cable_spring gravity_imbalance": "Travel at least half a turn at slow speed, 30 s.",
+    }.items()
 }
 RICH = (
     "Repeat with a rich reference: eight tones of 0.1 to 2.9 Hz on a slow triangle over the whole travel, 40 s; it "
-    "shows "
-    "all effects of the catalogue at two percent of the rms drive."
+    "shows all effects of the catalogue at two percent of the rms drive."
 )
 
 
