@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[Any]
-DONE = 5e-4  # share of the sum of squares that an iteration must still take off: names are decided by percents of it
 THREADS = 2
 
 
@@ -55,11 +54,13 @@ def least_squares(
     bounds: tuple[Array, Array],
     *,
     max_iterations: int = 15,
+    tolerance: float = 2e-4,
     slopes: Callable[[Array], Array] | None = None,
 ) -> Fit:
     """Minimise the sum of squares of ``residual`` within bounds (Levenberg 1944, Marquardt 1963).
 
-    ``slopes`` gives the derivatives where differences of the residual would be too rough.
+    It ends where an iteration takes off less than ``tolerance`` of the sum of squares: names are decided by percents of
+    it. ``slopes`` gives the derivatives where differences of the residual would be too rough.
     """
     low, high = bounds
     x = np.clip(x0, low, high)
@@ -89,7 +90,7 @@ def least_squares(
         drop = (cost - c_trial) / max(cost, 1e-300)
         x, r, cost = trial, r_trial, c_trial
         damping = max(damping / 6.0, 1e-9)
-        if drop < DONE:
+        if drop < tolerance:
             break
         jac = slopes(x) if slopes else jacobian(residual, x, r, steps, high)
     return Fit(x, r, jac, cost)

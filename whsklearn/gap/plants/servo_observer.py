@@ -229,7 +229,7 @@ class ObserverView(ViewDefaults):
         return Linearised(x, low, high, r, jac, model.with_vector)
 
     # --- fitting ---------------------------------------------------------------------------
-    def fitted(self, model: AxisModel, *, max_iterations: int = 12) -> tuple[AxisModel, Fit]:
+    def fitted(self, model: AxisModel, *, max_iterations: int = 12, tolerance: float = 5e-4) -> tuple[AxisModel, Fit]:
         """The model refitted to the training part, all free numbers together, under the weights in force."""
         fit = least_squares(
             lambda x: self.residual(model.with_vector(x)),
@@ -237,5 +237,6 @@ class ObserverView(ViewDefaults):
             model.steps(),
             model.bounds(),
             max_iterations=max_iterations,
+            tolerance=tolerance,
         )
         return model.with_vector(fit.x), fit
