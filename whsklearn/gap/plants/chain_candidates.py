@@ -186,20 +186,27 @@ def _lags(z: Scales) -> list[Numbers]:
     return _grid(z.dt * np.array([0.2, 0.45, 1.0, 3.0]))
 
 
+def _excesses(exponent: float) -> Callable[[Scales], list[Numbers]]:
+    return lambda z: _grid(z.dx * SPEEDS, [exponent])
+
+
+# where sizes that are shapes begin: of rms or peak of the signal that they act on
+WIDTHS = np.array([0.02, 0.05, 0.1, 0.2, 0.4, 0.8])
+LIMITS = np.array([0.95, 0.87, 0.78, 0.66, 0.52, 0.35])
+SPEEDS = np.array([0.05, 0.1, 0.2, 0.4, 0.8, 1.5])
+
 CATALOGUE: tuple[Candidate, ...] = (
     Candidate("viscous", s.VISCOUS, ("coefficient",)),
     Candidate("coulomb", s.COULOMB, ("torque",)),
     Candidate("asymmetric_coulomb", s.ASYMMETRIC_COULOMB, ("torque",)),
     Candidate("asymmetric_viscous", s.ASYMMETRIC_VISCOUS, ("coefficient",)),
-    Candidate(
-        "stribeck", s.STRIBECK_EXP, ("torque", "velocity", "exponent"),
-        shapes=lambda z: _grid(z.dx * np.array([0.05, 0.1, 0.2, 0.4, 0.8, 1.5]), [2.0]),
-        ranges=lambda z: [(0.01 * z.dx, 2.0 * z.dx), (0.5, 2.5)], free=(True, False),
-    ),
-    Candidate(
-        "stribeck", s.STRIBECK_EXP, ("torque", "velocity", "exponent"), variant="exponent 1",
-        shapes=lambda z: _grid(z.dx * np.array([0.05, 0.1, 0.2, 0.4, 0.8, 1.5]), [1.0]),
-        ranges=lambda z: [(0.01 * z.dx, 2.0 * z.dx), (0.5, 2.5)], free=(True, False),
+    *(
+        Candidate(
+            "stribeck", s.STRIBECK_EXP, ("torque", "velocity", "exponent"), variant=variant,
+            shapes=_excesses(exponent),
+            ranges=lambda z: [(0.01 * z.dx, 2.0 * z.dx), (0.5, 2.5)], free=(True, False),
+        )
+        for exponent, variant in ((2.0, ""), (1.0, "exponent 1"))
     ),
     Candidate("quadratic_drag", s.QUADRATIC_DRAG, ("coefficient",), unit=lambda z: 1e-3 * z.v / z.dx**2),
     Candidate("load_friction", k.LOAD_FRICTION, ("coefficient",), unit=lambda z: 1e-3 * z.v / z.u),
@@ -220,12 +227,12 @@ CATALOGUE: tuple[Candidate, ...] = (
     Candidate("input_offset", k.INPUT_OFFSET, ("torque",), unit=lambda z: 1e-3 * z.u),
     Candidate(
         "dead_zone", k.DEAD_ZONE, ("width",), linear=0, positive=True,
-        shapes=lambda z: _grid(z.u * np.array([0.02, 0.05, 0.1, 0.2, 0.4, 0.8])),
+        shapes=lambda z: _grid(z.u * WIDTHS),
         ranges=lambda z: [(1e-3 * z.u, 0.95 * z.u_peak)],
     ),
     Candidate(
         "saturation", k.SATURATION, ("limit",), linear=0, positive=True,
-        shapes=lambda z: _grid(z.u_peak * np.array([0.95, 0.87, 0.78, 0.66, 0.52, 0.35])),
+        shapes=lambda z: _grid(z.u_peak * LIMITS),
         ranges=lambda z: [(0.1 * z.u_peak, 0.999 * z.u_peak)],
     ),
     Candidate(
@@ -243,7 +250,7 @@ CATALOGUE: tuple[Candidate, ...] = (
     ),
     Candidate(
         "backlash", k.BACKLASH, ("gap",), linear=0, positive=True,
-        shapes=lambda z: _grid(z.x * np.array([0.02, 0.05, 0.1, 0.2, 0.4, 0.8])),
+        shapes=lambda z: _grid(z.x * WIDTHS),
         ranges=lambda z: [(1e-3 * z.x, 1.5 * z.x_peak)],
     ),
     Candidate(
@@ -280,13 +287,15 @@ CATALOGUE: tuple[Candidate, ...] = (
         shapes=lambda z: _grid(np.arange(0.4, 8.0, 0.45) / z.y), ranges=lambda z: [(0.25 / z.y, 15.0 / z.y)],
         unit=lambda z: 1e-4 * z.y, scanned=PLACES["position"],
     ),
-    Candidate(
-        "disturbance_tone", k.DISTURBANCE_TONE, ("cosine", "sine", "frequency"), linear=2,
-        ranges=lambda z: [(0.5 / z.seconds, 0.5 / z.dt)], scanned=PLACES["time"],
-    ),
-    Candidate(
-        "disturbance_tone", TONE_U, ("cosine", "sine", "frequency"), linear=2, variant=AT_INPUT,
-        ranges=lambda z: [(0.5 / z.seconds, 0.5 / z.dt)], unit=lambda z: 1e-3 * z.u, scanned=PLACES["time"],
+    *(
+        Candidate(
+            "disturbance_tone", code, ("cosine", "sine", "frequency"), linear=2, variant=variant, unit=unit,
+            ranges=lambda z: [(0.5 / z.seconds, 0.5 / z.dt)], scanned=PLACES["time"],
+        )
+        for code, variant, unit in (
+            (k.DISTURBANCE_TONE, "", lambda z: 1e-3 * z.v),
+            (TONE_U, AT_INPUT, lambda z: 1e-3 * z.u),
+        )
     ),
     *(
         Candidate(
@@ -307,12 +316,12 @@ CATALOGUE: tuple[Candidate, ...] = (
 BENDS: tuple[Candidate, ...] = (
     Candidate(
         "saturation", SATURATION_X, ("limit",), linear=0, positive=True, variant=BETWEEN,
-        shapes=lambda z: _grid(z.x_peak * np.array([0.95, 0.87, 0.78, 0.66, 0.52, 0.35])),
+        shapes=lambda z: _grid(z.x_peak * LIMITS),
         ranges=lambda z: [(0.1 * z.x_peak, 0.999 * z.x_peak)],
     ),
     Candidate(
         "dead_zone", DEAD_ZONE_X, ("width",), linear=0, positive=True, variant=BETWEEN,
-        shapes=lambda z: _grid(z.x * np.array([0.02, 0.05, 0.1, 0.2, 0.4, 0.8])),
+        shapes=lambda z: _grid(z.x * WIDTHS),
         ranges=lambda z: [(1e-3 * z.x, 0.95 * z.x_peak)],
     ),
 )  # fmt: skip
