@@ -36,7 +36,7 @@ from whsklearn.cli.stream_out import Out
 from whsklearn.state import read_state, write_state
 
 COLUMNS = ["t", "u", "y"]
-OPTIONS = Options(every=50, predictions=True)
+OPTIONS = Options(every=50, predictions=True, timed=True)
 
 
 class Fault(Exception):
@@ -121,10 +121,11 @@ class Rig:
                     raise Fault
                 out(record)
 
-            life = Stream(model, ChangeAlarm(), OPTIONS, emit, timed=True)
+            life = Stream(model, ChangeAlarm(), OPTIONS, emit)
             if loaded:
                 stream._restore(life, loaded)
-            keeper = stream.Keeper(life, self.kept, place, out, str(self.log), False)
+            files = stream.Files(str(self.log), self.out, self.kept, False, False, math.inf, False)
+            keeper = stream.Keeper(life, files, place, out)
             lines = stream._open(str(self.log), place, False)
             try:
                 with mock.patch.object(stream, "write_state", _full_disk(full_at)):
