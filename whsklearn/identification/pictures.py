@@ -90,9 +90,14 @@ def _poles(ax: Axes, model: Any) -> None:
         zeros, poles = np.roots(b), np.roots(a)
         zeros = zeros[np.abs(zeros) < 3]
         ax.plot(poles.real, poles.imag, "x", color=f"C{i}", label=f"{name}: poles")
-        ax.plot(zeros.real, zeros.imag, "o", mfc="none", color=f"C{i}", label="zeros")
-    ax.set(xlabel="real", ylabel="imaginary", title="Poles and zeros", aspect="equal", xlim=(-1.6, 1.6))
-    ax.legend(fontsize=8, loc="lower left")
+        if zeros.size:
+            ax.plot(zeros.real, zeros.imag, "o", mfc="none", color=f"C{i}", label=f"{name}: zeros")
+    ax.set(
+        xlabel="real", ylabel="imaginary", title="Poles and zeros", aspect="equal", xlim=(-1.6, 1.6), ylim=(-1.2, 1.9)
+    )
+    ax.legend(
+        fontsize=8, loc="upper left"
+    )  # above the circle: a marker of the legend inside it would be read as a pole
 
 
 def _characteristic(ax: Axes, found: Identification) -> None:
@@ -100,7 +105,11 @@ def _characteristic(ax: Axes, found: Identification) -> None:
     if isinstance(model, AxisModel):
         speed = np.linspace(-1, 1, 801) * np.abs(found.train.target).max()
         ax.plot(speed, model.law(0.0, speed))
-        ax.set(xlabel="velocity", ylabel=_axis_label("input", found), title="Friction")
+        out = model.units.get("output", "")
+        unit = out if model.logged == "velocity" or not out else f"{out}/s"
+        ax.set(
+            xlabel=f"velocity ({unit})" if unit else "velocity", ylabel=_axis_label("input", found), title="Friction"
+        )
     elif isinstance(model, ChainModel):
         x = model.signals(found.train.u)[0]
         low, high = np.quantile(x, [0.0005, 0.9995])
