@@ -31,6 +31,7 @@ KINDS = (
     "cogging gravity_imbalance cable_spring hardening_spring input_offset quadratic_drag asymmetric_viscous stribeck "
     "disturbance_tone load_friction torque_ripple end_stop"
 ).split()
+OWN = "magnet"  # an effect of the user's own, which `benchmarks.own_effect` defines
 RATE = 250.0
 
 
@@ -59,6 +60,8 @@ def _effect(kind, p, t, q, v, s, u):
         return p[0] * abs(u) * s
     if kind == 10:
         return u * p[0] * math.cos(p[1] * q + p[2])
+    if kind == 12:
+        return p[0] * math.exp(-((q / p[1]) ** 2))
     over = abs(q) - p[1]
     return p[0] * over * (1.0 if q > 0 else -1.0) if over > 0 else 0.0
 
@@ -110,7 +113,7 @@ class Rig:
 
     def run(self, reference: np.ndarray, drive: np.ndarray, dt: float, fine: int) -> tuple[np.ndarray, np.ndarray]:
         """(position, drive)."""
-        kinds = np.array([KINDS.index(e.name) for e in self.effects], dtype=np.int64)
+        kinds = np.array([(*KINDS, OWN).index(e.name) for e in self.effects], dtype=np.int64)
         p = np.zeros((len(kinds), 3))
         for row, e in zip(p, self.effects, strict=True):
             numbers = (e.magnitude, *e.shape.values())
@@ -134,13 +137,13 @@ class Rig:
 
     def with_effect(self, effect: Any) -> Rig:
         """One effect more."""
-        if effect.name not in KINDS:
+        if effect.name not in (*KINDS, OWN):
             raise NotImplementedError(f"this simulator has no {effect.name}")
         return dataclasses.replace(self, effects=(*self.effects, effect))
 
 
-def make_case(kind: str, seed: int, seconds: float = 20.0) -> tuple[ServoRecord, Rig]:
-    """(log, the simulator that its user has)."""
+def make_case(kind: str, seed: int, seconds: float = 20.0, share: float | None = None) -> tuple[ServoRecord, Rig, Any]:
+    """(log, the simulator that its user has, the hidden effect); ``share`` of the rms drive, or drawn."""
     rng = np.random.default_rng([seed, KINDS.index(kind) if kind in KINDS else 99, 11])
     closed = bool(seed % 2)
     t = np.arange(int(seconds * RATE)) / RATE
@@ -154,15 +157,17 @@ def make_case(kind: str, seed: int, seconds: float = 20.0) -> tuple[ServoRecord,
     drive = inertia * 60.0 * sum(np.sin(2 * np.pi * f * t + a) for f, a in tones) / 3.0
     truth = Rig(numbers, closed, gains)
     y, u = truth.run(reference, drive, 1.0 / RATE, 12)
-    if kind in KINDS:
-        size = rng.uniform(0.05, 0.25) * float(np.sqrt(np.mean(u**2)))
-        truth = truth.with_effect(_drawn(kind, size, y, rng))
+    hidden = None
+    if kind in (*KINDS, OWN):
+        size = (share or rng.uniform(0.05, 0.25)) * float(np.sqrt(np.mean(u**2)))
+        hidden = _drawn(kind, size, y, rng)
+        truth = truth.with_effect(hidden)
         y, u = truth.run(reference, drive, 1.0 / RATE, 12)
     else:
         y, u = truth.run(reference, drive, 1.0 / RATE, 12)
     y = y + 1e-4 * rng.standard_normal(y.size)
     has = dataclasses.replace(truth, effects=(), numbers=tuple(x * rng.uniform(0.9, 1.1) for x in numbers))
-    return ServoRecord(t, u, y, reference), has
+    return ServoRecord(t, u, y, reference), has, hidden
 
 
 def _drawn(kind: str, size: float, y: np.ndarray, rng: np.random.Generator) -> Any:
@@ -181,6 +186,7 @@ def _drawn(kind: str, size: float, y: np.ndarray, rng: np.random.Generator) -> A
         "stribeck": (size / rms(np.exp(-((v / velocity) ** 2))), velocity, 2.0),
         "disturbance_tone": (1.4 * size, hz, phase), "load_friction": (0.2,), "torque_ripple": (0.25, order, phase),
         "end_stop": (size / rms(np.maximum(np.abs(y) - 0.8 * reach, 0)), 0.8 * reach),
+        OWN: (size / rms(np.exp(-((y / (0.2 * reach)) ** 2))), 0.2 * reach),
     }  # fmt: skip
     return get_effect(kind)(*fields[kind])
 
@@ -195,7 +201,7 @@ def main(cases: int, empties: int, seeds: int, only: str) -> None:
     plan += [("none", seeds + i) for i in range(empties)]
     rows = []
     for kind, seed in tqdm([p for p in plan if not only or p[0] in only.split(",")]):
-        record, rig = make_case(kind, seed)
+        record, rig, _ = make_case(kind, seed)
         began = time.process_time()
         finder = GapFinder(rig).fit(record)
         names = [e.name for e in finder.effects_]

@@ -2,11 +2,13 @@
 
     python -m benchmarks.own_effect
     python -m benchmarks.own_effect --of chain
+    python -m benchmarks.own_effect --of simulator
 
 The class below is all that is added to the library. The logs, 20 s each, are of the blind generators (``tests/blind``),
 whose integrator and whose magnet are not ours: 20 with the magnet at 5 %, 20 at 15 % of the rms drive, 20 without it.
 Each is diagnosed from its table alone; the target is the magnet's name in 18 of 20, and in none of 20 without it.
 Chains are drawn systems of 1,500 samples with the magnet behind the first block, a share of the law's output.
+The simulator is the class `benchmarks.blind_simulator.Rig`, a user's own integrator, against logs that it made itself.
 """
 
 from __future__ import annotations
@@ -21,6 +23,7 @@ import click
 from tqdm import tqdm
 
 from benchmarks.blind import rate
+from benchmarks.blind_simulator import OWN, make_case
 from tests.blind import servo, wiener_hammerstein
 from whsklearn.effects import Effect, Quantity
 from whsklearn.gap import GapFinder
@@ -70,15 +73,27 @@ def diagnose_chain(share: float, seed: int) -> dict[str, Any]:
     return judged(finder, {"torque": numbers["size"], "width": numbers["shape"]} if share else {})
 
 
+def diagnose_simulator(share: float, seed: int) -> dict[str, Any]:
+    """One log under a simulator of the user's own."""
+    record, rig, hidden = make_case(OWN if share else "none", seed, share=share or None)
+    finder = GapFinder(rig).fit(record)
+    return judged(finder, {"torque": hidden.torque, "width": hidden.width} if share else {})
+
+
 def judged(finder: GapFinder, truth: dict[str, float]) -> dict[str, Any]:
-    """One row: ``kept`` says whether ``repaired.json`` simulates the magnet and the page shows it."""
+    """One row: ``kept`` says whether the repaired model simulates the magnet and the page shows it.
+
+    The model is that of ``repaired.json``, or the simulator itself, of which there is no such file.
+    """
     found = next((e.effect for e in finder.effects_ if e.name == "magnet"), None)
     row: dict[str, Any] = {"verdict": finder.verdict_, "names": [e.name for e in finder.effects_],
                            "closure": finder.diagnosis_.closure, "kept": False}  # fmt: skip
     if found is not None and truth:
         with tempfile.TemporaryDirectory() as folder:
             page = finder.report(folder).read_text(encoding="utf-8")
-            held = [e for e in load_model(Path(folder) / "repaired.json").effects if e.name == "magnet"]
+            file = Path(folder) / "repaired.json"
+            repaired = load_model(file) if file.exists() else finder.model_
+        held = [e for e in repaired.effects if e.name == "magnet"]
         row["kept"] = bool(held) and "magnet" in page
         for number, value in truth.items():
             row[number] = abs(getattr(held[0], number) / value - 1.0) if held else 1.0
@@ -89,9 +104,11 @@ def judged(finder: GapFinder, truth: dict[str, float]) -> dict[str, Any]:
 @click.option("--count", default=20, help="Logs a cell.")
 @click.option("--first-seed", default=500)
 @click.option("--shares", default="0.05,0.15,0")
-@click.option("--of", "kind", type=click.Choice(["servo", "chain"]), default="servo", help="What is logged.")
+@click.option(
+    "--of", "kind", type=click.Choice(["servo", "chain", "simulator"]), default="servo", help="What is logged."
+)
 def main(count: int, first_seed: int, shares: str, kind: str) -> None:
-    one = {"servo": diagnose, "chain": diagnose_chain}[kind]
+    one = {"servo": diagnose, "chain": diagnose_chain, "simulator": diagnose_simulator}[kind]
     for share in map(float, shares.split(",")):
         rows = [one(share, first_seed + i) for i in tqdm(range(count))]
         if not share:

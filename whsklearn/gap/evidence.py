@@ -42,6 +42,8 @@ NOT_WORSE = 0.05  # of the total gain that a block may lose: blocks at rest cann
 LEAST_MARGIN = 10.0  # delta BIC to the runner-up; "very strong" of Kass and Raftery 1995, JASA 90(430)
 MOSTLY, MOSTLY_MARGIN = 0.9, 40.0  # or the commoner one explains nine tenths and is behind by less than this delta BIC
 SURE = 0.9  # share of bootstrap draws in which the winner beats the runner-up
+ALIKE = 0.1  # of the noise: two simulators that differ by less are one. A spring where the simulator has one already
+# differs from an offset by 0.006, a wave of order one from gravity by 0.05, other neighbours by 0.3 ("blind_simulator")
 ELEMENTARY_SHARE = 0.7  # of the best one's explained power that suffices for an elementary law to go first: with two
 # effects missing, the wrong one of two candidates reaches up to 0.65 of the right one's power (blind pairs)
 MOST_CURVES = 2  # learned curves of one record: each is a function of one or two signals

@@ -9,6 +9,7 @@ from whsklearn.effects import AsymmetricViscous, CableSpring, InputOffset
 from whsklearn.gap import GapFinder, ServoRecord
 from whsklearn.gap.plant import Look
 from whsklearn.gap.plants.simulator import SimulatorPlant
+from whsklearn.gap.plants.simulator_model import SimulatorModel
 from whsklearn.gap.standard_errors import errors_of, labelled_errors
 
 TIME = np.arange(8000) * 2e-3
@@ -104,3 +105,13 @@ def test_numbers_that_can_be_set_have_errors_without_a_refit(record):
     rough = 1e-3 / np.std(record.position) / np.sqrt(0.6 * len(record))
     assert rough / 3 < errors["damping"] < 10 * rough
     assert 0 < next(iter(of_spring.values())) < 0.01 * spring.stiffness
+
+
+def test_two_effects_that_predict_the_same_are_one(record):
+    plant = SimulatorPlant(Told(1.2), record, tolerance=0.004)
+    base = plant.base(np.random.default_rng(0))
+    near, far = (
+        SimulatorModel(base.simulator, (), base.error + share * plant.noise * np.ones(len(record)))
+        for share in (0.01, 1.0)
+    )
+    assert (plant.alike(base, near), plant.alike(base, far)) == (True, False)

@@ -22,6 +22,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from whsklearn.effects import get_effect
+from whsklearn.gap import evidence as rules
 from whsklearn.gap.data_check import Problem, check_servo
 from whsklearn.gap.evidence import WHITENED
 from whsklearn.gap.filters import autoregression, whiten, whiteness
@@ -232,6 +233,10 @@ class SimulatorPlant(PlantDefaults, ViewDefaults):
         if quantity.low >= 0.0 and effect.magnitude <= 0.0 and not effect.phased:
             return f"its size would be {effect.magnitude:.3g}, and a physical one is positive"
         return ""
+
+    def alike(self, a: SimulatorModel, b: SimulatorModel) -> bool:
+        """Whether both predict the same position, far below its noise: no such record tells them apart."""
+        return self.rms(self.gap(a) - self.gap(b)) < rules.ALIKE * self.noise
 
     def demand(self, model: SimulatorModel) -> float:
         """No more than the tolerance."""
