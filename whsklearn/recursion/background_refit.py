@@ -24,7 +24,6 @@ from whsklearn.recursion.memory_refit import (
     Refit,
     adopted,
     inference_sharpness,
-    left_of_prior,
     memory_of,
 )
 from whsklearn.recursion.subinnovations import MOVING, STILL, Models, Samples, run_windows
@@ -141,10 +140,9 @@ class BackgroundRefit:
         for name, value in self._given.items():
             s[name] = value[self._parents].copy()
         if self.is_page:
-            left = left_of_prior(s, self.size)
             for i, (information, end) in enumerate(self._ends):
                 if information.any():  # a page of rest says nothing, and lets nothing be forgotten
-                    s["prior_information"][i] = information + left * s["prior_information"][i]
+                    s["prior_information"][i] = information + self._left * s["prior_information"][i]
                     s["prior_theta"][i] = self._page_theta[i]
                 s["origin"][i] = end
             shift_memory(s, self.reading, self.size)
@@ -162,7 +160,9 @@ class BackgroundRefit:
         if not self.is_page:
             limit = (FILLING - LIVE * COST_OF_WINDOW) * (self.end - size - PIECES) - RESERVED * size
         refit = Refit(state, r, size, self._work, limit)
+        yield
         yield from refit.prepare()
+        self._left = refit.kept
         yield
         thetas, self._parents = state["page_theta"], list(range(len(state["page_theta"])))
         chosen = yield from refit.search(thetas)
@@ -201,7 +201,7 @@ class BackgroundRefit:
                 self._work.at[BUDGET] = 0
                 yield
             yield
-            self._past = yield from past.left_behind(refit.left, refit.count)
+            self._past = yield from past.left_behind(refit.kept, refit.count)
 
     def _begin_catching_up(self, thetas: np.ndarray) -> Iterator[None]:
         """The new models where the re-run samples end."""

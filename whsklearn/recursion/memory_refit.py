@@ -90,7 +90,8 @@ class Refit:
         yield
         self.count = _number(left, state["memory_weight"][:size])
         yield
-        self.left = left_of_prior(state, size) if state["blocks"] else 1.0
+        self.kept = left_of_prior(state, size)
+        self.left = self.kept if state["blocks"] else 1.0
         yield
         self.moved = bool(size and np.ptp(self._y) > 0.0)
         yield
