@@ -137,7 +137,7 @@ def test_an_effect_that_the_others_leave_nothing_for_is_dropped(monkeypatch):
     add(search, view, found, "coulomb")
     add(search, view, found, "load")
     search._exchange(view, found, 0.0)
-    search._prune(view, found, 0.0)
+    search._prune(view, found)
     assert [e.name for e in found.taken] == ["load"]
 
 
