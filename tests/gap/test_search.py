@@ -134,6 +134,7 @@ def test_an_effect_that_the_others_leave_nothing_for_is_dropped(monkeypatch):
     least = lambda self, m: np.full(400, min([1.0, *(t.left for t in m.terms)]))  # noqa: E731
     monkeypatch.setattr(PartsView, "gap", least)  # beside the second the first is worth nothing
     view, search, found = search_of(part("coulomb", 0.5), part("load", 0.1))
+    view.limits = replace(rules.CAPPED, drops=True)
     add(search, view, found, "coulomb")
     add(search, view, found, "load")
     search._exchange(view, found, 0.0)

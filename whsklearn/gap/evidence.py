@@ -58,6 +58,7 @@ MOST_REFINED = 7  # looks a round: a right effect ranked lower than fifth in no 
 FEW_REFINED = 2  # where the gap is at the floor already, and a fit costs seconds as an axis's does
 FIRST_LOOKS = 5  # that a small gain already makes worth it: the linear look underrates large effects
 WORTH_REFINING = 0.3  # of the best look's gain
+HALF_WAY = 0.5  # of the evidence for a name that the first steps of a two-mass refit must have earned to go on
 WORTH_AMONG_FIRST = 0.03  # the same for the first looks
 
 # Which view of an axis is to be trusted ("real", "blind").
@@ -197,6 +198,9 @@ class Limits:
         wrong that its free run diverges, beside which any repair closes all.
     few_refined : int
         Looks that are fitted where the gap is at the floor already.
+    drops : bool
+        Whether evidence below zero in its own place takes an effect back: cross-validated errors weigh all models
+        alike, whitened ones are weighed by what the best leaves.
     own_shape : float
         Share of the base model's gap that the motion may still predict where the rest is at its floor; infinite where
         that floor is known too roughly to ask.
@@ -212,6 +216,7 @@ class Limits:
     forgiven: float = 1.0
     run_counts: bool = True
     few_refined: int = FEW_REFINED
+    drops: bool = False
     own_shape: float = np.inf
 
     def need(self, n: float, null: float) -> float:
@@ -232,7 +237,7 @@ WHITENED = Limits(
 # more).
 # Records with nothing missing reach 1.28 of their surrogate, with Stribeck 4.1, with drag 8: quiet at 1.35.
 CROSS_VALIDATED = Limits(
-    per_sample=0.0, least=25.0, most=25.0, null=2.0, price=0.5, quiet=1.35, forgiven=1.6, run_counts=False
+    per_sample=0.0, least=25.0, most=25.0, null=2.0, price=0.5, quiet=1.35, forgiven=1.6, run_counts=False, drops=True
 )
 
 # One-step errors of a chain with outliers capped: white under the right model, so no share of n is asked beyond BIC's

@@ -199,7 +199,7 @@ class Search:
     def _exchange(self, view: Any, found: Found, null: float) -> None:
         """Try every effect taken against all others in its place: the first was chosen when more was missing.
 
-        An effect that would earn nothing in its own place any more is no effect.
+        An effect against which its own place speaks by now (a delta BIC of zero or less) is no effect.
         """
         for i in range(len(found.taken)):
             index = found.model.n_base + i
@@ -211,7 +211,7 @@ class Search:
             found.rivals[i] = evidence
             if best is None:
                 own = max((e.delta_bic for e in evidence if e.name == found.taken[i].name), default=0.0)
-                if own < view.limits.least and not found.taken[i].reason:
+                if view.limits.drops and own <= 0.0 and not found.taken[i].reason:
                     found.taken[i].reason = "the others leave nothing for it"
                 continue
             same = best.name == found.taken[i].name

@@ -242,11 +242,19 @@ class InverseView(ViewDefaults):
         return float(np.sqrt(np.mean(gap**2)))
 
     def floor(self, model: AxisModel) -> float:
-        """Gap of the model's own record under the same view."""
+        """Gap of the model's own record under the same view.
+
+        A model without an inertia to speak of shakes under its own controller: where its record leaves more than noise
+        may make behind any filter, the encoder's noise through inertia and filter is the floor.
+        """
         key = tuple((t.kind.label, t.q) for t in model.terms)
         if key not in self._floors:
             twin = self.surrogate(model, np.random.default_rng(0))
-            self._floors[key] = twin.rms(twin.gap(model))
+            floor = twin.rms(twin.gap(model))
+            if floor > rules.LARGEST_FLOOR * self.scene.torque:
+                *_, g2 = gaussian_derivatives(CUTOFF_SIGMA / (2 * np.pi * self.cutoff), self.scene.dt)
+                floor = min(floor, DRIVE_NOISE * self.noise * model.inertia * float(np.linalg.norm(g2)))
+            self._floors[key] = floor
         return self._floors[key]
 
     def surrogate(self, model: AxisModel, rng: np.random.Generator) -> InverseView:
