@@ -114,4 +114,4 @@ def test_two_effects_that_predict_the_same_are_one(record):
         SimulatorModel(base.simulator, (), base.error + share * plant.noise * np.ones(len(record)))
         for share in (0.01, 1.0)
     )
-    assert (plant.alike(base, near), plant.alike(base, far)) == (True, False)
+    assert (plant.same_signature(base, near), plant.same_signature(base, far)) == (True, False)

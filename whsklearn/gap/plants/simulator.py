@@ -234,7 +234,7 @@ class SimulatorPlant(PlantDefaults, ViewDefaults):
             return f"its size would be {effect.magnitude:.3g}, and a physical one is positive"
         return ""
 
-    def alike(self, a: SimulatorModel, b: SimulatorModel) -> bool:
+    def same_signature(self, a: SimulatorModel, b: SimulatorModel) -> bool:
         """Whether both predict the same position, far below its noise: no such record tells them apart."""
         return self.rms(self.gap(a) - self.gap(b)) < rules.ALIKE * self.noise
 
