@@ -10,7 +10,7 @@ import pytest
 
 from whsklearn.gap import evidence as rules
 from whsklearn.gap.plant import Look, ModelErrors, ViewDefaults
-from whsklearn.gap.search import Found, Search
+from whsklearn.gap.search import ROUNDS_A_NAME, Found, Search
 
 LIMITS = replace(rules.CAPPED, few_refined=rules.FEW_REFINED)
 
@@ -121,13 +121,60 @@ def add(search, view, found, name):
     found.add(next(e for e in evidence if e.name == name), evidence, view)
 
 
-@pytest.mark.parametrize(("covers", "left"), [((), ["offset", "spring"]), (("offset",), ["spring"])])
-def test_what_the_last_effect_says_already_is_taken_back(covers, left):
+@pytest.mark.parametrize(
+    ("covers", "holds", "left"),
+    [((), 0.15, ["offset", "spring"]), (("offset",), 0.15, ["spring"]), (("offset",), 0.3, ["offset", "spring"])],
+    ids=["covers nothing", "holds both", "cannot hold both"],
+)
+def test_what_the_last_effect_says_already_is_taken_back(covers, holds, left):
     view, search, found = search_of(part("offset", 0.3), part("spring", 0.5, covers))
     add(search, view, found, "offset")
     add(search, view, found, "spring")
+    view.absorbed = lambda model, index: Parts((part("spring", holds),))
     search._absorb(view, found)
     assert [e.name for e in found.taken] == [t.name for t in found.model.terms] == left
+
+
+def test_a_search_whose_exchanges_give_everything_back_ends():
+    class Forgetful(Search):
+        def _exchange(self, view, found, null):
+            found.model = found.model.without(1)
+            found.drop(1)
+
+    view, search, found = search_of(part("a", 0.2), part("b", 0.1), part("c", 0.1))
+    forgetful = Forgetful(search.plant, search.nulls)
+    forgetful._through(view, found)
+    assert len(found.rounds) == ROUNDS_A_NAME * forgetful.max_effects
+
+
+def test_an_effect_holds_its_place_with_the_numbers_that_it_has_by_now():
+    class Coarse(PartsView):
+        def refine(self, model, look):
+            return Parts((*model.terms, part(look.name, 0.9 if look.name == "spring" else look.start.left)))
+
+    view, search, found = search_of(part("spring", 0.9), part("wave", 0.2), part("offset", 0.5), view=Coarse)
+    add(search, view, found, "spring")
+    add(search, view, found, "wave")
+    found.model = Parts((part("spring", 0.1), part("wave", 0.2)))  # polished beside the wave
+    search._exchange(view, found, 0.0)
+    assert [e.name for e in found.taken] == ["spring", "wave"]
+
+
+def test_an_elementary_effect_pushes_no_better_one_out_of_its_place():
+    class Common(PartsView):
+        def look(self, model):
+            return [replace(k, elementary=k.name == "offset") for k in super().look(model)]
+
+        def gap(self, model):
+            return 0.5 + super().gap(model)  # something else is missing, so that no name reaches the floor
+
+    view, search, found = search_of(part("wave", 0.2), part("spring", 0.05), part("offset", 0.2), view=Common)
+    add(search, view, found, "wave")
+    add(search, view, found, "spring")
+    evidence = search.try_all(view, Parts((part("wave", 0.2),)))[1]
+    assert search.first_sound(view, evidence, 0.0).name == "offset"
+    search._exchange(view, found, 0.0)
+    assert [e.name for e in found.taken] == ["wave", "spring"]
 
 
 def test_an_effect_that_the_others_leave_nothing_for_is_dropped(monkeypatch):

@@ -13,6 +13,8 @@ from whsklearn.gap import evidence as rules
 from whsklearn.gap.evidence import Evidence, objections, weigh
 from whsklearn.gap.plant import Look, Trial
 
+ROUNDS_A_NAME = 2  # rounds are counted: an exchange may give back what a round took, and names alone never be enough
+
 
 @dataclass
 class Round:
@@ -102,8 +104,11 @@ class Search:
         if not found.taken:
             found.base = found.model
         null = self.nulls(view, found.model)
-        n_before = len(found.taken)
-        while len({e.name for e in found.taken}) < self.max_effects:
+        n_before, first_round = len(found.taken), len(found.rounds)
+        while (
+            len({e.name for e in found.taken}) < self.max_effects
+            and len(found.rounds) - first_round < ROUNDS_A_NAME * self.max_effects
+        ):
             gap = view.rms(view.gap(found.model))
             if found.taken and view.quiet(found.model, self.plant.tolerance * self.plant.scale):
                 break
@@ -139,12 +144,14 @@ class Search:
             found.add(weigh(view, found.model, [trial])[0], [], view)
 
     def _absorb(self, view: Any, found: Found) -> None:
-        """Take back what the last effect's own numbers say already."""
+        """Take back what the last effect's own numbers say already, unless they cannot: a place of rest has a range."""
         covered = getattr(found.model.terms[-1].effect, "covers", ())
         for i in reversed(range(len(found.taken) - 1)):
             if found.taken[i].name in covered:
-                found.model = view.absorbed(found.model, found.model.n_base + i)
-                found.drop(i)
+                alone = view.absorbed(found.model, found.model.n_base + i)
+                if view.rms(view.gap(alone)) < rules.AS_WELL * view.rms(view.gap(found.model)):
+                    found.model = alone
+                    found.drop(i)
 
     def try_all(self, view: Any, model: Any, beside: Any = None) -> tuple[list[Look], list[Evidence]]:
         """(all looks, evidence of the refined ones) on top of a model, which is ``beside`` without one effect."""
@@ -173,8 +180,13 @@ class Search:
                 evidence = weigh(view, model, trials)
         return looks, evidence
 
-    def first_sound(self, view: Any, evidence: list[Evidence], null: float) -> Evidence | None:
-        """The best evidence to which nothing objects; a commoner law goes first where it explains as much."""
+    def first_sound(
+        self, view: Any, evidence: list[Evidence], null: float, *, elementary_first: bool = True
+    ) -> Evidence | None:
+        """The best evidence to which nothing objects; a commoner law goes first where it explains as much.
+
+        While no name reaches the floor an elementary law goes first too, but it pushes no better one out of its place.
+        """
         if not evidence:
             return None
         n = view.compare([evidence[0].trial.model], 0)[0].n_effective
@@ -190,7 +202,9 @@ class Search:
         for e in sound[1:]:  # ties go to the commoner name
             if e.name in self.plant.commoner(best.name) and rules.preferred(view, e, best):
                 return e
-        if best.closure < rules.NAMED:  # no name reaches the floor: several are missing, an elementary one goes first
+        if (
+            elementary_first and best.closure < rules.NAMED
+        ):  # no name reaches the floor: several are missing, an elementary one goes first
             for e in sound:
                 if e.trial.look.elementary and e.explained**2 >= rules.ELEMENTARY_SHARE * best.explained**2:
                     return e
@@ -207,7 +221,9 @@ class Search:
                 continue
             without = view.fit(found.model.without(index))
             _, evidence = self.try_all(view, without, found.model)
-            best = self.first_sound(view, evidence, null)
+            evidence = self._with_own(view, found, i, without, evidence)
+            elementary = found.taken[i].trial.look.elementary
+            best = self.first_sound(view, evidence, null, elementary_first=elementary)
             found.rivals[i] = evidence
             if best is None:
                 own = max((e.delta_bic for e in evidence if e.name == found.taken[i].name), default=0.0)
@@ -220,6 +236,18 @@ class Search:
                 continue  # found anew from a coarse start, its numbers are no better than those it has by now
             terms = best.trial.model.terms
             found.model = view.settled(best.trial.model.with_terms((*terms[:index], terms[-1], *terms[index:-1])))
+
+    def _with_own(self, view: Any, found: Found, i: int, without: Any, evidence: list[Evidence]) -> list[Evidence]:
+        """The evidence for an effect's rivals beside its own: with the numbers that it has by now, if those are better.
+
+        Found anew from a coarse start, a spring far from its place of rest would lose to the offset that it took in.
+        """
+        index, terms = found.model.n_base + i, found.model.terms
+        last = found.model.with_terms((*terms[:index], *terms[index + 1 :], terms[index]))
+        now = weigh(view, without, [Trial(found.taken[i].trial.look, last)])[0]
+        anew = [e for e in evidence if e.name == now.name]
+        own = max((now, *anew), key=lambda e: e.delta_bic)
+        return sorted([own, *(e for e in evidence if e.name != own.name)], key=lambda e: -e.delta_bic)
 
     def _prune(self, view: Any, found: Found) -> None:
         """Drop effects that the others have made needless."""

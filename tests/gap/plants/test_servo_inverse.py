@@ -65,8 +65,16 @@ def test_a_limit_at_which_the_drive_always_stands_is_refused(plain, share, refus
 
 @pytest.mark.parametrize(
     ("seed", "names"),
-    [(9052, {"input_offset", "load_friction"}), (9030, {"cable_spring", "gravity_imbalance"})],
-    ids=["a gear's friction without Coulomb's", "no constant beside a spring's place of rest"],
+    [
+        (9052, {"input_offset", "load_friction"}),
+        (9030, {"cable_spring", "gravity_imbalance"}),
+        (9002, {"cable_spring", "cogging", "input_offset"}),
+    ],
+    ids=[
+        "a gear's friction without Coulomb's",
+        "no constant beside a spring's place of rest",
+        "a constant that no place of rest can hold",
+    ],
 )
 def test_large_effects_are_found_and_nothing_that_only_stood_for_them(seed, names):
     finder = GapFinder("servo", law="viscous").fit(servo.make_large(seed).frame, **LARGE)
