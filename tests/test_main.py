@@ -8,6 +8,7 @@ import threading
 import pytest
 
 from whsklearn import __main__ as program
+from whsklearn.tracking import beside
 
 
 def ended(monkeypatch, status):
@@ -35,7 +36,7 @@ def test_a_record_that_waits_for_a_server_holds_nobody_up(monkeypatch):
     monkeypatch.setattr(os, "_exit", leave)
     assert ended(monkeypatch, 3) == 3
     assert left == []  # the usual way, by which files are flushed
-    thread = threading.Thread(target=over.wait, name=program.RECORD + "stream", daemon=True)
+    thread = threading.Thread(target=over.wait, name=beside.THREAD + "stream", daemon=True)
     thread.start()
     try:
         assert ended(monkeypatch, 3) == 3

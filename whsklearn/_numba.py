@@ -46,7 +46,8 @@ class _Compiling(event.Listener):
     def on_end(self, e: Any) -> None:
         """It ends."""
         self._depth -= 1
-        if self._depth or not e.data["dispatcher"].py_func.__module__.startswith("whsklearn."):
+        # a function of a user's own may stand in no module
+        if self._depth or not (e.data["dispatcher"].py_func.__module__ or "").startswith("whsklearn."):
             return
         self.seconds += time.process_time() - self._began
         if self.seconds > self.WORTH_A_WORD and not self.told:

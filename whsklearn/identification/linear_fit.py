@@ -11,6 +11,9 @@ from whsklearn.recursion.best_linear import IOData, Ratio, best_linear, least_sq
 from whsklearn.recursion.linear_filter import delayed_rows, filter_rows
 from whsklearn.recursion.simulation_search import SKIP
 
+OFFSETS = 20  # fits at most, each with the constant that the one before left
+SETTLED = 1e-4  # share of the variance that the next one must take off
+
 if TYPE_CHECKING:
     from whsklearn.identification.view import View
 
@@ -18,14 +21,23 @@ if TYPE_CHECKING:
 def fit_arx(log: View, order: int) -> LinearModel:
     """Least error one step ahead; poles beyond the unit circle mirrored into it."""
     data = _data(log)
-    ratio = least_squares_arx(data, order, order - 1)
+    level = data.u.mean(axis=1, keepdims=True)  # both without their means: least squares with a constant
+    ratio = least_squares_arx(data._replace(u=data.u - level), order, order - 1)
     return _model(log, data, Ratio(ratio.b, stabilised(ratio.a)), "prediction")
 
 
 def fit_output_error(log: View, order: int) -> LinearModel:
-    """Least error in free run."""
+    """Least error in free run, the constant of the output fitted with it."""
     data = _data(log)
-    return _model(log, data, best_linear(data, order, order - 1), "simulation")
+    offset, best, least = float(log.target.mean()), None, np.inf
+    for _ in range(OFFSETS):
+        ratio = best_linear(data._replace(y=log.target - offset), order, order - 1)
+        left = (log.target - ratio.run(data))[data.counts]
+        if not np.var(left) < (1.0 - SETTLED) * least:
+            break
+        best, least, offset = ratio, float(np.var(left)), float(left.mean())
+    assert best is not None
+    return _model(log, data, best, "simulation")
 
 
 def _data(log: View) -> IOData:

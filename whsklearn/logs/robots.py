@@ -8,6 +8,7 @@ names its joints, ``/joint_states.position.0`` where it does not.  Its stamps ar
 from __future__ import annotations
 
 import json
+import struct
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
@@ -32,7 +33,7 @@ def open_mcap(path: Path) -> Source:
         from mcap.reader import make_reader
     except ImportError:
         raise missing(path, "mcap", "robots") from None
-    failures: tuple[type[BaseException], ...] = (McapError, OSError, ValueError, KeyError, EOFError)
+    failures: tuple[type[BaseException], ...] = (McapError, OSError, ValueError, KeyError, EOFError, struct.error)
 
     def messages() -> Iterator[Message]:
         with path.open("rb") as file:
@@ -74,7 +75,7 @@ def open_bag(path: Path) -> Source:
         from rosbags.typesys import Stores, get_typestore
     except ImportError:
         raise missing(path, "rosbags", "robots") from None
-    failures: tuple[type[BaseException], ...] = (AnyReaderError, OSError, ValueError, KeyError)
+    failures: tuple[type[BaseException], ...] = (AnyReaderError, OSError, ValueError, KeyError, struct.error)
 
     def messages() -> Iterator[Message]:
         with AnyReader([path], default_typestore=get_typestore(Stores.LATEST)) as reader:

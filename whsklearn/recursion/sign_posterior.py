@@ -200,8 +200,9 @@ def tempered(
         left -= 1
         if left == 0 and beta == 1.0:
             everyone = np.concatenate(kept)
-            mean = everyone.mean(axis=0)
-            return mean, (everyone - mean).T @ (everyone - mean) / len(everyone)
+            with np.errstate(over="ignore", invalid="ignore"):  # particles that ran away; the caller asks
+                mean = everyone.mean(axis=0)
+                return mean, (everyone - mean).T @ (everyone - mean) / len(everyone)
     return None
 
 

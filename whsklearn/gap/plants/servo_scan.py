@@ -6,13 +6,12 @@ thousands of orders are tried on the decimated motion alone, all in one matrix p
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from whsklearn._numba import njit
+from whsklearn.effects.orders import waves
 from whsklearn.gap.axis_candidates import Candidate
 from whsklearn.gap.filters import CUTOFF_SIGMA, whiten
 from whsklearn.gap.plants.servo_columns import Signals
@@ -95,32 +94,6 @@ def _columns(kind: Candidate, view: Any, values: Array, s: Signals, front: Array
         angle, rate = 2 * np.pi * s.time, np.full(s.time.size, 2 * np.pi)
     step = float(values[1] - values[0]) if values.size > 1 else 0.0
     return waves(angle, sigma * rate, front * np.ones(angle.size), float(values[0]), step, values.size)
-
-
-@njit(nogil=True)
-def waves(angle, blur, front, first, step, count):
-    """front exp(-(k blur)^2 / 2) of cos(k angle), then of sin(k angle), for ``count`` orders k an even ``step`` apart.
-
-    From one order to the next the angle turns by a constant and the logarithm of the damping falls by an even amount
-    more, so three functions a sample do for all orders; the rounding of a hundred products is 1e-13.
-    """
-    n = angle.size
-    out = np.empty((n, 2 * count))
-    for i in range(n):
-        c, s = math.cos(first * angle[i]), math.sin(first * angle[i])
-        turn_c, turn_s = math.cos(step * angle[i]), math.sin(step * angle[i])
-        b = blur[i] * blur[i]
-        size = front[i] * math.exp(-0.5 * first * first * b)
-        fall, further = math.exp(-(first + 0.5 * step) * step * b), math.exp(-step * step * b)
-        for j in range(count):
-            out[i, j] = size * c
-            out[i, count + j] = size * s
-            c, s = c * turn_c - s * turn_s, s * turn_c + c * turn_s
-            size *= fall
-            fall *= further
-            if abs(size) < 1e-100:  # products of the smallest numbers take a hundred times as long
-                size = 0.0
-    return out
 
 
 def peaks(values: Array, gains: Array, n: int = 3) -> list[float]:

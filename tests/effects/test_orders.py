@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from whsklearn.gap.plants.servo_scan import waves
+from whsklearn.effects.orders import waves
 
 RNG = np.random.default_rng(0)
 ANGLE, BLUR, FRONT = np.cumsum(RNG.normal(size=(3, 400)) * 0.1, axis=1)
