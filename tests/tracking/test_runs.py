@@ -65,7 +65,8 @@ def test_interrupted_run_is_killed(tracker):
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_an_interruption_within_a_call_leaves_no_run_open(tracker, call, number, monkeypatch):
     """As it lands when the database is slow: after the row is written, before the call returns."""
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    # a job in the background of a shell begins with SIGINT ignored
+    before = {s: signal.signal(s, signal.default_int_handler) for s in (signal.SIGINT, signal.SIGTERM)}
     whole = getattr(tracker.client._client, call)
 
     def interrupted(*args, **kwargs):
@@ -79,7 +80,8 @@ def test_an_interruption_within_a_call_leaves_no_run_open(tracker, call, number,
             pass
         assert signal.getsignal(signal.SIGTERM) is signal.default_int_handler
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for s, handler in before.items():
+            signal.signal(s, handler)
     assert runs(tracker)["stopped"].info.status == {"create_run": "KILLED", "set_terminated": "FINISHED"}[call]
 
 
