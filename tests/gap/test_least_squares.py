@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from whsklearn.gap.least_squares import gain_of, jacobian, least_squares
+from whsklearn.gap.least_squares import carried_along, gain_of, jacobian, least_squares
 
 WIDE = (np.full(2, -10.0), np.full(2, 10.0))
 
@@ -55,3 +55,48 @@ def test_bounds_hold_and_the_minimum_is_found():
         (np.full(2, -3.0), np.full(2, 3.0)),
     )
     assert fit.x == pytest.approx([1 / 1.01, 3.0], abs=1e-3)
+
+
+def counted(target):
+    """A mildly bent residual of eight numbers, and a list that grows by one with every call."""
+    calls = []
+    mix = np.random.default_rng(3).normal(size=(40, 8))
+
+    def residual(x):
+        calls.append(0)
+        z = mix @ (x - target)
+        return z + 0.01 * z**2
+
+    return residual, calls
+
+
+def test_derivatives_carried_along_save_evaluations_and_reach_the_same_minimum():
+    target = np.linspace(-1.0, 1.0, 8)
+    arguments = np.zeros(8), np.full(8, 1e-6), (np.full(8, -5.0), np.full(8, 5.0))
+    residual, calls = counted(target)
+    fit = least_squares(residual, *arguments, tolerance=1e-9)
+    carried = len(calls)
+    residual, calls = counted(target)
+    x, steps, bounds = arguments
+    anew = least_squares(
+        residual,
+        x,
+        steps,
+        bounds,
+        tolerance=1e-9,
+        slopes=lambda x: jacobian(residual, x, residual(x), steps, bounds[1]),
+    )
+    np.testing.assert_allclose(fit.x, target, atol=1e-5)
+    np.testing.assert_allclose(anew.x, target, atol=1e-5)
+    assert carried < 0.7 * len(calls)
+
+
+def test_derivatives_carried_along_know_the_last_move_and_nothing_new_across_it():
+    rng = np.random.default_rng(1)
+    jac, move, change = rng.normal(size=(30, 4)), rng.normal(size=4), rng.normal(size=30)
+    along = carried_along(jac, move, change)
+    np.testing.assert_allclose(along @ move, change)
+    weighted = np.sum(jac**2, axis=0) * move
+    across = rng.normal(size=4)
+    across -= weighted * (across @ weighted) / (weighted @ weighted)
+    np.testing.assert_allclose(along @ across, jac @ across)

@@ -10,7 +10,7 @@ import pytest
 
 from whsklearn.gap import evidence as rules
 from whsklearn.gap.plant import Look, ModelErrors, ViewDefaults
-from whsklearn.gap.search import ROUNDS_A_NAME, Found, Search
+from whsklearn.gap.search import ROUNDS_A_NAME, Found, Round, Search
 
 LIMITS = replace(rules.CAPPED, few_refined=rules.FEW_REFINED)
 
@@ -200,3 +200,23 @@ def test_an_effect_found_anew_keeps_the_better_numbers():
     polished = found.model = Parts((part("a", 0.2), part("b", 0.1)))
     search._exchange(view, found, 0.0)
     assert found.model is polished
+
+
+@pytest.mark.parametrize(
+    ("beside", "times"), [(False, 0), (True, 1)], ids=["the same model", "a view that looks beside"]
+)
+def test_rivals_of_the_last_effect_are_not_fitted_twice_beside_the_same_model(beside, times):
+    view, search, found = search_of(part("a", 0.2), part("b", 0.5), part("c", 0.97))
+    view.looks_beside = beside
+    for n in range(2):
+        evidence = search.try_all(view, found.model)[1]
+        base = found.model
+        found.add(evidence[0], evidence, view)
+        found.rounds.append(Round(n + 1, view.rms(view.gap(base)), evidence, [], evidence[0], base, view))
+    assert [e.name for e in found.taken] == ["a", "b"]
+    tried: list = []
+    view.refine = lambda model, look: tried.append(model) or Parts((*model.terms, look.start))
+    search._exchange(view, found, 0.0)
+    assert sum(m.terms[0].name == "a" for m in tried) == times * 2  # b and c in the place of b
+    assert sum(m.terms[0].name == "b" for m in tried) == 2  # a and c in the place of a: nobody has looked there
+    assert found.rivals[1] and found.rivals[0]

@@ -50,6 +50,7 @@ class AxisModel:
     terms: tuple[Term, ...]
     scene: Scales
     n_base: int = 0  # leading terms that are the base model's
+    step: float = LONGEST_STEP  # s, the largest fine step; a view may have found a longer one to be as good
 
     def with_term(self, term: Term) -> AxisModel:
         """The model with one effect more."""
@@ -175,7 +176,7 @@ class AxisModel:
         """
         slower = max(1.0, FASTEST_COUPLING / self.scene.resonance)
         finest = (1.001 * t.kind.finest * (slower if t.kind.cls.port == "block" else 1.0) for t in self.terms)
-        return min([LONGEST_STEP, *finest])
+        return min([self.step, *finest])
 
     def follow(
         self,

@@ -59,6 +59,9 @@ FEW_REFINED = 2  # where the gap is at the floor already, and a fit costs second
 FIRST_LOOKS = 5  # that a small gain already makes worth it: the linear look underrates large effects
 WORTH_REFINING = 0.3  # of the best look's gain
 AS_WELL = 1.02  # times what two effects leave, that one may leave which is to hold both ("blind_large", seed 9002: 1.7)
+SAME_FIT = (
+    5e-4  # of the rms gap by which two fits of one model may differ: a fit ends at as much ("real": 1e-5 to 1e-4)
+)
 HALF_WAY = 0.5  # of the evidence for a name that the first steps of a two-mass refit must have earned to go on
 WORTH_AMONG_FIRST = 0.03  # the same for the first looks
 

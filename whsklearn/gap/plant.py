@@ -190,9 +190,17 @@ class Learned(NamedTuple):
 
 
 class View(Protocol):
-    """One way to weigh what a model lacks."""
+    """One way to weigh what a model lacks.
+
+    Attributes
+    ----------
+    limits : Limits
+    looks_beside : bool
+        Whether `look_again` finds more than `look`.
+    """
 
     limits: Limits
+    looks_beside: bool
 
     def fit(self, model: Any) -> Any:
         """The model with all its free numbers refitted."""
@@ -360,6 +368,8 @@ class Plant(Protocol):
 
 class ViewDefaults:
     """What a view does unless its plant knows better."""
+
+    looks_beside = False
 
     def quiet(self: Any, model: Any, least: float) -> bool:
         """Whether the gap is no larger than its floor and ``least`` together."""

@@ -26,6 +26,7 @@ class Round:
     looks: list[Look]
     taken: Evidence | None
     base: Any = None
+    view: Any = None
 
 
 @dataclass
@@ -118,7 +119,7 @@ class Search:
             taken = self.first_sound(view, evidence, null)
             if taken is not None and taken.explained < view.demand(found.model) * gap:
                 taken = None
-            found.rounds.append(Round(len(found.rounds) + 1, gap, evidence, looks, taken, found.model))
+            found.rounds.append(Round(len(found.rounds) + 1, gap, evidence, looks, taken, found.model, view))
             if taken is None:
                 break
             found.add(taken, evidence, view)
@@ -220,7 +221,9 @@ class Search:
             if found.views[i] is not view or not view.replaceable(found.model, index):
                 continue
             without = view.fit(found.model.without(index))
-            _, evidence = self.try_all(view, without, found.model)
+            evidence = self._known(view, found, i, without)
+            if evidence is None:
+                _, evidence = self.try_all(view, without, found.model)
             evidence = self._with_own(view, found, i, without, evidence)
             elementary = found.taken[i].trial.look.elementary
             best = self.first_sound(view, evidence, null, elementary_first=elementary)
@@ -236,6 +239,20 @@ class Search:
                 continue  # found anew from a coarse start, its numbers are no better than those it has by now
             terms = best.trial.model.terms
             found.model = view.settled(best.trial.model.with_terms((*terms[:index], terms[-1], *terms[index:-1])))
+
+    def _known(self, view: Any, found: Found, i: int, without: Any) -> list[Evidence] | None:
+        """The evidence of the last round where the model without its effect is the one that the round began with.
+
+        Then all rivals have been fitted beside it already; None where a view tries more beside the effect, or an
+        exchange has changed what it stands on.
+        """
+        last = found.rounds[-1] if found.rounds else None
+        if last is None or found.taken[i] is not last.taken or last.view is not view or view.looks_beside:
+            return None
+        if [t.name for t in without.terms] != [t.name for t in last.base.terms]:
+            return None
+        moved = abs(view.rms(view.gap(without)) / max(last.gap, 1e-300) - 1.0)
+        return last.evidence if moved < rules.SAME_FIT else None
 
     def _with_own(self, view: Any, found: Found, i: int, without: Any, evidence: list[Evidence]) -> list[Evidence]:
         """The evidence for an effect's rivals beside its own: with the numbers that it has by now, if those are better.

@@ -86,7 +86,7 @@ class ServoPlant(PlantDefaults):
         """Both views of a record, and its base model fitted in the one that is to be trusted."""
         self.record = record
         self.inverse, base = start_of(record, self.law, self.tolerance)
-        self.observer = observer_view(record, base.scene, self.inverse.start, tolerance=self.tolerance)
+        self.observer = observer_view(record, base.scene, self.inverse.start, tolerance=self.tolerance).coarsened(base)
         return base if self.large(base) else self.observer.fit(base)
 
     def large(self, model: AxisModel) -> bool:
@@ -110,7 +110,7 @@ class ServoPlant(PlantDefaults):
             return None
         if isinstance(after, InverseView) and model.added:  # the inertia beside what was missing is the true one
             scene = dataclasses.replace(model.scene, inertia=model.inertia)
-            self.observer = observer_view(self.record, scene, after.start, tolerance=self.tolerance)
+            self.observer = observer_view(self.record, scene, after.start, tolerance=self.tolerance).coarsened(model)
             if self.lost(model):
                 return None
         return self.observer

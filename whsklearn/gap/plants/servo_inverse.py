@@ -60,6 +60,7 @@ class InverseView(ViewDefaults):
     """
 
     limits = rules.CROSS_VALIDATED
+    looks_beside = True  # `look_again` tries more than `look`
 
     def __init__(
         self, record: ServoRecord, scene: Scales, cutoff: float, start: tuple[Array, Array],

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from whsklearn.effects import Scales
 from whsklearn.gap import evidence as rules
-from whsklearn.gap.axis_model import AxisModel
+from whsklearn.gap.axis_model import LONGEST_STEP, AxisModel
 from whsklearn.gap.filters import ResidualFilter, autoregression, solve_whitening, whiten
 from whsklearn.gap.least_squares import Fit, jacobian, least_squares
 from whsklearn.gap.plant import Linearised, Look, ModelErrors, ViewDefaults
@@ -26,6 +26,8 @@ from whsklearn.gap.record import ServoRecord
 
 Array = NDArray[Any]
 AR_ORDER = 12
+SUBSTEPS = 4  # fine steps a sample, at least, that a step longer than `LONGEST_STEP` must leave
+STEP_ERROR = 0.01  # of the tolerance that a longer fine step may move the gap by: it decides nothing there
 LOST = 1e3  # times the travel or the speed of the record: a run beyond has diverged
 
 
@@ -58,6 +60,8 @@ class ObserverView(ViewDefaults):
     ----------
     noise : float
         Standard deviation of the position noise.
+    step : float
+        Largest fine step of a run (s), see `coarsened`.
     train, held : ndarray of bool, of int, shape (n_decimated,)
         Training mask; number of the held-out block or -1.
     ar : ndarray
@@ -76,6 +80,7 @@ class ObserverView(ViewDefaults):
     usable: NDArray[np.bool_]
     tolerance: float
     quantum: float = 0.0
+    step: float = LONGEST_STEP
     ar: Array = field(default_factory=lambda: np.array([1.0]))
 
     # --- looking ---------------------------------------------------------------------------
@@ -145,9 +150,26 @@ class ObserverView(ViewDefaults):
     # --- the protocol of a view --------------------------------------------------------------
     limits = rules.WHITENED
 
+    def coarsened(self, model: AxisModel) -> ObserverView:
+        """The view whose runs take the longest fine step, a quarter of a sample at the most, that leaves this gap as it is.
+
+        A record at 50 Hz needs no step of a millisecond where its axis is slow beside that (arm joints: 5 ms move the
+        gap by 5e-6 of the drive), and does where it is not (a jaw of 2 ms of mechanical time constant: 2e-3).
+        """
+        step, longest = LONGEST_STEP, self.scene.dt / SUBSTEPS
+        if 2.0 * step > longest:
+            return self
+        gap = self.gap(dataclasses.replace(model, step=step))
+        while 2.0 * step <= longest:
+            other = self.gap(dataclasses.replace(model, step=2.0 * step))
+            if self.rms(other - gap) > STEP_ERROR * self.tolerance * self.scene.torque:
+                break
+            step *= 2.0
+        return dataclasses.replace(self, step=step)
+
     def fit(self, model: AxisModel) -> AxisModel:
         """The model refitted to the training part, weighted by the size of its own gap."""
-        model = dataclasses.replace(model, scene=self.scene)
+        model = dataclasses.replace(model, scene=self.scene, step=self.step)
         if model.has_play:
             from whsklearn.gap.plants.servo_screening import settled_play
 
