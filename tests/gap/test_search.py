@@ -219,4 +219,4 @@ def test_rivals_of_the_last_effect_are_not_fitted_twice_beside_the_same_model(be
     search._exchange(view, found, 0.0)
     assert sum(m.terms[0].name == "a" for m in tried) == times * 2  # b and c in the place of b
     assert sum(m.terms[0].name == "b" for m in tried) == 2  # a and c in the place of a: nobody has looked there
-    assert found.rivals[1] and found.rivals[0]
+    assert all(found.rivals)

@@ -151,7 +151,7 @@ class ObserverView(ViewDefaults):
     limits = rules.WHITENED
 
     def coarsened(self, model: AxisModel) -> ObserverView:
-        """The view whose runs take the longest fine step, a quarter of a sample at the most, that leaves this gap as it is.
+        """The view with the longest fine step, a quarter of a sample at the most, that leaves the gap as it is.
 
         A record at 50 Hz needs no step of a millisecond where its axis is slow beside that (arm joints: 5 ms move the
         gap by 5e-6 of the drive), and does where it is not (a jaw of 2 ms of mechanical time constant: 2e-3).
