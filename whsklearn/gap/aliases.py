@@ -32,7 +32,8 @@ def rivals_of(
         close, equal, share = [], [], 1.0
         for other, j in zip(able, judged[1:], strict=True):
             s = bootstrap_share(judged[0].errors, j.errors, rng)
-            near = taken.delta_bic - other.delta_bic < rules.LEAST_MARGIN or s < rules.SURE
+            margin = max(rules.LEAST_MARGIN, plant.must_lead(taken.name, other.name) * taken.delta_bic)
+            near = taken.delta_bic - other.delta_bic < margin or s < rules.SURE
             if near and not _stands(plant, view, taken, other):
                 continue
             if near and view.same_signature(taken.trial.model, other.trial.model):

@@ -81,6 +81,8 @@ BLIND_SHARE = 0.03  # of the time, in motion, in which noise may hide the direct
 # What an effect may be beside others, and what no axis does.
 BESIDE_A_PLAY = 0.66  # of the rms left beside a play that a further effect must explain: impacts follow everything a
 # little ("blind --kinds named" with backlash)
+PLAY_OR_DAMPER = 0.1  # of the evidence of a play that a coupling must be behind, or both names are given: a coupling
+# of much damping slips as a play does ("real --only jaw": 3 %; MuJoCo's plays: 20 % and more)
 SEVERAL_TURNS = 6 * np.pi  # rad of travel, over which a wave of one shaft must come back every turn
 LITTLE_TRAVEL = (
     0.5  # rad, over which the cosine of gravity is a constant and a slope to 3 % of itself: names are shared

@@ -332,6 +332,9 @@ class Plant(Protocol):
     def commoner(self, name: str) -> tuple[str, ...]:
         """Names preferred to ``name`` where both explain the record about as well."""
 
+    def must_lead(self, name: str, rival: str) -> float:
+        """Share of its evidence by which ``name`` must lead ``rival`` to be told from it, beyond the usual margin."""
+
     def linearised(self, model: Any) -> Linearised:
         """The fit's vector, residual and derivatives at the model, for standard errors."""
 
@@ -406,6 +409,10 @@ class ViewDefaults:
 
 class PlantDefaults:
     """What a plant does unless it knows better."""
+
+    def must_lead(self, name: str, rival: str) -> float:
+        """Nothing: a margin and redrawn blocks tell any two effects apart."""
+        return 0.0
 
     horizon_unit = "s"
 

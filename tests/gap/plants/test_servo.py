@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pandas as pd
 import pytest
 
 from whsklearn.gap import VERDICTS, GapFinder
+from whsklearn.gap.plants import servo_free_run, servo_stop
+from whsklearn.gap.plants.servo import ServoPlant
 
 INERTIA, VISCOUS, COULOMB = 0.05, 0.12, 0.3
 
@@ -78,3 +82,15 @@ def test_the_unit_of_the_drive_scales_the_numbers_and_no_more(units):
     inertia = next(r["after"] for r in d.base_parameters if r["name"] == "inertia")
     assert inertia / units == pytest.approx(INERTIA, rel=0.1)
     assert [e.name for e in d.effects][:1] == ["gravity_imbalance"]
+
+
+def test_numbers_for_simulation_are_compared_at_the_horizon_that_is_proved(monkeypatch):
+    errors = {("found", 0.07): 1.0, ("found", 0.5): 9.0, ("refitted", 0.07): 5.0, ("refitted", 0.5): 4.0}
+    monkeypatch.setattr(servo_free_run, "train_error", lambda view, m, horizon: errors[m, horizon])
+    plant = object.__new__(ServoPlant)
+    monkeypatch.setattr(ServoPlant, "_horizons", lambda self, m: (0.07, (0.014, 0.07, 0.28)))
+    monkeypatch.setattr(ServoPlant, "coarse", lambda self, m: True)
+    monkeypatch.setattr(servo_stop, "holds", lambda m: False)
+    plant.observer = SimpleNamespace(fit=lambda m: "refitted")
+    assert plant.settle("found") == "found"
+    assert plant.headline == 0.07
