@@ -17,6 +17,7 @@ from whsklearn.effects.base import Effect
 from whsklearn.effects.quantity import Quantity
 
 N_STATES = 8
+AHEAD = N_STATES  # column behind the states: the path travelled since the last advance, of all effects of an axis
 
 
 @njit(cache=False, error_model="numpy")

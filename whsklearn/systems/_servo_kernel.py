@@ -129,7 +129,7 @@ def run(out, plant, controller, signals, how, initial):
     gain_1, gain_2 = how.gains
     first, weight = hold_weights(chain.delay / dt, substeps, how.linear)
     observed = gain_1 > 0.0 or gain_2 > 0.0
-    z = np.zeros((max(effects.size, 1), N_STATES))
+    z = np.zeros((max(effects.size, 1), N_STATES + 1))
     memory = np.zeros(3)
     u, measured, noise, disturbance = out[DRIVE], signals.measured, signals.noise, signals.disturbance
     before = 0.0 if how.closed else u[0]

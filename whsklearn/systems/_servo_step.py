@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 
 from whsklearn._numba import njit
 from whsklearn.effects import codes
+from whsklearn.effects.hysteresis import AHEAD
 from whsklearn.effects.signs import smooth_sign
 from whsklearn.effects.transmission import contact_damping, contact_stiffness, coupling_torque
 from whsklearn.systems._servo_torques import (
@@ -147,7 +148,7 @@ def fine_step(effects, p, own, ends, z, body, state, u, t, h):
             v_new, path = from_rest(pull - forwards, pull - backwards, slope, inertia, h - before)
             path += 0.5 * before * v
     if ends.memory > ends.own:
-        advance_memories(effects, p, ends, z, path - half * v, v_new)
+        z[ends.own, AHEAD] = path - half * v
     x += path
     if not two:
         q, w = x, v_new

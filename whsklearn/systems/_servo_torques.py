@@ -12,7 +12,7 @@ import numpy as np
 
 from whsklearn._numba import njit
 from whsklearn.effects import codes
-from whsklearn.effects.hysteresis import advance_hysteresis, hysteresis_torque
+from whsklearn.effects.hysteresis import AHEAD, advance_hysteresis, hysteresis_torque
 from whsklearn.effects.own import WHICH
 from whsklearn.effects.rows import has_memory, load_torque, motor_torque, on_load, reading
 from whsklearn.effects.timed import parameter_change
@@ -133,7 +133,12 @@ def added_inertia(p, ends, t):
 
 @_inlined
 def advance_memories(effects, p, ends, z, dx, v):
-    """Move every effect with a memory along a path."""
+    """Move every effect with a memory along what the last step left of its path, and along ``dx``.
+
+    They stand at the middle of a step, where the torque is asked for, so one advance a step is enough: from middle to
+    middle, at the velocity ``v`` between them.
+    """
+    dx += z[ends.own, AHEAD]
     for i in range(ends.own, ends.memory):
         advance_hysteresis(effects[i], p, z, i, dx, v)
 
