@@ -39,6 +39,9 @@ def test_scanned_places_and_numbers_cost_evidence():
     assert delta_bic(before, after, 3, 1, n=100.0, price=0.5) == pytest.approx(100 * np.log(1.21) - 1.5 * np.log(100))
 
 
+PLANT = SimpleNamespace(scale=1.0, tolerance=0.004, whole="drive")
+
+
 def judged(held):
     held = np.asarray(held, dtype=float)
     return ModelErrors(held, held, np.repeat(np.arange(5), held.size // 5), float(held.size))
@@ -62,9 +65,9 @@ def test_a_block_at_rest_does_not_count_as_worse_and_a_lost_one_does():
     ],
 )
 def test_every_objection_is_raised_and_none_without_reason(change, said):
-    assert objections(view(), SOUND, 10.0, 500.0, 1.0, 0.004) == ""
-    assert said in objections(view(), replace(SOUND, **change), 10.0, 500.0, 1.0, 0.004)
-    assert objections(view("size below zero"), SOUND, 10.0, 500.0, 1.0, 0.004) == "size below zero"
+    assert objections(PLANT, view(), SOUND, 10.0, 500.0) == ""
+    assert said in objections(PLANT, view(), replace(SOUND, **change), 10.0, 500.0)
+    assert objections(PLANT, view("size below zero"), SOUND, 10.0, 500.0) == "size below zero"
 
 
 @pytest.mark.parametrize(

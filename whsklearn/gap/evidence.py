@@ -355,14 +355,14 @@ def weigh(view: Any, current: Any, trials: Sequence[Any]) -> list[Evidence]:
     return sorted(out, key=lambda e: -e.delta_bic)
 
 
-def objections(view: Any, evidence: Evidence, null: float, n: float, scale: float, tolerance: float) -> str:
+def objections(plant: Any, view: Any, evidence: Evidence, null: float, n: float) -> str:
     """Why the candidate earns no name; empty if it does."""
     need = view.limits.need(n, null * evidence.null_weight)
     if evidence.delta_bic < need:
         return f"evidence {evidence.delta_bic:.0f} is below the {need:.0f} that chance and noise may reach"
-    share = evidence.explained / scale
-    if share < tolerance:
-        return f"it explains {100 * share:.2f} % of the rms drive, below the tolerance of {100 * tolerance:.2f} %"
+    share, least = evidence.explained / plant.scale, plant.tolerance
+    if share < least:
+        return f"it explains {100 * share:.2f} % of the rms {plant.whole}, below the tolerance of {100 * least:.2f} %"
     if evidence.better < view.limits.blocks or evidence.held_gain <= 0:
         return f"it improves only {100 * evidence.better:.0f} % of the held-out blocks"
     return evidence.trial.look.reason or view.objection(evidence.trial.model, len(evidence.trial.model.terms) - 1)

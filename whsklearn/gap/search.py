@@ -195,7 +195,7 @@ class Search:
         for e in evidence:  # behind the best sound one only those are looked at that could go before it
             if sound and not (e.name in self.plant.commoner(sound[0].name) or e.trial.look.elementary):
                 continue
-            e.reason = objections(view, e, null, n, self.plant.scale, self.plant.tolerance)
+            e.reason = objections(self.plant, view, e, null, n)
             sound += [e] if e.passes else []
         if not sound:
             return None

@@ -218,11 +218,18 @@ class SimulatorFit:
         return SimulatorModel(simulator, terms, self.error(simulator))
 
     def homes(self, model: SimulatorModel) -> list[SimulatorModel]:
-        """The model, and the same with the numbers that the simulator was given with, where they can be set."""
-        if not hasattr(model.simulator, "with_numbers"):
-            return [model]
+        """The model, and the same with the numbers that the simulator was given with.
+
+        Where they cannot be set it is the simulator as it was given, with the model's effects: a refit of a model that
+        lacks something large may end so far away that a refit with it does not find back.
+        """
         if model.terms not in self._given:
-            simulator = model.simulator.with_numbers(np.asarray(self.given.numbers, dtype=float))
+            if hasattr(model.simulator, "with_numbers"):
+                simulator = model.simulator.with_numbers(np.asarray(self.given.numbers, dtype=float))
+            else:
+                simulator = self.given
+                for t in model.terms:
+                    simulator = simulator.with_effect(t.effect)
             self._given[model.terms] = SimulatorModel(simulator, model.terms, self.error(simulator))
         return [model, self._given[model.terms]]
 
@@ -253,12 +260,22 @@ class SimulatorFit:
                 slopes = slopes + np.outer(change - slopes @ step, moved / scale) / max(_square(moved), 1e-300)
                 best, r = found, r + change
             if gain < LEAST_GAIN:
+                settled = best if joint else self._refitted(best)
+                if _square(weigh(settled.error)) < (1.0 - LEAST_GAIN) * _square(r):
+                    best, r = settled, weigh(settled.error)
+                    slopes = self._slopes(model, best, weigh, again=True)
+                    continue
                 if fresh or _square(r) > WORTH_SLOPES * first:
                     break
                 slopes, fresh = self._slopes(model, best, weigh, again=True), True
             elif joint:
                 fresh = False
         return best
+
+    def _refitted(self, model: SimulatorModel) -> SimulatorModel:
+        """The model after one refit more: many a ``refit`` stops after a few evaluations, long before its minimum."""
+        simulator = model.simulator.refit(self.record, self.train)
+        return SimulatorModel(simulator, model.terms, self.error(simulator))
 
     def _stepped(
         self, model: SimulatorModel, best: SimulatorModel, step: Array, weigh: Any
@@ -283,7 +300,8 @@ class SimulatorFit:
         of the term are freed of what it can do.
         """
         term, x = best.terms[-1], np.array(best.terms[-1].vector())
-        before, joint = model.simulator, hasattr(model.simulator, "with_numbers")
+        joint = hasattr(model.simulator, "with_numbers")
+        before = self._freed(best) if again and not joint else model.simulator
         at = best.error if joint else self.error(before.with_effect(term.effect))
         columns = []
         for j, h in enumerate(term.steps()):
@@ -292,12 +310,20 @@ class SimulatorFit:
             grown = before.with_effect(term.with_vector(moved).effect)
             grown = grown.with_numbers(best.simulator.numbers) if joint else grown
             columns.append((self.error(grown) - at) / h)
-        own = self.tangent(best if joint and again else model)
+        own = self.tangent(best if again else model)
         if joint:
             return np.asarray(weigh(np.column_stack([*columns, own])))
         q, _ = np.linalg.qr(weigh(own))
         slopes = weigh(np.column_stack(columns))
         return np.asarray(slopes - q @ (q.T @ slopes))
+
+    @staticmethod
+    def _freed(model: SimulatorModel) -> Any:
+        """The simulator as it stands, freed of its last effect by the opposite torque; what is no torque stays."""
+        effect = model.terms[-1].effect
+        if effect.column_kind != "exact":
+            return model.simulator
+        return model.simulator.with_effect(effect.resized(-effect.magnitude))
 
     def _vector(self, model: SimulatorModel, term: EffectTerm) -> Array:
         """Numbers of a term, and those of the simulator if it has any."""
