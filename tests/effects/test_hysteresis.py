@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from sklearn.utils import Bunch
 
-from whsklearn.effects import BoucWen, GeneralizedMaxwellSlip, LuGre, PreslidingHysteresis
+from whsklearn.effects import BoucWen, GeneralizedMaxwellSlip, LuGre, PreslidingHysteresis, Scales
 
 X_S = 0.01
 SHAPES = [
@@ -102,3 +102,21 @@ def test_mean_slip_distance_of_maxwell_elements_is_the_distance():
     assert slips.mean() == pytest.approx(X_S)
     expected = 2.0 * np.mean(np.minimum(path[:, None] / slips, 1.0), axis=1)
     np.testing.assert_allclose(torque, expected, atol=1e-9)
+
+
+def test_searches_of_lugre_begin_with_kicks_of_a_few_levels_over_every_distance():
+    scales = Scales(reach=2.0, speed=3.0)
+    accelerated = scales.speed**2 / scales.reach
+    kicks = []
+    for x_s, ratio, _, damping in LuGre.starts(scales):
+        assert ratio == 1.0  # the level falls later, once there are bristles at all
+        v = np.sqrt(2.0 * accelerated * x_s)  # behind the presliding distance
+        kicks.append(damping * v / x_s)
+    assert len(kicks) == 24
+    assert min(kicks) == pytest.approx(0.2 * np.sqrt(2.0))
+    assert max(kicks) == pytest.approx(3.0 * np.sqrt(2.0))
+
+
+def test_a_level_that_does_not_fall_has_no_speed_at_which_it_does():
+    assert "velocity_rad_per_s" not in LuGre(1.0, ratio=1.0).labelled()
+    assert LuGre(1.0, ratio=1.2, velocity=0.3).labelled()["velocity_rad_per_s"] == 0.3

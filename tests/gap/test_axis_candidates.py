@@ -76,3 +76,16 @@ def test_starts_lie_in_their_range_and_make_an_effect(kind):
     for shape in kind.starts(SCALES):
         assert all(a <= x <= b for x, (a, b) in zip(shape, ranges, strict=True))
         kind.effect(np.array([*[0.1] * kind.linear, *shape]))
+
+
+def test_lugre_is_sought_beside_dahl_with_its_level_held_until_it_is_taken():
+    dahl, lugre = (c for c in catalogue() if c.name == "presliding_hysteresis")
+    assert dahl.label != lugre.label
+    assert [lugre.fields[lugre.linear + i] for i in lugre.held] == ["ratio", "velocity"]
+    row = (0.3, *lugre.starts(SCALES)[0])
+    opened = lugre.opened(row, SCALES)
+    assert all(kind.held == () and kind.later == () for kind, _ in opened)
+    assert {q[2] for _, q in opened} == {1.5}  # at 1 the speed of the fall would move nothing
+    assert len({q[3] for _, q in opened}) == 3
+    assert all(q[:2] == row[:2] and q[4] == row[4] for _, q in opened)
+    assert dahl.opened((0.3, 0.01), SCALES) == []

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from whsklearn.gap import evidence as rules
-from whsklearn.gap.plant import Look, ModelErrors, ViewDefaults
+from whsklearn.gap.plant import Look, ModelErrors, Trial, ViewDefaults
 from whsklearn.gap.search import ROUNDS_A_NAME, Found, Round, Search
 
 LIMITS = replace(rules.CAPPED, few_refined=rules.FEW_REFINED)
@@ -220,3 +220,20 @@ def test_rivals_of_the_last_effect_are_not_fitted_twice_beside_the_same_model(be
     assert sum(m.terms[0].name == "a" for m in tried) == times * 2  # b and c in the place of b
     assert sum(m.terms[0].name == "b" for m in tried) == 2  # a and c in the place of a: nobody has looked there
     assert all(found.rivals)
+
+
+@pytest.mark.parametrize(("left", "taken"), [(0.05, True), (0.1995, False)], ids=["earned", "not earned"])
+def test_numbers_held_at_first_are_set_free_where_they_earn_it(left, taken):
+    view, search, found = search_of(part("bristles", 0.2))
+    add(search, view, found, "bristles")
+    before = found.taken[0]
+    wide = Parts((part("bristles", left),))
+    view.widened = lambda model: Trial(Look("bristles", 1.0, n_numbers=2), wide)
+    search._widen(view, found, 0.0)
+    assert [e.name for e in found.taken] == ["bristles"]
+    assert (found.model is wide) == taken
+    if taken:
+        assert found.taken[0].delta_bic > before.delta_bic
+        assert found.taken[0].trial.look.n_numbers == before.trial.look.n_numbers + 2
+    else:
+        assert found.taken[0] is before

@@ -106,7 +106,11 @@ def _check_description(e: Effect) -> None:
         q = e.quantities.get(name)
         _require(isinstance(q, Quantity), e, f"the quantity of {name} is missing; give its unit and range.")
         _require(q is not None and bool(q.unit) and q.low < q.high, e, f"the range of {name} is empty; low < high.")
-        _require(q is not None and (not q.log or q.low > 0), e, f"{name} spans ratios from zero; start above it.")
+        _require(
+            q is not None and (not q.log or q.low > 0 or q.span is not None),
+            e,
+            f"{name} spans ratios from zero; start above it.",
+        )
 
 
 def _check_columns(e: Effect) -> None:

@@ -123,6 +123,11 @@ class Effect:
         Whether a model may hold several of it, as cogging of two orders.
     held : tuple of str
         Fields that a search leaves where it starts.
+    later : tuple of str
+        Fields that a search leaves where it starts until it has taken the effect; then they are set free, and stay so
+        if they earn it.
+    sought : bool
+        Whether a search tries this class beside the one that has its name: a shape that the other cannot take.
     finest : float
         Largest time step at which its simulation is right (s).
     evaluate : callable or None
@@ -164,6 +169,8 @@ class Effect:
     covers: ClassVar[tuple[str, ...]] = ()
     elementary: ClassVar[bool] = False
     held: ClassVar[tuple[str, ...]] = ()
+    later: ClassVar[tuple[str, ...]] = ()
+    sought: ClassVar[bool] = False
     repeats: ClassVar[bool] = False
     finest: ClassVar[float] = math.inf
     evaluate: ClassVar[Callable[..., float] | None] = None
@@ -331,12 +338,25 @@ class Effect:
         scales : Scales
             Of the record.
         """
-        grids = [cls.quantities[f].grid(scales) for f in cls.searched()]
+        grids = [cls.quantities[f].grid(scales)[: 1 if f in cls.later else None] for f in cls.searched()]
         while math.prod(map(len, grids)) > MOST_STARTS:
             given = [bool(cls.quantities[f].starts) for f in cls.searched()]
             i = max(range(len(grids)), key=lambda k: (not given[k] and len(grids[k]) > 2, len(grids[k])))
             grids[i] = grids[i][:: max(2, len(grids[i]) // 3)]
         return list(itertools.product(*grids))
+
+    @classmethod
+    def later_starts(cls, scales: Scales) -> list[tuple[float, ...]]:
+        """Points in `later` from which they are fitted once the effect is taken: the product of what their grids have
+        beyond the value at which they were held.
+
+        Parameters
+        ----------
+        scales : Scales
+            Of the record.
+        """
+        grids = [cls.quantities[f].grid(scales) for f in cls.later]
+        return list(itertools.product(*(g[1:] or g for g in grids)))
 
     @classmethod
     def scanned(cls) -> str:
@@ -500,6 +520,24 @@ def get_effect(name: str) -> type[Effect]:
     except KeyError:
         known = ", ".join(sorted(_REGISTRY))
         raise ValueError(f"Unknown effect {name!r}; expected one of: {known}.") from None
+
+
+def shapes_of(name: str) -> tuple[type[Effect], ...]:
+    """The class of a canonical name, and those of its shapes that a search tries beside it.
+
+    Parameters
+    ----------
+    name : str
+        Such as ``presliding_hysteresis``.
+
+    Examples
+    --------
+    >>> from whsklearn.effects.base import shapes_of
+    >>> [c.__name__ for c in shapes_of("presliding_hysteresis")]
+    ['PreslidingHysteresis', 'LuGre']
+    """
+    cls = get_effect(name)
+    return (cls, *(c for c in cls.__subclasses__() if c.sought and c.name == name))
 
 
 def effect_names(place: str | None = None) -> tuple[str, ...]:

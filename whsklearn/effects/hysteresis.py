@@ -15,6 +15,7 @@ from whsklearn._numba import njit
 from whsklearn.effects import codes
 from whsklearn.effects.base import Effect
 from whsklearn.effects.quantity import Quantity
+from whsklearn.effects.scales import Scales
 
 N_STATES = 8
 AHEAD = N_STATES  # column behind the states: the path travelled since the last advance, of all effects of an axis
@@ -78,6 +79,9 @@ _DISTANCE = Quantity(
 )
 _RATIO = Quantity("1", 1.0, 2.5)
 _VELOCITY = Quantity("rad/s", 1e-3, 2.0, log=True)
+# of the torque's level at the peak behind a reversal, kappa = d v / x_s with v the speed that the axis has reached
+# after the presliding distance: critical damping of the bristles, d = 2 sqrt(J x_s / c), gives 2 sqrt(2 J a / c)
+_KICKS = (0.2, 0.8, 3.0)
 
 
 @dataclass(frozen=True)
@@ -141,14 +145,49 @@ class LuGre(PreslidingHysteresis):
     quantities: ClassVar[dict[str, Quantity]] = {
         "torque": _TORQUE,
         "distance": _DISTANCE,
-        "ratio": _RATIO,
-        "velocity": _VELOCITY,
-        "damping": Quantity("s", 0.0, 0.1),
+        "ratio": Quantity("1", 1.0, 2.5, starts=(1.0, 1.5)),
+        "velocity": Quantity("rad/s", 1e-3, 2.0, log=True, span=(4e-3, 0.5), starts=(0.01, 0.03, 0.1, 0.3)),
+        "damping": Quantity("s", 0.0, 2.0, log=True, span=(3e-4, 10.0), scale="stroke"),
     }
+    later: ClassVar[tuple[str, ...]] = ("ratio", "velocity")
+    sought: ClassVar[bool] = True
     reference: ClassVar[str] = (
         "Canudas de Wit, Olsson, Astrom, Lischinsky 1995, IEEE Trans. Autom. Control 40(3), 419-425"
     )
     code: ClassVar[int] = codes.LUGRE
+
+    def labelled(self) -> dict[str, float | str]:
+        """All fields under names that carry their unit; of a level that does not fall, no speed at which it does.
+
+        Examples
+        --------
+        >>> list(LuGre(0.1, ratio=1.0).labelled())
+        ['torque_nm', 'distance_rad', 'damping_s']
+        """
+        told = super().labelled()
+        return told if self.ratio > 1.0 else {k: v for k, v in told.items() if not k.startswith(("ratio", "velocity"))}
+
+    @classmethod
+    def starts(cls, scales: Scales) -> list[tuple[float, ...]]:
+        """Dahl's distances, each with dampings of the same kicks behind a reversal, d = kappa T sqrt(x_s / reach).
+
+        T = reach / speed is the time of half the travel, sqrt(x_s / reach) the share of the speed that the axis has
+        gained after x_s: a grid of dampings alone would begin with kicks of hundreds and of nothing.
+
+        Parameters
+        ----------
+        scales : Scales
+            Of the record.
+        """
+        once = super().starts(scales)
+        field = cls.searched().index("damping")
+        low, high = cls.quantities["damping"].bounds(scales)
+        out: list[tuple[float, ...]] = []
+        for x_s, ratio, velocity in dict.fromkeys(s[:field] for s in once):
+            for kick in _KICKS:
+                damping = kick * scales.stroke * math.sqrt(x_s / scales.reach)
+                out.append((x_s, ratio, velocity, min(max(damping, low), high)))
+        return out
 
 
 @dataclass(frozen=True)

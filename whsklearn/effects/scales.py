@@ -61,6 +61,11 @@ class Scales:
         return abs(self.centre) + self.reach
 
     @property
+    def stroke(self) -> float:
+        """Time in which the axis crosses half its travel at its rms speed (s)."""
+        return self.reach / self.speed
+
+    @property
     def slowest(self) -> float:
         """Lowest frequency of which the record holds enough periods (Hz)."""
         return _REACHED / self.duration

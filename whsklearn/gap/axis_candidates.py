@@ -7,7 +7,7 @@ seen from one side of a transmission; nothing here knows an effect by name but t
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Any
 
@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn.effects import Effect, Scales, codes, effect_names, get_effect
+from whsklearn.effects.base import shapes_of
 from whsklearn.effects.columns import values
 
 Array = NDArray[Any]
@@ -52,11 +53,14 @@ class Candidate:
         What its text fields are.
     on_load : bool
         Whether the encoder sits behind the transmission.
+    whole : bool
+        Whether the numbers are free that an effect gets later (`Effect.later`).
     """
 
     cls: type[Effect]
     choice: tuple[tuple[str, str], ...] = ()
     on_load: bool = False
+    whole: bool = False
 
     @property
     def name(self) -> str:
@@ -128,7 +132,14 @@ class Candidate:
     @cached_property
     def held(self) -> tuple[int, ...]:
         """Shape numbers, counted behind the linear ones, that keep their start."""
-        return tuple(i for i, f in enumerate(self.fields[self.linear :]) if f in self.cls.held)
+        held = (*self.cls.held, *(() if self.whole else self.cls.later))
+        return tuple(i for i, f in enumerate(self.fields[self.linear :]) if f in held)
+
+    @cached_property
+    def later(self) -> tuple[int, ...]:
+        """Shape numbers, counted behind the linear ones, that are set free once the effect is taken."""
+        late = () if self.whole else self.cls.later
+        return tuple(i for i, f in enumerate(self.fields[self.linear :]) if f in late)
 
     @cached_property
     def driven(self) -> bool:
@@ -150,7 +161,8 @@ class Candidate:
     def label(self) -> str:
         """Name with the variant, for internal use."""
         extra = "".join(f"[{v}]" for v in self.options.values())
-        return f"{self.name}{extra}{'L' if self.on_load else ''}"
+        shape = f"[{self.cls.__name__}{'+' if self.whole else ''}]" if self.cls.sought else ""
+        return f"{self.name}{shape}{extra}{'L' if self.on_load else ''}"
 
     def ranged(self, scales: Scales) -> list[tuple[float, float]]:
         """(low, high) of every shape number in one record."""
@@ -159,6 +171,17 @@ class Candidate:
     def starts(self, scales: Scales) -> list[tuple[float, ...]]:
         """Shape numbers from which a search of one record begins."""
         return self.cls.starts(scales)
+
+    def opened(self, q: tuple[float, ...], scales: Scales) -> list[tuple[Candidate, tuple[float, ...]]]:
+        """The candidate with its later numbers free, and its row with each of their starts."""
+        kind, at = replace(self, whole=True), [self.linear + i for i in self.later]
+        rows = []
+        for start in self.cls.later_starts(scales) if at else []:
+            row = list(q)
+            for i, x in zip(at, start, strict=True):
+                row[i] = x
+            rows.append((kind, tuple(row)))
+        return rows
 
     def spread(self, shape: int, scales: Scales) -> float:
         """A typical change of a shape number that is not moved in ratios."""
@@ -204,7 +227,8 @@ def catalogue() -> tuple[Candidate, ...]:
     >>> [c.label for c in catalogue() if c.name == "flexible_coupling"]
     ['flexible_coupling', 'flexible_couplingL']
     """
-    return tuple(c for name in effect_names() if name not in UNSEEN for c in variants(get_effect(name)))
+    names = (n for n in effect_names() if n not in UNSEEN)
+    return tuple(c for name in names for cls in shapes_of(name) for c in variants(cls))
 
 
 def variants(cls: type[Effect]) -> tuple[Candidate, ...]:

@@ -253,6 +253,9 @@ class View(Protocol):
     def family(self, model: Any) -> Iterable[Trial]:
         """Further members of the last term's family (orders of a wave), each earned; empty for most effects."""
 
+    def widened(self, model: Any) -> Trial | None:
+        """The model with numbers of its last term set free that a first look holds; None where there are none."""
+
     def trimmed(self, model: Any) -> Any:
         """The same view without a part of the record that follows another law than the rest; mostly itself."""
 
@@ -389,6 +392,10 @@ class ViewDefaults:
     def family(self, model: Any) -> Iterable[Trial]:
         """None: further orders are candidates like any other."""
         return ()
+
+    def widened(self, model: Any) -> Trial | None:
+        """None: ``refine`` has all numbers free."""
+        return None
 
     def trimmed(self, model: Any) -> Any:
         """The view itself."""

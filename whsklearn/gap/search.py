@@ -6,7 +6,7 @@ It knows views of a plant and no physics (see `whsklearn.gap.plant`).
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from whsklearn.gap import evidence as rules
@@ -125,6 +125,7 @@ class Search:
             found.add(taken, evidence, view)
             self._absorb(view, found)
             found.model = view.settled(found.model)
+            self._widen(view, found, null)
             self._grow(view, found)
             whole, view = view, view.trimmed(found.model)
             if view is not whole:
@@ -143,6 +144,24 @@ class Search:
         """Further members of the last effect's family."""
         for trial in view.family(found.model):
             found.add(weigh(view, found.model, [trial])[0], [], view)
+
+    def _widen(self, view: Any, found: Found, null: float) -> None:
+        """Set numbers of the last effect free that a first look holds, if they earn it as an effect does.
+
+        The name is the same: the level of bristles that falls with speed is no second effect beside them. So evidence
+        counts, and not how much of the drive it is.
+        """
+        trial = view.widened(found.model)
+        if trial is None:
+            return
+        gain = weigh(view, found.model, [trial])[0]
+        n = view.compare([trial.model], 0)[0].n_effective
+        if objections(view, gain, null, n, self.plant.scale, 0.0):
+            return
+        found.model, look = trial.model, found.taken[-1].trial.look
+        whole = Trial(replace(look, n_numbers=look.n_numbers + trial.look.n_numbers), trial.model)
+        without = view.fit(trial.model.without(len(trial.model.terms) - 1))
+        found.taken[-1] = weigh(view, without, [whole])[0]
 
     def _absorb(self, view: Any, found: Found) -> None:
         """Take back what the last effect's own numbers say already, unless they cannot: a place of rest has a range."""

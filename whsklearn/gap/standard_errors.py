@@ -47,6 +47,8 @@ def errors_of(fit: Linearised, read: Callable[[Any], Mapping[str, float | str]])
             labels = read(fit.rebuild(z))
         except (ValueError, OverflowError):
             continue
+        if not labels.keys() >= draws.keys():  # a draw at a bound may have fewer numbers to tell
+            continue
         for k, seen in draws.items():
             gap = float(labels[k]) - centre[k]
             seen.append((gap + np.pi) % (2 * np.pi) - np.pi if k.startswith("phase") else gap)

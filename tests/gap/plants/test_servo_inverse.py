@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from tests.blind import servo
-from whsklearn.effects import GravityImbalance
+from whsklearn.effects import GravityImbalance, LuGre
 from whsklearn.gap import GapFinder
 from whsklearn.gap.axis_candidates import candidate
 from whsklearn.gap.axis_model import Term
@@ -119,3 +119,17 @@ def test_smoothed_motion_has_no_phantom_spring(rate):
 
 def test_a_run_that_is_worse_has_negative_closure_even_at_the_floor():
     assert closure(1.0, 50.0, 1.0) < 0.0
+
+
+def test_bristles_with_damping_are_named_and_their_level_is_found_to_fall():
+    """As MuJoCo's dcmotor has them: the kick behind a reversal is several times the friction, Dahl's has none."""
+    true = LuGre(0.12, distance=2e-3, ratio=1.6, velocity=0.3, damping=0.03)
+    axis = ServoAxis(inertia=0.05, law="viscous", effects=[true], sample_rate=RATE)
+    r = axis.simulate(reference=REFERENCE, random_state=1)
+    frame = pd.DataFrame({"time_s": r.time, "torque_nm": r.drive, "position_rad": r.position})
+    finder = GapFinder("servo", law="viscous,coulomb", n_surrogates=0).fit(frame)
+    assert [e.name for e in finder.effects_] == ["presliding_hysteresis"]
+    found = finder.effects_[0].effect
+    assert isinstance(found, LuGre)
+    assert (found.ratio, found.damping) == pytest.approx((true.ratio, true.damping), rel=0.1)
+    assert finder.diagnosis_.closure > 0.9

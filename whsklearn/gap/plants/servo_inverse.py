@@ -398,6 +398,12 @@ class InverseView(ViewDefaults):
             model = grown
             yield trial
 
+    def widened(self, model: AxisModel) -> Trial | None:
+        """See `whsklearn.gap.plants.servo_inverse_look.widened`."""
+        from whsklearn.gap.plants.servo_inverse_look import widened
+
+        return widened(self, model)
+
     def linearised(self, model: AxisModel) -> Linearised:
         """Residual and derivatives in all free numbers, scaled to the independent samples."""
         from whsklearn.gap.least_squares import jacobian

@@ -13,6 +13,8 @@ from whsklearn.gap import evidence as rules
 from whsklearn.gap.axis_candidates import TWO_MASS, Candidate
 from whsklearn.gap.axis_model import AxisModel, Term
 from whsklearn.gap.filters import CUTOFF_SIGMA
+from whsklearn.gap.least_squares import least_squares
+from whsklearn.gap.plant import Look, Trial
 from whsklearn.gap.plants import servo_stop as stop
 from whsklearn.gap.plants import servo_two_mass as two_mass
 
@@ -62,9 +64,8 @@ class Base:
         return float(1.0 - np.sum((self.left - explained) ** 2) / max(self.power, 1e-300))
 
 
-def looks(view: Any, model: AxisModel, beside: AxisModel | None = None) -> list[Any]:
+def looks(view: Any, model: AxisModel, beside: AxisModel | None = None) -> list[Look]:
     """Every candidate at its best start; the torque is predicted by ``beside`` where the model leaves too much."""
-    from whsklearn.gap.plant import Look
     from whsklearn.gap.plants.servo_inverse import inverse_kinds
 
     base, out = Base(view, model, beside), []
@@ -205,7 +206,8 @@ def polished(view: Any, model: AxisModel, term: Term) -> AxisModel:
     """The model with the term, its free shape numbers moved downhill one at a time, sizes solved."""
     if term.kind in stop.KINDS:
         return stop.settled(view, model, term)
-    return downhill(view, view.fit(model.with_term(term)), len(model.terms))
+    grown = downhill(view, view.fit(model.with_term(term)), len(model.terms))
+    return jointly(view, grown, len(model.terms)) if term.kind.later else grown
 
 
 def settled(view: Any, model: AxisModel) -> AxisModel:
@@ -269,6 +271,40 @@ def downhill(view: Any, grown: AxisModel, i: int) -> AxisModel:
                         grown, cost = other, c
             widths[j] *= 0.55
     return grown
+
+
+def jointly(view: Any, grown: AxisModel, i: int) -> AxisModel:
+    """The model with the free shape numbers of its term ``i`` fitted together, sizes solved at each trial.
+
+    Distance and damping of bristles trade against each other: one at a time they end halfway down.
+    """
+    first = grown.terms[i].kind.linear
+    free = [(n, j, log) for n, (of, j, log) in enumerate(grown.free(), 2) if of == i and j >= first]
+    at = [n for n, _, _ in free]
+    (low, high), steps = grown.bounds(), grown.steps()
+
+    def moved(x: Array) -> AxisModel:
+        term = grown.terms[i]
+        for (_, j, log), value in zip(free, x, strict=True):
+            term = term.with_slot(j, float(np.exp(value)) if log else float(value))
+        return view.fit(grown.with_terms((*grown.terms[:i], term, *grown.terms[i + 1 :])))
+
+    fit = least_squares(
+        lambda x: view.gap(moved(x)), grown.vector()[at], 3.0 * steps[at], (low[at], high[at]), tolerance=1e-3
+    )
+    best = moved(fit.x)
+    return best if view.rms(view.gap(best)) < view.rms(view.gap(grown)) else grown
+
+
+def widened(view: Any, model: AxisModel) -> Trial | None:
+    """The last term with its later numbers free, from the best of their starts."""
+    last = model.terms[-1]
+    rows = last.kind.opened(last.q, view.scene)
+    if not rows:
+        return None
+    tried = [view.fit(model.with_terms((*model.terms[:-1], Term(*row)))) for row in rows]
+    best = jointly(view, min(tried, key=lambda m: view.rms(view.gap(m))), len(model.terms) - 1)
+    return Trial(Look(last.name, 1.0, n_numbers=len(last.kind.later), n_looks=len(rows)), best)
 
 
 def next_order(view: Any, model: AxisModel, kind: Candidate) -> AxisModel | None:
