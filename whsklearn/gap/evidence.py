@@ -355,12 +355,12 @@ def weigh(view: Any, current: Any, trials: Sequence[Any]) -> list[Evidence]:
     return sorted(out, key=lambda e: -e.delta_bic)
 
 
-def objections(plant: Any, view: Any, evidence: Evidence, null: float, n: float) -> str:
-    """Why the candidate earns no name; empty if it does."""
+def objections(plant: Any, view: Any, evidence: Evidence, null: float, n: float, least: float | None = None) -> str:
+    """Why the candidate earns no name; empty if it does. ``least`` share of the drive: by default the tolerance."""
     need = view.limits.need(n, null * evidence.null_weight)
     if evidence.delta_bic < need:
         return f"evidence {evidence.delta_bic:.0f} is below the {need:.0f} that chance and noise may reach"
-    share, least = evidence.explained / plant.scale, plant.tolerance
+    share, least = evidence.explained / plant.scale, plant.tolerance if least is None else least
     if share < least:
         return f"it explains {100 * share:.2f} % of the rms {plant.whole}, below the tolerance of {100 * least:.2f} %"
     if evidence.better < view.limits.blocks or evidence.held_gain <= 0:

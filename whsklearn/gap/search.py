@@ -156,7 +156,7 @@ class Search:
             return
         gain = weigh(view, found.model, [trial])[0]
         n = view.compare([trial.model], 0)[0].n_effective
-        if objections(view, gain, null, n, self.plant.scale, 0.0):
+        if objections(self.plant, view, gain, null, n, 0.0):
             return
         found.model, look = trial.model, found.taken[-1].trial.look
         whole = Trial(replace(look, n_numbers=look.n_numbers + trial.look.n_numbers), trial.model)
