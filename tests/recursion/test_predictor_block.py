@@ -8,7 +8,7 @@ import pytest
 from tests.recursion.reruns import replay
 from whsklearn.effects.terms import ASYMMETRIC_VISCOUS, COULOMB, POSITION_FRICTION, STRIBECK_TANH, VISCOUS
 from whsklearn.recursion.memory_cost import Memory
-from whsklearn.recursion.predictor import advance, parameter_count, predict, state_size
+from whsklearn.recursion.predictor import advance, parameter_count, past_of, predict, state_size
 from whsklearn.recursion.predictor_block import LENGTH, dot, through_denominator
 from whsklearn.recursion.starts import random_start
 
@@ -29,9 +29,9 @@ def sample_by_sample(theta, dims, kappa, u, y, restart, n_inputs, history, state
         if t <= max(n - tail + 1, 0) or restart[t]:
             before = state.copy()
         psi = np.empty(theta.size)
-        errors.append(y[history + t] - predict(theta, dims, state, y_past, 0, psi))
+        errors.append(y[history + t] - predict(theta, dims, past_of(state, dims), y_past, 0, psi))
         rows.append(psi)
-        advance(theta, dims, *law, kappa, state, u_past, 0)
+        advance(theta, dims, *law, kappa, past_of(state, dims), u_past, 0)
         u_past = np.concatenate([u[history + t], u_past])[: dims[0]]
         y_past = np.concatenate([y[history + t : history + t + 1], y_past])[: max(dims[3], 1)]
     return np.array(errors), np.array(rows), state if tail == 1 else before

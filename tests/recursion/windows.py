@@ -11,6 +11,7 @@ from whsklearn.recursion.predictor import state_size
 from whsklearn.recursion.subinnovations import (
     Models,
     Samples,
+    Schedule,
     run_windows,
 )
 
@@ -25,7 +26,7 @@ def run(
     lags = p + max(dims[0], dims[3], 1)
     s = {
         "theta": theta0[None].copy(), "ud": np.eye(n)[None] * p0, "before": np.zeros((1, state_size(dims))),
-        "loss": np.zeros((1, 2)), "motion": np.zeros((1, 2)),
+        "loss": np.zeros((1, 2)), "motion": np.zeros((1, 2)), "sharpness": np.array([kappa]),
         "recent_u": np.zeros(lags), "recent_y": np.zeros(lags),
     }  # fmt: skip
     since, seen, forgetting = 0, 0, np.array(forgetting)
@@ -33,7 +34,7 @@ def run(
     for part in np.array_split(np.arange(len(y)), chunks):
         since = run_windows(
             Models(*(s[name] for name in Models._fields)), Samples(s["recent_u"], s["recent_y"], recent_weight), since,
-            seen, forgetting, np.inf, np.array([kappa]), 0.0, (dims, law.codes, law.shapes), p, frozen,
+            seen, Schedule(forgetting, np.inf, 0.0), (dims, law.codes, law.shapes), p, frozen,
             Samples(X[part], y[part], weight[part]), np.zeros(len(part), dtype=np.uint8),
         )  # fmt: skip
         seen += len(part)

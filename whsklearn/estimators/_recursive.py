@@ -109,12 +109,6 @@ class RecursiveRegressor(AxisRegressor):
             and sample_weight is None
             and type(X) is np.ndarray
             and type(y) is np.ndarray
-            and X.shape == stream.row
-            and y.shape == _ONE
-            and X.dtype is _FLOAT
-            and y.dtype is _FLOAT
-            and X.flags.carray  # contiguous, aligned, writeable
-            and y.flags.carray
             and stream.step(self.state_, X, y)
         ):
             return self
@@ -401,8 +395,6 @@ class RecursiveRegressor(AxisRegressor):
 
 
 LARGEST = 1e30
-_ONE = (1,)
-_FLOAT = np.dtype(np.float64)
 _NO_RESTART = np.zeros(1, dtype=np.bool_)
 
 

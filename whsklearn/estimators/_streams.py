@@ -10,13 +10,22 @@ from __future__ import annotations
 import itertools
 from typing import TYPE_CHECKING, Any, Protocol
 
+import numba
 import numpy as np
 
 from whsklearn.estimators._model import Structure, paper_jacobian, paper_vector
 from whsklearn.estimators._undo import Undo
 from whsklearn.recursion import multistart
 from whsklearn.recursion.covariance import WIND_UP, covariance, inflate
-from whsklearn.recursion.least_squares import run_gradient, run_one_row, run_rows
+from whsklearn.recursion.least_squares import (
+    N_SETTINGS,
+    SINCE,
+    one_row,
+    pack_size,
+    run_gradient,
+    run_rows,
+    unpacked,
+)
 from whsklearn.recursion.memory_posterior import has_posterior, posterior
 from whsklearn.recursion.pseudolinear import Published, auxiliary_size, run_pseudolinear
 from whsklearn.recursion.sign_posterior import Gaussian
@@ -68,10 +77,10 @@ class RowsStream:
         self.n, self.p, self.p0, self.forgetting, self.theta0 = n, p, p0, forgetting, theta0
         self.ceiling = WIND_UP * p0
         self.variance = float(p) if counted_once else 1.0
-        self.row = (1, n)
         self.gradient = gradient
         self.undo = Undo()
-        self.learnt = np.full(1, -1)  # since, as the last row left it
+        self._packed = np.full(1, -1.0)  # all that `step` hands over, of which the state then holds views
+        self._of: State = {}  # the state that it is of
 
     def initial(self) -> State:
         """P0 I and theta0."""
@@ -89,6 +98,7 @@ class RowsStream:
     def run(self, state: State, u: Array, y: Array, restart: NDArray[np.bool_], weight: Array | None = None) -> None:
         """One update a row; an experiment's first window does not reach into the one before."""
         seen = len(y)
+        self._packed[SINCE] = -1.0  # what `step` learnt last is no longer the last
         if weight is not None:
             u, y, restart = _weighted(u, y, restart, weight)
         for piece in pieces(restart):
@@ -108,25 +118,36 @@ class RowsStream:
 
     def step(self, state: State, u: Array, y: Array) -> bool:
         """One row of float64; False, with nothing changed, if it needs the full validation."""
-        if self.gradient:
-            return False
-        self.learnt[0] = -1
+        if state is not self._of or state["theta"] is not self._theta:
+            if self.gradient or numba.config.DISABLE_JIT:
+                return False
+            self._pack(state)
         try:
-            since = run_one_row(
-                state["theta"], state["ud"], state["loss"], state["rows"], state["targets"], state["since"],
-                self.forgetting, self.ceiling, self.p, self.variance, u, y, self.learnt,
-            )  # fmt: skip
-        except BaseException:
+            since = self._kernel(self._packed, state["since"], u, y)
+        except BaseException as error:
             # a signal is handled after the kernel, which learns a row whole or not at all; then it counts as learnt
-            if self.learnt[0] >= 0:
-                state["since"] = int(self.learnt[0])
+            if self._packed[SINCE] == state["since"] + 1:
+                state["since"] += 1
                 state["seen"] += 1
+            elif type(error) is TypeError:
+                return False  # arrays of another kind
             raise
         if since < 0:
             return False
         state["since"] = since
         state["seen"] += 1
         return True
+
+    def _pack(self, state: State) -> None:
+        """Move what a row changes into one array; the state goes on with views of it."""
+        flat = np.empty(pack_size(self.n, self.p))
+        flat[:N_SETTINGS] = -1.0, self.forgetting, self.ceiling, self.p, self.variance
+        names = "theta", "ud", "loss", "rows", "targets"
+        for name, view in zip(names, unpacked(flat, self.n, self.p), strict=False):
+            view[:] = state[name]
+            state[name] = view
+        self._packed, self._kernel = flat, one_row()
+        self._of, self._theta = state, state["theta"]
 
     def settle(self, state: State) -> None:
         """Nothing is kept to be read again."""

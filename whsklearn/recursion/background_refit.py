@@ -26,7 +26,7 @@ from whsklearn.recursion.memory_refit import (
     inference_sharpness,
     memory_of,
 )
-from whsklearn.recursion.subinnovations import MOVING, STILL, Models, Samples, run_windows
+from whsklearn.recursion.subinnovations import MOVING, STILL, Models, Samples, Schedule, run_windows
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -244,9 +244,9 @@ class BackgroundRefit:
             samples = Samples(
                 state["memory_u"][piece], state["memory_y"][piece], state["memory_weight"][n + at : n + stop]
             )
+            schedule = Schedule(np.full(3, kept[at]), self._models["ceiling"], 0.0)
             self._since = run_windows(
-                self._running, self._recent, self._since, 0, np.full(3, kept[at]), self._models["ceiling"],
-                self._models["sharpness"], 0.0, r.law, r.p, r.frozen, samples,
+                self._running, self._recent, self._since, 0, schedule, r.law, r.p, r.frozen, samples,
                 np.where(state["memory_still"][n + at : n + stop], STILL, MOVING).astype(np.uint8),
             )  # fmt: skip
             self._work.at[BUDGET] -= (stop - at) * cost

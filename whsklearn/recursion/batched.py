@@ -5,18 +5,23 @@ from __future__ import annotations
 import itertools
 import os
 from concurrent.futures import ThreadPoolExecutor
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from whsklearn._inputs import real_array
-from whsklearn._numba import njit
-from whsklearn.recursion.covariance import WIND_UP, covariance, inflate, measurement_update
+from whsklearn._numba import njit, part
+from whsklearn.recursion.covariance import WIND_UP
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
+    Array = NDArray[np.float64]
+
 __all__ = ["least_squares_of_many"]
+
+ABREAST = 48  # axes that go through their samples together: their factors still fit into the fastest cache
+TOGETHER = 4  # samples that are put in that order at a time
 
 
 def least_squares_of_many(
@@ -60,32 +65,143 @@ def least_squares_of_many(
     X, y = np.ascontiguousarray(real_array(X, "X")), np.ascontiguousarray(real_array(y, "y"))
     if X.ndim != 3 or y.shape != X.shape[:2] or 0 in X.shape:
         raise ValueError(f"X has shape {X.shape} and y {y.shape}; expected (n_axes, n, n_params) and (n_axes, n).")
-    if not (np.isfinite(X).all() and np.isfinite(y).all()):
-        raise ValueError("X or y holds NaN or infinite values; leave such samples out.")
     if not 0 < P0 < np.inf or not 0 < forgetting <= 1:
         raise ValueError(f"P0 is {P0!r} and forgetting {forgetting!r}; expected P0 > 0 and 0 < forgetting <= 1.")
     n_axes, _, n = X.shape
-    theta, ud = np.zeros((n_axes, n)), np.repeat(P0 * np.eye(n)[None], n_axes, axis=0)
-    threads = min(n_jobs or os.cpu_count() or 1, n_axes)
-    bounds = np.linspace(0, n_axes, threads + 1).astype(int)
+    theta, P = np.empty((n_axes, n)), np.empty((n_axes, n, n))
+    bunches = -(-n_axes // ABREAST)
+    threads = min(n_jobs or os.cpu_count() or 1, bunches)
+    bounds = np.minimum(ABREAST * np.linspace(0, bunches, threads + 1).astype(int), n_axes)
     pieces = [slice(a, b) for a, b in itertools.pairwise(bounds)]  # numba releases the GIL in each
     with ThreadPoolExecutor(threads) as pool:
-        list(pool.map(lambda s: _run_axes(X[s], y[s], theta[s], ud[s], float(forgetting), WIND_UP * P0), pieces))
-    return theta, np.array([covariance(factors) for factors in ud])
+        list(pool.map(lambda s: _run_axes(X[s], y[s], theta[s], P[s], float(P0), float(forgetting)), pieces))
+    # a sample that is no number leaves no estimate that is one, so a pass over all samples beforehand can be spared
+    if not np.isfinite(theta).all() and not (np.isfinite(X).all() and np.isfinite(y).all()):
+        raise ValueError("X or y holds NaN or infinite values; leave such samples out.")
+    return theta, P
 
 
-@njit(cache=True, nogil=True)
-def _run_axes(X, y, theta, ud, forgetting, ceiling):
-    """One axis after another through all of its samples; theta and ud change in place."""
+class Abreast(NamedTuple):
+    """Axes that go through their samples together, the axis as the last index, so that inner loops run over axes.
+
+    Attributes
+    ----------
+    theta, gain : ndarrays of shape (n, L)
+        Estimates, scratch.
+    x, e : ndarrays of shape (TOGETHER, n, L), (TOGETHER, L)
+        Rows of regressors and targets, which become innovations.
+    ud : ndarray of shape (n (n + 1) / 2, L)
+        The rows of `covariance` up to their diagonal, one after the other.
+    f, g, alpha, shift : ndarrays of shape (L,)
+        Scratch.
+    """
+
+    theta: Array
+    x: Array
+    gain: Array
+    ud: Array
+    e: Array
+    f: Array
+    g: Array
+    alpha: Array
+    shift: Array
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _run_axes(X, y, theta, P, p0, forgetting):
+    """A bunch of axes after another, each through all of its samples; theta and P receive the answer."""
     n_axes, n_samples, n = X.shape
-    gain = np.empty(n)
-    for axis in range(n_axes):
-        for t in range(n_samples):
-            if forgetting != 1.0:
-                inflate(ud[axis], 1.0 / forgetting, ceiling)
-            e = y[axis, t]
+    for first in range(0, n_axes, ABREAST):
+        lanes = min(ABREAST, n_axes - first)
+        size = n, lanes
+        a = Abreast(
+            np.zeros(size), np.empty((TOGETHER, n, lanes)), np.empty(size), np.zeros((n * (n + 1) // 2, lanes)),
+            np.empty((TOGETHER, lanes)), np.empty(lanes), np.empty(lanes), np.empty(lanes), np.empty(lanes),
+        )  # fmt: skip
+        for j in range(n):
+            a.ud[j * (j + 3) // 2] = p0
+        for begin in range(0, n_samples, TOGETHER):
+            count = min(TOGETHER, n_samples - begin)
+            for i in range(lanes):
+                rows, targets = X[first + i, begin : begin + count], y[first + i, begin : begin + count]
+                for t in range(count):
+                    a.e[t, i] = targets[t]
+                    for k in range(n):
+                        a.x[t, k, i] = rows[t, k]
+            for t in range(count):
+                if forgetting != 1.0:
+                    _inflate(a.ud, n, 1.0 / forgetting, WIND_UP * p0)
+                _update(a.theta, a.x[t], a.gain, a.ud, a.e[t], a.f, a.g, a.alpha, a.shift)
+        for i in range(lanes):
             for k in range(n):
-                e -= X[axis, t, k] * theta[axis, k]
-            measurement_update(ud[axis], X[axis, t], 1.0, gain)
-            for k in range(n):
-                theta[axis, k] += gain[k] * e
+                theta[first + i, k] = a.theta[k, i]
+            _covariance(a.ud, i, P[first + i])
+
+
+@part
+def _inflate(ud, n, factor, ceiling):
+    """`covariance.inflate` of axes abreast."""
+    for j in range(n):
+        row = ud[j * (j + 3) // 2]
+        for i in range(row.size):
+            row[i] = min(row[i] * factor, ceiling) if row[i] < ceiling else row[i]
+
+
+@part
+def _update(theta, x, gain, ud, e, f, g, alpha, shift):
+    """One row of each axis: `covariance.measurement_update`, and theta += gain e.
+
+    The same operations in the same order, so the same numbers.  Arguments are those of `Abreast`, one by one: read from
+    the tuple in here, the compiler cannot see that they stay where they are.
+    """
+    n, lanes = theta.shape
+    for k in range(n):
+        for i in range(lanes):
+            e[i] -= x[k, i] * theta[k, i]
+    for i in range(lanes):
+        alpha[i] = 1.0
+    row = 0
+    for j in range(n):
+        for i in range(lanes):
+            f[i] = x[j, i]
+        for k in range(0, j - 1, 2):  # two at a time: a short inner loop costs as much to begin as to run
+            for i in range(lanes):
+                f[i] = f[i] + ud[row + k, i] * x[k, i] + ud[row + k + 1, i] * x[k + 1, i]
+        if j % 2:
+            for i in range(lanes):
+                f[i] += ud[row + j - 1, i] * x[j - 1, i]
+        for i in range(lanes):
+            d = ud[row + j, i]
+            now = d * f[i]
+            before = alpha[i]
+            after = before + f[i] * now
+            alpha[i] = after
+            ud[row + j, i] = d * (before / after)
+            gain[j, i] = now
+            g[i] = now
+            shift[i] = -f[i] / before
+        for k in range(j):
+            for i in range(lanes):
+                u = ud[row + k, i]
+                old = gain[k, i]
+                ud[row + k, i] = u + shift[i] * old
+                gain[k, i] = old + g[i] * u
+        row += j + 1
+    for k in range(n):
+        for i in range(lanes):
+            theta[k, i] += gain[k, i] / alpha[i] * e[i]
+
+
+@part
+def _covariance(ud, axis, p):
+    """P = U D U' of one of the axes, exactly symmetric."""
+    n = p.shape[0]
+    for i in range(n):
+        for j in range(i + 1):
+            total = 0.0
+            for k in range(i, n):  # column k of U stands in row k; its diagonal is one
+                row = k * (k + 1) // 2
+                a = ud[row + i, axis] if k > i else 1.0
+                b = ud[row + j, axis] if k > j else 1.0
+                total += a * ud[row + k, axis] * b
+            p[i, j] = p[j, i] = total

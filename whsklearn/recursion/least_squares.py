@@ -7,10 +7,13 @@ inversion lemma), so both are here as the scalar ones, and `block_update` as the
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
+from numba.extending import register_jitable  # type: ignore[import-untyped]
 
 from whsklearn._inputs import LARGEST
-from whsklearn._numba import njit
+from whsklearn._numba import njit, part
 from whsklearn.recursion.covariance import inflate, measurement_update
 
 
@@ -54,50 +57,103 @@ def run_rows(theta, ud, loss, recent, targets, since, forgetting, ceiling, p, va
     int
         ``since`` after the last row.
     """
-    n = theta.size
-    gain = np.empty(n)
-    phi = np.empty(n)
+    gain = np.empty(theta.size)
+    phi = np.empty(theta.size)
     for t in range(y.size):
         at = since % p
-        for k in range(n):
+        for k in range(theta.size):
             recent[at, k] = rows[t, k]
         targets[at] = y[t]
         since += 1
-        if y[t] == 0.0 and _silent(recent, targets):
-            continue  # an idle axis says nothing: it must not be taken for noise of no variance, nor for oblivion
-        if forgetting != 1.0:
-            inflate(ud, 1.0 / forgetting, ceiling)
-            loss[0] *= forgetting
-            loss[1] *= forgetting
-        window = min(p, since)
-        for i in range(window):
-            at = (since - window + i) % p
-            e = targets[at]
-            for k in range(n):
-                phi[k] = recent[at, k]
-                e -= phi[k] * theta[k]
-            # sum of e^2 / alpha is the residual sum of squares of the final estimate (Ljung 1999, ch. 11)
-            loss[0] += e * e / measurement_update(ud, phi, variance, gain)
-            loss[1] += 1.0 / variance
-            for k in range(n):
-                theta[k] += gain[k] * e
+        _learn_window(theta, ud, loss, recent, targets, since, forgetting, ceiling, p, variance, gain, phi)
     return since
 
 
-@njit(cache=True, error_model="numpy")
-def run_one_row(theta, ud, loss, recent, targets, since, forgetting, ceiling, p, variance, rows, y, learnt):
-    """`run_rows` for one row, checked here because a check outside costs more than the update.
+@part
+def _learn_window(theta, ud, loss, recent, targets, since, forgetting, ceiling, p, variance, gain, phi):
+    """The updates of one row, the ``since``-th; ``gain`` and ``phi`` are scratch."""
+    n = theta.size
+    if targets[(since - 1) % p] == 0.0 and _silent(recent, targets):
+        return  # an idle axis says nothing: it must not be taken for noise of no variance, nor for oblivion
+    if forgetting != 1.0:
+        inflate(ud, 1.0 / forgetting, ceiling)
+        loss[0] *= forgetting
+        loss[1] *= forgetting
+    window = min(p, since)
+    for i in range(window):
+        at = (since - window + i) % p
+        e = targets[at]
+        for k in range(n):
+            phi[k] = recent[at, k]
+            e -= phi[k] * theta[k]
+        # sum of e^2 / alpha is the residual sum of squares of the final estimate (Ljung 1999, ch. 11)
+        loss[0] += e * e / measurement_update(ud, phi, variance, gain)
+        loss[1] += 1.0 / variance
+        for k in range(n):
+            theta[k] += gain[k] * e
 
-    Returns ``since``, or -1 with nothing changed if a number is not finite or absurdly large.  ``learnt``, an array
-    of one whole number, holds it too: an interrupt can lose what a function returns.
+
+# one_row's numbers, in front of theta, U and D, loss, rows and targets: SINCE is what it learnt last, to be told in
+# spite of an interrupt, which can lose what a function returns
+SINCE, FORGETTING, CEILING, WINDOW, VARIANCE, N_SETTINGS = range(6)
+
+
+def pack_size(n: int, p: int) -> int:
+    """Length of the one array of `one_row`."""
+    return N_SETTINGS + n + n * n + 2 + p * n + p + 2 * n
+
+
+@register_jitable
+def unpacked(flat, n, p):
+    """(theta, ud, loss, recent, targets) of `run_rows` and scratch (gain, phi), in the memory of the one array."""
+    theta = N_SETTINGS + n
+    ud = theta + n * n
+    recent = ud + 2 + p * n
+    targets = recent + p
+    return (
+        flat[N_SETTINGS:theta],
+        flat[theta:ud].reshape((n, n)),
+        flat[ud : ud + 2],
+        flat[ud + 2 : recent].reshape((p, n)),
+        flat[recent:targets],
+        flat[targets : targets + n],
+        flat[targets + n : targets + 2 * n],
+    )
+
+
+@functools.cache
+def one_row():
+    """`run_rows` for one row with all that it needs in one array, compiled when it is first asked for.
+
+    Called as ``(flat, since, rows, y)``.  An argument costs a twentieth of a microsecond to hand over, so there are
+    few; and with its types given it takes arrays of float64 in C order that may be written to and no others, TypeError
+    for those, so nobody need look at their flags before.
+
+    It returns ``since``, or -1 with nothing changed if a shape is another, or a number not finite or absurdly large.
     """
+    return njit("int64(float64[::1], int64, float64[:, ::1], float64[::1])", error_model="numpy")(_one_row)
+
+
+def _one_row(flat, since, rows, y):
+    n, p = rows.shape[1], int(flat[WINDOW])
+    if rows.shape[0] != 1 or y.size != 1 or flat.size != N_SETTINGS + n + n * n + 2 + p * n + p + 2 * n:
+        return -1
     if not abs(y[0]) <= LARGEST:
         return -1
-    for k in range(theta.size):
+    for k in range(n):
         if not abs(rows[0, k]) <= LARGEST:
             return -1
-    learnt[0] = run_rows(theta, ud, loss, recent, targets, since, forgetting, ceiling, p, variance, rows, y)
-    return learnt[0]
+    theta, ud, loss, recent, targets, gain, phi = unpacked(flat, n, p)
+    at = since % p
+    for k in range(n):
+        recent[at, k] = rows[0, k]
+    targets[at] = y[0]
+    since += 1
+    _learn_window(
+        theta, ud, loss, recent, targets, since, flat[FORGETTING], flat[CEILING], p, flat[VARIANCE], gain, phi
+    )
+    flat[SINCE] = since
+    return since
 
 
 @njit(cache=True, error_model="numpy")

@@ -26,7 +26,7 @@ from whsklearn.recursion.memory_refit import LIVE
 from whsklearn.recursion.predictor import state_size
 from whsklearn.recursion.reading import Reading, State
 from whsklearn.recursion.starts import random_start
-from whsklearn.recursion.subinnovations import MOVING, STILL, Models, Samples, mark_still, run_windows
+from whsklearn.recursion.subinnovations import MOVING, STILL, Models, Samples, Schedule, mark_still, run_windows
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -114,10 +114,10 @@ def run(
         _remember(state, r, samples, still, bool(restart[at]))
         models = Models(*(state[name][: LIVE if r.memory else None] for name in Models._fields))
         recent = Samples(state["recent_u"], state["recent_y"], state["recent_weight"])
+        schedule = Schedule(state["forgetting"], state["ceiling"], 0.0 if r.memory else PURE_SHARPEST)
         state["since"] = run_windows(
-            models, recent, state["since"], state["seen"], state["forgetting"], state["ceiling"], state["sharpness"],
-            0.0 if r.memory else PURE_SHARPEST, r.law, r.p, r.frozen, samples, still,
-        )  # fmt: skip
+            models, recent, state["since"], state["seen"], schedule, r.law, r.p, r.frozen, samples, still
+        )
         state["seen"] += stop - at
         if r.memory:
             page = _tend_memory(state, r, page, stop - at)

@@ -15,8 +15,7 @@ import numpy as np
 
 from whsklearn._numba import njit, part
 from whsklearn.recursion.covariance import inflate, measurement_update
-from whsklearn.recursion.delay_line import push
-from whsklearn.recursion.predictor import advance, predict
+from whsklearn.recursion.predictor import advance, past_of, predict
 from whsklearn.systems.stability import is_stable
 
 if TYPE_CHECKING:
@@ -75,6 +74,8 @@ class Models(NamedTuple):
         Weighted sum of squared innovations, and how many.
     motion : ndarray of shape (S, 2)
         The same of dx, which sets the scale of kappa.
+    sharpness : ndarray of shape (S,)
+        kappa.
     """
 
     theta: Array
@@ -82,6 +83,7 @@ class Models(NamedTuple):
     before: Array
     loss: Array
     motion: Array
+    sharpness: Array
 
 
 class Samples(NamedTuple):
@@ -98,10 +100,26 @@ class Samples(NamedTuple):
     weight: Array
 
 
+class Schedule(NamedTuple):
+    """What depends on how many samples have come.
+
+    Attributes
+    ----------
+    forgetting : ndarray of shape (3,)
+        Present value, final value, rate at which the one goes to the other.
+    ceiling : float
+        Where forgetting stops to inflate P.
+    sharpest : float
+        Where positive, kappa rises with the samples seen to this value (relative to dx).
+    """
+
+    forgetting: Array
+    ceiling: float
+    sharpest: float
+
+
 @njit(cache=True, error_model="numpy")
-def run_windows(
-    models, recent, since, seen, forgetting, ceiling, sharpness, sharpest, law, p, frozen, samples, still
-):  # fmt: skip
+def run_windows(models, recent, since, seen, schedule, law, p, frozen, samples, still):
     """Take every model through the samples; all state arrays change in place.
 
     Parameters
@@ -113,16 +131,13 @@ def run_windows(
         Samples since the experiment began.
     seen : int
         Samples in all.
-    forgetting : ndarray of shape (3,)
-        Present value, final value, rate at which the one goes to the other.
-    ceiling : float
-        Where forgetting stops to inflate P.
-    sharpness : ndarray of shape (S,)
-        kappa of each model.
-    sharpest : float
-        Where positive, kappa rises with the samples seen to this value (relative to dx).
+    schedule : Schedule
     law : tuple of ndarrays
         dims, codes, shapes.
+    p : int
+        Innovation length.
+    frozen : bool
+        Whether all rows of a window are taken at the parameters before it.
     samples : Samples
         The new ones.
     still : ndarray of shape (m,)
@@ -134,94 +149,122 @@ def run_windows(
     int
         ``since`` after the last sample.
     """
-    theta, ud, before, loss, motion = models
+    count = samples.y.size
+    line = Samples(
+        _newest_first(samples.u.ravel(), recent.u, samples.u.shape[1]),
+        _newest_first(samples.y, recent.y, 1),
+        _newest_first(samples.weight, recent.weight, 1),
+    )
+    rate = schedule.forgetting[0]
+    for s in range(models.theta.shape[0]):
+        model = Models(
+            models.theta[s], models.ud[s], models.before[s], models.loss[s], models.motion[s],
+            models.sharpness[s : s + 1],
+        )  # fmt: skip
+        rate = _run_model(model, line, since, seen, schedule, law, p, frozen, still)
+    schedule.forgetting[0] = rate
+    for past, newest in ((recent.u, line.u), (recent.y, line.y), (recent.weight, line.weight)):
+        for k in range(past.size):
+            past[k] = newest[k]
+    return since + count
+
+
+@part
+def _newest_first(samples, recent, m):
+    """The samples, ``m`` numbers each, from the newest to the oldest, and the recent ones behind them."""
+    n = samples.size
+    line = np.empty(n + recent.size)
+    for t in range(n // m):
+        for i in range(m):
+            line[n - (t + 1) * m + i] = samples[t * m + i]
+    for k in range(recent.size):
+        line[n + k] = recent[k]
+    return line
+
+
+@part
+def _run_model(model, line, since, seen, schedule, law, p, frozen, still):
+    """Take one model through the samples; returns the forgetting factor after the last of them."""
+    theta, ud, before, loss, motion, sharpness = model
+    recent_u, recent_y, recent_weight = line
     dims, codes, shapes = law
-    u, y = samples.u, samples.y
-    recent_u, recent_y, recent_weight = recent
-    n_models, n = theta.shape
-    m = u.shape[1]
-    na, nb = dims[0], dims[1]
-    work = np.empty(before.shape[1])
-    psi = np.empty(n)
-    gain = np.empty(n)
-    start = np.empty(n)
-    old = np.empty(n)
-    for t in range(y.size):
-        push(recent_u, u[t])
-        for k in range(recent_y.size - 1, 0, -1):
-            recent_y[k] = recent_y[k - 1]
-            recent_weight[k] = recent_weight[k - 1]
-        recent_y[0] = y[t]
-        recent_weight[0] = samples.weight[t]
+    n, count = theta.size, still.size
+    m = recent_u.size // recent_y.size
+    na, nb, nc = dims[0], dims[1], dims[2]
+    work = np.empty(before.size)
+    own, past = past_of(before, dims), past_of(work, dims)
+    psi, gain, start, old = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+    b = theta[na - 1 : na - 1 + nb]
+    at = start if frozen else theta
+    rate = schedule.forgetting[0]
+    for t in range(count):
+        newest = count - 1 - t
         since += 1
         seen += 1
         learns = still[t] != STILL
         window = min(p, since) if learns else 0
         if learns:
-            forgetting[0] += (1.0 - forgetting[2]) * (forgetting[1] - forgetting[0])
-        for s in range(n_models):
-            th = theta[s]
-            if learns and forgetting[0] != 1.0 and still[t] == MOVING:
-                inflate(ud[s], 1.0 / forgetting[0], ceiling)
-            for k in range(n):
-                start[k] = th[k]
-            at = start if frozen else th
-            for i in range(window):
-                # newest sample of the run-up has index window-1-i in ``recent``; a frozen one goes on where it was
-                now = window - 1 - i
-                run_up = window - 1
-                if frozen and i > 0:
-                    run_up = now + 1
-                else:
-                    for k in range(work.size):
-                        work[k] = before[s, k]
-                for k in range(run_up, now, -1):
-                    advance(at, dims, codes, shapes, sharpness[s], work, recent_u, (k + 1) * m)
-                weight = recent_weight[now]
-                if weight == 0.0:
-                    continue
-                e = recent_y[now] - predict(at, dims, work, recent_y, now + 1, psi)
-                if frozen:
-                    for k in range(n):
-                        e -= psi[k] * (th[k] - start[k])
-                size = abs(e)
+            rate += (1.0 - schedule.forgetting[2]) * (schedule.forgetting[1] - rate)
+            if rate != 1.0 and still[t] == MOVING:
+                inflate(ud, 1.0 / rate, schedule.ceiling)
+        for k in range(n):
+            start[k] = theta[k]
+        for i in range(window):
+            # newest sample of the run-up has index window-1-i among the recent; a frozen one goes on where it was
+            now = window - 1 - i
+            run_up = window - 1
+            if frozen and i > 0:
+                run_up = now + 1
+            else:
+                for k in range(work.size):
+                    work[k] = before[k]
+            for k in range(run_up, now, -1):
+                answers = frozen or k <= now + nc
+                advance(at, dims, codes, shapes, sharpness[0], past, recent_u, (newest + k + 1) * m, answers)
+            weight = recent_weight[newest + now]
+            if weight == 0.0:
+                continue
+            e = recent_y[newest + now] - predict(at, dims, past, recent_y, newest + now + 1, psi)
+            if frozen:
                 for k in range(n):
-                    size += abs(psi[k])
-                usable = size < LARGEST_SIGNAL  # False for NaN too: an interim model that blows up teaches nothing
-                if now == 0:
-                    loss[s, 0] = LOSS_FORGETTING * loss[s, 0] + (weight * e * e if usable else LARGEST_SIGNAL)
-                    loss[s, 1] = LOSS_FORGETTING * loss[s, 1] + 1.0
-                if usable:
-                    measurement_update(ud[s], psi, p / weight, gain)
-                    _step(th, gain, e, na, nb, old)
-            if since >= p:
-                dx = advance(th, dims, codes, shapes, sharpness[s], before[s], recent_u, p * m)
-                if learns:
-                    motion[s, 0] = LOSS_FORGETTING * motion[s, 0] + dx * dx
-                    motion[s, 1] = LOSS_FORGETTING * motion[s, 1] + 1.0
-            if learns and sharpest > 0.0:
-                sharpness[s] = relative_sharpness(seen, sharpest) / max(
-                    np.sqrt(motion[s, 0] / max(motion[s, 1], 1.0)), 1e-12
-                )
-    return since
+                    e -= psi[k] * (theta[k] - start[k])
+            usable = abs(e) < LARGEST_SIGNAL  # False for NaN too: an interim model that blows up teaches nothing
+            for k in range(n):
+                usable &= abs(psi[k]) < LARGEST_SIGNAL
+            if now == 0:
+                loss[0] = LOSS_FORGETTING * loss[0] + (weight * e * e if usable else LARGEST_SIGNAL)
+                loss[1] = LOSS_FORGETTING * loss[1] + 1.0
+            if usable:
+                measurement_update(ud, psi, p / weight, gain)
+                ok = True
+                for k in range(n):
+                    old[k] = theta[k]
+                    theta[k] = old[k] + gain[k] * e
+                    ok &= abs(theta[k]) < LARGEST_PARAMETER
+                if not (ok and is_stable(b, STABLE_RADIUS)):
+                    _shorten(theta, gain, e, b, old)
+        if since >= p:
+            dx = advance(theta, dims, codes, shapes, sharpness[0], own, recent_u, (newest + p) * m)
+            if learns:
+                motion[0] = LOSS_FORGETTING * motion[0] + dx * dx
+                motion[1] = LOSS_FORGETTING * motion[1] + 1.0
+        if learns and schedule.sharpest > 0.0:
+            rms = np.sqrt(motion[0] / max(motion[1], 1.0))
+            sharpness[0] = relative_sharpness(seen, schedule.sharpest) / max(rms, 1e-12)
+    return rate
 
 
 @part
-def _step(theta, gain, e, na, nb, old):
-    """theta += gain e, halved until L1 is stable, not taken if it never is; ``old`` is scratch."""
-    n = theta.size
-    for k in range(n):
-        old[k] = theta[k]
-    b = theta[na - 1 : na - 1 + nb]
-    scale = 1.0
-    for _ in range(10):
+def _shorten(theta, gain, e, b, old):
+    """theta = old + gain e / 2, / 4, ... until L1 with ``b`` is stable; ``old`` itself if it never is."""
+    scale = 0.5
+    for _ in range(9):
         ok = True
-        for k in range(n):
+        for k in range(theta.size):
             theta[k] = old[k] + scale * gain[k] * e
-            if not abs(theta[k]) < LARGEST_PARAMETER:
-                ok = False
+            ok &= abs(theta[k]) < LARGEST_PARAMETER
         if ok and is_stable(b, STABLE_RADIUS):
             return
         scale *= 0.5
-    for k in range(n):
+    for k in range(theta.size):
         theta[k] = old[k]

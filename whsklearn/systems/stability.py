@@ -4,19 +4,26 @@ from __future__ import annotations
 
 import numpy as np
 
-from whsklearn._numba import njit
+from whsklearn._numba import njit, part
 
 
 @njit(cache=True, error_model="numpy")
 def is_stable(b, radius):
     """Whether 1 + b_1 q^-1 + ... has all its roots inside ``radius`` (Schur-Cohn step-down)."""
     n = b.size
-    if n == 0:
-        return True
-    if n <= 2:  # the triangle of Jury, without arrays: this is asked at every update
-        first = b[0] / radius
-        second = b[1] / (radius * radius) if n == 2 else 0.0
-        return abs(second) < 1.0 and abs(first) < 1.0 + second
+    first = b[0] / radius if n > 0 else 0.0
+    second = b[1] / (radius * radius) if n > 1 else 0.0
+    # the triangle of Jury, without arrays: this is asked at every update
+    stable = abs(second) < 1.0 and abs(first) < 1.0 + second
+    if n > 2:
+        stable = _stepped_down(b, radius)
+    return stable
+
+
+@part
+def _stepped_down(b, radius):
+    """Schur-Cohn: every reflection coefficient is below one."""
+    n = b.size
     k = np.empty(n)
     scale = 1.0
     for i in range(n):
