@@ -31,6 +31,8 @@ from whsklearn.recursion.pseudolinear import Published, auxiliary_size, run_pseu
 from whsklearn.recursion.sign_posterior import Gaussian
 from whsklearn.recursion.subinnovations import Samples
 
+_numba_settings: Any = numba.config  # its attributes are made at run time
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -119,7 +121,7 @@ class RowsStream:
     def step(self, state: State, u: Array, y: Array) -> bool:
         """One row of float64; False, with nothing changed, if it needs the full validation."""
         if state is not self._of or state["theta"] is not self._theta:
-            if self.gradient or numba.config.DISABLE_JIT:
+            if self.gradient or _numba_settings.DISABLE_JIT:
                 return False
             self._pack(state)
         try:
