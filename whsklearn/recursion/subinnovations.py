@@ -163,9 +163,9 @@ def run_windows(models, recent, since, seen, schedule, law, p, frozen, samples, 
         )  # fmt: skip
         rate = _run_model(model, line, since, seen, schedule, law, p, frozen, still)
     schedule.forgetting[0] = rate
-    for past, newest in ((recent.u, line.u), (recent.y, line.y), (recent.weight, line.weight)):
-        for k in range(past.size):
-            past[k] = newest[k]
+    _keep(recent.u, line.u)
+    _keep(recent.y, line.y)
+    _keep(recent.weight, line.weight)
     return since + count
 
 
@@ -174,12 +174,18 @@ def _newest_first(samples, recent, m):
     """The samples, ``m`` numbers each, from the newest to the oldest, and the recent ones behind them."""
     n = samples.size
     line = np.empty(n + recent.size)
-    for t in range(n // m):
-        for i in range(m):
-            line[n - (t + 1) * m + i] = samples[t * m + i]
+    for k in range(n):
+        line[k] = samples[n - m + 2 * (k % m) - k]
     for k in range(recent.size):
         line[n + k] = recent[k]
     return line
+
+
+@part
+def _keep(recent, line):
+    """The newest of the line."""
+    for k in range(recent.size):
+        recent[k] = line[k]
 
 
 @part
@@ -192,7 +198,7 @@ def _run_model(model, line, since, seen, schedule, law, p, frozen, still):
     m = recent_u.size // recent_y.size
     na, nb, nc = dims[0], dims[1], dims[2]
     work = np.empty(before.size)
-    own, past = past_of(before, dims), past_of(work, dims)
+    past = past_of(work, dims)
     psi, gain, start, old = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
     b = theta[na - 1 : na - 1 + nb]
     at = start if frozen else theta
@@ -209,18 +215,33 @@ def _run_model(model, line, since, seen, schedule, law, p, frozen, still):
                 inflate(ud, 1.0 / rate, schedule.ceiling)
         for k in range(n):
             start[k] = theta[k]
-        for i in range(window):
+        for i in range(window + 1):
             # newest sample of the run-up has index window-1-i among the recent; a frozen one goes on where it was
             now = window - 1 - i
             run_up = window - 1
-            if frozen and i > 0:
+            onwards = i == window  # at last the state before the window goes one sample on, by the newest parameters:
+            if onwards:  # in the same loop, since a second call of `advance` would be written out once more
+                if since < p:
+                    break
+                run_up, now = p - 1, p - 2
+                for k in range(n):
+                    start[k] = theta[k]
+            if frozen and 0 < i < window:
                 run_up = now + 1
             else:
                 for k in range(work.size):
                     work[k] = before[k]
+            dx = 0.0
             for k in range(run_up, now, -1):
-                answers = frozen or k <= now + nc
-                advance(at, dims, codes, shapes, sharpness[0], past, recent_u, (newest + k + 1) * m, answers)
+                answers = frozen or onwards or k <= now + nc
+                dx = advance(at, dims, codes, shapes, sharpness[0], past, recent_u, (newest + k + 1) * m, answers)
+            if onwards:
+                for k in range(work.size):
+                    before[k] = work[k]
+                if learns:
+                    motion[0] = LOSS_FORGETTING * motion[0] + dx * dx
+                    motion[1] = LOSS_FORGETTING * motion[1] + 1.0
+                break
             weight = recent_weight[newest + now]
             if weight == 0.0:
                 continue
@@ -243,11 +264,6 @@ def _run_model(model, line, since, seen, schedule, law, p, frozen, still):
                     ok &= abs(theta[k]) < LARGEST_PARAMETER
                 if not (ok and is_stable(b, STABLE_RADIUS)):
                     _shorten(theta, gain, e, b, old)
-        if since >= p:
-            dx = advance(theta, dims, codes, shapes, sharpness[0], own, recent_u, (newest + p) * m)
-            if learns:
-                motion[0] = LOSS_FORGETTING * motion[0] + dx * dx
-                motion[1] = LOSS_FORGETTING * motion[1] + 1.0
         if learns and schedule.sharpest > 0.0:
             rms = np.sqrt(motion[0] / max(motion[1], 1.0))
             sharpness[0] = relative_sharpness(seen, schedule.sharpest) / max(rms, 1e-12)
