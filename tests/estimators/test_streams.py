@@ -74,3 +74,47 @@ def test_variance_needs_degrees_of_freedom():
 )
 def test_pieces_are_cut_where_experiments_begin(marks, expected):
     assert [(s.start, s.stop) for s in pieces(np.array(marks, dtype=bool))] == expected
+
+
+@pytest.mark.parametrize("p", [1, 3])
+def test_a_row_by_itself_and_rows_in_one_call_give_the_same_bits(p):
+    """`step` keeps what a row changes in one array of its own: a state that somebody else changes must stay in step."""
+    rng = np.random.default_rng(0)
+    rows, y = rng.standard_normal((40, 3)), rng.standard_normal(40)
+    fast, slow = (RowsStream(3, p, 1e6, 0.99, np.zeros(3), True, False) for _ in range(2))
+    state, other = fast.initial(), slow.initial()
+    began = np.zeros(40, dtype=bool)
+    for t in range(40):
+        began[t] = t == 20
+        if t in (10, 20):  # rows in one call between, with a new experiment at the second
+            fast.run(state, rows[t : t + 1], y[t : t + 1], began[t : t + 1])
+        else:
+            if t == 30:
+                state = copy.deepcopy(state)
+            if t == 35:  # an array that was put in another's place
+                state["theta"] = state["theta"].copy()
+            assert fast.step(state, rows[t : t + 1], y[t : t + 1])
+    slow.run(other, rows, y, began)
+    for name, value in other.items():
+        np.testing.assert_array_equal(state[name], value)
+
+
+def test_a_row_that_needs_a_check_changes_nothing():
+    stream = RowsStream(2, 1, 1e6, 1.0, np.zeros(2), True, False)
+    state = stream.initial()
+    assert stream.step(state, np.ones((1, 2)), np.ones(1))
+    before = copy.deepcopy(state)
+    locked = np.ones((1, 2))
+    locked.flags.writeable = False
+    odd = [
+        np.ones((1, 3)),
+        np.ones((2, 2)),
+        np.ones((1, 2), dtype=int),
+        np.full((1, 2), np.nan),
+        np.ones((1, 4))[:, ::2],
+    ]
+    for row in [*odd, locked]:
+        assert not stream.step(state, row, np.ones(1))
+    assert not stream.step(state, np.ones((1, 2)), np.ones(2))
+    for name, value in before.items():
+        np.testing.assert_array_equal(state[name], value)

@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from whsklearn.recursion.batched import least_squares_of_many
+from whsklearn import RLSRegressor
+from whsklearn.recursion.batched import ABREAST, least_squares_of_many
+from whsklearn.recursion.covariance import covariance
 
 
 @pytest.fixture(scope="module")
@@ -45,3 +47,14 @@ def test_threads_make_no_difference(fleet):
 def test_bad_input_is_refused(fleet, change, said):
     with pytest.raises(ValueError, match=said):
         least_squares_of_many(**({"X": fleet[0], "y": fleet[1]} | change))
+
+
+@pytest.mark.parametrize("n_axes", [1, ABREAST - 1, ABREAST + 2])
+def test_axes_abreast_are_those_by_themselves_to_the_bit(n_axes):
+    rng = np.random.default_rng(1)
+    X, y = rng.standard_normal((n_axes, 30, 4)), rng.standard_normal((n_axes, 30))
+    theta, P = least_squares_of_many(X, y, forgetting=0.98, n_jobs=2)
+    for axis in (0, n_axes - 1):
+        model = RLSRegressor(P0=1e6, forgetting=0.98).fit(X[axis], y[axis])
+        np.testing.assert_array_equal(theta[axis], model.theta_)
+        np.testing.assert_allclose(P[axis], covariance(model.state_["ud"]), rtol=1e-12)
