@@ -7,10 +7,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from whsklearn.gap import evidence as rules
 from whsklearn.gap.aliases import rivals_of
 from whsklearn.gap.evidence import bootstrap_share
 from whsklearn.gap.plant import ModelErrors
+from whsklearn.gap.plants import servo_free_run
 from whsklearn.gap.plants.servo import ServoPlant
 
 RNG = np.random.default_rng(0)
@@ -31,30 +31,46 @@ def test_the_share_grows_with_the_difference():
     assert shares[2] == pytest.approx(1.0, abs=0.05)
 
 
-@pytest.mark.parametrize(
-    ("rival", "behind", "lead", "named"),
-    [("coupling", 30.0, 0.1, True), ("coupling", 300.0, 0.1, False), ("drag", 30.0, 0.0, False)],
-    ids=["a coupling close behind a play", "far behind it", "any other effect"],
-)
-def test_what_must_lead_by_a_share_of_its_evidence_is_ambiguous_below_it(rival, behind, lead, named):
-    errors = {"play": 0.5, rival: 0.6}
+@pytest.mark.parametrize("doubtful", [True, False], ids=["a doubtful rival", "one that nothing speaks for"])
+def test_a_rival_far_behind_is_named_where_the_plant_cannot_tell_it_apart(doubtful):
+    errors = {"play": 0.5, "coupling": 0.6}
 
-    def trial(name):
-        return SimpleNamespace(name=name, delta_bic=1000.0 - (0.0 if name == "play" else behind),
-                               trial=SimpleNamespace(model=SimpleNamespace(name=name, terms=(name,))))  # fmt: skip
+    def trial(name, delta_bic):
+        model = SimpleNamespace(name=name, terms=(name,))
+        return SimpleNamespace(name=name, delta_bic=delta_bic, trial=SimpleNamespace(model=model))
 
     def compare(models, best):
         return [ModelErrors(np.full(400, errors[m.name]), np.zeros(0), np.zeros(0), 400.0) for m in models]
 
     view = SimpleNamespace(compare=compare, objection=lambda m, i: "", same_signature=lambda a, b: False)
-    plant = SimpleNamespace(aliases=lambda n: (), commoner=lambda n: (), must_lead=lambda a, b: lead)
-    play = trial("play")
-    found = SimpleNamespace(taken=[play], rivals=[[play, trial(rival)]], views=[view])
-    names, _, _ = rivals_of(plant, found, np.random.default_rng(0))
-    assert names == [[rival] if named else []]
+    plant = SimpleNamespace(aliases=lambda n: (), commoner=lambda n: (), doubtful=lambda m, i, a, b: doubtful)
+    play = trial("play", 1000.0)
+    found = SimpleNamespace(
+        taken=[play], rivals=[[play, trial("coupling", 900.0)]], views=[view], model=SimpleNamespace(n_base=0)
+    )
+    assert rivals_of(plant, found, np.random.default_rng(0))[0] == [["coupling"] if doubtful else []]
 
 
-def test_effects_of_a_transmission_must_lead_each_other_and_no_others():
+@pytest.mark.parametrize(
+    ("names", "evidence", "runs", "doubtful"),
+    [
+        (("backlash", "flexible_coupling"), 970.0, 1.02, True),
+        (("backlash", "flexible_coupling"), 970.0, 1.5, False),
+        (("backlash", "flexible_coupling"), 700.0, 1.02, False),
+        (("coulomb", "stribeck"), 970.0, 1.02, False),
+    ],
+    ids=["runs as well", "runs worse once it is fitted", "far behind", "not of a transmission"],
+)
+def test_play_and_coupling_are_told_apart_by_the_free_run_of_both(monkeypatch, names, evidence, runs, doubtful):
+    monkeypatch.setattr(servo_free_run, "train_error", lambda view, m, h: {names[0]: 1.0, names[1]: runs}[m.terms[0]])
+
+    def model(name):
+        return SimpleNamespace(terms=(name,), with_terms=lambda terms: model(terms[0]))
+
     plant = object.__new__(ServoPlant)
-    assert plant.must_lead("backlash", "flexible_coupling") == rules.PLAY_OR_DAMPER
-    assert plant.must_lead("backlash", "backlash") == plant.must_lead("backlash", "coulomb") == 0.0
+    plant.observer = SimpleNamespace(fit=lambda m: m)
+    taken, rival = (
+        SimpleNamespace(name=n, delta_bic=e, trial=SimpleNamespace(model=model(n)))
+        for n, e in zip(names, (1000.0, evidence), strict=True)
+    )
+    assert plant.doubtful(model(names[0]), 0, taken, rival) == doubtful

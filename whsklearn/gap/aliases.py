@@ -21,7 +21,7 @@ def rivals_of(
     names: list[list[str]] = []
     shares: list[float] = []
     same: list[list[str]] = []
-    for taken, others, view in zip(found.taken, found.rivals, found.views, strict=True):
+    for i, (taken, others, view) in enumerate(zip(found.taken, found.rivals, found.views, strict=True)):
         able = [o for o in others if o.name != taken.name and o.name not in plant.aliases(taken.name)]
         if not able:
             names.append([])
@@ -32,8 +32,8 @@ def rivals_of(
         close, equal, share = [], [], 1.0
         for other, j in zip(able, judged[1:], strict=True):
             s = bootstrap_share(judged[0].errors, j.errors, rng)
-            margin = max(rules.LEAST_MARGIN, plant.must_lead(taken.name, other.name) * taken.delta_bic)
-            near = taken.delta_bic - other.delta_bic < margin or s < rules.SURE
+            near = taken.delta_bic - other.delta_bic < rules.LEAST_MARGIN or s < rules.SURE
+            near = near or plant.doubtful(found.model, found.model.n_base + i, taken, other)
             if near and not _stands(plant, view, taken, other):
                 continue
             if near and view.same_signature(taken.trial.model, other.trial.model):

@@ -149,7 +149,8 @@ def _verdict(
     left = after / max(floor, plant.tolerance * plant.scale)
     headline = next(r for r in rows if r["horizon"] == plant.headline)
     total = closure(gap, after, floor)
-    if view.limits.run_counts or view.demand(found.model) > 0.0:  # knocks a sample early or late are no path
+    stands = view.limits.run_counts and total >= rules.RUN_STANDS
+    if stands or view.demand(found.model) > 0.0:  # knocks a sample early or late are no path
         total = max(total, headline["closure"])
     at_floor = view.quiet(found.model, plant.tolerance * plant.scale)
     still = plant.follows(found.model)

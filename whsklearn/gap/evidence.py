@@ -30,6 +30,10 @@ Array = NDArray[Any]
 DEFAULT_TOLERANCE = 0.004  # of the rms drive or output: no effect below is worth a name. Surrogates of records with
 # nothing missing leave 0.0037 to 0.0047 of the drive in the inverse view; the one default of every entry.
 NAMED = 0.88  # closure for a confident name: a neighbour of the true effect closes more than 0.8 in 3 % of blind cases
+RUN_STANDS = (
+    0.5  # closure of the gap from which that of the free run may stand for it: a floor of the restarts as large
+)
+# as what is left "closes" any run (SO-101's jaw: run 1.0, gap 0.33); true names close 0.98 of the gap ("blind")
 PARTIAL = 0.3  # closure below which the name of the nearest neighbour says nothing: median closure of wrong names 0.2
 LEFT_BY_SEVERAL = 2.5  # floors that several effects together may leave: three wrong ones can imitate one without a name
 FOLLOWS = 0.04  # share of a gap that nameless functions of the motion must predict to be no noise; coloured-noise blind
@@ -81,8 +85,9 @@ BLIND_SHARE = 0.03  # of the time, in motion, in which noise may hide the direct
 # What an effect may be beside others, and what no axis does.
 BESIDE_A_PLAY = 0.66  # of the rms left beside a play that a further effect must explain: impacts follow everything a
 # little ("blind --kinds named" with backlash)
-PLAY_OR_DAMPER = 0.1  # of the evidence of a play that a coupling must be behind, or both names are given: a coupling
-# of much damping slips as a play does ("real --only jaw": 3 %; MuJoCo's plays: 20 % and more)
+PLAY_OR_DAMPER = 0.1  # of the evidence that a rival of the same transmission may be behind to be fitted and run beside
+# it, and of the run's error that it must then leave more, or both names are given: a coupling of much damping slips as
+# a play does (SO-101's jaw: 3 and 1 %; a play of MuJoCo behind a poor first fit: 5 % of the evidence)
 SEVERAL_TURNS = 6 * np.pi  # rad of travel, over which a wave of one shaft must come back every turn
 LITTLE_TRAVEL = (
     0.5  # rad, over which the cosine of gravity is a constant and a slope to 3 % of itself: names are shared

@@ -27,7 +27,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from whsklearn.gap.evidence import Limits
+from whsklearn.gap.evidence import Evidence, Limits
 
 Array = NDArray[Any]
 
@@ -335,8 +335,8 @@ class Plant(Protocol):
     def commoner(self, name: str) -> tuple[str, ...]:
         """Names preferred to ``name`` where both explain the record about as well."""
 
-    def must_lead(self, name: str, rival: str) -> float:
-        """Share of its evidence by which ``name`` must lead ``rival`` to be told from it, beyond the usual margin."""
+    def doubtful(self, model: Any, index: int, taken: Evidence, rival: Evidence) -> bool:
+        """Whether the rival may be the true one although the term ``index`` of the model has the better evidence."""
 
     def linearised(self, model: Any) -> Linearised:
         """The fit's vector, residual and derivatives at the model, for standard errors."""
@@ -417,9 +417,9 @@ class ViewDefaults:
 class PlantDefaults:
     """What a plant does unless it knows better."""
 
-    def must_lead(self, name: str, rival: str) -> float:
-        """Nothing: a margin and redrawn blocks tell any two effects apart."""
-        return 0.0
+    def doubtful(self, model: Any, index: int, taken: Evidence, rival: Evidence) -> bool:
+        """Never: a margin and redrawn blocks tell any two effects apart."""
+        return False
 
     horizon_unit = "s"
 

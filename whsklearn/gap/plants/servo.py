@@ -17,6 +17,7 @@ from whsklearn.gap import evidence as rules
 from whsklearn.gap.axis_candidates import aliases, candidate
 from whsklearn.gap.axis_model import AxisModel
 from whsklearn.gap.data_check import Problem, check_servo
+from whsklearn.gap.evidence import Evidence
 from whsklearn.gap.filters import whiteness
 from whsklearn.gap.plant import Learned, Linearised, PlantDefaults
 from whsklearn.gap.plants import servo_free_run, servo_learned
@@ -202,10 +203,20 @@ class ServoPlant(PlantDefaults):
         also = OVER_LITTLE_TRAVEL.get(name, ()) if float(np.ptp(self.record.position)) < rules.LITTLE_TRAVEL else ()
         return tuple(dict.fromkeys([*aliases(name), *(a for a in also if self.units[1] == "rad")]))
 
-    def must_lead(self, name: str, rival: str) -> float:
-        """A tenth between effects of the transmission: damping and play hold a load back alike."""
-        both = name != rival and all(get_effect(n).port == "block" for n in (name, rival))
-        return rules.PLAY_OR_DAMPER if both else 0.0
+    def doubtful(self, model: AxisModel, index: int, taken: Evidence, rival: Evidence) -> bool:
+        """Whether a rival of the same transmission, nearly as good, runs nearly as well with all numbers fitted.
+
+        Damping and play hold a load back alike, and a first fit of a play may stand in a poor minimum: what tells them
+        apart is the free run of both, settled.
+        """
+        if taken.name == rival.name or any(get_effect(e.name).port != "block" for e in (taken, rival)):
+            return False
+        if rival.delta_bic < (1.0 - rules.PLAY_OR_DAMPER) * taken.delta_bic:
+            return False
+        terms = model.terms
+        other = self.observer.fit(model.with_terms((*terms[:index], rival.trial.model.terms[-1], *terms[index + 1 :])))
+        own, its = (servo_free_run.train_error(self.observer, m, self.headline) for m in (model, other))
+        return its < (1.0 + rules.PLAY_OR_DAMPER) * own
 
     def commoner(self, name: str) -> tuple[str, ...]:
         """Names preferred to ``name`` on a tie."""
