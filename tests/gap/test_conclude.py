@@ -11,7 +11,7 @@ from whsklearn.gap import evidence as rules
 from whsklearn.gap.conclude import _verdict
 
 
-@pytest.mark.parametrize(("left", "verdict"), [(0.7, "partial"), (0.3, "named")])
+@pytest.mark.parametrize(("left", "verdict"), [(0.7, "partial"), (0.95, "partial"), (0.3, "named")])
 def test_a_free_run_closes_no_gap_that_is_still_there(left, verdict):
     """A run whose restarts alone make as much error as is left looks closed, whatever the model leaves."""
     base, model = SimpleNamespace(gap=1.0), SimpleNamespace(gap=left, n_base=0, terms=(SimpleNamespace(name="drag"),))

@@ -149,9 +149,11 @@ def _verdict(
     left = after / max(floor, plant.tolerance * plant.scale)
     headline = next(r for r in rows if r["horizon"] == plant.headline)
     total = closure(gap, after, floor)
-    stands = view.limits.run_counts and total >= rules.RUN_STANDS
-    if stands or view.demand(found.model) > 0.0:  # knocks a sample early or late are no path
+    if view.demand(found.model) > 0.0:  # knocks a sample early or late are no path
         total = max(total, headline["closure"])
+    elif view.limits.run_counts:
+        most = 1.0 if total >= rules.RUN_STANDS else rules.RUN_STANDS
+        total = max(total, min(headline["closure"], most))
     at_floor = view.quiet(found.model, plant.tolerance * plant.scale)
     still = plant.follows(found.model)
     if at_floor and after * np.sqrt(max(still, 0.0)) < view.limits.own_shape * gap:

@@ -67,15 +67,15 @@ def least_squares(
 
     Differences cost one residual a number. After a step that took off what they foretold they are carried along by
     Broyden's update (1965, Math. Comp. 19, 577-593), J + (r' - r - J s) s'D / (s'D s) with D the columns' powers; no
-    fit ends on derivatives that were carried along.
+    fit ends on derivatives that were carried along but at its ``max_iterations``, to which such steps do not count.
     """
     low, high = bounds
     x = np.clip(x0, low, high)
     r = residual(x)
     cost = float(r @ r)
     damping = 1e-3
-    jac, carried = slopes(x) if slopes else jacobian(residual, x, r, steps, high), 0
-    for _ in range(max_iterations):
+    jac, carried, taken = slopes(x) if slopes else jacobian(residual, x, r, steps, high), 0, 1
+    while True:
         gradient = jac.T @ r
         pinned = ((x <= low) & (gradient > 0)) | ((x >= high) & (gradient < 0))
         free = ~pinned
@@ -108,7 +108,9 @@ def least_squares(
             damping = first_damping
         else:
             break
-        jac, carried = slopes(x) if slopes else jacobian(residual, x, r, steps, high), 0
+        if taken == max_iterations:
+            break
+        jac, carried, taken = slopes(x) if slopes else jacobian(residual, x, r, steps, high), 0, taken + 1
     return Fit(x, r, jac, cost)
 
 
