@@ -18,6 +18,6 @@ def record():
     position = np.zeros_like(t)
     for _ in range(2):  # the replay is held near the log, so the log is its own
         position = MuJoCoSimulator(XML.format(joint=""), joint="axis").replay(
-            ServoRecord(t, drive, position + 1e-12 * t), 100.0
+            ServoRecord(t, drive, position + 1e-12 * t), 100.0, restart="smoothed"
         )
     return ServoRecord(t, first.drive, position)

@@ -8,9 +8,10 @@ quadratic_drag         ``damping`` b, v |v|
 coulomb                ``frictionloss``
 cable_spring           ``stiffness`` and ``springref``, or a fixed tendon beside them
 hardening_spring       a fixed tendon with a cubic ``stiffness``
-end_stop               a fixed tendon that pulls outside ``springlength``
+end_stop               the joint's ``range`` and ``solreflimit`` (`ContactStop`), or a fixed tendon that pulls
+                       outside ``springlength`` (`EndStop`, or where the joint has a range already)
 cogging, gravity       ``dcmotor`` without input: ``cogging`` of k or 1 waves a turn
-presliding, Stribeck   ``dcmotor`` without input: ``lugre``
+presliding, Stribeck   ``dcmotor`` without input: ``lugre`` (Dahl's and LuGre's bristles)
 input_offset           an actuator with a constant bias
 input_delay            ``delay`` and ``nsample`` of the actuator
 actuator_lag           ``dyntype="filterexact"`` of the actuator
@@ -25,7 +26,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from whsklearn.effects import Coulomb, Effect, EndStop
+from whsklearn.effects import ContactStop, Coulomb, Effect, EndStop
 from whsklearn.export.mjcf import FAR, Mjcf, hold_in
 
 PASSIVE = 16  # mjINPUT_NONE: an actuator without a control
@@ -44,8 +45,8 @@ HELD = (
 ).split()
 
 
-def hold(spec: Any, axis: Axis, effects: tuple[Effect, ...]) -> Any:
-    """A copy of the spec with the effects in it.
+def hold(spec: Any, axis: Axis, effects: tuple[Effect, ...], inertia: float = 1.0) -> Any:
+    """A copy of the spec with the effects in it; ``inertia`` about the joint is what a limit's solver divides by.
 
     Raises
     ------
@@ -70,8 +71,32 @@ def hold(spec: Any, axis: Axis, effects: tuple[Effect, ...]) -> Any:
         raise ValueError("; ".join(map(str, m.losses)))
     _joint(j, m)
     _actuator(out, axis, effects)
+    limit = next((e for e in effects if isinstance(e, ContactStop)), None)
+    if limit is not None and not _limited(j):
+        _limit(j, limit, inertia)
+        effects = tuple(e for e in effects if e is not limit)
     _beside(out, axis, m, effects)
     return out
+
+
+def _limited(j: Any) -> bool:
+    """Whether the joint has a range of its own."""
+    return float(j.range[1]) > float(j.range[0])
+
+
+def _limit(j: Any, e: ContactStop, inertia: float) -> None:
+    """A stop as the joint's limit: within it MuJoCo's push is J (B v + K d) with solref = (-K, -B), but for ``solimp``.
+
+    Raises
+    ------
+    ValueError
+        If the contact would pull, or give energy.
+    """
+    if e.stiffness <= 0.0 or e.relaxation < 0.0:
+        raise ValueError(f"a contact of {e.stiffness:.3g} with a relaxation of {e.relaxation:.3g} s cannot be held")
+    stiffness = e.stiffness * float(j.solimp_limit[1]) / inertia
+    j.range, j.limited = np.clip(e.ends, -FAR, FAR), 1
+    j.solref_limit = [-stiffness, -stiffness * e.relaxation] + [0.0] * (len(j.solref_limit) - 2)
 
 
 def _joint(j: Any, m: Mjcf) -> None:

@@ -29,12 +29,16 @@ from whsklearn.gap.evidence import WHITENED
 from whsklearn.gap.filters import autoregression, whiten, whiteness
 from whsklearn.gap.localisation import order_spectrum, since_reversal, spectrum
 from whsklearn.gap.plant import Linearised, Look, ModelErrors, PlantDefaults, ViewDefaults
-from whsklearn.gap.plants.simulator_look import STARTS, Motion, catalogue, columns_of, gains, motion
+from whsklearn.gap.plants.simulator_look import STARTS, Motion, catalogue, columns_of, gains, motion, sized_by_drive
 from whsklearn.gap.plants.simulator_model import EffectTerm, SimulatorFit, SimulatorModel
 from whsklearn.gap.record import ServoRecord, blocks, lattice, noise_level
 
 Array = NDArray[Any]
 AR_ORDER = 12
+AGAIN, SETTLED = (
+    4,
+    0.8,
+)  # such fits at most, and the share of the error that the last one leaves: a stiff stop takes three
 PROMISING = 0.5  # of the error: an effect that leaves less is fitted again under the weights of what it leaves
 
 
@@ -153,7 +157,7 @@ class SimulatorPlant(PlantDefaults, ViewDefaults):
         """Every effect at its best shapes, by a regression of the error's second derivative."""
         if self._shapes is None:
             given = getattr(self.given_model, "effects_to_try", None)
-            self._shapes = {} if given is not None else catalogue(self.record, self._motion.signals)
+            self._shapes = {} if given is not None else catalogue(self.record, self._motion.signals, self._further)
             for e in given if given is not None else getattr(self.given_model, "also_try", ()):
                 self._shapes.setdefault(e.name, []).append(e)
             self._leave_out_what_cannot_be_held(model)
@@ -194,14 +198,20 @@ class SimulatorPlant(PlantDefaults, ViewDefaults):
             except (ValueError, NotImplementedError, FloatingPointError) as error:
                 self._refused[look.name] = str(error)
                 continue
-            if best is None or self.rms(found.error[self.train]) < self.rms(best.error[self.train]):
+            if best is None or self._left(found) < self._left(best):
                 best = found
         if best is None:
             refused = (*model.terms, EffectTerm(look.start[0].resized(0.0)))
             return SimulatorModel(model.simulator, refused, model.error)
-        if self.rms(best.error[self.train]) < PROMISING * self.rms(model.error[self.train]):
-            self._tune(best.error)  # weighed by what is left: before, the weights hid the effect's own spectrum
-            best = self.fits.grow(model, best, self._weighed, again=True)
+        if look.gain > PROMISING and self._left(best) > PROMISING * self._left(model):
+            best = min((best, self._anew(model, look.start[0])), key=self._left)
+        left = self._left(model)
+        if self._left(best) < PROMISING * left:
+            for _ in range(AGAIN):
+                self._tune(best.error)  # weighed by what is left: before, the weights hid the effect's own spectrum
+                left, best = self._left(best), self.fits.grow(model, best, self._weighed, again=True)
+                if self._left(best) > SETTLED * left:
+                    break
         return best
 
     def _grown(self, model: SimulatorModel, start: Any) -> SimulatorModel:
@@ -210,15 +220,46 @@ class SimulatorPlant(PlantDefaults, ViewDefaults):
         From the simulator's refitted numbers, or from those that it was given with, whichever is better with the
         effect: a refit without it may have bent them far to make up for it.
         """
-        searched = tuple(f for f in start.shape_fields() if _free(f))
-        begins = []
-        for home in self.fits.homes(model):
-            effect = self._sized(home, start) if start.column_kind == "exact" else start
-            if effect.quantities[effect.size].low >= 0.0 and effect.magnitude <= 0.0 and not effect.phased:
-                effect = start
-            begins.append((home, self.fits.begun(home, EffectTerm(effect, searched))))
+        begins = self._begins(model, start)
         home, begin = min(begins, key=lambda pair: self.rms(self._weighed(pair[1].error)))
         return self.fits.grow(home, begin, self._weighed)
+
+    def _anew(self, model: SimulatorModel, start: Any) -> SimulatorModel:
+        """The same, the simulator refitted beside the effect before anything moves together.
+
+        Bristles in place of dry friction take inertia, damping and friction far from both beginnings, and steps along
+        the slopes there lead nowhere; the look has promised most of the gap all the same.
+        """
+        refitted = (self.fits.refitted(begin) for _, begin in self._begins(model, start))
+        return self.fits.grow(model, min(refitted, key=self._left), self._weighed, again=True)
+
+    def _left(self, model: SimulatorModel) -> float:
+        """Rms error of the training samples."""
+        return self.rms(model.error[self.train])
+
+    def _begins(self, model: SimulatorModel, start: Any) -> list[tuple[SimulatorModel, SimulatorModel]]:
+        """(home, home with the effect at the size that it asks for) for every home of the model."""
+        searched = tuple(f for f in start.shape_fields() if _free(f) and f not in start.later)
+        begins = []
+        for home in self.fits.homes(model):
+            for effect in self._sizes(home, start):
+                begins.append((home, self.fits.begun(home, EffectTerm(effect, searched))))
+        return begins
+
+    def _sizes(self, home: SimulatorModel, start: Any) -> list[Any]:
+        """The effect as large as the simulation's slope asks for, and of a shape for instants as the drive does."""
+        if start.column_kind != "exact":
+            return [start]
+        effects = [self._sized(home, start)]
+        if isinstance(start, self._further):
+            effects.append(sized_by_drive(self._motion, start, self.train))
+        positive = start.quantities[start.size].low >= 0.0 and not start.phased
+        return [start if positive and e.magnitude <= 0.0 else e for e in effects]
+
+    @property
+    def _further(self) -> tuple[type[Any], ...]:
+        """Shapes that the simulator asks for beside those that have the names."""
+        return tuple(getattr(self.given_model, "shapes_to_try", ()))
 
     def _sized(self, model: SimulatorModel, start: Any) -> Any:
         """The size (and phase) by the sensitivity of the simulated position to it."""

@@ -15,13 +15,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from whsklearn.effects import Coulomb, Effect, Scales, Viscous, effect_names, get_effect
+from whsklearn.effects import ContactStop, Coulomb, Effect, Scales, Viscous, effect_names, get_effect
 from whsklearn.gap.filters import CUTOFF_SIGMA, filtered, gaussian_derivatives
 from whsklearn.gap.record import noise_level
 
 Array = NDArray[Any]
 HIGHEST = 25.0  # Hz; above, an encoder's noise is all there is in a second derivative
 CENTRES = np.array([0.0, -0.5, 0.5, -1.0, 1.0, -1.5, 1.5])  # of a spring, in half strokes from the middle
+DEPTHS = np.array([0.003, 0.01, 0.03, 0.08])  # of half the travel, that a stop may give
+RELAXATIONS = (0.005, 0.02, 0.06)  # s, of a contact's damping
 STARTS = 2  # of the best shapes of an effect that are handed to the fit: neighbours of a wave are local minima
 
 
@@ -93,6 +95,21 @@ def gains(m: Motion, error: Array, effects: list[Effect], train: NDArray[np.bool
     return out
 
 
+def sized_by_drive(m: Motion, effect: Effect, train: NDArray[np.bool_]) -> Effect:
+    """An effect at the size that the drive asks for on the measured motion, beside inertia, friction and a constant.
+
+    A large one that acts for instants, such as a stop, moves a simulation so far that its slopes there say nothing.
+    """
+    s, at = m.signals, m.usable
+    mask = train[:: m.every][at]
+    own = [s.acceleration, *(e.columns(s)[:, 0] for e in (Viscous(1.0), Coulomb(1.0))), np.ones_like(s.velocity)]
+    x = np.column_stack([m.seen(np.column_stack(own)), m.seen_effect(effect)])[at][mask]
+    scale = np.linalg.norm(x, axis=0) + 1e-300
+    sizes = np.linalg.lstsq(x / scale, m.seen(s.drive)[at][mask], rcond=1e-9)[0] / scale
+    shape = {k: v for k, v in {**effect.shape, **effect.options}.items() if not (effect.phased and k == "phase")}
+    return type(effect).from_coefficients(sizes[len(own) :], **shape)
+
+
 def columns_of(effect: Effect, signals: Any) -> Array:
     """An effect's columns; what is no column times a weight is one column at its size."""
     if effect.column_kind == "exact" and effect.size not in ("step",):
@@ -104,7 +121,7 @@ def ladder(cls: type[Effect], record: Any, signals: Any) -> Iterator[Effect]:
     """One effect at every shape that is worth a look in this record; one of a user's own at its own starts."""
     torque = float(np.sqrt(np.mean(record.drive**2))) or 1.0
     if cls.evaluate is not None:
-        yield from (cls.from_row((0.1 * torque, *shape)) for shape in cls.starts(_scales(record, signals)))
+        yield from from_starts(cls, record, signals)
         return
     grids: dict[str, Array] = {}
     for name in cls.shape_fields():
@@ -171,8 +188,8 @@ def _grid(field: str, unit: str, record: Any, signals: Any) -> Array:
     return np.array([])
 
 
-def catalogue(record: Any, signals: Any) -> dict[str, list[Effect]]:
-    """Every effect of the catalogue that has columns, at every shape worth a look."""
+def catalogue(record: Any, signals: Any, further: tuple[type[Effect], ...] = ()) -> dict[str, list[Effect]]:
+    """Every effect of the catalogue that has columns, at every shape worth a look, and ``further`` shapes of them."""
     out: dict[str, list[Effect]] = {}
     for name in effect_names():
         cls = get_effect(name)
@@ -186,4 +203,26 @@ def catalogue(record: Any, signals: Any) -> dict[str, list[Effect]]:
         found = list(ladder(cls, record, signals))
         if found:
             out[name] = found
+    for cls in further:
+        shapes = stops(record, signals) if issubclass(cls, ContactStop) else from_starts(cls, record, signals)
+        out.setdefault(cls.name, []).extend(shapes)
     return out
+
+
+def from_starts(cls: type[Effect], record: Any, signals: Any) -> Iterator[Effect]:
+    """One effect at the starts that it gives itself."""
+    torque = float(np.sqrt(np.mean(record.drive**2))) or 1.0
+    return (cls.from_row((0.1 * torque, *shape)) for shape in cls.starts(_scales(record, signals)))
+
+
+def stops(record: Any, signals: Any) -> Iterator[Effect]:
+    """Contacts at either end of the travel, or at both: a stop lies as far within the travel as it gives."""
+    torque = float(np.sqrt(np.mean(record.drive**2))) or 1.0
+    low, high = float(signals.position.min()), float(signals.position.max())
+    for depth in DEPTHS * 0.5 * (high - low):
+        for relaxation in RELAXATIONS:
+            size, upper, lower = 0.1 * torque / depth, high - depth, low + depth
+            yield ContactStop(size, upper, relaxation=relaxation, side="upper")
+            yield ContactStop(size, lower, relaxation=relaxation, side="lower")
+            middle, half = 0.5 * (upper + lower), 0.5 * (upper - lower)
+            yield ContactStop(size, half, relaxation=relaxation, centre=middle, side="both")

@@ -23,6 +23,7 @@ PARTS = 6  # of the record that are left out in turn: one more than the numbers 
 ITERATIONS = 10  # of Gauss-Newton; half of the effects stop after two
 LEAST_GAIN = 1e-3  # of the sum of squares, below which a step is the last one on these derivatives
 WORTH_SLOPES = 0.25  # of the sum of squares without the effect: one that leaves more is not worth new derivatives
+FARTHEST = 3.0  # times a shape number in one step: a contact's relaxation of 20 ms would else be half a second
 SHORTER = (1.0, 0.3, 0.1)  # shares of a step that are tried
 
 
@@ -64,6 +65,15 @@ class EffectTerm:
         else:
             effect = dataclasses.replace(self.effect.resized(float(x[0])), **shape)
         return dataclasses.replace(self, effect=effect)
+
+    def held_in(self, step: Array) -> Array:
+        """A step in which no shape number that is never negative changes by more than a factor of three."""
+        out, first = step.copy(), step.size - len(self.searched)
+        for i, f in enumerate(self.searched, first):
+            x = float(getattr(self.effect, f))
+            if self.effect.quantities[f].low >= 0.0 and x > 0.0:
+                out[i] = np.clip(step[i], x / FARTHEST - x, FARTHEST * x - x)
+        return out
 
     def steps(self) -> list[float]:
         """Differences for derivatives."""
@@ -260,7 +270,7 @@ class SimulatorFit:
                 slopes = slopes + np.outer(change - slopes @ step, moved / scale) / max(_square(moved), 1e-300)
                 best, r = found, r + change
             if gain < LEAST_GAIN:
-                settled = best if joint else self._refitted(best)
+                settled = best if joint else self.refitted(best)
                 if _square(weigh(settled.error)) < (1.0 - LEAST_GAIN) * _square(r):
                     best, r = settled, weigh(settled.error)
                     slopes = self._slopes(model, best, weigh, again=True)
@@ -272,7 +282,7 @@ class SimulatorFit:
                 fresh = False
         return best
 
-    def _refitted(self, model: SimulatorModel) -> SimulatorModel:
+    def refitted(self, model: SimulatorModel) -> SimulatorModel:
         """The model after one refit more: many a ``refit`` stops after a few evaluations, long before its minimum."""
         simulator = model.simulator.refit(self.record, self.train)
         return SimulatorModel(simulator, model.terms, self.error(simulator))
@@ -282,8 +292,8 @@ class SimulatorFit:
     ) -> tuple[SimulatorModel | None, Array]:
         """The first model along a step, shortened where need be, that is better, and the step taken."""
         n, cost = len(best.terms[-1].vector()), _square(weigh(best.error))
-        step = np.concatenate([step[:n], np.clip(step[n:], -1.0, 1.0)])
         at = self._vector(best, best.terms[-1])
+        step = np.concatenate([best.terms[-1].held_in(step[:n]), np.clip(step[n:], -1.0, 1.0)])
         for share in SHORTER:
             try:
                 found = self._placed(model, best.terms[-1], at + share * step)
