@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from tests.simulators.axis_xml import XML
-from whsklearn.effects import HardeningSpring, InputDelay, PreslidingHysteresis
+from whsklearn.effects import HardeningSpring, InputDelay, LuGre, PreslidingHysteresis
+from whsklearn.gap import GapFinder
+from whsklearn.gap.record import ServoRecord
 from whsklearn.simulators import MuJoCoSimulator
 
 mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed (extra mujoco)")
@@ -51,3 +53,53 @@ def test_an_unstable_trial_says_nothing_and_writes_nothing(record, tmp_path, mon
 def test_a_bristle_that_pushes_is_refused():
     with pytest.raises(ValueError, match="bristle"):
         MuJoCoSimulator(XML.format(joint=""), joint="axis").with_effect(PreslidingHysteresis(-0.1, 0.01))
+
+
+STEP = 1e-4  # rad, of an encoder
+RUBBING = XML.format(joint='frictionloss="0.15" solreffriction=".002 1"')
+
+
+def read_by_an_encoder(simulator, record):
+    """A log of a simulator, quantised; as long as the record."""
+    still = ServoRecord(record.time, record.drive, 1e-12 * record.time)
+    y = simulator.replay(still, 1e3, restart="smoothed")
+    return ServoRecord(record.time, record.drive, STEP * np.round(y / STEP))
+
+
+def test_a_replay_of_the_true_model_leaves_the_encoders_noise(record):
+    log = read_by_an_encoder(MuJoCoSimulator(RUBBING, joint="axis"), record)
+    truth, wrong = (MuJoCoSimulator(RUBBING.replace("0.15", x), joint="axis") for x in ("0.15", "0.18"))
+
+    def left(simulator, restart):
+        return np.sqrt(np.mean((log.position - simulator.replay(log, 0.5, restart=restart)) ** 2)) / (
+            STEP / np.sqrt(12)
+        )
+
+    assert left(truth, "fitted") < 1.1
+    assert left(truth, "smoothed") > 5.0  # velocity is blurred where friction turns
+    assert left(wrong, "fitted") > 5.0  # and what is wrong in a model stays to be seen
+
+
+def test_a_replay_begins_as_it_is_told(record):
+    with pytest.raises(ValueError, match="fitted or smoothed"):
+        MuJoCoSimulator(XML.format(joint=""), joint="axis").replay(record, 0.5, restart="guessed")
+
+
+def test_bristles_with_damping_in_place_of_dry_friction_are_named(record):
+    true = LuGre(0.25, 0.05, ratio=1.0, damping=0.1)
+    log = read_by_an_encoder(MuJoCoSimulator(XML.format(joint=""), joint="axis").with_effect(true), record)
+    finder = GapFinder(MuJoCoSimulator(RUBBING, joint="axis")).fit(log)
+    assert [e.name for e in finder.effects_] == ["presliding_hysteresis"]
+    found = finder.effects_[0].effect
+    assert (found.torque, found.distance, found.damping) == pytest.approx((0.25, 0.05, 0.1), rel=0.05)
+
+
+def test_a_range_struck_at_both_ends_is_named_and_written(record, tmp_path):
+    """The ends stand about no special place: a spring about zero has no such stop."""
+    low, high = -0.3, 0.9
+    limited = XML.format(joint=f'limited="true" range="{low:.4f} {high:.4f}" solreflimit="0.02 1"')
+    log = read_by_an_encoder(MuJoCoSimulator(limited, joint="axis"), record)
+    finder = GapFinder(MuJoCoSimulator(XML.format(joint=""), joint="axis")).fit(log)
+    assert finder.effects_[0].name == "end_stop"
+    assert finder.effects_[0].effect.ends == pytest.approx((low, high), abs=0.01 * np.ptp(log.position))
+    assert "range=" in finder.model_.write(tmp_path / "repaired.xml").read_text()

@@ -10,12 +10,14 @@ from whsklearn.effects import (
     ActuatorLag,
     CableSpring,
     Cogging,
+    ContactStop,
     DisturbanceTone,
     EndStop,
     GravityImbalance,
     HardeningSpring,
     InputDelay,
     InputOffset,
+    LuGre,
     QuadraticDrag,
     Saturation,
     Viscous,
@@ -30,9 +32,10 @@ mujoco = pytest.importorskip("mujoco", reason="mujoco is not installed (extra mu
     [
         ActuatorLag(0.01), CableSpring(0.5, 0.1), Cogging(0.1, 9.0), EndStop(5.0, 0.3), GravityImbalance(0.2, 0.4),
         HardeningSpring(0.2, 0.1), InputDelay(0.008), InputOffset(0.1), QuadraticDrag(0.05), Saturation(0.6),
-        Viscous(0.1),
+        Viscous(0.1), ContactStop(50.0, 0.3, relaxation=0.02, centre=0.1, side="both"),
+        ContactStop(50.0, 0.3, relaxation=0.02), LuGre(0.1, 0.01, ratio=1.4, velocity=0.5, damping=0.02),
     ],
-    ids=lambda e: e.name,
+    ids=lambda e: type(e).__name__,
 )  # fmt: skip
 def test_an_effect_acts_and_is_written(effect, record, tmp_path):
     simulator = MuJoCoSimulator(XML.format(joint=""), joint="axis").with_effect(effect)
@@ -45,3 +48,23 @@ def test_an_effect_acts_and_is_written(effect, record, tmp_path):
 def test_what_mujoco_lacks_is_refused():
     with pytest.raises(NotImplementedError, match="disturbance_tone"):
         MuJoCoSimulator(XML.format(joint=""), joint="axis").with_effect(DisturbanceTone(0.1, 5.0))
+
+
+def test_a_contact_is_the_spring_and_damper_of_its_numbers():
+    """Thrown at the stop without a drive: the same path as J a = -k (d + tau dd/dt), but for MuJoCo's impedance."""
+    stop = ContactStop(40.0, 0.2, relaxation=0.015)
+    simulator = MuJoCoSimulator(XML.format(joint="").replace('damping="0.1"', ""), joint="axis").with_effect(stop)
+    data = mujoco.MjData(simulator.model)
+    data.qvel[0], v, q, h, depth = 1.5, 1.5, 0.0, simulator.model.opt.timestep, [0.0, 0.0]
+    for _ in range(int(0.5 / h)):
+        mujoco.mj_step(simulator.model, data)
+        v -= h * max(40.0 * ((q - 0.2) + 0.015 * v), 0.0) / 0.05 if q > 0.2 else 0.0
+        q += h * v
+        depth = [max(depth[0], data.qpos[0] - 0.2), max(depth[1], q - 0.2)]
+    assert depth[0] == pytest.approx(depth[1], rel=0.05)
+    assert data.qvel[0] == pytest.approx(v, abs=0.1)  # thrown back as fast
+
+
+def test_a_contact_that_pulls_is_refused():
+    with pytest.raises(ValueError, match="contact"):
+        MuJoCoSimulator(XML.format(joint=""), joint="axis").with_effect(ContactStop(-1.0, 0.2))

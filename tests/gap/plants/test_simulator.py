@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from whsklearn.effects import AsymmetricViscous, CableSpring, InputOffset
+from whsklearn.effects import AsymmetricViscous, CableSpring, ContactStop, InputOffset, LuGre
 from whsklearn.gap import GapFinder, ServoRecord
 from whsklearn.gap.plant import Look
 from whsklearn.gap.plants.simulator import SimulatorPlant
-from whsklearn.gap.plants.simulator_model import SimulatorModel
+from whsklearn.gap.plants.simulator_look import catalogue, motion, sized_by_drive
+from whsklearn.gap.plants.simulator_model import EffectTerm, SimulatorModel
 from whsklearn.gap.standard_errors import errors_of, labelled_errors
 
 TIME = np.arange(8000) * 2e-3
@@ -115,3 +116,34 @@ def test_two_effects_that_predict_the_same_are_one(record):
         for share in (0.01, 1.0)
     )
     assert (plant.same_signature(base, near), plant.same_signature(base, far)) == (True, False)
+
+
+def test_further_shapes_are_looked_at_where_a_simulator_asks_for_them(record):
+    plain = catalogue(record, motion(record).signals)
+    asked = catalogue(record, motion(record).signals, (LuGre, ContactStop))
+    assert {type(e) for e in plain["end_stop"]}.isdisjoint({ContactStop})
+    stops = [e for e in asked["end_stop"] if isinstance(e, ContactStop)]
+    assert {e.side for e in stops} == {"upper", "lower", "both"}
+    low, high = record.position.min(), record.position.max()
+    assert all(low < end < high for e in stops for end in e.ends if np.isfinite(end))
+    assert sum(isinstance(e, LuGre) for e in asked["presliding_hysteresis"]) == 24
+
+
+def test_a_stop_is_as_stiff_as_the_drive_pushes_against_it(record):
+    path = 0.5 * np.sin(2.0 * TIME)
+    true = ContactStop(30.0, 0.4, relaxation=0.02)
+    velocity, acceleration = np.cos(2.0 * TIME), -2.0 * np.sin(2.0 * TIME)
+    drive = 0.05 * acceleration + 0.1 * velocity + true.value(position=path, velocity=velocity)
+    m = motion(ServoRecord(TIME, drive, path))
+    found = sized_by_drive(m, true.resized(1.0), np.ones(TIME.size, dtype=bool))
+    assert found.stiffness == pytest.approx(30.0, rel=0.02)
+    assert (found.angle, found.side) == (0.4, "upper")
+
+
+def test_a_step_changes_no_number_that_is_never_negative_by_more_than_threefold():
+    term = EffectTerm(
+        ContactStop(10.0, 0.4, relaxation=0.02, centre=0.1, side="both"), ("angle", "relaxation", "centre")
+    )
+    step = term.held_in(np.array([-50.0, -5.0, 0.5, 4.0]))
+    assert step.tolist() == pytest.approx([-50.0, -5.0, 0.04, 4.0])  # only the relaxation is never negative
+    assert term.held_in(np.array([0.0, 0.0, -1.0, 0.0]))[2] == pytest.approx(0.02 / 3.0 - 0.02)

@@ -7,6 +7,7 @@
         def refit(self, record, keep): ...        # a new simulator fitted to the samples where keep is True
         def with_effect(self, effect): ...        # a new simulator with an effect of the catalogue added
         effects_to_try = [Cogging(1.0, 12.0)]     # optional; sizes do not matter, shapes are where a fit starts
+        shapes_to_try = (LuGre, ContactStop)      # optional; beside the catalogue, if with_effect can take them
 
 ``with_effect`` raises ValueError or NotImplementedError for an effect that the simulator cannot hold; the report then
 says that it was not tried.
@@ -35,11 +36,8 @@ from whsklearn.gap.record import ServoRecord, blocks, lattice, noise_level
 
 Array = NDArray[Any]
 AR_ORDER = 12
-AGAIN, SETTLED = (
-    4,
-    0.8,
-)  # such fits at most, and the share of the error that the last one leaves: a stiff stop takes three
 PROMISING = 0.5  # of the error: an effect that leaves less is fitted again under the weights of what it leaves
+AGAIN, SETTLED = 4, 0.8  # such fits at most, and the share of the error that the last one leaves: a stop takes three
 
 
 class SimulatorPlant(PlantDefaults, ViewDefaults):
