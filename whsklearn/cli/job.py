@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from whsklearn.cli import WIDTH
+from whsklearn.cli.interruption import insisted
 
 if TYPE_CHECKING:
     from whsklearn.tracking import Tracker
@@ -55,7 +56,8 @@ def guarded(function: Callable[..., None], **kwargs: Any) -> None:
 
     before = _end_as_interrupt()
     try:
-        function(**kwargs)
+        with insisted(KeyboardInterrupt):
+            function(**kwargs)
     except LogError as error:
         raise (WrongOption if isinstance(error, ColumnError) else UnusableLog)(str(error)) from error
     except (ValueError, ImportError, OSError) as error:

@@ -15,6 +15,7 @@ import click
 from sklearn.base import clone
 
 from whsklearn.change import ChangeAlarm
+from whsklearn.cli.interruption import insisted
 from whsklearn.cli.job import root
 from whsklearn.cli.stream_files import alone, check_files, fingerprint
 from whsklearn.cli.stream_loop import Carried, Options, Record, Refused, Stream
@@ -124,7 +125,8 @@ def _run(stream: Stream, files: Files, place: dict[str, Any], keeper: Keeper) ->
         if not rows:  # from here on a crash at any instant knows where rows and records stood
             keeper.save(lines)
         try:
-            _feed(stream, files, place, lines, stopper, keeper)
+            with insisted(Late, KeyboardInterrupt):
+                _feed(stream, files, place, lines, stopper, keeper)
         except Refused:
             keeper.save(lines)
             raise
