@@ -19,7 +19,6 @@ from whsklearn.systems._servo_kernel import DRIVE, MEASURED, N_SIGNALS, How, Sig
 from whsklearn.systems._servo_torques import DELAY, RESOLUTION
 
 Array = NDArray[Any]
-HARDER = 1.5  # times the variation of the logged drive that holding it may cost
 LOST = 1.0  # half travels off the measured path: it is another experiment then
 
 
