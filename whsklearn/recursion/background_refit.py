@@ -70,15 +70,26 @@ def under_way(state: State, r: Reading) -> tuple[int, int] | None:
     return None
 
 
-def shift_memory(state: State, r: Reading, n: int) -> None:
-    """Drop the oldest ``n`` samples, but for the history that the next one needs; a new block begins."""
+MEMORY = (
+    "memory_u", "memory_y", "memory_restart", "memory_still", "memory_idle", "memory_kept", "memory_weight",
+)  # fmt: skip
+
+
+def empty_as(state: State, name: str) -> np.ndarray:
+    """One of the memory's arrays with nothing in it."""
+    return np.full_like(state[name], name in ("memory_kept", "memory_weight"))
+
+
+def shift_memory(state: State, r: Reading, n: int, room: dict[str, np.ndarray]) -> None:
+    """Drop the oldest ``n`` samples, but for the history that the next one needs; a new block begins.
+
+    ``room`` may hold arrays of `empty_as`, made before: to make all of them takes as long as two samples.
+    """
     h, rest = r.history, state["fill"] - n
-    for name, before in (
-        ("memory_u", h), ("memory_y", h), ("memory_restart", 0), ("memory_still", 0), ("memory_idle", 0),
-        ("memory_kept", 0), ("memory_weight", 0),
-    ):  # fmt: skip
+    for name in MEMORY:
+        before = h if name in ("memory_u", "memory_y") else 0
         # in a new array: one that only grows need not be copied before every call that might be interrupted
-        shifted = np.full_like(state[name], name in ("memory_kept", "memory_weight"))
+        shifted = room.pop(name) if name in room else empty_as(state, name)
         shifted[: before + rest] = state[name][n : n + before + rest]
         state[name] = shifted
     state["fill"] = rest
@@ -108,6 +119,8 @@ class BackgroundRefit:
         self._parents: list[int] = []
         self._caught_up = 0
         self._past: dict[str, Any] | None = None
+        self._given: dict[str, np.ndarray] = {}
+        self._room: dict[str, np.ndarray] = {}
         self._known = float(state["page_known"])
         self._pace = 1 + 2 * PIECES // (end - size)  # pieces a sample: a short page has fewer samples than pieces
 
@@ -137,15 +150,9 @@ class BackgroundRefit:
             s.update(self._models)
             for name, live in zip(Models._fields, self._running, strict=True):
                 s[name][: len(live)] = live
-        for name, value in self._given.items():
-            s[name] = value[self._parents].copy()
+        s.update(self._given)
         if self.is_page:
-            for i, (information, end) in enumerate(self._ends):
-                if information.any():  # a page of rest says nothing, and lets nothing be forgotten
-                    s["prior_information"][i] = information + self._left * s["prior_information"][i]
-                    s["prior_theta"][i] = self._page_theta[i]
-                s["origin"][i] = end
-            shift_memory(s, self.reading, self.size)
+            shift_memory(s, self.reading, self.size, self._room)
         s["page_theta"] = s["theta"].copy()
 
     def _go_on(self) -> None:
@@ -166,7 +173,6 @@ class BackgroundRefit:
         yield
         thetas, self._parents = state["page_theta"], list(range(len(state["page_theta"])))
         chosen = yield from refit.search(thetas)
-        self._given = refit.given
         if chosen:
             yield
             self._models = yield from adopted(chosen, refit.count, self._known)
@@ -178,6 +184,10 @@ class BackgroundRefit:
             yield
         yield from self._begin_catching_up(thetas)
         yield
+        yield from self._gather(refit.given)
+        for name in MEMORY if self.is_page else ():
+            self._room[name] = empty_as(state, name)
+            yield
 
     def _end_of_page(self, thetas: np.ndarray, refit: Refit) -> Iterator[None]:
         """The information of the page and the state at its end, a pair for each model."""
@@ -202,6 +212,19 @@ class BackgroundRefit:
                 yield
             yield
             self._past = yield from past.left_behind(refit.kept, refit.count)
+
+    def _gather(self, given: dict[str, np.ndarray]) -> Iterator[None]:
+        """What is given to the models that go on, and what a page adds to it."""
+        for name, value in given.items():
+            self._given[name] = value[self._parents].copy()
+            yield
+        for i, (information, end) in enumerate(self._ends):
+            if information.any():  # a page of rest says nothing, and lets nothing be forgotten
+                prior = self._given["prior_information"]
+                prior[i] = information + self._left * prior[i]
+                self._given["prior_theta"][i] = self._page_theta[i]
+            self._given["origin"][i] = end
+            yield
 
     def _begin_catching_up(self, thetas: np.ndarray) -> Iterator[None]:
         """The new models where the re-run samples end."""
