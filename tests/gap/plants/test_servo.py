@@ -94,3 +94,13 @@ def test_numbers_for_simulation_are_compared_at_the_horizon_that_is_proved(monke
     plant.observer = SimpleNamespace(fit=lambda m: "refitted")
     assert plant.settle("found") == "found"
     assert plant.headline == 0.07
+
+
+@pytest.mark.parametrize("load_side", [False, True])
+def test_missing_drive_behind_a_coupling_is_told_by_the_observer(load_side):
+    plant = object.__new__(ServoPlant)
+    for name, gaps in (("inverse", (3.0, 2.9, 0.1)), ("observer", (1.0, 0.2, 0.05))):
+        view = SimpleNamespace(gap=lambda m, g=gaps: g[m.at], rms=float, floor=lambda m, g=gaps: g[2])
+        setattr(plant, name, view)
+    base, model = SimpleNamespace(at=0, load_side=False), SimpleNamespace(at=1, load_side=load_side)
+    assert plant.figures(base, model) == ((1.0, 0.2, 0.05) if load_side else (3.0, 2.9, 0.1))

@@ -245,8 +245,11 @@ class ServoPlant(PlantDefaults):
         return self.observer.record.position, servo_free_run.held_out(self.observer)
 
     def figures(self, base: AxisModel, model: AxisModel) -> tuple[float, float, float]:
-        """(gap before, after, floor) of inverse dynamics, in the unit of the drive: what an engineer would compute."""
-        view = self.inverse
+        """(gap before, after, floor) of inverse dynamics, in the unit of the drive: what an engineer would compute.
+
+        Behind a coupling it would need the motor's motion, which nobody measured: there the observer tells them.
+        """
+        view = self.observer if model.load_side else self.inverse
         return view.rms(view.gap(base)), view.rms(view.gap(model)), view.floor(model)
 
     # --- report -------------------------------------------------------------------------------
