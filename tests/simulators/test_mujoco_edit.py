@@ -68,3 +68,8 @@ def test_a_contact_is_the_spring_and_damper_of_its_numbers():
 def test_a_contact_that_pulls_is_refused():
     with pytest.raises(ValueError, match="contact"):
         MuJoCoSimulator(XML.format(joint=""), joint="axis").with_effect(ContactStop(-1.0, 0.2))
+
+
+def test_a_wave_that_cannot_be_held_is_refused_and_not_left_out_in_silence():
+    with pytest.raises(ValueError, match="whole orders"):
+        MuJoCoSimulator(XML.format(joint=""), joint="axis").with_effect(Cogging(0.1, 6.12))

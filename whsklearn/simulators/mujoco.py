@@ -196,6 +196,8 @@ class MuJoCoSimulator:
         out: list[Effect] = [] if float(np.ravel(j.damping)[0]) > 0 else [Viscous(1.0)]
         return tuple(out if float(j.frictionloss) > 0 else [*out, Coulomb(1.0)])
 
+    whole_numbers = ("order",)  # MuJoCo's cogging has whole periods a turn
+
     @property
     def shapes_to_try(self) -> tuple[type[Effect], ...]:
         """Bristles with damping, and stops at any place, which a simulator is not asked for unless it says so."""

@@ -67,7 +67,7 @@ def hold(spec: Any, axis: Axis, effects: tuple[Effect, ...], inertia: float = 1.
         hold_in(m, e, [*dry, *effects])
     if any(e.name == "stribeck" for e in effects) and m.lugre:
         j.frictionloss = 0.0  # LuGre's own Coulomb level stands in for it
-    if any(x.name == "stribeck" for x in m.losses):
+    if any(x.name in ("stribeck", "cogging") for x in m.losses):
         raise ValueError("; ".join(map(str, m.losses)))
     _joint(j, m)
     _actuator(out, axis, effects)

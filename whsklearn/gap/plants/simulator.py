@@ -8,6 +8,7 @@
         def with_effect(self, effect): ...        # a new simulator with an effect of the catalogue added
         effects_to_try = [Cogging(1.0, 12.0)]     # optional; sizes do not matter, shapes are where a fit starts
         shapes_to_try = (LuGre, ContactStop)      # optional; beside the catalogue, if with_effect can take them
+        whole_numbers = ("order",)                # optional; fields that it can hold as whole numbers only
 
 ``with_effect`` raises ValueError or NotImplementedError for an effect that the simulator cannot hold; the report then
 says that it was not tried.
@@ -30,7 +31,16 @@ from whsklearn.gap.evidence import WHITENED
 from whsklearn.gap.filters import autoregression, whiten, whiteness
 from whsklearn.gap.localisation import order_spectrum, since_reversal, spectrum
 from whsklearn.gap.plant import Linearised, Look, ModelErrors, PlantDefaults, ViewDefaults
-from whsklearn.gap.plants.simulator_look import STARTS, Motion, catalogue, columns_of, gains, motion, sized_by_drive
+from whsklearn.gap.plants.simulator_look import (
+    STARTS,
+    Motion,
+    catalogue,
+    columns_of,
+    gains,
+    motion,
+    sized_by_drive,
+    whole,
+)
 from whsklearn.gap.plants.simulator_model import EffectTerm, SimulatorFit, SimulatorModel
 from whsklearn.gap.record import ServoRecord, blocks, lattice, noise_level
 
@@ -158,6 +168,7 @@ class SimulatorPlant(PlantDefaults, ViewDefaults):
             self._shapes = {} if given is not None else catalogue(self.record, self._motion.signals, self._further)
             for e in given if given is not None else getattr(self.given_model, "also_try", ()):
                 self._shapes.setdefault(e.name, []).append(e)
+            self._shapes = {name: whole(shapes, self._whole) for name, shapes in self._shapes.items()}
             self._leave_out_what_cannot_be_held(model)
         error, out = self.gap(model), []
         for name, shapes in self._shapes.items():
@@ -237,7 +248,8 @@ class SimulatorPlant(PlantDefaults, ViewDefaults):
 
     def _begins(self, model: SimulatorModel, start: Any) -> list[tuple[SimulatorModel, SimulatorModel]]:
         """(home, home with the effect at the size that it asks for) for every home of the model."""
-        searched = tuple(f for f in start.shape_fields() if _free(f) and f not in start.later)
+        fixed = (*start.later, *self._whole)
+        searched = tuple(f for f in start.shape_fields() if _free(f) and f not in fixed)
         begins = []
         for home in self.fits.homes(model):
             for effect in self._sizes(home, start):
@@ -253,6 +265,11 @@ class SimulatorPlant(PlantDefaults, ViewDefaults):
             effects.append(sized_by_drive(self._motion, start, self.train))
         positive = start.quantities[start.size].low >= 0.0 and not start.phased
         return [start if positive and e.magnitude <= 0.0 else e for e in effects]
+
+    @property
+    def _whole(self) -> tuple[str, ...]:
+        """Fields that the simulator holds as whole numbers."""
+        return tuple(getattr(self.given_model, "whole_numbers", ()))
 
     @property
     def _further(self) -> tuple[type[Any], ...]:

@@ -7,6 +7,7 @@ be off) and one effect at a time, on the measured motion; all seen through one G
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from types import SimpleNamespace
@@ -207,6 +208,22 @@ def catalogue(record: Any, signals: Any, further: tuple[type[Effect], ...] = ())
         shapes = stops(record, signals) if issubclass(cls, ContactStop) else from_starts(cls, record, signals)
         out.setdefault(cls.name, []).extend(shapes)
     return out
+
+
+def whole(shapes: list[Effect], fields: tuple[str, ...]) -> list[Effect]:
+    """The shapes with these fields rounded to whole numbers, each once.
+
+    Examples
+    --------
+    >>> from whsklearn.effects import Cogging
+    >>> [e.order for e in whole([Cogging(0.1, 5.8), Cogging(0.1, 6.1), Cogging(0.1, 6.6)], ("order",))]
+    [6.0, 7.0]
+    """
+    out = []
+    for e in shapes:
+        there = {f: max(1.0, float(round(getattr(e, f)))) for f in fields if f in e.shape}
+        out.append(dataclasses.replace(e, **there) if there else e)
+    return list(dict.fromkeys(out))
 
 
 def from_starts(cls: type[Effect], record: Any, signals: Any) -> Iterator[Effect]:
