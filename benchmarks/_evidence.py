@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tests.blind.wiener_hammerstein import Case
+from benchmarks.blind_logs.wiener_hammerstein import Case
 from whsklearn.gap.evidence import DEFAULT_TOLERANCE, delta_bic_of
 from whsklearn.gap.plants.chain import ChainPlant
 from whsklearn.gap.plants.chain_candidates import CATALOGUE

@@ -2,7 +2,7 @@
 
     python -m benchmarks.blind --count 2 --out blind.csv
 
-draws its logs with the generator of ``tests/blind`` (which shares no integrator, filter or step with the
+draws its logs with the generator of ``benchmarks/blind_logs`` (which shares no integrator, filter or step with the
 finder), diagnoses each from its table alone and prints the rates with Wilson 95 % intervals, the
 confusion matrix and, with ``--compare`` (extra ``bench``), what naive regression with BIC, FROLS and PySINDy name on
 the same logs.
@@ -20,7 +20,7 @@ from typing import Any
 import click
 from tqdm import tqdm
 
-from tests.blind import comparators, servo, wiener_hammerstein
+from benchmarks.blind_logs import comparators, servo, wiener_hammerstein
 from whsklearn.gap import GapFinder
 from whsklearn.gap.axis_candidates import aliases
 

@@ -21,7 +21,7 @@ import numpy as np
 
 from benchmarks._evidence import evidence, typical
 from benchmarks.blind import wilson
-from tests.blind import wiener_hammerstein as blind
+from benchmarks.blind_logs import wiener_hammerstein as blind
 from whsklearn.gap import GapFinder
 
 FIELDS = (

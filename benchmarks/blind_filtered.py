@@ -1,4 +1,4 @@
-"""Chains made with SciPy's filters, a scan and an ODE (`tests.blind.filtered_chain`): one effect hidden, or nothing.
+"""Chains made with SciPy's filters, a scan and an ODE (`blind_logs.filtered_chain`): one effect hidden, or nothing.
 
     python -m benchmarks.blind_filtered --seeds 3
 
@@ -15,7 +15,7 @@ import click
 import numpy as np
 
 from benchmarks.blind import wilson
-from tests.blind import filtered_chain
+from benchmarks.blind_logs import filtered_chain
 from whsklearn.gap import GapFinder
 
 

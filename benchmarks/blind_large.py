@@ -2,7 +2,7 @@
 
     python -m benchmarks.blind_large --count 60 --out blind_large.csv
 
-Logs of the generator in ``tests/blind`` with pairs and triples of Coulomb friction (and Stribeck's part of it),
+Logs of the generator in `blind_logs` with pairs and triples of Coulomb friction (and Stribeck's part of it),
 gravity, an offset, a spring, cogging and load friction, each 20 to 200 % of the rms drive of the plain axis (load
 friction up to 60 %: beyond, a gear locks); the base law is ``viscous`` alone.  An offset beside a spring is found with
 the spring, whose place of rest is drawn too: c (q - q_0) + o and c (q - (q_0 - o / c)) are the same torque.
@@ -18,7 +18,7 @@ import click
 from tqdm import tqdm
 
 from benchmarks.blind import rate, same
-from tests.blind.servo import make_large
+from benchmarks.blind_logs.servo import make_large
 from whsklearn.effects import get_effect
 from whsklearn.gap import GapFinder
 

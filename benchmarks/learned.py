@@ -2,7 +2,7 @@
 
     python -m benchmarks.learned
 
-Logs of the blind generator (``tests/blind``), 20 s each, with effects outside the catalogue: a bump of torque at one
+Logs of the blind generator (`blind_logs`), 20 s each, with effects outside the catalogue: a bump of torque at one
 angle, a sticky patch, a hump of friction at one speed, a spring that gives way, damping that depends on the angle,
 friction that grows above a speed. Each is diagnosed from its table alone. The targets: 80 % of the gap in
 simulation closed in 80 % of them, and no free run on held-out samples worse than the base model's; three effects that
@@ -19,7 +19,7 @@ import click
 from tqdm import tqdm
 
 from benchmarks.blind import rate
-from tests.blind import servo
+from benchmarks.blind_logs import servo
 from whsklearn.gap import GapFinder
 
 LEARNABLE = (*servo.LEARNABLE, "theta_v", "dead_velocity", "sine_drag")

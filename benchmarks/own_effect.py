@@ -4,7 +4,7 @@
     python -m benchmarks.own_effect --of chain
     python -m benchmarks.own_effect --of simulator
 
-The class below is all that is added to the library. The logs, 20 s each, are of the blind generators (``tests/blind``),
+The class below is all that is added to the library. The logs, 20 s each, are of the blind generators (`blind_logs`),
 whose integrator and whose magnet are not ours: 20 with the magnet at 5 %, 20 at 15 % of the rms drive, 20 without it.
 Each is diagnosed from its table alone; the target is the magnet's name in 18 of 20, and in none of 20 without it.
 Chains are drawn systems of 1,500 samples with the magnet behind the first block, a share of the law's output.
@@ -23,8 +23,8 @@ import click
 from tqdm import tqdm
 
 from benchmarks.blind import rate
+from benchmarks.blind_logs import servo, wiener_hammerstein
 from benchmarks.blind_simulator import OWN, make_case
-from tests.blind import servo, wiener_hammerstein
 from whsklearn.effects import Effect, Quantity
 from whsklearn.gap import GapFinder
 from whsklearn.models import load_model

@@ -7,7 +7,7 @@ import json
 import pytest
 from click.testing import CliRunner
 
-from tests.blind.servo import make_case
+from benchmarks.blind_logs.servo import make_case
 from whsklearn.cli.gap import main
 
 

@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from tests.blind.servo import COLUMNS, make_case
+from benchmarks.blind_logs.servo import COLUMNS, make_case
 from whsklearn.gap import VERDICTS, GapFinder
 from whsklearn.gap.axis_candidates import candidate
 from whsklearn.gap.axis_model import Term

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tests.blind.servo import COLUMNS, make_case
+from benchmarks.blind_logs.servo import COLUMNS, make_case
 from whsklearn.gap import GapFinder
 from whsklearn.gap.localisation import dependence
 from whsklearn.gap.parameter_drift import sentence

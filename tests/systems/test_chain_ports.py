@@ -53,7 +53,7 @@ def test_noise_of_the_equation_passes_the_sensor():
 
 
 def test_a_coupling_is_a_mass_on_a_spring_whose_drive_is_held_over_each_sample():
-    from tests.blind.filtered_chain import coupled as two_masses  # by SciPy's ODE solver
+    from benchmarks.blind_logs.filtered_chain import coupled as two_masses  # by SciPy's ODE solver
 
     x = np.random.default_rng(0).normal(size=80)
     memory = np.zeros((1, N_STATES))

@@ -162,7 +162,7 @@ FEWEST_CHANGES = 4  # of the drive: a torque step has two
 FLAT = 0.02  # share of samples at an extreme that is worth a word
 TURNING = 0.01  # s, over which a halt at an extreme is compared with the rest of the path
 SHARPER = 1.4  # times the usual change of path: a turn stays below 0.6 on eight pendulum logs and, by v = a t, below 1;
-# sines clipped at their median or at nine tenths reach 1.9 to 7.6 (blind records of `tests.blind`)
+# sines clipped at their median or at nine tenths reach 1.9 to 7.6 (blind records of `benchmarks.blind_logs`)
 SPIKE, SPIKES_BORNE = 60.0, 2  # times the 0.999 quantile of second differences; how many of them a record may have
 
 # A stretch that follows another law than the rest, in inverse dynamics ("real --only laas").

@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from tests.blind import wiener_hammerstein as blind
+from benchmarks.blind_logs import wiener_hammerstein as blind
 from whsklearn.gap import GapFinder
 
 

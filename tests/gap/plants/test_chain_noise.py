@@ -8,7 +8,7 @@ import pytest
 from scipy.signal import butter, lfilter
 from scipy.stats import chi2
 
-from tests.blind import wiener_hammerstein as blind
+from benchmarks.blind_logs import wiener_hammerstein as blind
 from whsklearn.gap import GapFinder
 from whsklearn.gap.plants.chain_noise import quietest_band
 

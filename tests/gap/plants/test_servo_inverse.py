@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tests.blind import servo
+from benchmarks.blind_logs import servo
 from whsklearn.effects import GravityImbalance, LuGre
 from whsklearn.gap import GapFinder
 from whsklearn.gap.axis_candidates import candidate

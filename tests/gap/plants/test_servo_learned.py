@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from tests.blind import servo
+from benchmarks.blind_logs import servo
 from whsklearn.effects import LearnedTorque
 from whsklearn.export.axis_code import torque_code
 from whsklearn.export.languages import C

@@ -2,7 +2,7 @@
 
 Blocks are `scipy.signal.lfilter` on whole signals, the play is a scan over turning points, the coupling two masses in
 continuous time (`scipy.integrate.solve_ivp` on the held input), noise is white and added to the output or inside L2.
-Nothing of the library and nothing of `tests.blind.wiener_hammerstein` is used.
+Nothing of the library and nothing of `benchmarks.blind_logs.wiener_hammerstein` is used.
 """
 
 from __future__ import annotations

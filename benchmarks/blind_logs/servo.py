@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import pandas as pd
 
-from tests.blind.excitation import reference
-from tests.blind.plant import FINE_HZ, NAMES, SLOT, simulate
+from benchmarks.blind_logs.excitation import reference
+from benchmarks.blind_logs.plant import FINE_HZ, NAMES, SLOT, simulate
 
 EFFECTS = (
     "asymmetric_coulomb asymmetric_viscous stribeck quadratic_drag load_friction position_friction "
