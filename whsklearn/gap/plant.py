@@ -299,6 +299,9 @@ class Plant(Protocol):
     def view(self, model: Any, after: Any | None) -> Any | None:
         """The view in which to search on from ``model`` after the one given (None: the first); None: no further."""
 
+    def starts_over(self, base: Any, model: Any, view: Any) -> bool:
+        """Whether ``view``, just ended, was the wrong one to begin with, so that the search goes back to the base."""
+
     def verdict_view(self, base: Any) -> Any:
         """The view whose gap and floor decide the verdict on the whole record."""
 
@@ -422,6 +425,10 @@ class PlantDefaults:
         return False
 
     horizon_unit = "s"
+
+    def starts_over(self, base: Any, model: Any, view: Any) -> bool:
+        """Never: no view of this plant depends on where the sensor sits."""
+        return False
 
     def falls_short(self, base: Any, model: Any) -> str:
         """Nothing: the base model has no order that could be too low."""

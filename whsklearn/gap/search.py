@@ -94,7 +94,11 @@ class Search:
             view = self.plant.view(base, None)
             while view is not None:
                 view = self._through(view, found)
-                view = self.plant.view(found.model, view)
+                if self.plant.starts_over(found.base, found.model, view):
+                    found = Found(base, base)
+                    view = self.plant.view(base, None)
+                else:
+                    view = self.plant.view(found.model, view)
         except KeyboardInterrupt:
             found.interrupted = True
         return found

@@ -8,9 +8,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from whsklearn import ServoAxis
+from whsklearn.effects import Coulomb, Viscous
 from whsklearn.gap import VERDICTS, GapFinder
 from whsklearn.gap.plants import servo_free_run, servo_stop
 from whsklearn.gap.plants.servo import ServoPlant
+from whsklearn.systems import PIDController, Transmission
 
 INERTIA, VISCOUS, COULOMB = 0.05, 0.12, 0.3
 
@@ -104,3 +107,36 @@ def test_missing_drive_behind_a_coupling_is_told_by_the_observer(load_side):
         setattr(plant, name, view)
     base, model = SimpleNamespace(at=0, load_side=False), SimpleNamespace(at=1, load_side=load_side)
     assert plant.figures(base, model) == ((1.0, 0.2, 0.05) if load_side else (3.0, 2.9, 0.1))
+
+
+GAP, CONTACT, SHARE = 0.03, 45.0, 0.5  # rad, Hz, of the inertia behind the play
+
+
+def log_with_play(side, rate=200.0, seconds=10.0):
+    """A log of two masses with play: the controller sees the motor, the log's encoder is on ``side``."""
+    t = np.arange(int(rate * seconds)) / rate
+    tones = [(1.2, 0.35, 0.0), (0.25, 1.3, 1.0), (0.08, 2.9, 2.0)]
+    reference = np.minimum(t, 1.0) ** 2 * sum(a * np.sin(2 * np.pi * f * t + p) for a, f, p in tones)
+    stiffness = INERTIA * SHARE * (1 - SHARE) * (2 * np.pi * CONTACT) ** 2
+    axis = ServoAxis(
+        inertia=INERTIA, law=[Viscous(0.1), Coulomb(0.15)], sample_rate=rate,
+        controller=PIDController(kp=15.0, ki=0.0, kd=1.0),
+        transmission=Transmission(load_share=SHARE, stiffness=stiffness, damping_ratio=0.5, gap=GAP),
+    )  # fmt: skip
+    run = axis.simulate(reference, noise=False)
+    position = run.load_position if side == "load" else run.true_position
+    position = position + 2e-5 * np.random.default_rng(0).standard_normal(t.size)
+    return pd.DataFrame({"time_s": t, "torque_nm": run.drive, "position_rad": position})
+
+
+@pytest.mark.parametrize("side", ["load", "motor"])
+def test_a_large_play_is_named_from_either_side(side):
+    finder = GapFinder("servo", n_surrogates=0, max_effects=1).fit(log_with_play(side))
+    d = finder.diagnosis_
+    assert d.verdict == "named"
+    assert [e.name for e in d.effects] == ["backlash"]
+    effect = d.effects[0].effect
+    crossed = INERTIA * (1 - SHARE) * GAP  # what the drive pays for the gap seen from the load
+    inertia = next(r["after"] for r in d.base_parameters if r["name"] == "inertia")
+    assert inertia * (1 - effect.load_share) * effect.gap == pytest.approx(crossed, rel=0.1)
+    assert d.closure > 0.95

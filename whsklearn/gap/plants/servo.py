@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 
 from whsklearn.effects import get_effect
 from whsklearn.gap import evidence as rules
-from whsklearn.gap.axis_candidates import aliases, candidate
+from whsklearn.gap.axis_candidates import TWO_MASS, aliases, candidate
 from whsklearn.gap.axis_model import AxisModel
 from whsklearn.gap.data_check import Problem, check_servo
 from whsklearn.gap.evidence import Evidence
 from whsklearn.gap.filters import whiteness
 from whsklearn.gap.plant import Learned, Linearised, PlantDefaults
-from whsklearn.gap.plants import servo_free_run, servo_learned
+from whsklearn.gap.plants import servo_free_run, servo_learned, servo_screening
 from whsklearn.gap.plants import servo_stop as stop
 from whsklearn.gap.plants.servo_inverse import InverseView, best_view
 from whsklearn.gap.plants.servo_nameless import explainable
@@ -62,6 +62,7 @@ class ServoPlant(PlantDefaults):
         self.gap_word = {"Nm": "missing torque", "N": "missing force"}.get(record.units[0], "missing drive")
         self.scale = float(np.sqrt(np.mean(record.drive**2))) if len(record) else 0.0
         self._folded: tuple[ObserverView, AxisModel] | None = None
+        self.behind = False  # whether the encoder was found behind the coupling, where inverse dynamics has no form
 
     def check(self) -> list[Problem]:
         """See `whsklearn.gap.data_check.check_servo`."""
@@ -92,13 +93,15 @@ class ServoPlant(PlantDefaults):
 
     def large(self, model: AxisModel) -> bool:
         """Whether so much is missing that only inverse dynamics shows it."""
+        if self.behind:
+            return False
         return self.inverse.rms(self.inverse.gap(model)) > rules.LARGE_GAP * float(np.std(self.record.drive))
 
     def view(self, model: AxisModel, after: Any | None) -> Any | None:
         """Inverse dynamics while much is missing, again behind the filter that its gap allows, then the observer."""
         if after is self.observer:
             return None
-        if after is None and (self.large(model) or stop.regions(self.inverse, model)):
+        if after is None and not self.behind and (self.large(model) or stop.regions(self.inverse, model)):
             return self.inverse
         if isinstance(after, InverseView):
             self.inverse = after
@@ -116,6 +119,27 @@ class ServoPlant(PlantDefaults):
                 return None
         return self.observer
 
+    def starts_over(self, base: AxisModel, model: AxisModel, view: Any) -> bool:
+        """Whether the coupling that inverse dynamics named is seen from behind, and the search must begin anew.
+
+        Inverse dynamics takes the measured motion for the motor's, and no observer changes the side of a term that it
+        is given.  So the same name from the load's side is fitted as the observer's own search would fit it, and where
+        its free run is better by as much as tells two transmissions apart, all candidates are tried again by the
+        observer.  The numbers here are thrown away: this decides which view goes first, and names nothing.
+        """
+        terms = [t for t in model.added if t.kind.code in TWO_MASS and not t.kind.on_load]
+        if self.behind or not isinstance(view, InverseView) or not terms or stop.holds(model):
+            return False
+        headline, _ = self._horizons(model)
+        rigid = self.observer.fit(base)
+        other = servo_screening.refined_alone(self.observer, rigid, dataclasses.replace(terms[0].kind, on_load=True))
+        own, its = (
+            min(servo_free_run.train_error(self.observer, m, headline) for m in models)
+            for models in ((model, self.observer.fit(model)), (other,))
+        )
+        self.behind = its < (1.0 - rules.PLAY_OR_DAMPER) * own
+        return self.behind
+
     def coarse(self, model: AxisModel) -> bool:
         """Whether only inverse dynamics shows what this model lacks."""
         return stop.holds(model) or self.large(model) or (bool(model.added) and self.lost(model))
@@ -131,6 +155,8 @@ class ServoPlant(PlantDefaults):
         the drive alone (a motor whose inertia is a few milliseconds of its drive), and what the observer then calls
         missing torque is its own drift.
         """
+        if model.load_side:  # inverse dynamics has no form of it to compare with
+            return False
         seen = self.observer.rms(self.observer.gap(model))
         return seen > rules.DRIFTS * self.inverse.rms(self.inverse.gap(model))
 

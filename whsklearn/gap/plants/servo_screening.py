@@ -68,40 +68,50 @@ def _signature(view: Any, model: AxisModel, residual: Array, kind: Candidate, sh
 
 def screen(view: Any, model: AxisModel, fit: Fit) -> list[Start]:
     """Every candidate at its best start, most promising first."""
-    r = fit.residual
-    low, high = model.bounds()
-    base = fit.jacobian[:, (fit.x > low + 1e-6) & (fit.x < high - 1e-6)]  # a pinned number explains nothing more
+    base = _sensitivities(model, fit)
     _, angle, speed = view.follow(model)
-    q, _ = np.linalg.qr(base)
-    quiet = view.quiet_variance()
     trials = []
     for kind in usable([t.kind for t in model.terms]):
         scanned = None
         starts = kind.starts(view.scene)
         if kind.scanned:
-            scanned = scan(kind, view, r, base, angle, speed)
-            starts = zoom(kind, view, r, base, (angle, speed), *scanned)
-        best = Start(kind, -np.inf, 0.0, scanned=scanned)
-        for shape in starts:
-            columns = _signature(view, model, r, kind, shape)
-            if not np.all(np.isfinite(columns)):
-                continue
-            total = float(np.sum(columns**2))
-            if total <= 0.0:
-                continue
-            visible = float(np.sqrt(max(0.0, 1 - np.sum((q.T @ columns) ** 2) / total)))
-            drop, c = gain_of(r, base, columns)
-            if kind.linear == 0 and c[0] < 0:
-                drop = 0.0
-            if drop > best.screened or not best.start:
-                best = Start(
-                    kind, drop, visible, start=shape, sizes=tuple(map(float, c)) if kind.linear else (), scanned=scanned
-                )
-                if kind.linear:
-                    unit = 0.02 * kind.size_unit(view.scene)
-                    best.expected = total * visible**2 * unit**2 / kind.linear / quiet
+            scanned = scan(kind, view, fit.residual, base, angle, speed)
+            starts = zoom(kind, view, fit.residual, base, (angle, speed), *scanned)
+        best = _best_start(view, model, fit.residual, base, kind, starts)
+        best.scanned = scanned
         trials.append(best)
     return sorted(trials, key=lambda t: -t.screened)
+
+
+def _sensitivities(model: AxisModel, fit: Fit) -> Array:
+    """Derivatives of the residual by the model's own numbers; a pinned number explains nothing more."""
+    low, high = model.bounds()
+    return fit.jacobian[:, (fit.x > low + 1e-6) & (fit.x < high - 1e-6)]
+
+
+def _best_start(
+    view: Any, model: AxisModel, residual: Array, base: Array, kind: Candidate, starts: list[tuple[float, ...]]
+) -> Start:
+    """The start whose signature promises the largest drop beyond the model's own sensitivities ``base``."""
+    q, _ = np.linalg.qr(base)
+    best = Start(kind, -np.inf, 0.0)
+    for shape in starts:
+        columns = _signature(view, model, residual, kind, shape)
+        if not np.all(np.isfinite(columns)):
+            continue
+        total = float(np.sum(columns**2))
+        if total <= 0.0:
+            continue
+        visible = float(np.sqrt(max(0.0, 1 - np.sum((q.T @ columns) ** 2) / total)))
+        drop, c = gain_of(residual, base, columns)
+        if kind.linear == 0 and c[0] < 0:
+            drop = 0.0
+        if drop > best.screened or not best.start:
+            best = Start(kind, drop, visible, start=shape, sizes=tuple(map(float, c)) if kind.linear else ())
+            if kind.linear:
+                unit = 0.02 * kind.size_unit(view.scene)
+                best.expected = total * visible**2 * unit**2 / kind.linear / view.quiet_variance()
+    return best
 
 
 def look_of(view: Any, start: Start, fit: Fit, *, first: bool) -> Look:
@@ -134,6 +144,14 @@ def refine(view: Any, model: AxisModel, start: Start, *, max_iterations: int = 1
     if start.kind.scanned == "step":
         best, _ = view.fitted(_locate_change(view, best), max_iterations=max_iterations)
     return best
+
+
+def refined_alone(view: Any, model: AxisModel, kind: Candidate) -> AxisModel:
+    """The model with one candidate from the best of its starts, nothing else looked at."""
+    view.weigh(view.rms(view.gap(model)))
+    model, fit = view.fitted(model, max_iterations=4)
+    start = _best_start(view, model, fit.residual, _sensitivities(model, fit), kind, kind.starts(view.scene))
+    return refine(view, model, start) if start.start else model
 
 
 def _hopeless(view: Any, model: AxisModel, fit: Fit) -> bool:
