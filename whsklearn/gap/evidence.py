@@ -95,6 +95,9 @@ LITTLE_TRAVEL = (
 STANDS_OUT = 10.0  # times the median power around it that makes a line of a reference, on which no tone is believed
 # Shares of the drive above which an effect that acts on it explains it by itself (SO-101: a ripple of 1 "closed" all).
 LARGEST_SHARE = {"torque_ripple": 0.5, "load_friction": 0.75}
+# Share of its effect that a drive must keep when its gain changes: with 0.4 % of it left, inertia and missing torque
+# fall to 0.4 % too, and "explained" KR300 A with Coulomb friction hidden. Drawn changes leave 70 % and more.
+LEAST_GAIN_LEFT = 0.1
 STEEPEST_ERROR = 0.3  # rad a rad: an encoder error steeper than that would let the reading stand still
 ORDER_NEED = 20.0  # cross-validated evidence for one more order of a family (three numbers); LAAS earns eight, blind
 # records with one order none

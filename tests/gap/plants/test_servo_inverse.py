@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -12,6 +14,7 @@ from whsklearn.gap import GapFinder
 from whsklearn.gap.axis_candidates import candidate
 from whsklearn.gap.axis_model import Term
 from whsklearn.gap.plants import inverse_dynamics as ols
+from whsklearn.gap.plants.servo_observer import too_large
 from whsklearn.gap.plants.servo_start import motion, start_of
 from whsklearn.gap.proof import closure
 from whsklearn.gap.record import ServoRecord
@@ -133,3 +136,12 @@ def test_bristles_with_damping_are_named_and_their_level_is_found_to_fall():
     assert isinstance(found, LuGre)
     assert (found.ratio, found.damping) == pytest.approx((true.ratio, true.damping), rel=0.1)
     assert finder.diagnosis_.closure > 0.9
+
+
+@pytest.mark.parametrize(("change", "objected"), [(-0.3, False), (0.5, False), (-0.996, True)])
+def test_a_drive_that_loses_all_its_effect_is_no_explanation(change, objected):
+    """With next to no gain, inertia and missing torque are next to nothing, and whatever is missing is "explained"."""
+    r = log_of()
+    _, base = start_of(ServoRecord(r.time, r.drive, r.position), ("viscous",), 0.004)
+    gain = replace(candidate("parameter_change"), choice=(("parameter", "gain"),))
+    assert bool(too_large(base.with_term(Term(gain, (change, 3.0))), len(base.terms))) is objected

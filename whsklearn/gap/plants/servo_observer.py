@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from whsklearn.effects import Scales
+from whsklearn.effects import Scales, codes
 from whsklearn.gap import evidence as rules
 from whsklearn.gap.axis_model import LONGEST_STEP, AxisModel, Term
 from whsklearn.gap.filters import ResidualFilter, autoregression, solve_whitening, whiten
@@ -34,6 +34,8 @@ LOST = 1e3  # times the travel or the speed of the record: a run beyond has dive
 def too_large(model: AxisModel, index: int) -> str:
     """Whether an effect takes so much of the drive that it stands for the drive; empty if not."""
     t = model.terms[index]
+    if t.kind.code == codes.CHANGE_GAIN and 1.0 + t.q[0] < rules.LEAST_GAIN_LEFT:
+        return f"it would leave {100 * (1.0 + t.q[0]):.1f} % of the drive's effect, and whatever is missing with it"
     share = float(np.linalg.norm(t.q[:2])) if t.kind.linear == 2 else abs(float(t.q[0]))
     if share <= rules.LARGEST_SHARE.get(t.name, np.inf):
         return ""
