@@ -35,18 +35,18 @@ def test_the_share_grows_with_the_difference():
 def test_a_rival_far_behind_is_named_where_the_plant_cannot_tell_it_apart(doubtful):
     errors = {"play": 0.5, "coupling": 0.6}
 
-    def trial(name, delta_bic):
+    def weighed(name, delta_bic):
         model = SimpleNamespace(name=name, terms=(name,))
-        return SimpleNamespace(name=name, delta_bic=delta_bic, trial=SimpleNamespace(model=model))
+        return SimpleNamespace(name=name, delta_bic=delta_bic, fitted=SimpleNamespace(model=model))
 
     def compare(models, best):
         return [ModelErrors(np.full(400, errors[m.name]), np.zeros(0), np.zeros(0), 400.0) for m in models]
 
     view = SimpleNamespace(compare=compare, objection=lambda m, i: "", same_signature=lambda a, b: False)
     plant = SimpleNamespace(aliases=lambda n: (), commoner=lambda n: (), doubtful=lambda m, i, a, b: doubtful)
-    play = trial("play", 1000.0)
+    play = weighed("play", 1000.0)
     found = SimpleNamespace(
-        taken=[play], rivals=[[play, trial("coupling", 900.0)]], views=[view], model=SimpleNamespace(n_base=0)
+        taken=[play], rivals=[[play, weighed("coupling", 900.0)]], views=[view], model=SimpleNamespace(n_base=0)
     )
     assert rivals_of(plant, found, np.random.default_rng(0))[0] == [["coupling"] if doubtful else []]
 
@@ -70,7 +70,7 @@ def test_play_and_coupling_are_told_apart_by_the_free_run_of_both(monkeypatch, n
     plant = object.__new__(ServoPlant)
     plant.observer = SimpleNamespace(fit=lambda m: m)
     taken, rival = (
-        SimpleNamespace(name=n, delta_bic=e, trial=SimpleNamespace(model=model(n)))
+        SimpleNamespace(name=n, delta_bic=e, fitted=SimpleNamespace(model=model(n)))
         for n, e in zip(names, (1000.0, evidence), strict=True)
     )
     assert plant.doubtful(model(names[0]), 0, taken, rival) == doubtful

@@ -8,18 +8,18 @@ from whsklearn.effects import Cogging
 from whsklearn.gap import Diagnosis, NamedEffect
 from whsklearn.gap.candidate_table import candidate_table
 from whsklearn.gap.evidence import Evidence
-from whsklearn.gap.plant import Look, Trial
+from whsklearn.gap.plant import CandidateFit, Look
 from whsklearn.gap.search import Found, Round
 
 
 def weighed(name, delta_bic, closure=0.5, reason=""):
-    return Evidence(Trial(Look(name, 0.5), None), delta_bic, 0.1, 1.0, 0.3, closure, 1.0, reason=reason)
+    return Evidence(CandidateFit(Look(name, 0.5), None), delta_bic, 0.1, 1.0, 0.3, closure, 1.0, reason=reason)
 
 
 def table(named, evidence, looks=(), taken=()):
     diagnosis = Diagnosis("named" if named else "unknown", "", effects=named, need=30.0)
     found = Found(None, SimpleNamespace(terms=()), taken=list(taken))
-    found.rounds = [Round(1, 1.0, evidence, [*(e.trial.look for e in evidence), *looks], None)]
+    found.rounds = [Round(1, 1.0, evidence, [*(e.fitted.look for e in evidence), *looks], None)]
     lines = candidate_table(found, diagnosis)
     assert len({c.name for c in lines}) == len(lines)
     return {c.name: c for c in lines}

@@ -10,11 +10,11 @@ import pytest
 
 from whsklearn.gap import evidence as rules
 from whsklearn.gap.evidence import Evidence, blocks_not_worse, bootstrap_share, delta_bic, objections, preferred
-from whsklearn.gap.plant import Look, ModelErrors, Trial
+from whsklearn.gap.plant import CandidateFit, Look, ModelErrors
 
-LIMITS = rules.Limits(per_sample=0.1, least=25.0, most=100.0, null=2.0, price=1.0)
-TRIAL = Trial(Look("cogging", 0.5), SimpleNamespace(terms=("law", "cogging")))
-SOUND = Evidence(TRIAL, delta_bic=80.0, explained=0.1, better=1.0, held_gain=0.3, closure=0.95, left=1.0)
+LIMITS = rules.Limits(per_sample=0.1, least=25.0, most=100.0, over_chance=2.0, price=1.0)
+FITTED = CandidateFit(Look("cogging", 0.5), SimpleNamespace(terms=("law", "cogging")))
+SOUND = Evidence(FITTED, delta_bic=80.0, explained=0.1, better=1.0, held_gain=0.3, closure=0.95, left=1.0)
 
 
 def view(objection="", limits=LIMITS):
@@ -61,7 +61,7 @@ def test_a_block_at_rest_does_not_count_as_worse_and_a_lost_one_does():
         ({"explained": 0.003}, "below the tolerance of 0.40 %"),
         ({"better": 0.6}, "improves only 60 %"),
         ({"held_gain": -0.01}, "held-out blocks"),
-        ({"trial": replace(TRIAL, look=replace(TRIAL.look, reason="not here"))}, "not here"),
+        ({"fitted": replace(FITTED, look=replace(FITTED.look, reason="not here"))}, "not here"),
     ],
 )
 def test_every_objection_is_raised_and_none_without_reason(change, said):
@@ -71,10 +71,10 @@ def test_every_objection_is_raised_and_none_without_reason(change, said):
 
 
 @pytest.mark.parametrize(
-    ("n", "null", "need"), [(100, 0.0, 25.0), (500, 0.0, 50.0), (5000, 0.0, 100.0), (100, 90.0, 180.0)]
+    ("n", "chance", "need"), [(100, 0.0, 25.0), (500, 0.0, 50.0), (5000, 0.0, 100.0), (100, 90.0, 180.0)]
 )
-def test_what_a_name_needs_grows_with_samples_to_a_limit_and_with_what_surrogates_show(n, null, need):
-    assert LIMITS.need(n, null) == need
+def test_what_a_name_needs_grows_with_samples_to_a_limit_and_with_what_surrogates_show(n, chance, need):
+    assert LIMITS.need(n, chance) == need
 
 
 def test_a_commoner_effect_goes_first_only_where_it_is_close():

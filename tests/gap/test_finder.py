@@ -57,7 +57,7 @@ def test_a_number_that_moves_no_fitted_sample_has_no_standard_error():
     kind = candidate("parameter_change")
     model = model.with_term(Term(kind, (0.01, 6.0)))
     jac = np.random.default_rng(0).standard_normal((200, model.vector().size))
-    jac[:, -1] = 0.0  # its time lies between two fitted stretches
+    jac[:, -1] = 0.0  # its time lies between two fitted segments
     x, (low, high) = model.vector(), model.bounds()
     errors = labelled_errors(Linearised(x, low, high, np.full(200, 1e-3), jac, model.with_vector), 2)
     assert errors["change"] > 0

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from whsklearn.gap.plants.servo_sensors import coarse_encoder
-from whsklearn.gap.record import ServoRecord, blocks, lattice, noise_level
+from whsklearn.gap.record import ServoRecord, held_out_blocks, lattice, noise_level
 
 T = np.arange(20_000) / 1000
 PATH = np.sin(2 * T) + 0.3 * np.sin(7 * T)
@@ -52,7 +52,7 @@ def test_a_grid_that_the_log_states_is_no_effect(stated, named):
 
 
 def test_blocks_part_the_record_and_each_is_held_out_once():
-    number, train = blocks(1003, 5, 0.4)
+    number, train = held_out_blocks(1003, 5, 0.4)
     assert np.array_equal(number < 0, train)
     assert set(number[~train]) == set(range(5))
     assert np.mean(~train) == pytest.approx(0.4, abs=0.02)
@@ -65,7 +65,7 @@ RNG = np.random.default_rng(0)
 
 
 def test_blocks_leave_two_fifths_out_in_five_stretches():
-    held, train = blocks(10_000)
+    held, train = held_out_blocks(10_000)
     assert train.mean() == pytest.approx(0.6, abs=0.01)
     assert sorted(set(held[held >= 0])) == [0, 1, 2, 3, 4]
     assert not np.any(train & (held >= 0))

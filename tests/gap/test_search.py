@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from whsklearn.gap import evidence as rules
-from whsklearn.gap.plant import Look, ModelErrors, Trial, ViewDefaults
+from whsklearn.gap.plant import CandidateFit, Look, ModelErrors, ViewDefaults
 from whsklearn.gap.search import ROUNDS_A_NAME, Found, Round, Search
 
 LIMITS = replace(rules.CAPPED, few_refined=rules.FEW_REFINED)
@@ -137,12 +137,12 @@ def test_what_the_last_effect_says_already_is_taken_back(covers, holds, left):
 
 def test_a_search_whose_exchanges_give_everything_back_ends():
     class Forgetful(Search):
-        def _exchange(self, view, found, null):
+        def _exchange(self, view, found, chance):
             found.model = found.model.without(1)
             found.drop(1)
 
     view, search, found = search_of(part("a", 0.2), part("b", 0.1), part("c", 0.1))
-    forgetful = Forgetful(search.plant, search.nulls)
+    forgetful = Forgetful(search.plant, search.by_chance)
     forgetful._through(view, found)
     assert len(found.rounds) == ROUNDS_A_NAME * forgetful.max_effects
 
@@ -228,12 +228,12 @@ def test_numbers_held_at_first_are_set_free_where_they_earn_it(left, taken):
     add(search, view, found, "bristles")
     before = found.taken[0]
     wide = Parts((part("bristles", left),))
-    view.widened = lambda model: Trial(Look("bristles", 1.0, n_numbers=2), wide)
+    view.widened = lambda model: CandidateFit(Look("bristles", 1.0, n_numbers=2), wide)
     search._widen(view, found, 0.0)
     assert [e.name for e in found.taken] == ["bristles"]
     assert (found.model is wide) == taken
     if taken:
         assert found.taken[0].delta_bic > before.delta_bic
-        assert found.taken[0].trial.look.n_numbers == before.trial.look.n_numbers + 2
+        assert found.taken[0].fitted.look.n_numbers == before.fitted.look.n_numbers + 2
     else:
         assert found.taken[0] is before

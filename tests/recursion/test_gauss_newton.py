@@ -87,7 +87,7 @@ def test_in_parts_it_is_the_same_to_the_bit(budget):
     prior = Prior(np.zeros(9), nothing)
     while not refine_part(theta, memory.kernel, KAPPA, memory.shared(), prior, 3, got, state, work):
         work.at[BUDGET], parts = budget, parts + 1
-    assert parts >= 400 * 2 / (budget + LENGTH)  # a part is one stretch at least, and ends with the stretch it is in
+    assert parts >= 400 * 2 / (budget + LENGTH)  # a part is one segment at least, and ends with the segment it is in
     assert work.at[COST] == cost
     np.testing.assert_array_equal(theta, whole)
     np.testing.assert_array_equal(got, information)

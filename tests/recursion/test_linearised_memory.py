@@ -32,7 +32,7 @@ def record():
 def linearised(record, theta):
     memory = Pass(theta, LAW, record, new_work(DIMS, 1))
     while memory.done < N:
-        memory.read_stretch()
+        memory.read_segment()
     return memory.rows
 
 
@@ -61,7 +61,7 @@ def test_it_goes_on_from_a_state_as_if_it_had_read_what_came_before(record):
     rest = Memory(state, record.u[cut:], record.y[cut:], record.restart[cut:], N - cut, HISTORY, 1, np.ones(N - cut))
     later = Pass(TRUTH, LAW, rest, new_work(DIMS, 1))
     while later.done < N - cut:
-        later.read_stretch()
+        later.read_segment()
     for whole, part in zip(system, later.rows, strict=True):
         np.testing.assert_allclose(part, whole[cut:], atol=1e-12)
 

@@ -1,4 +1,4 @@
-"""A stretch, signal by signal, is the predictor sample by sample."""
+"""A segment, signal by signal, is the predictor sample by sample."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def sample_by_sample(theta, dims, kappa, u, y, restart, n_inputs, history, state
 @pytest.mark.parametrize("kappa", [3.0, np.inf, -30.0])
 @pytest.mark.parametrize("tail", [1, 4])
 def test_it_is_the_predictor_sample_by_sample(n_inputs, orders, kappa, tail):
-    """With any past, experiments that begin anywhere, and more samples than one stretch holds."""
+    """With any past, experiments that begin anywhere, and more samples than one segment holds."""
     rng = np.random.default_rng([n_inputs, *orders])
     na, nb, nc, nd = orders
     dims = np.array([na * n_inputs, nb, nc, nd, CODES.size])

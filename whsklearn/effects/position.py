@@ -36,8 +36,8 @@ def cable_spring(stiffness, centre, angle):
 @_equation
 def hardening_spring(stiffness, centre, angle):
     """c (q - q_0)^3 (Nm)."""
-    stretch = angle - centre
-    return stiffness * stretch * stretch * stretch
+    deflection = angle - centre
+    return stiffness * deflection * deflection * deflection
 
 
 @_equation

@@ -40,10 +40,10 @@ def coupling_torque(twist, slip, motor, load, stiffness, damping, gap, give, h):
         if abs(ahead) <= 0.5 * gap:
             return 0.0
         side = 1.0 if ahead > 0.0 else -1.0
-    stretch = twist - side * 0.5 * gap
+    deflection = twist - side * 0.5 * gap
     spring = 0.5 * h * stiffness + damping
     free = slip + 0.5 * h * (motor - load)
-    torque = (stiffness * stretch + spring * free) / (1.0 + 0.5 * h * spring * give)
+    torque = (stiffness * deflection + spring * free) / (1.0 + 0.5 * h * spring * give)
     return 0.0 if side * torque < 0.0 else torque
 
 

@@ -28,7 +28,7 @@ def rivals_of(
             shares.append(1.0)
             same.append([])
             continue
-        judged = view.compare([taken.trial.model, *(o.trial.model for o in able)], 0)
+        judged = view.compare([taken.fitted.model, *(o.fitted.model for o in able)], 0)
         close, equal, share = [], [], 1.0
         for other, j in zip(able, judged[1:], strict=True):
             s = bootstrap_share(judged[0].errors, j.errors, rng)
@@ -36,7 +36,7 @@ def rivals_of(
             near = near or plant.doubtful(found.model, found.model.n_base + i, taken, other)
             if near and not _stands(plant, view, taken, other):
                 continue
-            if near and view.same_signature(taken.trial.model, other.trial.model):
+            if near and view.same_signature(taken.fitted.model, other.fitted.model):
                 equal.append(other.name)
                 continue
             share = min(share, s)
@@ -50,7 +50,7 @@ def rivals_of(
 
 def _stands(plant: Any, view: Any, taken: Any, other: Any) -> bool:
     """Whether a rival is another effect, physical, and not one that was passed over on purpose."""
-    if view.objection(other.trial.model, len(other.trial.model.terms) - 1):
+    if view.objection(other.fitted.model, len(other.fitted.model.terms) - 1):
         return False
     if taken.name in plant.commoner(other.name):
         return True

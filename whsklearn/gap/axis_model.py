@@ -196,6 +196,6 @@ class AxisModel:
             measured += [twist[:, 0], twist[:, 1]]
         how = How(dt, substeps, every=reset_every, gains=gains)
         out = follow(self.plant(), drive, np.array(measured), how, start=(start[0][0], start[1][0]))
-        with np.errstate(invalid="ignore", over="ignore"):  # of a trial that runs away; the caller looks at y_hat
+        with np.errstate(invalid="ignore", over="ignore"):  # of a run that diverges; the caller looks at y_hat
             twists = np.column_stack([out[POSITION] - out[LOAD], out[VELOCITY] - out[LOAD_VELOCITY]])
         return out[MEASURED], out[POSITION], out[VELOCITY], twists

@@ -46,7 +46,9 @@ NOT_WORSE = 0.05  # of the total gain that a block may lose: blocks at rest cann
 LEAST_MARGIN = 10.0  # delta BIC to the runner-up; "very strong" of Kass and Raftery 1995, JASA 90(430)
 MOSTLY, MOSTLY_MARGIN = 0.9, 40.0  # or the commoner one explains nine tenths and is behind by less than this delta BIC
 SURE = 0.9  # share of bootstrap draws in which the winner beats the runner-up
-ALIKE = 0.1  # of the noise: two simulators that differ by less are one. A spring where the simulator has one already
+SAME_SIMULATION = (
+    0.1  # of the noise: two simulators that differ by less are one. A spring where the simulator has one already
+)
 # differs from an offset by 0.006, a wave of order one from gravity by 0.05, other neighbours by 0.3 ("blind_simulator")
 ELEMENTARY_SHARE = 0.7  # of the best one's explained power that suffices for an elementary law to go first: with two
 # effects missing, the wrong one of two candidates reaches up to 0.65 of the right one's power (blind pairs)
@@ -168,10 +170,10 @@ SHARPER = 1.4  # times the usual change of path: a turn stays below 0.6 on eight
 # sines clipped at their median or at nine tenths reach 1.9 to 7.6 (blind records of `benchmarks.blind_logs`)
 SPIKE, SPIKES_BORNE = 60.0, 2  # times the 0.999 quantile of second differences; how many of them a record may have
 
-# A stretch that follows another law than the rest, in inverse dynamics ("real --only laas").
-ODD_WINDOW, ODD_SHARE = 0.02, 0.06  # of the record: a window, and the longest stretch that may be left out
+# A segment that follows another law than the rest, in inverse dynamics ("real --only laas").
+ODD_WINDOW, ODD_SHARE = 0.02, 0.06  # of the record: a window, and the longest segment that may be left out
 ODD, EVEN = 4.0, 2.0  # times the median window's rms: what is odd, and what nine of ten windows must stay below. LAAS
-# has 6 and 1.1 with its first orders in, eight pendulum logs have no such stretch
+# has 6 and 1.1 with its first orders in, eight pendulum logs have no such segment
 CAP = 6.0  # robust standard deviations, which a Gaussian never reaches; the first 0.15 s of LAAS (before the index
 # pulse, 2 % of the samples and 60 % of what is left) reach 15
 
@@ -197,7 +199,7 @@ class Limits:
         Delta BIC that an effect must earn per independent sample.
     least, most : float
         Between which that requirement is held.
-    null : float
+    over_chance : float
         Times the best score on a surrogate that a name must exceed.
     price : float
         Weight of p ln n.
@@ -223,7 +225,7 @@ class Limits:
     per_sample: float
     least: float
     most: float
-    null: float
+    over_chance: float
     price: float
     blocks: float = BLOCKS_BETTER
     quiet: float = 1.1
@@ -233,25 +235,40 @@ class Limits:
     drops: bool = False
     own_shape: float = np.inf
 
-    def need(self, n: float, null: float) -> float:
+    def need(self, n: float, chance: float) -> float:
         """Least delta BIC for a name, given the samples and the best score on surrogates."""
-        return max(self.least, min(self.most, self.per_sample * n), self.null * null)
+        return max(self.least, min(self.most, self.per_sample * n), self.over_chance * chance)
 
 
-# Errors of fitted samples, whitened: 200 at 2450 samples separates the least true (418) from the best null (195) of
-# the "blind" development set (seeds below 900); never below 40, where AR whitening of few samples is itself uncertain.
+# Errors of fitted samples, whitened: 200 at 2450 samples separates the least true (418) from the best by chance (195) of the
+# "blind" development set (seeds below 900); never below 40, where AR whitening of few samples is itself uncertain.
 # A noise-limited floor is known to about 5 %, hence quiet at 1.1 of it.
 WHITENED = Limits(
-    per_sample=200.0 / 2450.0, least=40.0, most=200.0, null=4.0, price=1.0, quiet=1.1, forgiven=1.0, own_shape=OWN_SHAPE
+    per_sample=200.0 / 2450.0,
+    least=40.0,
+    most=200.0,
+    over_chance=4.0,
+    price=1.0,
+    quiet=1.1,
+    forgiven=1.0,
+    own_shape=OWN_SHAPE,
 )
 # Cross-validated errors: 25 kept every true first effect and no false one on 15 real logs and 21 blind ones
-# ("real"); the null's factor is 2 since cross-validation has charged for fitting already.
+# ("real"); the factor over chance is 2 since cross-validation has charged for fitting already.
 # A spring of two numbers looks better than gravity wherever friction is still missing: gravity is forgiven 1.6 times
 # its leftover (known pendulums, "real --only xl330": at most 1.3; "blind" with cable_spring, over gravity: 2.5 and
 # more).
 # Records with nothing missing reach 1.28 of their surrogate, with Stribeck 4.1, with drag 8: quiet at 1.35.
 CROSS_VALIDATED = Limits(
-    per_sample=0.0, least=25.0, most=25.0, null=2.0, price=0.5, quiet=1.35, forgiven=1.6, run_counts=False, drops=True
+    per_sample=0.0,
+    least=25.0,
+    most=25.0,
+    over_chance=2.0,
+    price=0.5,
+    quiet=1.35,
+    forgiven=1.6,
+    run_counts=False,
+    drops=True,
 )
 
 # One-step errors of a chain with outliers capped: white under the right model, so no share of n is asked beyond BIC's
@@ -260,7 +277,7 @@ CROSS_VALIDATED = Limits(
 # an effect of 2 % in four of them, so half must do. A fit costs a tenth of a second: all looks are fitted even at the
 # floor. With two, two right names of 62 were lost ("chains --first-seed 300000"); with seven none of 60 empty records
 # has a name and CPU seconds are the same ("chains --named 2 --none 60 --samples 1500 --first-seed 410000").
-CAPPED = Limits(per_sample=0.0, least=30.0, most=30.0, null=2.0, price=1.0, blocks=0.5, few_refined=MOST_REFINED)
+CAPPED = Limits(per_sample=0.0, least=30.0, most=30.0, over_chance=2.0, price=1.0, blocks=0.5, few_refined=MOST_REFINED)
 
 
 @dataclass
@@ -269,7 +286,7 @@ class Evidence:
 
     Attributes
     ----------
-    trial : Trial
+    fitted : CandidateFit
     delta_bic : float
     explained : float
         Rms of what it explains, in the gap's unit.
@@ -285,20 +302,20 @@ class Evidence:
         What speaks against it; empty if nothing does.
     """
 
-    trial: Any
+    fitted: Any
     delta_bic: float
     explained: float
     better: float
     held_gain: float
     closure: float
     left: float
-    null_weight: float = 1.0
+    chance_weight: float = 1.0
     reason: str = ""
 
     @property
     def name(self) -> str:
         """Canonical name."""
-        return str(self.trial.name)
+        return str(self.fitted.name)
 
     @property
     def passes(self) -> bool:
@@ -338,22 +355,22 @@ def blocks_not_worse(before: ModelErrors, after: ModelErrors) -> float:
     return float(np.mean(gain >= -NOT_WORSE * max(float(gain.sum()), 0.0)))
 
 
-def weigh(view: Any, current: Any, trials: Sequence[Any]) -> list[Evidence]:
-    """Evidence for every refined trial, the strongest first."""
-    if not trials:
+def weigh(view: Any, current: Any, fits: Sequence[Any]) -> list[Evidence]:
+    """Evidence for every fitted candidate, the strongest first."""
+    if not fits:
         return []
     gap = view.gap(current)
     before, floor = view.rms(gap), view.floor(current)
-    left = [view.rms(view.gap(t.model)) for t in trials]
+    left = [view.rms(view.gap(f.model)) for f in fits]
     best = int(np.argmin(left))
-    judged = view.compare([current, *(t.model for t in trials)], best + 1)
+    judged = view.compare([current, *(f.model for f in fits)], best + 1)
     first, out = judged[0], []
-    for trial, after, j in zip(trials, left, judged[1:], strict=True):
+    for fitted, after, j in zip(fits, left, judged[1:], strict=True):
         out.append(Evidence(
-            trial,
-            delta_bic(first.errors, j.errors, trial.look.n_numbers, trial.look.n_looks, j.n_effective,
+            fitted,
+            delta_bic(first.errors, j.errors, fitted.look.n_numbers, fitted.look.n_looks, j.n_effective,
                       view.limits.price),
-            view.explained(current, trial.model),
+            view.explained(current, fitted.model),
             blocks_not_worse(first, j),
             1.0 - float(j.held @ j.held) / max(float(first.held @ first.held), 1e-300),
             1.0 - (after - floor) / max(before - floor, LEAST_GAP * before + 1e-300),
@@ -363,9 +380,9 @@ def weigh(view: Any, current: Any, trials: Sequence[Any]) -> list[Evidence]:
     return sorted(out, key=lambda e: -e.delta_bic)
 
 
-def objections(plant: Any, view: Any, evidence: Evidence, null: float, n: float, least: float | None = None) -> str:
+def objections(plant: Any, view: Any, evidence: Evidence, chance: float, n: float, least: float | None = None) -> str:
     """Why the candidate earns no name; empty if it does. ``least`` share of the drive: by default the tolerance."""
-    need = view.limits.need(n, null * evidence.null_weight)
+    need = view.limits.need(n, chance * evidence.chance_weight)
     if evidence.delta_bic < need:
         return f"evidence {evidence.delta_bic:.0f} is below the {need:.0f} that chance and noise may reach"
     share, least = evidence.explained / plant.scale, plant.tolerance if least is None else least
@@ -373,7 +390,7 @@ def objections(plant: Any, view: Any, evidence: Evidence, null: float, n: float,
         return f"it explains {100 * share:.2f} % of the rms {plant.whole}, below the tolerance of {100 * least:.2f} %"
     if evidence.better < view.limits.blocks or evidence.held_gain <= 0:
         return f"it improves only {100 * evidence.better:.0f} % of the held-out blocks"
-    return evidence.trial.look.reason or view.objection(evidence.trial.model, len(evidence.trial.model.terms) - 1)
+    return evidence.fitted.look.reason or view.objection(evidence.fitted.model, len(evidence.fitted.model.terms) - 1)
 
 
 def preferred(view: Any, common: Evidence, best: Evidence) -> bool:

@@ -26,13 +26,13 @@ N_BLOCKS = 30  # that change places along time
 
 @dataclass(frozen=True)
 class Place:
-    """The stretch of one signal in which the gap is densest.
+    """The range of one signal in which the gap is densest.
 
     Attributes
     ----------
     signal : str
     low, high : float
-        The stretch, in ``unit``.
+        The range, in ``unit``.
     share : float
         Share of the power of the gap inside it.
     width : float
@@ -112,8 +112,8 @@ def _one_axis(name: str, x: Array, unit: str, gap: Array, rng: np.random.Generat
     power = gap**2
     observed = _statistic(bins, count, gap, power, n_bins)
     orders = _rearranged(gap.size, name == "time", N_BLOCKS, rng)
-    null = [_statistic(bins, count, gap[o], power[o], n_bins) for o in orders]
-    p = (1 + sum(v >= observed for v in null)) / (1 + N_SHIFTS)
+    shuffled = [_statistic(bins, count, gap[o], power[o], n_bins) for o in orders]
+    p = (1 + sum(v >= observed for v in shuffled)) / (1 + N_SHIFTS)
     mean = np.bincount(bins, gap, n_bins) / np.maximum(count, 1)
     var = np.bincount(bins, power, n_bins) / np.maximum(count, 1) - mean**2
     inside = np.bincount(bins, power, n_bins)
@@ -126,7 +126,7 @@ def _one_axis(name: str, x: Array, unit: str, gap: Array, rng: np.random.Generat
 
 
 def _rearranged(n: int, along_time: bool, n_blocks: int, rng: np.random.Generator) -> Iterator[NDArray[np.intp]]:
-    """Orders of the samples that leave short stretches whole and keep nothing of what they stood beside."""
+    """Orders of the samples that leave short segments whole and keep nothing of what they stood beside."""
     least = max(1, n // 50)
     for _ in range(N_SHIFTS):
         if along_time:
@@ -163,8 +163,8 @@ def dependence(
         return float(np.sum(count * means**2)) / total
 
     observed = between(centred)
-    null = [between(centred[o]) for o in _rearranged(path.size, along_time, n_blocks, rng)]
-    return observed, (1 + sum(v >= observed for v in null)) / (1 + N_SHIFTS)
+    shuffled = [between(centred[o]) for o in _rearranged(path.size, along_time, n_blocks, rng)]
+    return observed, (1 + sum(v >= observed for v in shuffled)) / (1 + N_SHIFTS)
 
 
 def _statistic(bins: Array, count: Array, gap: Array, power: Array, n: int) -> float:
@@ -231,5 +231,5 @@ def sentence(places: list[Place]) -> str:
         return f"{share:.0f} % of the gap lives {when} ({width:.0f} % of the time)."
     if p.share - p.width < rules.PLACE_EXCESS:
         return f"The gap follows {p.signal}, and is spread over its whole range."
-    stretch = f"{p.signal} is between {p.low:.3g} and {p.high:.3g} {p.unit}"
-    return f"{share:.0f} % of the gap lives where {stretch} ({width:.0f} % of the time)."
+    where = f"{p.signal} is between {p.low:.3g} and {p.high:.3g} {p.unit}"
+    return f"{share:.0f} % of the gap lives where {where} ({width:.0f} % of the time)."

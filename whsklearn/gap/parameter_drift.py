@@ -17,8 +17,8 @@ from whsklearn.gap import evidence as rules
 from whsklearn.gap.localisation import dependence
 
 Array = NDArray[Any]
-MEMORY = 1.0  # s
-SETTLED = 3.0  # memories before the path counts
+TIME_CONSTANT = 1.0  # s, of forgetting
+SETTLED = 3.0  # time constants before the path counts
 
 
 def paths(plant: Any, model: Any) -> tuple[dict[str, tuple[float, Array, float]], slice, float]:
@@ -30,13 +30,13 @@ def paths(plant: Any, model: Any) -> tuple[dict[str, tuple[float, Array, float]]
     from whsklearn.estimators.rls import RLSRegressor
 
     columns, gap, step = plant.regressors(model)
-    at = slice(min(int(SETTLED * MEMORY / step), gap.size // 2), None)
+    at = slice(min(int(SETTLED * TIME_CONSTANT / step), gap.size // 2), None)
     out = {}
     for name, (value, x) in columns.items():
         scale = float(np.sqrt(np.mean(x**2))) + 1e-300
         rows = np.ascontiguousarray((x / scale)[:, None])
         # a prior worth one sample of the usual size keeps the constant where the axis shows nothing of it
-        recursion = RLSRegressor(forgetting=float(np.exp(-step / MEMORY)), P0=1.0)
+        recursion = RLSRegressor(forgetting=float(np.exp(-step / TIME_CONSTANT)), P0=1.0)
         change = np.empty(gap.size)
         for i in range(gap.size):
             change[i] = recursion.partial_fit(rows[i : i + 1], gap[i : i + 1]).theta_[0]
@@ -53,7 +53,7 @@ def drift(plant: Any, model: Any, rng: np.random.Generator) -> list[dict]:
         return []
     signals = plant.signals(model)
     n = next(iter(constants.values()))[1].size
-    n_blocks = int(np.clip(n * step / (2 * MEMORY), 5, 30))
+    n_blocks = int(np.clip(n * step / (2 * TIME_CONSTANT), 5, 30))
     out = []
     for name, (value, change, taken) in constants.items():
         row: dict[str, Any] = {
@@ -78,6 +78,6 @@ def sentence(rows: list[dict]) -> str:
     r = telling[0]
     name = r["name"].replace("_", " ")
     return (
-        f"Identified with a memory of {MEMORY:.0f} s, {name} drifts: it moves by "
+        f"Identified with a memory of {TIME_CONSTANT:.0f} s, {name} drifts: it moves by "
         f"{100 * r['spread']:.1f} % of itself, {100 * r['share']:.0f} % of that with {r['follows']}."
     )

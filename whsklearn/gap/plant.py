@@ -21,7 +21,7 @@ How to write a plant
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -250,10 +250,10 @@ class View(Protocol):
     def settled(self, model: Any) -> Any:
         """The model with numbers refitted that its last term moves, where ``refine`` fits only that term's."""
 
-    def family(self, model: Any) -> Iterable[Trial]:
+    def family(self, model: Any) -> Iterable[CandidateFit]:
         """Further members of the last term's family (orders of a wave), each earned; empty for most effects."""
 
-    def widened(self, model: Any) -> Trial | None:
+    def widened(self, model: Any) -> CandidateFit | None:
         """The model with numbers of its last term set free that a first look holds; None where there are none."""
 
     def trimmed(self, model: Any) -> Any:
@@ -392,11 +392,11 @@ class ViewDefaults:
         """The model itself: ``refine`` fits all numbers jointly."""
         return model
 
-    def family(self, model: Any) -> Iterable[Trial]:
+    def family(self, model: Any) -> Iterable[CandidateFit]:
         """None: further orders are candidates like any other."""
         return ()
 
-    def widened(self, model: Any) -> Trial | None:
+    def widened(self, model: Any) -> CandidateFit | None:
         """None: ``refine`` has all numbers free."""
         return None
 
@@ -459,13 +459,20 @@ class Linearised(NamedTuple):
     rebuild: Any
 
 
-@dataclass
-class Trial:
-    """A look that was refined."""
+@dataclass(frozen=True)
+class CandidateFit:
+    """A candidate fitted jointly with the model that it is added to.
+
+    Attributes
+    ----------
+    look : Look
+        Where the fit started.
+    model : object
+        The fitted model, the candidate its last term.
+    """
 
     look: Look
     model: Any
-    reasons: list[str] = field(default_factory=list)
 
     @property
     def name(self) -> str:

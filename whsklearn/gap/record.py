@@ -168,7 +168,7 @@ def lattice(position: ArrayLike) -> float:
     return step
 
 
-def blocks(n: int, n_pairs: int = 5, share: float = 0.4) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+def held_out_blocks(n: int, n_pairs: int = 5, share: float = 0.4) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
     """Number of the held-out block (or -1) and the training mask of every sample: 60 and 40 % interleaved."""
     period = n / n_pairs
     phase = (np.arange(n) % period) / period

@@ -11,7 +11,7 @@ from typing import Any
 
 from whsklearn.gap import evidence as rules
 from whsklearn.gap.evidence import Evidence, objections, weigh
-from whsklearn.gap.plant import Look, Trial
+from whsklearn.gap.plant import CandidateFit, Look
 
 ROUNDS_A_NAME = 2  # rounds are counted: an exchange may give back what a round took, and names alone never be enough
 
@@ -58,7 +58,7 @@ class Found:
 
     def add(self, evidence: Evidence, rivals: list[Evidence], view: Any) -> None:
         """Take an effect."""
-        self.model = evidence.trial.model
+        self.model = evidence.fitted.model
         self.taken.append(evidence)
         self.rivals.append(rivals)
         self.views.append(view)
@@ -75,7 +75,7 @@ class Search:
     Parameters
     ----------
     plant : Plant
-    nulls : callable
+    by_chance : callable
         (view, model) -> best score on a surrogate in this view.
     max_effects : int
     on_round : callable, optional
@@ -83,7 +83,7 @@ class Search:
     """
 
     plant: Any
-    nulls: Callable[[Any, Any], float]
+    by_chance: Callable[[Any, Any], float]
     max_effects: int = 3
     on_round: Callable[[Round], None] | None = None
 
@@ -108,7 +108,7 @@ class Search:
         found.model = view.fit(found.model)
         if not found.taken:
             found.base = found.model
-        null = self.nulls(view, found.model)
+        chance = self.by_chance(view, found.model)
         n_before, first_round = len(found.taken), len(found.rounds)
         while (
             len({e.name for e in found.taken}) < self.max_effects
@@ -120,7 +120,7 @@ class Search:
             looks, evidence = self.try_all(view, found.model)
             if not found.rounds:
                 found.looks = looks
-            taken = self.first_sound(view, evidence, null)
+            taken = self.first_sound(view, evidence, chance)
             if taken is not None and taken.explained < view.demand(found.model) * gap:
                 taken = None
             found.rounds.append(Round(len(found.rounds) + 1, gap, evidence, looks, taken, found.model, view))
@@ -129,7 +129,7 @@ class Search:
             found.add(taken, evidence, view)
             self._absorb(view, found)
             found.model = view.settled(found.model)
-            self._widen(view, found, null)
+            self._widen(view, found, chance)
             self._grow(view, found)
             whole, view = view, view.trimmed(found.model)
             if view is not whole:
@@ -139,32 +139,32 @@ class Search:
             if self.on_round is not None:
                 self.on_round(found.rounds[-1])
             if len(found.taken) > 1:
-                self._exchange(view, found, null)
+                self._exchange(view, found, chance)
         if len(found.taken) > max(n_before, 1):
             self._prune(view, found)
         return view
 
     def _grow(self, view: Any, found: Found) -> None:
         """Further members of the last effect's family."""
-        for trial in view.family(found.model):
-            found.add(weigh(view, found.model, [trial])[0], [], view)
+        for fitted in view.family(found.model):
+            found.add(weigh(view, found.model, [fitted])[0], [], view)
 
-    def _widen(self, view: Any, found: Found, null: float) -> None:
+    def _widen(self, view: Any, found: Found, chance: float) -> None:
         """Set numbers of the last effect free that a first look holds, if they earn it as an effect does.
 
         The name is the same: the level of bristles that falls with speed is no second effect beside them. So evidence
         counts, and not how much of the drive it is.
         """
-        trial = view.widened(found.model)
-        if trial is None:
+        fitted = view.widened(found.model)
+        if fitted is None:
             return
-        gain = weigh(view, found.model, [trial])[0]
-        n = view.compare([trial.model], 0)[0].n_effective
-        if objections(self.plant, view, gain, null, n, 0.0):
+        gain = weigh(view, found.model, [fitted])[0]
+        n = view.compare([fitted.model], 0)[0].n_effective
+        if objections(self.plant, view, gain, chance, n, 0.0):
             return
-        found.model, look = trial.model, found.taken[-1].trial.look
-        whole = Trial(replace(look, n_numbers=look.n_numbers + trial.look.n_numbers), trial.model)
-        without = view.fit(trial.model.without(len(trial.model.terms) - 1))
+        found.model, look = fitted.model, found.taken[-1].fitted.look
+        whole = CandidateFit(replace(look, n_numbers=look.n_numbers + fitted.look.n_numbers), fitted.model)
+        without = view.fit(fitted.model.without(len(fitted.model.terms) - 1))
         found.taken[-1] = weigh(view, without, [whole])[0]
 
     def _absorb(self, view: Any, found: Found) -> None:
@@ -190,22 +190,22 @@ class Search:
         elementary = [k for k in worth if k.elementary]
         others = [k for k in worth if not k.elementary][: rules.MOST_REFINED]
         few = others if wanting else others[: view.limits.few_refined]
-        trials = [Trial(k, view.refine(model, k)) for k in (*elementary, *few)]
-        evidence = weigh(view, model, trials)
+        fits = [CandidateFit(k, view.refine(model, k)) for k in (*elementary, *few)]
+        evidence = weigh(view, model, fits)
         if len(few) < len(others) and any(e.delta_bic >= view.limits.least for e in evidence):
             # there is something after all: no name before its rivals have had the same chance
-            trials += [Trial(k, view.refine(model, k)) for k in others[len(few) :]]
-            evidence = weigh(view, model, trials)
+            fits += [CandidateFit(k, view.refine(model, k)) for k in others[len(few) :]]
+            evidence = weigh(view, model, fits)
         if wanting and (not evidence or evidence[0].closure < rules.NAMED):
-            tried = {id(t.look) for t in trials}
+            tried = {id(t.look) for t in fits}
             more = [k for k in looks if k.costly and id(k) not in tried and k.start is not None]
             if more:
-                trials += [Trial(k, view.refine(model, k)) for k in more]
-                evidence = weigh(view, model, trials)
+                fits += [CandidateFit(k, view.refine(model, k)) for k in more]
+                evidence = weigh(view, model, fits)
         return looks, evidence
 
     def first_sound(
-        self, view: Any, evidence: list[Evidence], null: float, *, elementary_first: bool = True
+        self, view: Any, evidence: list[Evidence], chance: float, *, elementary_first: bool = True
     ) -> Evidence | None:
         """The best evidence to which nothing objects; a commoner law goes first where it explains as much.
 
@@ -213,12 +213,12 @@ class Search:
         """
         if not evidence:
             return None
-        n = view.compare([evidence[0].trial.model], 0)[0].n_effective
+        n = view.compare([evidence[0].fitted.model], 0)[0].n_effective
         sound: list[Evidence] = []
         for e in evidence:  # behind the best sound one only those are looked at that could go before it
-            if sound and not (e.name in self.plant.commoner(sound[0].name) or e.trial.look.elementary):
+            if sound and not (e.name in self.plant.commoner(sound[0].name) or e.fitted.look.elementary):
                 continue
-            e.reason = objections(self.plant, view, e, null, n)
+            e.reason = objections(self.plant, view, e, chance, n)
             sound += [e] if e.passes else []
         if not sound:
             return None
@@ -230,11 +230,11 @@ class Search:
             elementary_first and best.closure < rules.NAMED
         ):  # no name reaches the floor: several are missing, an elementary one goes first
             for e in sound:
-                if e.trial.look.elementary and e.explained**2 >= rules.ELEMENTARY_SHARE * best.explained**2:
+                if e.fitted.look.elementary and e.explained**2 >= rules.ELEMENTARY_SHARE * best.explained**2:
                     return e
         return best
 
-    def _exchange(self, view: Any, found: Found, null: float) -> None:
+    def _exchange(self, view: Any, found: Found, chance: float) -> None:
         """Try every effect taken against all others in its place: the first was chosen when more was missing.
 
         An effect against which its own place speaks by now (a delta BIC of zero or less) is no effect.
@@ -248,8 +248,8 @@ class Search:
             if evidence is None:
                 _, evidence = self.try_all(view, without, found.model)
             evidence = self._with_own(view, found, i, without, evidence)
-            elementary = found.taken[i].trial.look.elementary
-            best = self.first_sound(view, evidence, null, elementary_first=elementary)
+            elementary = found.taken[i].fitted.look.elementary
+            best = self.first_sound(view, evidence, chance, elementary_first=elementary)
             found.rivals[i] = evidence
             if best is None:
                 own = max((e.delta_bic for e in evidence if e.name == found.taken[i].name), default=0.0)
@@ -260,8 +260,8 @@ class Search:
             found.taken[i] = best
             if same and best.left >= view.rms(view.gap(found.model)):
                 continue  # found anew from a coarse start, its numbers are no better than those it has by now
-            terms = best.trial.model.terms
-            found.model = view.settled(best.trial.model.with_terms((*terms[:index], terms[-1], *terms[index:-1])))
+            terms = best.fitted.model.terms
+            found.model = view.settled(best.fitted.model.with_terms((*terms[:index], terms[-1], *terms[index:-1])))
 
     def _known(self, view: Any, found: Found, i: int, without: Any) -> list[Evidence] | None:
         """The evidence of the last round where the model without its effect is the one that the round began with.
@@ -284,7 +284,7 @@ class Search:
         """
         index, terms = found.model.n_base + i, found.model.terms
         last = found.model.with_terms((*terms[:index], *terms[index + 1 :], terms[index]))
-        now = weigh(view, without, [Trial(found.taken[i].trial.look, last)])[0]
+        now = weigh(view, without, [CandidateFit(found.taken[i].fitted.look, last)])[0]
         anew = [e for e in evidence if e.name == now.name]
         own = max((now, *anew), key=lambda e: e.delta_bic)
         return sorted([own, *(e for e in evidence if e.name != own.name)], key=lambda e: -e.delta_bic)

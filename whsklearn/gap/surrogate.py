@@ -1,4 +1,4 @@
-"""The null: the best score that any candidate reaches on records in which nothing is missing."""
+"""What chance reaches: the best score that any candidate reaches on records in which nothing is missing."""
 
 from __future__ import annotations
 

@@ -148,10 +148,10 @@ class Pass:
         nx = max(int(law[0][1]), 1)
         self._before = np.append(memory.origin[:1], memory.origin[nx : nx + self.n1])  # x(t-1) and its gradient
 
-    def read_stretch(self) -> None:
-        """Read on to the end of a stretch; not a number, if the model has blown up."""
+    def read_segment(self) -> None:
+        """Read on to the end of a segment; not a number, if the model has blown up."""
         work, memory, first, m = self._work, self.memory, self.done, self.memory.u.shape[1]
-        budget, work.at[BUDGET] = float(work.at[BUDGET]), 0.0  # to the end of a stretch, at whoever's cost
+        budget, work.at[BUDGET] = float(work.at[BUDGET]), 0.0  # to the end of a segment, at whoever's cost
         ended = refine_part(
             self.theta, self.law, np.inf, memory, self._nothing, 0, work.trial_information, work.trial_state, work
         )
@@ -162,11 +162,11 @@ class Pass:
             self.done = memory.fill
             return
         self.done = memory.fill if ended else int(work.at[AT])
-        n, past = self.done - first, work.stretch.lines.shape[1] - LENGTH
-        x = work.stretch.lines[m : m + 1 + self.n1, past : past + n].T
+        n, past = self.done - first, work.segment.signals.shape[1] - LENGTH
+        x = work.segment.signals[m : m + 1 + self.n1, past : past + n].T
         before = np.vstack([np.zeros_like(self._before) if memory.restart[first] else self._before, x[:-1]])
         self._before = x[-1].copy()
-        self.rows.psi[first : self.done] = work.stretch.psi[:, :n].T
+        self.rows.psi[first : self.done] = work.segment.psi[:, :n].T
         self.rows.motion[first : self.done, 0] = x[:, 0]
         self.rows.motion[first : self.done, 1] = x[:, 0] - before[:, 0]
         self.rows.gradient[first : self.done] = x[:, 1:] - before[:, 1:]

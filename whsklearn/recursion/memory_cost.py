@@ -14,14 +14,14 @@ from whsklearn._numba import njit, part
 from whsklearn.recursion.predictor import parameter_count, state_size
 from whsklearn.recursion.predictor_block import (
     LENGTH,
-    Stretch,
+    Segment,
     begin,
     dot,
     forget,
     keep,
     move_on,
-    new_stretch,
-    predict_stretch,
+    new_segment,
+    predict_segment,
 )
 
 if TYPE_CHECKING:
@@ -74,7 +74,7 @@ class Work(NamedTuple):
     ----------
     at : ndarray of shape (SIZE,)
         Numbers by the names above.
-    stretch : Stretch
+    segment : Segment
         Signals of the samples that are read just now, which begin with those before.
     weighted : ndarray of shape (3, LENGTH)
         Weights, weighted errors, and a weighted row of psi.
@@ -84,7 +84,7 @@ class Work(NamedTuple):
     """
 
     at: Array
-    stretch: Stretch
+    segment: Segment
     weighted: Array
     slope: Array
     trial: Array
@@ -97,25 +97,25 @@ def new_work(dims: NDArray[np.int64], n_inputs: int) -> Work:
     """Work that has not begun and has no budget."""
     n = int(parameter_count(dims))
     return Work(
-        np.zeros(SIZE), new_stretch(dims, n_inputs), np.zeros((3, LENGTH)), np.zeros(n), np.zeros(n), np.zeros(n),
+        np.zeros(SIZE), new_segment(dims, n_inputs), np.zeros((3, LENGTH)), np.zeros(n), np.zeros(n), np.zeros(n),
         np.zeros((n, n)), np.zeros(int(state_size(dims))),
     )  # fmt: skip
 
 
 @njit(cache=False, error_model="numpy", inline="always")
 def replay_part(theta, law, kappa, memory, work, information, slope, state):
-    """Go on with a re-run until the budget is spent, for one stretch at least; True at its end.
+    """Go on with a re-run until the budget is spent, for one segment at least; True at its end.
 
     It begins where ``work.at[AT]`` is 0 and leaves the weighted sum of squares in ``work.at[TOTAL]``, its
     Gauss-Newton matrix and slope, and in ``state`` what holds before the first sample of the next window.  It stops
-    between stretches only, whose bounds the record sets, so the sums are the same however it was divided.
+    between segments only, whose bounds the record sets, so the sums are the same however it was divided.
 
     It has one caller, whose code it is written into: compiled by itself as well it would take twice as long.
     """
-    at, lines, psi = work.at, work.stretch.lines, work.stretch.psi
+    at, signals, psi = work.at, work.segment.signals, work.segment.psi
     fill, tail, restarts = memory.fill, memory.tail, memory.restart
     m, n = memory.u.shape[1], theta.size
-    past = lines.shape[1] - LENGTH
+    past = signals.shape[1] - LENGTH
     if at[AT] == 0:
         at[BUDGET] -= COST_OF_PASS
         at[SPENT] += COST_OF_PASS
@@ -124,25 +124,25 @@ def replay_part(theta, law, kappa, memory, work, information, slope, state):
             slope[i] = 0.0
             for j in range(n):
                 information[i, j] = 0.0
-        begin(lines, law[0], memory.origin, memory.u, memory.y, memory.history)
+        begin(signals, law[0], memory.origin, memory.u, memory.y, memory.history)
     handover = max(fill - tail + 1, 0)
     t = int(at[AT])
     while t < fill:
         if restarts[t]:
-            forget(lines)
+            forget(signals)
         if t == handover or (t > handover and restarts[t]):
-            keep(lines, law[0], m, state)
-        count = _end_of_stretch(t, fill, handover, restarts) - t
+            keep(signals, law[0], m, state)
+        count = _end_of_segment(t, fill, handover, restarts) - t
         for i in range(count):
-            lines[lines.shape[0] - 1, past + i] = memory.y[memory.history + t + i]
+            signals[signals.shape[0] - 1, past + i] = memory.y[memory.history + t + i]
             for j in range(m):
-                lines[j, past + i] = memory.u[memory.history + t + i, j]
-        predict_stretch(theta, law, kappa, m, work.stretch, count)
+                signals[j, past + i] = memory.u[memory.history + t + i, j]
+        predict_segment(theta, law, kappa, m, work.segment, count)
         at[TOTAL] += _add_squares(t, count, memory, psi, work.weighted, information, slope)
         if not at[TOTAL] < HUGE:
             at[TOTAL] = np.inf
             return True
-        move_on(lines, count)
+        move_on(signals, count)
         at[BUDGET] -= count
         at[SPENT] += count
         t += count
@@ -152,7 +152,7 @@ def replay_part(theta, law, kappa, memory, work, information, slope, state):
     if t < fill:
         return False
     if handover == fill:
-        keep(lines, law[0], m, state)
+        keep(signals, law[0], m, state)
     for i in range(n):
         for j in range(i):
             information[j, i] = information[i, j]
@@ -160,8 +160,8 @@ def replay_part(theta, law, kappa, memory, work, information, slope, state):
 
 
 @part
-def _end_of_stretch(t, fill, handover, restarts):
-    """Where the stretch that begins at ``t`` ends: next mark, new experiment, state to hand over."""
+def _end_of_segment(t, fill, handover, restarts):
+    """Where the segment that begins at ``t`` ends: next mark, new experiment, state to hand over."""
     stop = min((t // LENGTH + 1) * LENGTH, fill)
     if t < handover < stop:
         stop = handover

@@ -124,7 +124,7 @@ class Linearisation:
         target = min(self.stop, self._pass.done + n)
         while self._pass.done < target:
             begin = self._pass.done
-            self._pass.read_stretch()
+            self._pass.read_segment()
             psi = self.rows.psi[begin : self._pass.done]
             psi *= np.sqrt(self.weights[begin : self._pass.done, None])
             self.matrix += psi.T @ psi

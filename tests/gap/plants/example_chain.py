@@ -8,7 +8,7 @@ from whsklearn import WienerHammersteinSystem
 from whsklearn.effects import as_law
 from whsklearn.gap.plants.chain_candidates import CATALOGUE
 from whsklearn.gap.plants.chain_model import ChainModel, Setting, Term, signal_scales
-from whsklearn.gap.record import blocks
+from whsklearn.gap.record import held_out_blocks
 
 THETA = np.array([2.2, 1.0, 0.5, 0.05, 0.7, 0.2, 0.2, 0.15, 0.4])
 PARTS = {"a": [1.0, 2.2], "b": [1.0, 0.5], "c": [1.0, 0.2], "d": [0.15, 0.4]}
@@ -30,7 +30,7 @@ def setting(*effects, noise=0.02, seed=0):
     """A record of the example with these effects of the library in it."""
     d = noise * np.random.default_rng(seed).normal(size=U.size)
     y = WienerHammersteinSystem(**PARTS, effects=effects).simulate(U, d)
-    held, train = blocks(U.size)
+    held, train = held_out_blocks(U.size)
     first = np.arange(U.size) < 40
     dims = np.array([2, 2, 2, 2, 3])
     return Setting(U, y, 1.0, dims, as_law(None), train & ~first, np.where(first, -1, held))

@@ -21,7 +21,7 @@ from whsklearn.gap.plants.chain_model import SKIP, ChainModel, Setting, free_run
 from whsklearn.gap.plants.chain_noise import ahead_errors, coarse_grid, quietest_band
 from whsklearn.gap.plants.chain_objections import beside_turned
 from whsklearn.gap.plants.chain_view import ChainView, surrogate_setting
-from whsklearn.gap.record import blocks
+from whsklearn.gap.record import held_out_blocks
 from whsklearn.systems.wiener_hammerstein import WienerHammersteinSystem
 
 if TYPE_CHECKING:
@@ -82,7 +82,7 @@ class ChainPlant(PlantDefaults):
     def setting(self, n: int | None = None) -> Setting:
         """The first n samples, their split, orders and law as fits take them."""
         n = self.u.size if n is None else n
-        held, train = blocks(n)
+        held, train = held_out_blocks(n)
         skipped = np.arange(n) < SKIP
         law = self.law.first()
         dims = np.array([*self.orders, len(law)], dtype=np.int64)

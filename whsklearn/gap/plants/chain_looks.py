@@ -173,8 +173,8 @@ def _walk_time(s: Setting, m: ChainModel, value: float, z: Scales) -> tuple[Chai
     while step >= 0.5 * z.dt:
         for shift in (-step, step):
             time = min(max(best + shift, 0.02 * z.seconds), 0.98 * z.seconds)
-            trial = replace(m, terms=(*m.terms[:-1], Term(last.kind, (last.q[0], time))))
-            now = cost(s, trial)
+            moved = replace(m, terms=(*m.terms[:-1], Term(last.kind, (last.q[0], time))))
+            now = cost(s, moved)
             if now < least:
                 best, least = time, now
         step *= 0.5

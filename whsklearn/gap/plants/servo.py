@@ -185,9 +185,9 @@ class ServoPlant(PlantDefaults):
 
     def _horizons(self, model: AxisModel) -> tuple[float, tuple[float, ...]]:
         """(headline, all) horizons at which this model can be simulated at all (`servo_free_run.predictable`)."""
-        twin = self.surrogate(model, np.random.default_rng(0))
+        made = self.surrogate(model, np.random.default_rng(0))
         longest = servo_free_run.horizon_of(model, model.scene, self.tolerance)
-        headline = servo_free_run.predictable(twin.observer, model, longest)
+        headline = servo_free_run.predictable(made.observer, model, longest)
         return headline, (headline / 5.0, headline, 4.0 * headline)
 
     def follows(self, model: AxisModel) -> float:
@@ -240,7 +240,7 @@ class ServoPlant(PlantDefaults):
         if rival.delta_bic < (1.0 - rules.PLAY_OR_DAMPER) * taken.delta_bic:
             return False
         terms = model.terms
-        other = self.observer.fit(model.with_terms((*terms[:index], rival.trial.model.terms[-1], *terms[index + 1 :])))
+        other = self.observer.fit(model.with_terms((*terms[:index], rival.fitted.model.terms[-1], *terms[index + 1 :])))
         own, its = (servo_free_run.train_error(self.observer, m, self.headline) for m in (model, other))
         return its < (1.0 + rules.PLAY_OR_DAMPER) * own
 

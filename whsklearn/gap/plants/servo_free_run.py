@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from whsklearn.gap import evidence as rules
 from whsklearn.gap.axis_model import AxisModel
-from whsklearn.gap.record import blocks
+from whsklearn.gap.record import held_out_blocks
 
 Array = NDArray[Any]
 WINDOWS = (0.08, 0.04, 0.02, 0.01, 0.005)  # s
@@ -85,16 +85,16 @@ def horizon_of(model: AxisModel, scene: Any, tolerance: float) -> float:
     return float(np.clip(round(longest / digits) * digits, 10 * scene.dt, LONGEST))
 
 
-def predictable(twin: Any, model: AxisModel, longest: float) -> float:
+def predictable(surrogate: Any, model: AxisModel, longest: float) -> float:
     """The longest horizon up to ``longest`` (s) over which the model predicts a record that it made itself.
 
     Where a motion runs over unstable places (a motor that cogs under a soft drive tips from tooth to tooth), the noise
     of a restart grows until a run shows nothing, whatever the model.
     """
     horizons = [longest, *(h for h in SHORTER if 10 * model.scene.dt <= h < longest)]
-    held = held_out(twin)
+    held = held_out(surrogate)
     for h in horizons:
-        e = (twin.record.position - free_run(twin, model, h))[held]
+        e = (surrogate.record.position - free_run(surrogate, model, h))[held]
         if np.all(np.isfinite(e)) and float(np.sqrt(np.mean(e**2))) < rules.OWN_ERROR * h * model.scene.speed:
             return h
     return longest
@@ -112,7 +112,7 @@ def free_run(view: Any, model: AxisModel, horizon: float) -> Array:
 def held_out(view: Any) -> NDArray[np.bool_]:
     """Held-out samples of the log, shape (n,), without the edges."""
     n = len(view.record)
-    number, _ = blocks(n)
+    number, _ = held_out_blocks(n)
     mask = number >= 0
     edge = int(0.5 / view.scene.dt)
     mask[:edge] = False

@@ -22,7 +22,7 @@ from whsklearn.gap.axis_candidates import TWO_MASS, Candidate, candidate, usable
 from whsklearn.gap.axis_model import AxisModel, Term
 from whsklearn.gap.evidence import weigh
 from whsklearn.gap.filters import CUTOFF_SIGMA, filtered, gaussian_derivatives
-from whsklearn.gap.plant import Linearised, Look, ModelErrors, Trial, ViewDefaults
+from whsklearn.gap.plant import CandidateFit, Linearised, Look, ModelErrors, ViewDefaults
 from whsklearn.gap.plants import inverse_dynamics as ols
 from whsklearn.gap.plants import servo_stop as stop
 from whsklearn.gap.plants import servo_two_mass as two_mass
@@ -39,7 +39,7 @@ SLOW = 0.01  # of the rms velocity, the same for records without noise
 KEPT = 40  # columns remembered: a polish moves one shape and leaves the others
 HIGHEST_CUTOFF, LOWEST_CUTOFF = 0.08, 2.0  # of the sampling rate; Hz: where the search of the filter starts and ends
 DRIVE_NOISE = (
-    2.5  # times the noise of the acceleration: twins leave 0.0037 to 0.0047 of the drive where the formula says
+    2.5  # times the noise of the acceleration: surrogates leave 0.0037 to 0.0047 of the drive where the formula says
 )
 # 0.0015 to 0.0019, since the controller puts the encoder's noise into the drive as well
 
@@ -56,7 +56,7 @@ class InverseView(ViewDefaults):
     start : tuple of ndarray
         Smoothed position and velocity, from which a surrogate starts.
     skipped : tuple of float, optional
-        (from, to) in s of a stretch that follows another law than the rest of the record.
+        (from, to) in s of a segment that follows another law than the rest of the record.
     """
 
     limits = rules.CROSS_VALIDATED
@@ -148,8 +148,8 @@ class InverseView(ViewDefaults):
         """(model with its sizes, columns with timing last, target, sizes, columns in force), at the model's shapes."""
         torque = self.torque(model) if self._driven(model) else None
         x, positive = self.columns(model, torque)
-        target, stretch = self.target(model)
-        away, target, x = stop.away(self, model), stretch * target, stretch * x
+        target, share = self.target(model)
+        away, target, x = stop.away(self, model), share * target, share * x
         open_x = stop.without_pushes(model, x)
         sizes, free = self._sizes(open_x, target, positive, away)
         rate = ols.slope(open_x @ sizes, self.step)
@@ -250,8 +250,8 @@ class InverseView(ViewDefaults):
         """
         key = tuple((t.kind.label, t.q) for t in model.terms)
         if key not in self._floors:
-            twin = self.surrogate(model, np.random.default_rng(0))
-            floor = twin.rms(twin.gap(model))
+            made = self.surrogate(model, np.random.default_rng(0))
+            floor = made.rms(made.gap(model))
             if floor > rules.LARGEST_FLOOR * self.scene.torque:
                 *_, g2 = gaussian_derivatives(CUTOFF_SIGMA / (2 * np.pi * self.cutoff), self.scene.dt)
                 floor = min(floor, DRIVE_NOISE * self.noise * model.inertia * float(np.linalg.norm(g2)))
@@ -265,7 +265,7 @@ class InverseView(ViewDefaults):
         return InverseView(surrogate_record(self, model, rng), self.scene, self.cutoff, self.start, self.skipped)
 
     def trimmed(self, model: AxisModel) -> InverseView:
-        """The view without the one stretch that follows another law than the rest, if there is one.
+        """The view without the one segment that follows another law than the rest, if there is one.
 
         A start-up before the encoder has seen its index, a hand on the axis, an emergency stop: what is left there is
         several times what is left elsewhere, and elsewhere it is even.  What comes back (stops, knocks) stays.
@@ -381,7 +381,7 @@ class InverseView(ViewDefaults):
 
         return settled(self, model)
 
-    def family(self, model: AxisModel) -> Iterator[Trial]:
+    def family(self, model: AxisModel) -> Iterator[CandidateFit]:
         """Further orders of the model's last term, while each earns its place."""
         from whsklearn.gap.plants.servo_inverse_look import next_order
 
@@ -392,13 +392,13 @@ class InverseView(ViewDefaults):
             grown = next_order(self, model, last.kind)
             if grown is None:
                 return
-            trial = Trial(Look(last.name, 1.0, n_numbers=3), grown)
-            if weigh(self, model, [trial])[0].delta_bic < rules.ORDER_NEED:
+            fitted = CandidateFit(Look(last.name, 1.0, n_numbers=3), grown)
+            if weigh(self, model, [fitted])[0].delta_bic < rules.ORDER_NEED:
                 return
             model = grown
-            yield trial
+            yield fitted
 
-    def widened(self, model: AxisModel) -> Trial | None:
+    def widened(self, model: AxisModel) -> CandidateFit | None:
         """See `whsklearn.gap.plants.servo_inverse_look.widened`."""
         from whsklearn.gap.plants.servo_inverse_look import widened
 

@@ -14,7 +14,7 @@ from whsklearn.gap.axis_candidates import TWO_MASS, Candidate
 from whsklearn.gap.axis_model import AxisModel, Term
 from whsklearn.gap.filters import CUTOFF_SIGMA
 from whsklearn.gap.least_squares import least_squares
-from whsklearn.gap.plant import Look, Trial
+from whsklearn.gap.plant import CandidateFit, Look
 from whsklearn.gap.plants import servo_stop as stop
 from whsklearn.gap.plants import servo_two_mass as two_mass
 
@@ -274,7 +274,7 @@ def downhill(view: Any, grown: AxisModel, i: int) -> AxisModel:
 
 
 def jointly(view: Any, grown: AxisModel, i: int) -> AxisModel:
-    """The model with the free shape numbers of its term ``i`` fitted together, sizes solved at each trial.
+    """The model with the free shape numbers of its term ``i`` fitted together, sizes solved at each step.
 
     Distance and damping of bristles trade against each other: one at a time they end halfway down.
     """
@@ -296,7 +296,7 @@ def jointly(view: Any, grown: AxisModel, i: int) -> AxisModel:
     return best if view.rms(view.gap(best)) < view.rms(view.gap(grown)) else grown
 
 
-def widened(view: Any, model: AxisModel) -> Trial | None:
+def widened(view: Any, model: AxisModel) -> CandidateFit | None:
     """The last term with its later numbers free, from the best of their starts."""
     last = model.terms[-1]
     rows = last.kind.opened(last.q, view.scene)
@@ -304,7 +304,7 @@ def widened(view: Any, model: AxisModel) -> Trial | None:
         return None
     tried = [view.fit(model.with_terms((*model.terms[:-1], Term(*row)))) for row in rows]
     best = jointly(view, min(tried, key=lambda m: view.rms(view.gap(m))), len(model.terms) - 1)
-    return Trial(Look(last.name, 1.0, n_numbers=len(last.kind.later), n_looks=len(rows)), best)
+    return CandidateFit(Look(last.name, 1.0, n_numbers=len(last.kind.later), n_looks=len(rows)), best)
 
 
 def next_order(view: Any, model: AxisModel, kind: Candidate) -> AxisModel | None:

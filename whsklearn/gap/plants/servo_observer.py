@@ -20,7 +20,7 @@ from whsklearn.gap import evidence as rules
 from whsklearn.gap.axis_model import LONGEST_STEP, AxisModel, Term
 from whsklearn.gap.filters import ResidualFilter, autoregression, solve_whitening, whiten
 from whsklearn.gap.least_squares import Fit, jacobian, least_squares
-from whsklearn.gap.plant import Linearised, Look, ModelErrors, Trial, ViewDefaults
+from whsklearn.gap.plant import CandidateFit, Linearised, Look, ModelErrors, ViewDefaults
 from whsklearn.gap.plants.servo_waves import off_shaft, on_excitation_line
 from whsklearn.gap.record import ServoRecord
 
@@ -197,7 +197,7 @@ class ObserverView(ViewDefaults):
         self.weigh(self.rms(self.gap(model)))
         return screening.refine(self, model, look.start)
 
-    def widened(self, model: AxisModel) -> Trial | None:
+    def widened(self, model: AxisModel) -> CandidateFit | None:
         """The last term with its later numbers free, fitted with all others from the best of their starts."""
         last = model.terms[-1]
         rows = last.kind.opened(last.q, self.scene)
@@ -207,7 +207,7 @@ class ObserverView(ViewDefaults):
         tried = [model.with_terms((*model.terms[:-1], Term(*row))) for row in rows]
         best = min(tried, key=lambda m: float(np.sum(self.residual(m) ** 2)))
         look = Look(last.name, 1.0, n_numbers=len(last.kind.later), n_looks=len(rows))
-        return Trial(look, self.fitted(best)[0])
+        return CandidateFit(look, self.fitted(best)[0])
 
     def compare(self, models: Sequence[AxisModel], best: int) -> list[ModelErrors]:
         """Held-out errors without the colour of what is left, training errors whitened by what the best leaves."""

@@ -70,7 +70,7 @@ def screen(view: Any, model: AxisModel, fit: Fit) -> list[Start]:
     """Every candidate at its best start, most promising first."""
     base = _sensitivities(model, fit)
     _, angle, speed = view.follow(model)
-    trials = []
+    found = []
     for kind in usable([t.kind for t in model.terms]):
         scanned = None
         starts = kind.starts(view.scene)
@@ -79,8 +79,8 @@ def screen(view: Any, model: AxisModel, fit: Fit) -> list[Start]:
             starts = zoom(kind, view, fit.residual, base, (angle, speed), *scanned)
         best = _best_start(view, model, fit.residual, base, kind, starts)
         best.scanned = scanned
-        trials.append(best)
-    return sorted(trials, key=lambda t: -t.screened)
+        found.append(best)
+    return sorted(found, key=lambda t: -t.screened)
 
 
 def _sensitivities(model: AxisModel, fit: Fit) -> Array:
@@ -201,7 +201,7 @@ def _two_mass_variants(view: Any, start: Start) -> list[tuple[float, ...]]:
 
 
 def _locate_change(view: Any, model: AxisModel) -> AxisModel:
-    """The time of a change, looked for on the whole record, since one stretch alone holds it."""
+    """The time of a change, looked for on the whole record, since one part alone holds it."""
     index = len(model.terms) - 1
     term = model.terms[index]
     span, best = 0.12 * view.scene.duration, term.q[1]

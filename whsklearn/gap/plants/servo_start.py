@@ -15,7 +15,7 @@ from whsklearn.gap.evidence import DEFAULT_TOLERANCE
 from whsklearn.gap.filters import CUTOFF_SIGMA, gaussian_derivatives, residual_filter
 from whsklearn.gap.plants.servo_inverse import InverseView, base_model, best_view
 from whsklearn.gap.plants.servo_observer import ObserverView
-from whsklearn.gap.record import ServoRecord, blocks, lattice, noise_level
+from whsklearn.gap.record import ServoRecord, held_out_blocks, lattice, noise_level
 
 Array = NDArray[Any]
 FIRST_CUTOFF = 8.0  # Hz, for the first guess of the inertia: above any reference, below most noise
@@ -79,7 +79,7 @@ def observer_view(
     noise = max(noise_level(record.position), 0.2 * quantum)
     tracking = float(np.clip(0.02 / dt, 0.2, 2.0))
     chosen = residual_filter(dt, scene.inertia, noise, scene.torque, tracking=tracking, goal=tolerance)
-    number, train = blocks(n)
+    number, train = held_out_blocks(n)
     guard = chosen.half_width
     edge = np.zeros(n, dtype=bool)
     change = np.flatnonzero(np.diff(number) != 0)

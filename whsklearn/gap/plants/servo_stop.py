@@ -24,9 +24,9 @@ from whsklearn.gap.filters import CUTOFF_SIGMA
 Array = NDArray[Any]
 KINDS = variants(ContactStop)
 KNEE = 3.0  # robust standard deviations at which a sample weighs half (Cauchy's weights)
-ROUNDS = 15  # of reweighting
+REWEIGHTINGS = 15
 AROUND = 3.5  # widths of the Gaussian by which a contact is blurred
-EDGE_STEP, ROUNDS_OF_EDGE = 0.4, 7  # of the depth reached, shrunk to 0.6 in each round: a hundredth in the end
+EDGE_STEP, EDGE_STEPS = 0.4, 7  # of the depth reached, shrunk to 0.6 in each: a hundredth in the end
 RELAXATIONS = (0.0, 0.003, 0.01, 0.02, 0.04, 0.08, 0.15)  # s
 
 
@@ -42,7 +42,7 @@ def robust(x: Array, y: Array) -> tuple[Array, float]:
     """(what the columns leave of the target, its robust standard deviation) under Cauchy's weights."""
     scale = np.linalg.norm(x, axis=0) + 1e-300
     w = np.ones(y.size)
-    for _ in range(ROUNDS):
+    for _ in range(REWEIGHTINGS):
         c, *_ = np.linalg.lstsq(x / scale * w[:, None], y * w, rcond=1e-10)
         r = y - x / scale @ c
         s = 1.48 * float(np.median(np.abs(r - np.median(r)))) + 1e-300
@@ -163,7 +163,7 @@ def settled(view: Any, model: AxisModel, term: Term) -> AxisModel:
 
     least, best = min((tried(term.with_slot(2, r)) for r in RELAXATIONS), key=lambda t: t[0])
     steps = {1: EDGE_STEP * beyond, 2: 0.5 * best.terms[-1].q[2] + RELAXATIONS[1]}
-    for _ in range(ROUNDS_OF_EDGE):
+    for _ in range(EDGE_STEPS):
         for slot, step in steps.items():
             here = best.terms[-1]
             for value in (here.q[slot] - step, here.q[slot] + step):

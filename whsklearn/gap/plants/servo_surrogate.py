@@ -2,7 +2,7 @@
 
 A surrogate follows the measured path under a soft controller of its own on top of the logged drive, with
 the measured noise on its encoder.  Whatever the diagnosis finds in it is a false alarm, so the best
-score that a candidate reaches on surrogates is the null of the real one.
+score that a candidate reaches on surrogates is what chance reaches on the real one.
 """
 
 from __future__ import annotations

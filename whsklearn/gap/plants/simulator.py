@@ -42,7 +42,7 @@ from whsklearn.gap.plants.simulator_look import (
     whole,
 )
 from whsklearn.gap.plants.simulator_model import EffectTerm, SimulatorFit, SimulatorModel
-from whsklearn.gap.record import ServoRecord, blocks, lattice, noise_level
+from whsklearn.gap.record import ServoRecord, held_out_blocks, lattice, noise_level
 
 Array = NDArray[Any]
 AR_ORDER = 12
@@ -69,7 +69,7 @@ class SimulatorPlant(PlantDefaults, ViewDefaults):
     def __init__(self, model: Any, record: ServoRecord, *, tolerance: float):
         self.given_model, self.record, self.tolerance = model, record, tolerance
         self.units = record.units
-        self.block, self.train = blocks(len(record))
+        self.block, self.train = held_out_blocks(len(record))
         seconds = len(record) * record.dt if len(record) > 1 else 0.0
         self.horizons, self.headline = (seconds,), seconds
         self.scale = _scale(record)
@@ -322,7 +322,7 @@ class SimulatorPlant(PlantDefaults, ViewDefaults):
 
     def same_signature(self, a: SimulatorModel, b: SimulatorModel) -> bool:
         """Whether both predict the same position, far below its noise: no such record tells them apart."""
-        return self.rms(self.gap(a) - self.gap(b)) < rules.ALIKE * self.noise
+        return self.rms(self.gap(a) - self.gap(b)) < rules.SAME_SIMULATION * self.noise
 
     def demand(self, model: SimulatorModel) -> float:
         """No more than the tolerance."""
