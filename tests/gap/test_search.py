@@ -10,9 +10,10 @@ import pytest
 
 from whsklearn.gap import evidence as rules
 from whsklearn.gap.plant import CandidateFit, Look, ModelErrors, ViewDefaults
-from whsklearn.gap.search import ROUNDS_A_NAME, Found, Round, Search
+from whsklearn.gap.plants.chain_evidence import CAPPED
+from whsklearn.gap.search import Found, Round, Search
 
-LIMITS = replace(rules.CAPPED, few_refined=rules.FEW_REFINED)
+LIMITS = replace(CAPPED, few_refined=rules.FEW_REFINED)
 
 
 @dataclass
@@ -144,7 +145,7 @@ def test_a_search_whose_exchanges_give_everything_back_ends():
     view, search, found = search_of(part("a", 0.2), part("b", 0.1), part("c", 0.1))
     forgetful = Forgetful(search.plant, search.by_chance)
     forgetful._through(view, found)
-    assert len(found.rounds) == ROUNDS_A_NAME * forgetful.max_effects
+    assert len(found.rounds) == rules.ROUNDS_A_NAME * forgetful.max_effects
 
 
 def test_an_effect_holds_its_place_with_the_numbers_that_it_has_by_now():
@@ -181,7 +182,7 @@ def test_an_effect_that_the_others_leave_nothing_for_is_dropped(monkeypatch):
     least = lambda self, m: np.full(400, min([1.0, *(t.left for t in m.terms)]))  # noqa: E731
     monkeypatch.setattr(PartsView, "gap", least)  # beside the second the first is worth nothing
     view, search, found = search_of(part("coulomb", 0.5), part("load", 0.1))
-    view.limits = replace(rules.CAPPED, drops=True)
+    view.limits = replace(CAPPED, drops=True)
     add(search, view, found, "coulomb")
     add(search, view, found, "load")
     search._exchange(view, found, 0.0)

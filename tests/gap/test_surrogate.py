@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from whsklearn.gap import evidence as rules
 from whsklearn.gap.plant import Look
+from whsklearn.gap.plants.chain_evidence import CAPPED
 from whsklearn.gap.surrogate import best_score
 
 N = 500.0
@@ -17,7 +17,7 @@ N = 500.0
 class View:
     """A view whose surrogates show these looks, one list a surrogate."""
 
-    limits = rules.CAPPED
+    limits = CAPPED
 
     def __init__(self, *shown):
         self.shown = list(shown)

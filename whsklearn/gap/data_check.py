@@ -82,7 +82,7 @@ def _shape_problems(r: ServoRecord) -> list[Problem]:
             "samples are missing. Read the file by load_log, which mends or cuts, or pass one unbroken part."
         )
         return [Problem("data-uneven-time", "A hole in time", text)]
-    if np.mean(np.abs(steps - typical) > 0.5 * typical) > rules.UNEVEN:
+    if np.mean(np.abs(steps - typical) > rules.UNEVEN_STEP * typical) > rules.UNEVEN:
         text = f"More than 1 % of the steps differ by half from the typical {1e3 * typical:.3g} ms; resample evenly."
         return [Problem("data-uneven-time", "Uneven sampling", text)]
     if typical > rules.SLOWEST_SAMPLING:
@@ -147,21 +147,21 @@ def cut_at_speed(x: np.ndarray, dt: float) -> bool:
         return False
     at = (x == x.max()) | (x == x.min())
     edges = np.flatnonzero(np.diff(np.concatenate([[0], at.astype(np.int8), [0]])))
-    runs = [(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= 3 and a >= k and b + k <= x.size]
+    whole = [(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if a >= k and b + k <= x.size]
+    runs = [(a, b) for a, b in whole if b - a >= rules.FLAT_RUN]
     near = np.convolve(at, np.ones(2 * k + 1), mode="same")[k:-k] > 0
     bends = np.abs(x[2 * k :] - 2 * x[k:-k] + x[: -2 * k])
     if not runs or near.all():
         return False
-    usual = float(np.quantile(bends[~near], 0.99))
+    usual = float(np.quantile(bends[~near], rules.USUAL))
     speeds = [min(abs(x[a] - x[a - k]), abs(x[b - 1 + k] - x[b - 1])) for a, b in runs]
     return float(np.median(speeds)) > rules.SHARPER * usual
 
 
 def flat_share(x: np.ndarray) -> float:
-    """Share of samples that stand exactly at the largest or the smallest value, in runs of three and more."""
+    """Share of samples that stand exactly at the largest or the smallest value, in runs of `FLAT_RUN` and more."""
     total = 0
     for extreme in (x.max(), x.min()):
         at = x == extreme
-        runs = at[2:] & at[1:-1] & at[:-2]
-        total += int(runs.sum())
+        total += int(np.lib.stride_tricks.sliding_window_view(at, rules.FLAT_RUN).all(axis=1).sum())
     return total / x.size

@@ -18,10 +18,11 @@ from whsklearn._numba import njit
 Array = NDArray[Any]
 
 
-HALF_WIDTH = (
-    6.0  # sigma: cut at 4, a second derivative does not sum to zero and is a phantom spring of -24 1/s2 at 1 kHz
-)
-CUTOFF_SIGMA = 0.833  # 2 pi fc sigma of a Gaussian that is 3 dB down at fc
+# sigma at which a Gaussian is cut: at 4 a second derivative does not sum to zero and is a phantom spring of -24 1/s2 at
+# 1 kHz
+HALF_WIDTH = 6.0
+# 2 pi fc sigma of a Gaussian that is 3 dB down at fc
+CUTOFF_SIGMA = 0.833
 
 
 def gaussian_derivatives(sigma: float, dt: float) -> tuple[Array, Array, Array]:

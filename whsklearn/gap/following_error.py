@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from whsklearn.gap import evidence as rules
 from whsklearn.gap.filters import CUTOFF_SIGMA, filtered, gaussian_derivatives
 
 Array = NDArray[Any]
 LONGEST_DELAY = 0.4  # s between a command's stamp and its effect: a bus of hobby servos needs 0.06 to 0.2
-WORTH_A_DELAY = 0.9  # of what is left without a delay, below which one is believed: it trades against viscous friction
 CUTOFF = 4.0  # Hz: commands of a position servo are slow
 
 
@@ -50,7 +50,7 @@ def following_error(command: Array, position: Array, dt: float) -> tuple[Array, 
 
     losses = [left(k) for k in range(round(LONGEST_DELAY / dt) + 1)]
     best = int(np.argmin(losses))
-    if losses[best] > WORTH_A_DELAY * losses[0]:
+    if losses[best] > rules.WORTH_A_DELAY * losses[0]:
         best = 0
     return late(command, best) - position, best * dt
 

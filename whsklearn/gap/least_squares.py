@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[Any]
-THREADS = 2
+THREADS = 2  # columns of a Jacobian side by side: kernels run without the interpreter's lock
 MOST_CARRIED = 3  # steps in a row over which derivatives are carried along before they are taken anew
-AS_FORETOLD = (0.7, 1.3)  # drop of the sum of squares over what the derivatives foretold, for them to be carried along:
-# where a valley bends they are not
+# Drop of the sum of squares over what the derivatives foretold, for them to be carried along: where a valley bends they
+# are not.
+AS_FORETOLD = (0.7, 1.3)
 
 
 @dataclass

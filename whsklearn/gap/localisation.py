@@ -19,8 +19,8 @@ from whsklearn.gap import evidence as rules
 
 Array = NDArray[Any]
 NOWHERE = "The gap follows none of the signals that were looked at."
-N_BINS = 20
-N_SHIFTS = 199
+N_BINS = 20  # of equally many samples along each signal
+N_SHIFTS = 199  # the least p-value is 1 / 200, a twentieth of it over ten signals
 N_BLOCKS = 30  # that change places along time
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-FLAT = 1e-3  # of the floor: a gap below is no gap to be closed
+from whsklearn.gap import evidence as rules
 
 
 @dataclass(frozen=True)
@@ -54,9 +54,9 @@ def closure(before: float, after: float, floor: float, spread: float = np.inf) -
             return 0.0
         before = spread if after < spread else before
     gap = before - floor
-    if after > before * (1.0 + FLAT):
-        return float(max(-1.0, (before - after) / max(gap, FLAT * before)))
-    if gap <= FLAT * floor:
+    if after > before * (1.0 + rules.NO_GAP):
+        return float(max(-1.0, (before - after) / max(gap, rules.NO_GAP * before)))
+    if gap <= rules.NO_GAP * floor:
         return 0.0
     return float(np.clip(round(1.0 - (after - floor) / gap, 12), -1.0, 1.0))
 

@@ -136,10 +136,13 @@ class ServoRecord:
 
 
 def noise_level(position: ArrayLike) -> float:
-    """Standard deviation of white noise in a smooth signal, from its sixth differences without the largest 2 %."""
+    """Standard deviation of white noise in a smooth signal, from its sixth differences without the largest 2 %.
+
+    The squares of their weights (1, 6, 15, 20, ...) sum to 924.
+    """
     d = np.abs(np.diff(np.asarray(position, dtype=float), 6))
-    kept = np.sort(d)[: max(1, int(0.98 * d.size))]
-    return float(np.sqrt(np.mean(kept**2) / 924.0) * 1.06)
+    kept = np.sort(d)[: max(1, int(rules.NOISE_KEPT * d.size))]
+    return float(np.sqrt(np.mean(kept**2) / 924.0) * rules.NOISE_MADE_UP)
 
 
 def lattice(position: ArrayLike) -> float:
@@ -156,19 +159,21 @@ def lattice(position: ArrayLike) -> float:
     gaps = gaps[gaps > 1e-12 * span]
     if gaps.size < 3:
         return 0.0
-    step = float(np.median(gaps[gaps < 1.5 * gaps.min()]))
+    step = float(np.median(gaps[gaps < rules.ONE_STEP * gaps.min()]))
     ratio = gaps / step
     on_grid = np.abs(ratio - np.round(ratio)) < rules.ON_GRID * np.maximum(1.0, np.round(ratio) ** 0.5)
     if np.mean(on_grid) < rules.MOSTLY_ON_GRID or values.size > rules.DISTINCT * np.asarray(position).size:
         return 0.0
     offsets = (values - values[0]) / step
     slack = np.abs(offsets - np.round(offsets))
-    if np.mean(slack) > 0.15:
+    if np.mean(slack) > rules.STEP_ROUNDED:
         step = span / np.round(span / step)
     return step
 
 
-def held_out_blocks(n: int, n_pairs: int = 5, share: float = 0.4) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+def held_out_blocks(
+    n: int, n_pairs: int = rules.PARTS, share: float = rules.HELD_OUT
+) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
     """Number of the held-out block (or -1) and the training mask of every sample: 60 and 40 % interleaved."""
     period = n / n_pairs
     phase = (np.arange(n) % period) / period

@@ -13,8 +13,6 @@ from whsklearn.gap import evidence as rules
 from whsklearn.gap.evidence import Evidence, objections, weigh
 from whsklearn.gap.plant import CandidateFit, Look
 
-ROUNDS_A_NAME = 2  # rounds are counted: an exchange may give back what a round took, and names alone never be enough
-
 
 @dataclass
 class Round:
@@ -112,7 +110,7 @@ class Search:
         n_before, first_round = len(found.taken), len(found.rounds)
         while (
             len({e.name for e in found.taken}) < self.max_effects
-            and len(found.rounds) - first_round < ROUNDS_A_NAME * self.max_effects
+            and len(found.rounds) - first_round < rules.ROUNDS_A_NAME * self.max_effects
         ):
             gap = view.rms(view.gap(found.model))
             if found.taken and view.quiet(found.model, self.plant.tolerance * self.plant.scale):

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-ABOVE_NOISE = 2.0  # times the floor: what no uncertainty of a floor explains, so that a page does not call it noise
+from whsklearn.gap import evidence as rules
+
 MENU = {
     frozenset(pair.split()): text
     for pair, text in {
@@ -100,7 +101,7 @@ def summary(d: Any, plant: Any) -> str:
         )
     if d.verdict == "not_testable":
         return opening + "No gap is seen, but this record could not have shown most effects."
-    if before > ABOVE_NOISE * floor:
+    if before > rules.ABOVE_NOISE * floor:
         return opening + "That is more than noise and less than the tolerance: too little to look for a name."
     return opening + "The model explains the log to the noise floor: nothing is missing that this record could show."
 

@@ -111,7 +111,7 @@ def test_bad_records_end_in_a_data_problem(u, y, code):
 
 
 def test_of_a_long_record_a_part_is_searched_and_all_of_it_fitted(monkeypatch):
-    from whsklearn.gap import evidence as rules
+    from whsklearn.gap.plants import chain_evidence as rules
 
     monkeypatch.setattr(rules, "LONG_RECORD", 1500)
     monkeypatch.setattr(rules, "SEARCHED", 1000)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from whsklearn.gap.plants.chain_check import FEWEST, check_blocks
+from whsklearn.gap.plants.chain_check import check_blocks
+from whsklearn.gap.plants.chain_evidence import FEWEST
 
 RNG = np.random.default_rng(0)
 U, Y = RNG.normal(size=(2, 2000))

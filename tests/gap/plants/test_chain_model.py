@@ -9,7 +9,8 @@ from whsklearn import WienerHammersteinSystem
 from whsklearn.effects import as_law
 from whsklearn.gap.plants import chain_model as bm
 from whsklearn.gap.plants.chain_candidates import CATALOGUE
-from whsklearn.gap.plants.chain_fit import CAP, deviance, weights_of
+from whsklearn.gap.plants.chain_evidence import CAP
+from whsklearn.gap.plants.chain_fit import deviance, weights_of
 
 THETA = np.array([2.2, 1.0, 0.5, 0.05, 0.7, 0.2, 0.2, 0.15, 0.4])
 

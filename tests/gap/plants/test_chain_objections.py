@@ -9,7 +9,7 @@ import pytest
 
 from tests.gap.plants.example_chain import PLAIN, SCALES, THETA, TRUE, U, setting, term
 from whsklearn.effects import DeadZone, QuadraticDrag
-from whsklearn.gap import evidence as rules
+from whsklearn.gap.plants import chain_evidence as rules
 from whsklearn.gap.plants import chain_objections as objections
 from whsklearn.gap.plants.chain_model import ChainModel
 

@@ -7,7 +7,7 @@ import pytest
 
 from tests.gap.plants.example_chain import PLAIN, SCALES, TRUE, setting, term
 from whsklearn.effects import Cogging, DeadZone
-from whsklearn.gap import evidence as rules
+from whsklearn.gap.plants import chain_evidence as rules
 from whsklearn.gap.plants.chain_remainder import remainder, whiteness
 
 

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from whsklearn.estimators import _model as wh
-from whsklearn.gap import evidence as rules
 from whsklearn.gap.data_check import Problem
 from whsklearn.gap.plant import Linearised, PlantDefaults
+from whsklearn.gap.plants import chain_evidence as rules
 from whsklearn.gap.plants import chain_pictures, chain_structure
 from whsklearn.gap.plants.chain_base import Base, base_of
 from whsklearn.gap.plants.chain_candidates import BETWEEN, FoundEffect, own_attribute
@@ -194,12 +194,12 @@ class ChainPlant(PlantDefaults):
 
         if self._folded is not None and len(model.terms) == model.n_base:
             turned = FoundEffect("sensor_rectification", "sensor", "y = (1 - f) q + f |q|", {"fraction": 1.0})
-            return [NamedEffect(turned, {}, float(self.y.size), 0.99, 1.0)]
+            return [NamedEffect(turned, {}, float(self.y.size), rules.SIGN_SEEN, 1.0)]
         step = coarse_grid(self.whole_view.setting, self.on_record(model))
         if not step:
             return []
         grid = FoundEffect("quantization", "sensor", "y = s round(q / s)", {"step": step})
-        return [NamedEffect(grid, {}, float(self.y.size), 0.95, 0.0)]
+        return [NamedEffect(grid, {}, float(self.y.size), rules.GRID_SEEN, 0.0)]
 
     def as_given(self, base: ChainModel) -> tuple[ChainPlant, ChainModel]:
         """The base model of the readings as they are, where their sign was lost."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from whsklearn.gap import evidence as rules
+from whsklearn.gap.plants import chain_evidence as rules
 from whsklearn.gap.plants.chain_candidates import CATALOGUE, Scales
 from whsklearn.gap.plants.chain_fit import fit_base, minima_from, sharpen
 from whsklearn.gap.plants.chain_law import LawChoice
@@ -21,7 +21,9 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 PLACED = 2  # times that knots are put at the quantiles of x, and the blocks fitted to the law they make
-FOLDED_STARTS, TURNS, KEPT = 60, 8, 8
+# random starts behind a lost sign, guesses of the sign for each, and the best of them that are fitted: most starts end
+# in a wrong sign somewhere
+FOLDED_STARTS, GUESSES, KEPT = 60, 8, 8
 
 
 @dataclass(frozen=True)
@@ -71,7 +73,7 @@ def unfolded(s: Setting, rng: np.random.Generator) -> ChainModel | None:
     found: list[tuple[float, Array]] = []
     for _ in range(FOLDED_STARTS):
         theta = random_start(dims, rng, scales)
-        for _ in range(TURNS):
+        for _ in range(GUESSES):
             model = ChainModel(theta, kappa=np.inf)
             guess = chain(s, model, free=True)[2]
             signed = np.copysign(s.y, guess)

@@ -18,6 +18,7 @@ from whsklearn.effects import codes as k
 from whsklearn.effects import effect_names, get_effect
 from whsklearn.effects import terms as s
 from whsklearn.effects.scales import Scales as EffectScales
+from whsklearn.gap.plants import chain_evidence as rules
 from whsklearn.systems.chain_probes import DEAD_ZONE_X, SATURATION_X, TONE_U
 
 
@@ -163,9 +164,6 @@ class Candidate:
         return cls(**{k: v for k, v in self.named(q).items() if k in cls.__dataclass_fields__})
 
 
-PLACES = {"": 1, "position": 20, "time": 2000, "step": 40}  # independent ones that a scan looks at, by what it finds
-
-
 def _grid(*axes: Iterable[float]) -> list[Numbers]:
     return [tuple(map(float, p)) for p in itertools.product(*axes)]
 
@@ -212,7 +210,7 @@ CATALOGUE: tuple[Candidate, ...] = (
     Candidate("load_friction", k.LOAD_FRICTION, ("coefficient",), unit=lambda z: 1e-3 * z.v / z.u),
     Candidate(
         "position_friction", s.POSITION_FRICTION, ("cosine", "sine", "order"), linear=2,
-        shapes=_orders, ranges=_order_range, scanned=PLACES["position"],
+        shapes=_orders, ranges=_order_range, scanned=rules.PLACES["position"],
     ),
     Candidate(
         "presliding_hysteresis", k.DAHL, ("torque", "distance"),
@@ -246,7 +244,7 @@ CATALOGUE: tuple[Candidate, ...] = (
     ),
     Candidate(
         "torque_ripple", k.TORQUE_RIPPLE, ("cosine", "sine", "order"), linear=2, shapes=_orders,
-        ranges=_order_range, unit=lambda _: 1e-3, scanned=PLACES["position"],
+        ranges=_order_range, unit=lambda _: 1e-3, scanned=rules.PLACES["position"],
     ),
     Candidate(
         "backlash", k.BACKLASH, ("gap",), linear=0, positive=True,
@@ -260,7 +258,7 @@ CATALOGUE: tuple[Candidate, ...] = (
     ),
     Candidate(
         "cogging", k.COGGING, ("cosine", "sine", "order"), linear=2, shapes=_orders, ranges=_order_range,
-        scanned=PLACES["position"],
+        scanned=rules.PLACES["position"],
     ),
     Candidate("gravity_imbalance", k.GRAVITY_IMBALANCE, ("cosine", "sine"), linear=2),
     Candidate(
@@ -285,12 +283,12 @@ CATALOGUE: tuple[Candidate, ...] = (
     Candidate(
         "encoder_eccentricity", k.ENCODER_ECCENTRICITY, ("cosine", "sine", "order"), linear=2,
         shapes=lambda z: _grid(np.arange(0.4, 8.0, 0.45) / z.y), ranges=lambda z: [(0.25 / z.y, 15.0 / z.y)],
-        unit=lambda z: 1e-4 * z.y, scanned=PLACES["position"],
+        unit=lambda z: 1e-4 * z.y, scanned=rules.PLACES["position"],
     ),
     *(
         Candidate(
             "disturbance_tone", code, ("cosine", "sine", "frequency"), linear=2, variant=variant, unit=unit,
-            ranges=lambda z: [(0.5 / z.seconds, 0.5 / z.dt)], scanned=PLACES["time"],
+            ranges=lambda z: [(0.5 / z.seconds, 0.5 / z.dt)], scanned=rules.PLACES["time"],
         )
         for code, variant, unit in (
             (k.DISTURBANCE_TONE, "", lambda z: 1e-3 * z.v),
@@ -299,7 +297,7 @@ CATALOGUE: tuple[Candidate, ...] = (
     ),
     *(
         Candidate(
-            "parameter_change", code, ("change", "time"), shapes=_times, free=(False,), scanned=PLACES["step"],
+            "parameter_change", code, ("change", "time"), shapes=_times, free=(False,), scanned=rules.PLACES["step"],
             ranges=lambda z: [(0.02 * z.seconds, 0.98 * z.seconds)], unit=unit, options={"parameter": parameter},
         )
         for parameter, code, unit in (
@@ -352,7 +350,7 @@ def _own_candidate(cls: Any) -> Candidate:
         cls.name, cls.code, (cls.size, *cls.searched()), own=cls, unit=unit,
         shapes=lambda z: cls.starts(as_effects_see(z)), ranges=lambda z: cls.bounds(as_effects_see(z)),
         positive=cls.quantities[cls.size].positive, free=tuple(f not in cls.held for f in cls.searched()),
-        scanned=PLACES[scan],
+        scanned=rules.PLACES[scan],
     )  # fmt: skip
 
 

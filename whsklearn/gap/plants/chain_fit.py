@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from whsklearn.gap.plants import chain_evidence as rules
 from whsklearn.gap.plants.chain_candidates import Scales
 from whsklearn.gap.plants.chain_model import (
     ChainModel,
@@ -29,10 +30,10 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-CAP = 16.0  # what one sample can cost at the most, in variances
 LADDER = (1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)  # kappa times rms dx
-SOFT_RUNGS = (30.0, 100.0, 300.0, 1000.0)
-MULTISTART_SAMPLES = 2500
+SOFT_RUNGS = (30.0, 100.0, 300.0, 1000.0)  # the same for a model near its minimum, by way of soft signs
+SOFTENED = 30.0  # the same at which a sign has a slope that derivatives may be taken of
+MULTISTART_SAMPLES = 2500  # of a longer record, on which the starts are sorted
 
 
 def weights_of(e: Array) -> tuple[Array, float]:
@@ -44,7 +45,7 @@ def weights_of(e: Array) -> tuple[Array, float]:
     variance = float(np.mean(e**2)) + 1e-300
     for _ in range(12):
         g = np.exp(-0.5 * e**2 / variance)
-        w = g / (g + np.exp(-0.5 * CAP))
+        w = g / (g + np.exp(-0.5 * rules.CAP))
         new = float(np.sum(w * e**2) / max(np.sum(w), 1.0)) + 1e-300
         done = abs(new - variance) < 1e-4 * variance
         variance = new
@@ -56,7 +57,8 @@ def weights_of(e: Array) -> tuple[Array, float]:
 def deviance(e: Array) -> tuple[float, Array]:
     """(sum of squares that has the same likelihood, weights)."""
     w, variance = weights_of(e)
-    capped = -2.0 * np.log((np.exp(-0.5 * e**2 / variance) + np.exp(-0.5 * CAP)) / (1.0 + np.exp(-0.5 * CAP)))
+    floor = np.exp(-0.5 * rules.CAP)
+    capped = -2.0 * np.log((np.exp(-0.5 * e**2 / variance) + floor) / (1.0 + floor))
     n = e.size
     return n * variance * float(np.exp(np.mean(capped) - 1.0)), w
 

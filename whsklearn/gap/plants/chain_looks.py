@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from whsklearn.effects.codes import COULOMB
-from whsklearn.gap import evidence as rules
 from whsklearn.gap.evidence import delta_bic_of
 from whsklearn.gap.plant import Look
+from whsklearn.gap.plants import chain_evidence as rules
 from whsklearn.gap.plants.chain_candidates import Candidate, Scales, catalogue_for
-from whsklearn.gap.plants.chain_fit import climb, cost, refit, rms_dx, shortened
+from whsklearn.gap.plants.chain_fit import SOFTENED, climb, cost, refit, rms_dx, shortened
 from whsklearn.gap.plants.chain_law import is_line
 from whsklearn.gap.plants.chain_model import ChainModel, Setting, Term
 from whsklearn.gap.plants.chain_screening import SOFT, Screened, Tangent, refine_scan, screen, tangent_of
@@ -152,7 +152,7 @@ def from_sizes(
 
 def softened(s: Setting, m: ChainModel) -> ChainModel:
     """The model under a sign that is no sharper than thirty times rms dx."""
-    return m.at(min(m.kappa, 30.0 / rms_dx(s, m)))
+    return m.at(min(m.kappa, SOFTENED / rms_dx(s, m)))
 
 
 def refined(s: Setting, start: Start, z: Scales) -> tuple[ChainModel, float]:

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-AR_ORDER = 6
+AR_ORDER = 6  # of the colour of the noise
 SKIP = 40  # samples at the start of a record, where the state is not known
 LONGEST_COLOUR = 0.95  # modulus of the colour's roots at the most: with one at 1, A(q) takes the constant out of the
 # errors, and a fit no longer sees that a model is off by one (`tests/gap/plants/test_chain_law.py`)

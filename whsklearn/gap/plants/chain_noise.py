@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from whsklearn.gap import evidence as rules
+from whsklearn.gap.plants import chain_evidence as rules
 from whsklearn.gap.plants.chain_model import ChainModel, Setting, raw_errors, stable_output
 from whsklearn.gap.record import lattice
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-BANDS = 16
+BANDS = 16  # of a spectrum, of which the quietest is taken
 RESPONSE = 400  # samples of L2's response to noise
 
 

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from whsklearn.effects import get_effect
-from whsklearn.gap import evidence as rules
 from whsklearn.gap.evidence import delta_bic_of
+from whsklearn.gap.plants import chain_evidence as rules
 from whsklearn.gap.plants.chain_candidates import Candidate, Scales
-from whsklearn.gap.plants.chain_fit import CAP, refit, weights_of
+from whsklearn.gap.plants.chain_fit import refit, weights_of
 from whsklearn.gap.plants.chain_model import ChainModel, Setting, Term, chain, coloured, free_run, raw_errors
 from whsklearn.gap.plants.chain_screening import Tangent, coherence, signature, tangent_of
 from whsklearn.systems.chain_probes import TONE_U
@@ -28,7 +28,7 @@ def unphysical(term: Term, z: Scales) -> str:
         return f"its size would be {q[0]:.3g}, and a physical one is positive"
     for j in range(kind.linear, kind.n_numbers):
         low, high = kind.ranges(z)[j - kind.linear]
-        full = kind.name == "sensor_rectification" and q[j] > 0.5
+        full = kind.name == "sensor_rectification" and q[j] > rules.WHOLE_FOLD
         if kind.is_free(j) and not full and (q[j] <= low * (1 + 1e-6) or q[j] >= high * (1 - 1e-6)):
             return f"its {kind.fields[j]} runs to the end of the plausible range"
     return ""
@@ -93,7 +93,7 @@ def beside_reversals(s: Setting, before: ChainModel, after: ChainModel) -> float
 def pointwise(e: Array, fit: NDArray[np.bool_]) -> Array:
     """What each error costs, -2 ln of its density, outliers capped."""
     variance = weights_of(e[fit])[1]
-    floor = np.exp(-0.5 * CAP)
+    floor = np.exp(-0.5 * rules.CAP)
     return np.log(variance) - 2.0 * np.log((np.exp(-0.5 * e**2 / variance) + floor) / (1.0 + floor))
 
 

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from whsklearn.gap.plants import chain_evidence as rules
 from whsklearn.gap.plants.chain_candidates import Candidate, Scales
-from whsklearn.gap.plants.chain_fit import rms_dx, weights_of
+from whsklearn.gap.plants.chain_fit import SOFTENED, rms_dx, weights_of
 from whsklearn.gap.plants.chain_model import ChainModel, Setting, chain, coloured, jacobian, raw_errors
 from whsklearn.gap.plants.chain_screening import Tangent, basis_of, change
 from whsklearn.systems import chain_probes as probes
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 
 def sharp_tangent(s: Setting, m: ChainModel, z: Scales) -> Tangent:
     """The model's own errors beside sensitivities of a softer sign: for tests of what is left."""
-    soft = m.at(min(m.kappa, 30.0 / rms_dx(s, m)))
+    soft = m.at(min(m.kappa, SOFTENED / rms_dx(s, m)))
     base = raw_errors(s, soft)
     errors = coloured(raw_errors(s, m), m.ar)[s.fit]
     root = np.sqrt(weights_of(errors)[0])
@@ -94,5 +95,5 @@ def whiteness(e: Array, lags: int = 20, n_params: int = 0) -> WhitenessTest:
     Beside a missed reversal several errors in a row are large; they would pass for colour.
     """
     e = e - e.mean()
-    limit = 4.5 * 1.4826 * np.median(np.abs(e)) + 1e-300
+    limit = rules.OUTLIER * 1.4826 * np.median(np.abs(e)) + 1e-300
     return whiteness_test(np.where(np.abs(e) > limit, 0.0, e), lags, n_params)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from whsklearn.gap.plants import chain_evidence as rules
 from whsklearn.gap.plants.chain_candidates import Candidate, Scales
 from whsklearn.gap.plants.chain_fit import climb, rms_dx, weights_of
 from whsklearn.gap.plants.chain_model import ChainModel, Setting, Term, coloured, jacobian, raw_errors
@@ -20,8 +21,9 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-SHARPNESS = 100.0
-SOFT = 10.0  # of the sign while signatures are taken, times rms dx
+# Sharpness of the sign while signatures are taken, kappa times rms dx: sharp enough that few samples lie between the
+# signs; and soft, under which a sample on the wrong side of a reversal tells by how far.
+SHARPNESS, SOFT = 100.0, 10.0
 
 
 @dataclass
@@ -140,11 +142,11 @@ def _score(
         return None
     columns = tangent.leftover(raw)
     left = float(np.linalg.norm(columns) / np.linalg.norm(raw))
-    if left < 1e-4:
+    if left < rules.NOTHING_LEFT:
         return Screened(Term(kind, (*([0.0] * kind.linear), *shape)), 0.0, left, columns)
     weights, *_ = np.linalg.lstsq(columns, -residual, rcond=1e-9)
     gain = float(residual @ residual - np.sum((residual + columns @ weights) ** 2))
-    if kind.linear == 0 and weights[0] <= 0.05:
+    if kind.linear == 0 and weights[0] <= rules.ASKS_FOR:
         gain = 0.0
     if kind.linear == 1 and kind.positive and weights[0] <= 0:
         gain = 0.0

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from whsklearn.gap import evidence as rules
+from whsklearn.gap.plants import chain_evidence as rules
 from whsklearn.gap.plants.chain_candidates import Candidate, Scales
 from whsklearn.gap.plants.chain_fit import cost, refit
 from whsklearn.gap.plants.chain_model import ChainModel, Setting, Term, chain
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-N_HATS = 8
+N_HATS = 8  # triangles over x, and as many over dx
 EXTRA = (1, 2)  # poles and zeros added to each block
 
 
@@ -96,7 +96,7 @@ def _refitted(s: Setting, m: ChainModel, z: Scales) -> tuple[Setting, ChainModel
 
 
 def too_small(found_cost: float, larger: Structure) -> bool:
-    """Whether the larger base leaves less than `evidence.TOO_SMALL` of what the model with the effects found leaves."""
+    """Whether the larger base leaves less than `TOO_SMALL` of what the model with the effects found leaves."""
     return larger.cost < rules.TOO_SMALL * found_cost
 
 

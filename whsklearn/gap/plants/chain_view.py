@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from whsklearn.gap import evidence as rules
+from whsklearn.gap.evidence import Limits
 from whsklearn.gap.plant import Linearised, Look, ModelErrors, ViewDefaults
+from whsklearn.gap.plants import chain_evidence as rules
 from whsklearn.gap.plants import chain_objections as objections
 from whsklearn.gap.plants.chain_candidates import Scales
-from whsklearn.gap.plants.chain_fit import deviance, refit, rms_dx, weights_of
+from whsklearn.gap.plants.chain_fit import SOFTENED, deviance, refit, rms_dx, weights_of
 from whsklearn.gap.plants.chain_looks import elsewhere, looks_at, refined
 from whsklearn.gap.plants.chain_model import (
     ChainModel,
@@ -55,7 +56,7 @@ class ChainView(ViewDefaults):
     scales: Scales
     minima: list[ChainModel] = field(default_factory=list)
     quick: bool = False
-    limits: rules.Limits = rules.CAPPED
+    limits: Limits = rules.CAPPED
     _left: dict[int, tuple[ChainModel, Remainder]] = field(default_factory=dict, repr=False)
     _objections: dict[int, tuple[ChainModel, str]] = field(default_factory=dict, repr=False)
 
@@ -82,7 +83,7 @@ class ChainView(ViewDefaults):
     def noise_share(self, model: ChainModel) -> float:
         """Rms of what no generic function finds, over the rms of the gap."""
         left = self.left(model)
-        return float(np.sqrt(1.0 - min(left.share, 0.99))) if left.p_value < rules.STILL_LEFT else 1.0
+        return float(np.sqrt(1.0 - min(left.share, rules.MOST_FOLLOWS))) if left.p_value < rules.STILL_LEFT else 1.0
 
     def left(self, model: ChainModel) -> Remainder:
         """The test of what is left, computed once a model."""
@@ -174,7 +175,7 @@ class ChainView(ViewDefaults):
     def linearised(self, model: ChainModel) -> Linearised:
         """Weighted errors and their derivatives under a soft sign."""
         s, z = self.setting, self.scales
-        soft = model.at(min(model.kappa, 30.0 / rms_dx(s, model)))
+        soft = model.at(min(model.kappa, SOFTENED / rms_dx(s, model)))
         e = coloured(raw_errors(s, model), model.ar)[s.fit]
         root = np.sqrt(weights_of(e)[0])
         rows = jacobian(s, soft, z, raw_errors(s, soft))[s.fit] * root[:, None]

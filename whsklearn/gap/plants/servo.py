@@ -13,13 +13,13 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from whsklearn.effects import get_effect
-from whsklearn.gap import evidence as rules
 from whsklearn.gap.axis_candidates import TWO_MASS, aliases, candidate
 from whsklearn.gap.axis_model import AxisModel
 from whsklearn.gap.data_check import Problem, check_servo
 from whsklearn.gap.evidence import Evidence
 from whsklearn.gap.filters import whiteness
 from whsklearn.gap.plant import Learned, Linearised, PlantDefaults
+from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants import servo_free_run, servo_learned, servo_screening
 from whsklearn.gap.plants import servo_stop as stop
 from whsklearn.gap.plants.servo_inverse import InverseView, best_view
@@ -33,7 +33,6 @@ Array = NDArray[Any]
 HOLD = 0.5  # samples of age that a drive held over a sample has on average
 OVER_LITTLE_TRAVEL = {"input_offset": ("gravity_imbalance",), "asymmetric_coulomb": ("gravity_imbalance",),
                       "cable_spring": ("gravity_imbalance",), "gravity_imbalance": ("cable_spring",)}  # fmt: skip
-WIDER = 1.25  # cut-off over the one before for a second pass of inverse dynamics
 
 
 class ServoPlant(PlantDefaults):
@@ -54,7 +53,7 @@ class ServoPlant(PlantDefaults):
     observer: ObserverView
     whole = "drive"
     horizons: tuple[float, ...] = (0.1, 0.5, 2.0)
-    headline = servo_free_run.LONGEST
+    headline = rules.LONGEST_RUN
 
     def __init__(self, record: ServoRecord, law: tuple[str, ...], given_model: Any, tolerance: float):
         self.record, self.law, self.given_model, self.tolerance = record, law, given_model, tolerance
@@ -107,7 +106,7 @@ class ServoPlant(PlantDefaults):
             self.inverse = after
         if isinstance(after, InverseView) and model.added and self.large(model):
             other = best_view(after, model, self.tolerance)
-            if other.cutoff > WIDER * after.cutoff:
+            if other.cutoff > rules.WIDER * after.cutoff:
                 self.inverse = other
                 return self.inverse
         if model.added and (self.large(model) or stop.holds(model)):  # a stop's law is too rough to run beside
@@ -221,7 +220,7 @@ class ServoPlant(PlantDefaults):
             return []
         if self._folded is not None:
             effect = get_effect("sensor_rectification")(fraction=1.0)  # type: ignore[call-arg]
-            return [NamedEffect(effect, {}, float(len(self.record)), 0.99, 1.0)]
+            return [NamedEffect(effect, {}, float(len(self.record)), rules.SIGN_SEEN, 1.0)]
         return coarse_encoder(self.observer, model)
 
     def aliases(self, name: str) -> tuple[str, ...]:

@@ -13,14 +13,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from whsklearn.gap import evidence as rules
 from whsklearn.gap.axis_model import AxisModel
+from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.record import held_out_blocks
 
 Array = NDArray[Any]
-WINDOWS = (0.08, 0.04, 0.02, 0.01, 0.005)  # s
-LONGEST = 0.5  # s
-SHORTER = (0.2, 0.1, 0.05, 0.02, 0.01, 0.005)  # s
+WINDOWS = (0.08, 0.04, 0.02, 0.01, 0.005)  # s, of the smoother that gives a run its start
 
 
 def smoothed(position: Array, dt: float, width: int) -> tuple[Array, Array]:
@@ -43,7 +41,7 @@ def smoothing_width(position: Array, dt: float, noise: float) -> int:
     for wide, narrow in pairwise(widths):
         apart = smoothed(position, dt, wide)[1] - smoothed(position, dt, narrow)[1]
         own = noise * float(np.linalg.norm(savgol_coeffs(narrow, 4, deriv=1, delta=dt)))
-        if float(np.mean(apart[wide:-wide] ** 2)) < 2.0 * own**2:
+        if float(np.mean(apart[wide:-wide] ** 2)) < rules.AS_NOISE * own**2:
             return wide
     return widths[-1]
 
@@ -79,10 +77,10 @@ def horizon_of(model: AxisModel, scene: Any, tolerance: float) -> float:
     viscous = sum(t.q[0] for t in model.terms if t.name == "viscous")
     error = tolerance * scene.torque
     if error <= rules.OFF_PATH * viscous * scene.speed:
-        return LONGEST
+        return rules.LONGEST_RUN
     longest = 2.0 * rules.OFF_PATH * scene.speed * model.inertia / error
     digits = 10.0 ** np.floor(np.log10(longest))
-    return float(np.clip(round(longest / digits) * digits, 10 * scene.dt, LONGEST))
+    return float(np.clip(round(longest / digits) * digits, 10 * scene.dt, rules.LONGEST_RUN))
 
 
 def predictable(surrogate: Any, model: AxisModel, longest: float) -> float:
@@ -91,7 +89,7 @@ def predictable(surrogate: Any, model: AxisModel, longest: float) -> float:
     Where a motion runs over unstable places (a motor that cogs under a soft drive tips from tooth to tooth), the noise
     of a restart grows until a run shows nothing, whatever the model.
     """
-    horizons = [longest, *(h for h in SHORTER if 10 * model.scene.dt <= h < longest)]
+    horizons = [longest, *(h for h in rules.SHORTER_RUNS if 10 * model.scene.dt <= h < longest)]
     held = held_out(surrogate)
     for h in horizons:
         e = (surrogate.record.position - free_run(surrogate, model, h))[held]

@@ -17,13 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn.effects import Scales, codes
-from whsklearn.gap import evidence as rules
 from whsklearn.gap.axis_candidates import TWO_MASS, Candidate, candidate, usable
 from whsklearn.gap.axis_model import AxisModel, Term
 from whsklearn.gap.evidence import weigh
 from whsklearn.gap.filters import CUTOFF_SIGMA, filtered, gaussian_derivatives
 from whsklearn.gap.plant import CandidateFit, Linearised, Look, ModelErrors, ViewDefaults
 from whsklearn.gap.plants import inverse_dynamics as ols
+from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants import servo_stop as stop
 from whsklearn.gap.plants import servo_two_mass as two_mass
 from whsklearn.gap.plants.servo_columns import Signals, effect_columns
@@ -33,15 +33,8 @@ from whsklearn.gap.record import ServoRecord, lattice, noise_level
 
 Array = NDArray[Any]
 PER_CUTOFF = 5.0  # samples a period of the cut-off that decimation keeps
-LATEST = 1.5  # samples of age of the drive that are bookkeeping: hold alone gives 0.5, a logger one more
-NOISY = 3.0  # standard deviations of the velocity's noise below which its sign is not known
-SLOW = 0.01  # of the rms velocity, the same for records without noise
 KEPT = 40  # columns remembered: a polish moves one shape and leaves the others
 HIGHEST_CUTOFF, LOWEST_CUTOFF = 0.08, 2.0  # of the sampling rate; Hz: where the search of the filter starts and ends
-DRIVE_NOISE = (
-    2.5  # times the noise of the acceleration: surrogates leave 0.0037 to 0.0047 of the drive where the formula says
-)
-# 0.0015 to 0.0019, since the controller puts the encoder's noise into the drive as well
 
 
 class InverseView(ViewDefaults):
@@ -69,7 +62,7 @@ class InverseView(ViewDefaults):
         self.record, self.scene, self.cutoff, self.start, self.skipped = record, scene, cutoff, start, skipped
         dt, y, u = scene.dt, record.position, record.drive
         self.quantum = lattice(y)
-        self.noise = max(noise_level(y), 0.2 * self.quantum)
+        self.noise = max(noise_level(y), rules.GRID_AS_NOISE * self.quantum)
         sigma = CUTOFF_SIGMA / (2 * np.pi * cutoff)
         self.g, _, g2 = gaussian_derivatives(sigma, dt)
         self.every = max(1, int(1.0 / (PER_CUTOFF * cutoff * dt)))
@@ -78,7 +71,7 @@ class InverseView(ViewDefaults):
         q, v, a = (filtered(y - centre, kernel, 1) for kernel in fine)
         self.time = np.arange(y.size) * dt
         self.motion = Signals(self.time, q + centre, v, a, u)
-        self.slowest = max(NOISY * self.noise * float(np.linalg.norm(fine[1])), SLOW * scene.speed)
+        self.slowest = max(rules.NOISY * self.noise * float(np.linalg.norm(fine[1])), rules.SLOW * scene.speed)
         self.motion = self.motion._replace(kappa=2.0 / self.slowest)
         self.acceleration = filtered(y - centre, g2, self.every)
         self.drive = self.blur(u)
@@ -104,7 +97,7 @@ class InverseView(ViewDefaults):
         if self.skipped is not None:
             keep[(self.time > self.skipped[0]) & (self.time < self.skipped[1])] = False
         out = keep[:: self.every]
-        return out if out.sum() >= 10 * ols.N_BLOCKS else np.ones_like(out)
+        return out if out.sum() >= rules.FEWEST_A_BLOCK * ols.N_BLOCKS else np.ones_like(out)
 
     # --- columns ---------------------------------------------------------------------------
     def blur(self, x: Array) -> Array:
@@ -154,7 +147,7 @@ class InverseView(ViewDefaults):
         sizes, free = self._sizes(open_x, target, positive, away)
         rate = ols.slope(open_x @ sizes, self.step)
         sizes, free = self._sizes(np.column_stack([open_x, rate]), target, np.append(positive, False), away)
-        columns, latest = np.column_stack([x, rate]), LATEST * self.scene.dt
+        columns, latest = np.column_stack([x, rate]), rules.LATEST * self.scene.dt
         timing = sizes[-1]
         if abs(timing) > latest:
             timing = float(np.clip(timing, -latest, latest))
@@ -254,7 +247,7 @@ class InverseView(ViewDefaults):
             floor = made.rms(made.gap(model))
             if floor > rules.LARGEST_FLOOR * self.scene.torque:
                 *_, g2 = gaussian_derivatives(CUTOFF_SIGMA / (2 * np.pi * self.cutoff), self.scene.dt)
-                floor = min(floor, DRIVE_NOISE * self.noise * model.inertia * float(np.linalg.norm(g2)))
+                floor = min(floor, rules.DRIVE_NOISE * self.noise * model.inertia * float(np.linalg.norm(g2)))
             self._floors[key] = floor
         return self._floors[key]
 
@@ -280,7 +273,8 @@ class InverseView(ViewDefaults):
         rms = np.sqrt(power[count > 0])
         odd = np.flatnonzero(np.sqrt(power) > rules.ODD * np.median(rms))
         most = rules.ODD_SHARE / rules.ODD_WINDOW
-        if odd.size == 0 or odd[-1] - odd[0] >= most or np.quantile(rms, 0.9) > rules.EVEN * np.median(rms):
+        uneven = np.quantile(rms, rules.EVEN_SHARE) > rules.EVEN * np.median(rms)
+        if odd.size == 0 or odd[-1] - odd[0] >= most or uneven:
             return self
         span = (float(odd[0] * width) - self.g.size // 2 * self.scene.dt, float((odd[-1] + 1) * width))
         return InverseView(self.record, self.scene, self.cutoff, self.start, span)
@@ -294,7 +288,7 @@ class InverseView(ViewDefaults):
         return stop.outside(target - np.einsum("ij,ij->i", x, fits[self.block]), away)
 
     def compare(self, models: Sequence[AxisModel], best: int) -> list[ModelErrors]:
-        """Cross-validated errors of each, capped at `evidence.CAP` robust deviations of what the best leaves.
+        """Cross-validated errors of each, capped at `servo_evidence.CAP` robust deviations of what the best leaves.
 
         A start-up or a knock that no candidate explains would else decide between them by its own sum of squares.
         """
@@ -429,18 +423,18 @@ def best_view(view: InverseView, model: AxisModel, goal: float) -> InverseView:
     10 Hz would not ask for a filter that lets it through.
     """
     dt, scene = view.record.dt, model.scene
-    noise = max(noise_level(view.record.position), 0.2 * lattice(view.record.position))
+    noise = max(noise_level(view.record.position), rules.GRID_AS_NOISE * lattice(view.record.position))
     top = HIGHEST_CUTOFF / dt
     speed = np.abs(view.start[1])
     cutoffs = np.geomspace(top, min(LOWEST_CUTOFF, 0.5 * top), 14)
     for cutoff in cutoffs:
         *_, g2 = gaussian_derivatives(CUTOFF_SIGMA / (2 * np.pi * cutoff), dt)
         _, g1, _ = gaussian_derivatives(CUTOFF_SIGMA / (2 * np.pi * min(2 * cutoff, 0.1 / dt)), dt)
-        slowest = NOISY * noise * float(np.linalg.norm(g1))
+        slowest = rules.NOISY * noise * float(np.linalg.norm(g1))
         other = InverseView(view.record, scene, float(cutoff), view.start, view.skipped)
-        if np.mean((speed < slowest) & (speed > SLOW * scene.speed)) > rules.BLIND_SHARE:
+        if np.mean((speed < slowest) & (speed > rules.SLOW * scene.speed)) > rules.BLIND_SHARE:
             continue
-        floor = DRIVE_NOISE * noise * other.fit(model).inertia * float(np.linalg.norm(g2))
+        floor = rules.DRIVE_NOISE * noise * other.fit(model).inertia * float(np.linalg.norm(g2))
         if floor <= max(
             goal * scene.torque, min(rules.OF_THE_GAP * other.rms(other.gap(model)), rules.LARGEST_FLOOR * scene.torque)
         ):

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn.effects import codes as k
-from whsklearn.gap import evidence as rules
 from whsklearn.gap.axis_candidates import TWO_MASS, Candidate
 from whsklearn.gap.axis_model import AxisModel, Term
 from whsklearn.gap.filters import CUTOFF_SIGMA
 from whsklearn.gap.least_squares import least_squares
 from whsklearn.gap.plant import CandidateFit, Look
+from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants import servo_stop as stop
 from whsklearn.gap.plants import servo_two_mass as two_mass
 
@@ -105,15 +105,14 @@ def best_start(view: Any, base: Base, kind: Candidate) -> tuple[Term | None, flo
         terms = [Term(kind, (0.0, 0.0, f)) for f in scan_tones(view, base, kind)]
     elif kind.scanned == "step":
         low, high = kind.ranged(view.scene)[0]
-        terms = [Term(kind, (0.0, t)) for t in np.linspace(low, high, 25)]
+        terms = [Term(kind, (0.0, t)) for t in np.linspace(low, high, rules.PLACES["step"])]
     else:
         terms = [Term(kind, (*([0.0] * kind.linear), *shape)) for shape in kind.starts(view.scene)]
     if not terms:
         return None, 0.0, 1
     gains = [term_gain(view, base, t) for t in terms]
     best = int(np.argmax(gains))
-    looked = {"position": 200, "time": 400, "step": 25}.get(kind.scanned, len(terms))
-    return terms[best], gains[best], looked
+    return terms[best], gains[best], rules.PLACES.get(kind.scanned, len(terms))
 
 
 def best_limit(view: Any, model: AxisModel, kind: Candidate) -> tuple[Term | None, float, int]:

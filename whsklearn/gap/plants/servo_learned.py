@@ -20,12 +20,13 @@ from scipy.linalg import block_diag
 
 from whsklearn.effects import LearnedTorque
 from whsklearn.effects.learned import hill
-from whsklearn.gap import evidence as rules
 from whsklearn.gap.axis_candidates import TWO_MASS, Candidate
 from whsklearn.gap.axis_model import AxisModel, Term
+from whsklearn.gap.evidence import LEARNED_SHARE, LEAST_MARGIN, MOST_CURVES
 from whsklearn.gap.filters import filtered
 from whsklearn.gap.plant import Curve, Learned
 from whsklearn.gap.plants import inverse_dynamics as ols
+from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants.servo_columns import Signals
 
 Array = NDArray[Any]
@@ -115,16 +116,16 @@ def learn(view: Any, model: AxisModel) -> Learned | None:
     torque = view.torque(model)
     problem = Problem(view, model, torque)
     found: list[Fit] = []
-    while len(found) < rules.MOST_CURVES:
+    while len(found) < MOST_CURVES:
         open_forms = [f for f in forms(view, torque) if f not in [g.form for g in found]]
         fits = [fit for f in open_forms for n in f.knots if (fit := problem.fitted(f, n)) is not None]
         if not fits:
             break
         best = min(f.error for f in fits)
         gain = problem.gain(best)
-        if gain < view.limits.least or 1.0 - best / problem.error < rules.LEARNED_SHARE:
+        if gain < view.limits.least or 1.0 - best / problem.error < LEARNED_SHARE:
             break
-        chosen = next(f for f in fits if problem.gain(f.error) > gain - rules.LEAST_MARGIN)  # the simplest of the best
+        chosen = next(f for f in fits if problem.gain(f.error) > gain - LEAST_MARGIN)  # the simplest of the best
         found.append(chosen)
         problem = Problem(view, model, torque, tuple(found))
     if not found:

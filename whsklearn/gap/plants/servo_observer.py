@@ -16,16 +16,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn.effects import Scales, codes
-from whsklearn.gap import evidence as rules
 from whsklearn.gap.axis_model import LONGEST_STEP, AxisModel, Term
+from whsklearn.gap.evidence import WHITENED
 from whsklearn.gap.filters import ResidualFilter, autoregression, solve_whitening, whiten
 from whsklearn.gap.least_squares import Fit, jacobian, least_squares
 from whsklearn.gap.plant import CandidateFit, Linearised, Look, ModelErrors, ViewDefaults
+from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants.servo_waves import off_shaft, on_excitation_line
 from whsklearn.gap.record import ServoRecord
 
 Array = NDArray[Any]
-AR_ORDER = 12
+AR_ORDER = 12  # of the whitening polynomial
 SUBSTEPS = 4  # fine steps a sample, at least, that a step longer than `LONGEST_STEP` must leave
 STEP_ERROR = 0.01  # of the tolerance that a longer fine step may move the gap by: it decides nothing there
 LOST = 1e3  # times the travel or the speed of the record: a run beyond has diverged
@@ -150,7 +151,7 @@ class ObserverView(ViewDefaults):
         self.ar = autoregression(d[self.usable], AR_ORDER, white)
 
     # --- the protocol of a view --------------------------------------------------------------
-    limits = rules.WHITENED
+    limits = WHITENED
 
     def coarsened(self, model: AxisModel) -> ObserverView:
         """The view with the longest fine step, a quarter of a sample at the most, that leaves the gap as it is.

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from whsklearn.gap import evidence as rules
+from whsklearn.gap.plants import servo_evidence as rules
 
 
 def coarse_encoder(view: Any, base: Any) -> list[Any]:
@@ -26,7 +26,7 @@ def coarse_encoder(view: Any, base: Any) -> list[Any]:
     effect = get_effect("quantization")(step=step)  # type: ignore[call-arg]
     if view.rms(view.gap(base)) > rules.NEAR_GRID * view.floor():
         return []
-    return [NamedEffect(effect, {}, 0.0, 0.95, 1.0)]
+    return [NamedEffect(effect, {}, 0.0, rules.GRID_SEEN, 1.0)]
 
 
 def unfold(position: NDArray[np.float64], dt: float) -> NDArray[np.float64] | None:
@@ -36,18 +36,19 @@ def unfold(position: NDArray[np.float64], dt: float) -> NDArray[np.float64] | No
     opposite and equal, where a real turn would have come to rest.
     """
     span = float(np.ptp(position))
-    if position.min() < -0.002 * span or position.min() > 0.01 * span:
+    if position.min() < -rules.FOLD_BELOW * span or position.min() > rules.FOLD_ABOVE * span:
         return None
-    w = max(2, round(0.006 / dt))
+    w = max(2, round(rules.FOLD_WINDOW / dt))
     typical = float(np.sqrt(np.mean(np.diff(position) ** 2))) / dt
     out, sign, k, flips = position.copy(), 1.0, w, 0
     last = -10 * w
     while k < position.size - w:
-        near = position[k] < 0.02 * span and position[k] == position[k - w : k + w + 1].min()
+        near = position[k] < rules.FOLD_TURNS * span and position[k] == position[k - w : k + w + 1].min()
         if near and k - last > 2 * w:
             before = (position[k] - position[k - w]) / (w * dt)
             after = (position[k + w] - position[k]) / (w * dt)
-            if before < -0.1 * typical and after > 0.1 * typical and 0.4 < -before / after < 2.5:
+            least, (low, high) = rules.FOLD_SPEED * typical, rules.FOLD_RATIO
+            if before < -least and after > least and low < -before / after < high:
                 out[last if last > 0 else 0 : k] *= sign
                 sign, flips, last = -sign, flips + 1, k
         k += 1

@@ -13,6 +13,7 @@ from whsklearn.effects import Scales
 from whsklearn.gap.axis_model import FASTEST_COUPLING, AxisModel
 from whsklearn.gap.evidence import DEFAULT_TOLERANCE
 from whsklearn.gap.filters import CUTOFF_SIGMA, gaussian_derivatives, residual_filter
+from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants.servo_inverse import InverseView, base_model, best_view
 from whsklearn.gap.plants.servo_observer import ObserverView
 from whsklearn.gap.record import ServoRecord, held_out_blocks, lattice, noise_level
@@ -76,7 +77,7 @@ def observer_view(
     """
     dt, n = record.dt, len(record)
     quantum = lattice(record.position)
-    noise = max(noise_level(record.position), 0.2 * quantum)
+    noise = max(noise_level(record.position), rules.GRID_AS_NOISE * quantum)
     tracking = float(np.clip(0.02 / dt, 0.2, 2.0))
     chosen = residual_filter(dt, scene.inertia, noise, scene.torque, tracking=tracking, goal=tolerance)
     number, train = held_out_blocks(n)

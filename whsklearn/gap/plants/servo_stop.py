@@ -16,14 +16,13 @@ from numpy.typing import NDArray
 
 from whsklearn.effects import ContactStop
 from whsklearn.effects import codes as k
-from whsklearn.gap import evidence as rules
 from whsklearn.gap.axis_candidates import TWO_MASS, Candidate, variants
 from whsklearn.gap.axis_model import AxisModel, Term
 from whsklearn.gap.filters import CUTOFF_SIGMA
+from whsklearn.gap.plants import servo_evidence as rules
 
 Array = NDArray[Any]
 KINDS = variants(ContactStop)
-KNEE = 3.0  # robust standard deviations at which a sample weighs half (Cauchy's weights)
 REWEIGHTINGS = 15
 AROUND = 3.5  # widths of the Gaussian by which a contact is blurred
 EDGE_STEP, EDGE_STEPS = 0.4, 7  # of the depth reached, shrunk to 0.6 in each: a hundredth in the end
@@ -46,7 +45,7 @@ def robust(x: Array, y: Array) -> tuple[Array, float]:
         c, *_ = np.linalg.lstsq(x / scale * w[:, None], y * w, rcond=1e-10)
         r = y - x / scale @ c
         s = 1.48 * float(np.median(np.abs(r - np.median(r)))) + 1e-300
-        w = 1.0 / np.sqrt(1.0 + (r / (KNEE * s)) ** 2)
+        w = 1.0 / np.sqrt(1.0 + (r / (rules.STOP_KNEE * s)) ** 2)
     return r, s
 
 
@@ -74,7 +73,7 @@ def regions(view: Any, model: AxisModel) -> list[Region]:
         if (
             np.mean(inside) < rules.STOP_TIME
             and np.mean(side * r[inside & event] > 0.0) > rules.STOP_SIGN
-            and np.mean(side * r[deep] > KNEE * s) > rules.STOP_STRUCK
+            and np.mean(side * r[deep] > rules.STOP_KNEE * s) > rules.STOP_STRUCK
         ):
             found.append(Region(side * edge, side, energy / total))
     return found if sum(f.energy for f in found) > rules.STOP_ENERGY else []

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from whsklearn.gap import evidence as rules
 from whsklearn.gap.axis_model import AxisModel, Term
+from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.record import ServoRecord
-
-LINE, AROUND = 1.5, 12.0  # bins (1 / duration) either side: the line, and what it is compared with
 
 
 def off_shaft(model: AxisModel, index: int) -> str:
@@ -42,7 +40,7 @@ def on_excitation_line(record: ServoRecord, term: Term) -> str:
     power = np.abs(np.fft.rfft(np.hanning(x.size) * x)) ** 2
     at = float(term.q[2]) * record.dt * x.size
     distance = np.abs(np.arange(power.size) - at)
-    line, around = power[distance <= LINE], power[(distance > 2 * LINE) & (distance <= AROUND)]
+    line, around = power[distance <= rules.LINE], power[(distance > 2 * rules.LINE) & (distance <= rules.AROUND)]
     if line.size == 0 or around.size == 0 or line.max() <= rules.STANDS_OUT * np.median(around):
         return ""
     return "its frequency is a line of the reference, where wrong dynamics would leave a tone as well"

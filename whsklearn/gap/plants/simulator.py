@@ -25,12 +25,12 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from whsklearn.effects import get_effect
-from whsklearn.gap import evidence as rules
 from whsklearn.gap.data_check import Problem, check_servo
-from whsklearn.gap.evidence import WHITENED
+from whsklearn.gap.evidence import SAME_SIMULATION, WHITENED
 from whsklearn.gap.filters import autoregression, whiten, whiteness
 from whsklearn.gap.localisation import order_spectrum, since_reversal, spectrum
 from whsklearn.gap.plant import Linearised, Look, ModelErrors, PlantDefaults, ViewDefaults
+from whsklearn.gap.plants import simulator_evidence as rules
 from whsklearn.gap.plants.simulator_look import (
     STARTS,
     Motion,
@@ -45,9 +45,7 @@ from whsklearn.gap.plants.simulator_model import EffectTerm, SimulatorFit, Simul
 from whsklearn.gap.record import ServoRecord, held_out_blocks, lattice, noise_level
 
 Array = NDArray[Any]
-AR_ORDER = 12
-PROMISING = 0.5  # of the error: an effect that leaves less is fitted again under the weights of what it leaves
-AGAIN, SETTLED = 4, 0.8  # such fits at most, and the share of the error that the last one leaves: a stop takes three
+AR_ORDER = 12  # of the whitening polynomial
 
 
 class SimulatorPlant(PlantDefaults, ViewDefaults):
@@ -177,13 +175,13 @@ class SimulatorPlant(PlantDefaults, ViewDefaults):
             known = [e for e in shapes if columns_of(e, self._motion.signals).size]
             ranked = sorted(zip(gains(self._motion, error, known, self.train), range(len(known)), strict=True))[::-1]
             if not known:
-                out.append(Look(name, 1e-6, tuple(shapes[:1]), 1, 1, costly=True))
+                out.append(Look(name, rules.NO_COLUMN, tuple(shapes[:1]), 1, 1, costly=True))
                 continue
             best = tuple(known[i] for _, i in ranked[:STARTS])
             numbers = len(best[0].coefficients) + len(best[0].shape_fields()) or 1
             expected = np.inf
             common = shapes[0].elementary  # always simulated: in closed loop a constant shows in no derivative
-            gain = max(float(ranked[0][0]), 1e-9 if common else 0.0)
+            gain = max(float(ranked[0][0]), rules.ALWAYS_TRIED if common else 0.0)
             out.append(Look(name, gain, best, numbers, max(1, len(known)), expected, elementary=common))
         return out
 
@@ -212,14 +210,14 @@ class SimulatorPlant(PlantDefaults, ViewDefaults):
         if best is None:
             refused = (*model.terms, EffectTerm(look.start[0].resized(0.0)))
             return SimulatorModel(model.simulator, refused, model.error)
-        if look.gain > PROMISING and self._left(best) > PROMISING * self._left(model):
+        if look.gain > rules.PROMISING and self._left(best) > rules.PROMISING * self._left(model):
             best = min((best, self._anew(model, look.start[0])), key=self._left)
         left = self._left(model)
-        if self._left(best) < PROMISING * left:
-            for _ in range(AGAIN):
+        if self._left(best) < rules.PROMISING * left:
+            for _ in range(rules.AGAIN):
                 self._tune(best.error)  # weighed by what is left: before, the weights hid the effect's own spectrum
                 left, best = self._left(best), self.fits.grow(model, best, self._weighed, again=True)
-                if self._left(best) > SETTLED * left:
+                if self._left(best) > rules.SETTLED * left:
                     break
         return best
 
@@ -322,7 +320,7 @@ class SimulatorPlant(PlantDefaults, ViewDefaults):
 
     def same_signature(self, a: SimulatorModel, b: SimulatorModel) -> bool:
         """Whether both predict the same position, far below its noise: no such record tells them apart."""
-        return self.rms(self.gap(a) - self.gap(b)) < rules.SAME_SIMULATION * self.noise
+        return self.rms(self.gap(a) - self.gap(b)) < SAME_SIMULATION * self.noise
 
     def demand(self, model: SimulatorModel) -> float:
         """No more than the tolerance."""
