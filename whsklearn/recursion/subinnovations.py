@@ -188,9 +188,12 @@ def _keep(recent, line):
         recent[k] = line[k]
 
 
-@part
+@njit(cache=False, error_model="numpy", inline="always")
 def _run_model(model, line, since, seen, schedule, law, p, frozen, still):
-    """Take one model through the samples; returns the forgetting factor after the last of them."""
+    """Take one model through the samples; returns the forgetting factor after the last of them.
+
+    Its one caller is where it is written into: compiled by itself as well, a first fit takes a second longer.
+    """
     theta, ud, before, loss, motion, sharpness = model
     recent_u, recent_y, recent_weight = line
     dims, codes, shapes = law
