@@ -35,28 +35,31 @@ def assert_same(a, b):
         np.testing.assert_array_equal(a[name], b[name], err_msg=name)
 
 
-@pytest.fixture(scope="module")
-def whole():
-    state = multistart.initial_state(reading())
-    multistart.run(state, reading(), *record())
-    return state
+@pytest.fixture(scope="module", params=[MEMORY, 400], ids=["pages", "filling, then a page"])
+def whole(request):
+    r = reading(memory=request.param)
+    state = multistart.initial_state(r)
+    multistart.run(state, r, *record())
+    return r, state
 
 
 def test_sample_by_sample_with_work_carried_on_it_is_the_same_to_the_bit(whole):
-    state, page = multistart.initial_state(reading()), None
+    r, expected = whole
+    state, page = multistart.initial_state(r), None
     for row in zip(*(np.split(v, 600) for v in record()), strict=True):
-        page = multistart.run(state, reading(), *row, page)
-    assert_same(state, whole)
+        page = multistart.run(state, r, *row, page)
+    assert_same(state, expected)
 
 
 def test_work_that_is_lost_is_done_again(whole):
     """As after a restart from a checkpoint, which does not hold it."""
-    state, page = multistart.initial_state(reading()), None
+    r, expected = whole
+    state, page = multistart.initial_state(r), None
     for i, row in enumerate(zip(*(np.split(v, 600) for v in record()), strict=True)):
         if i % 17 == 0:
             state, page = copy.deepcopy(state), None
-        page = multistart.run(state, reading(), *row, page)
-    assert_same(state, whole)
+        page = multistart.run(state, r, *row, page)
+    assert_same(state, expected)
 
 
 def test_work_for_another_state_is_not_taken():

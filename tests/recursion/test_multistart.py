@@ -8,6 +8,7 @@ import pytest
 from tests.recursion.starts_side_by_side import EXAMPLE, LINEAR, reading, sizes, streamed
 from whsklearn.datasets import make_wiener_hammerstein
 from whsklearn.recursion import multistart
+from whsklearn.recursion.background_refit import schedule
 
 
 @pytest.mark.parametrize("memory", [0, 128])
@@ -18,22 +19,24 @@ def test_the_state_is_of_one_size_whatever_the_length(memory):
     assert sizes(early) == sizes(late)
 
 
-@pytest.mark.parametrize("memory", [0, 96])
+@pytest.mark.parametrize("memory", [0, 96, 200])
 @pytest.mark.parametrize("frozen", [True, False])
 def test_chunks_make_no_difference(memory, frozen):
-    X, y = make_wiener_hammerstein(260, random_state=2)
+    X, y = make_wiener_hammerstein(420, random_state=2)
     r = reading(EXAMPLE, memory=memory, frozen=frozen, n_starts=3)
     whole = streamed(r, X, y, restart_at=(70, 71, 200))
-    for chunks in (3, 260):
+    for chunks in (3, 420):
         cut = streamed(r, X, y, chunks, restart_at=(70, 71, 200))
         for name in whole:
             np.testing.assert_array_equal(whole[name], cut[name], err_msg=name)
 
 
 def test_poor_starts_are_dropped_as_the_memory_fills():
-    r = reading(EXAMPLE, n_starts=8, memory=512)
-    X, y = make_wiener_hammerstein(768, random_state=3)
-    counts = [len(streamed(r, X[:n], y[:n])["theta"]) for n in (191, 192, 512, 768)]
+    r = reading(EXAMPLE, n_starts=8, memory=1024)
+    X, y = make_wiener_hammerstein(r.page_end, random_state=3)
+    instants = [end for _, end in schedule(r, filling=True)]
+    counts = [len(streamed(r, X[:n], y[:n])["theta"]) for n in (instants[0] - 1, *instants)]
+    assert len(counts) == 4
     assert counts[0] == 1  # silent until the first re-run takes over
     assert 1 == counts[3] <= counts[2] <= counts[1] <= 8
 

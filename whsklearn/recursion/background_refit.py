@@ -33,16 +33,16 @@ if TYPE_CHECKING:
 
     from whsklearn.recursion.reading import Reading, State
 
-# Readings for each sample while the memory fills: some 50 us.  With 400, 8 iterations on a rung and half of the starts
-# kept, 17 of 32 starts were tried on the first samples, and 27 of 800 streams of Example 5.1 stood in a wrong minimum
-# at row 1,000.  Now all are, and none of 500 does (benchmarks/accuracy.py --section minima).
+# Readings for each sample while the memory fills: some 50 us.  All starts are then tried on the first samples, and as
+# many fresh ones later as the rest pays for.  With 400 it was half of them, and 27 of 800 streams of Example 5.1 stood
+# in a wrong minimum at row 1,000; now none of 8,000 does (benchmarks/accuracy.py --section minima, from seed 1000).
 FILLING = 700
 PAGE = 128  # the same for each model after that: a page is then read after a third of the half page and caught up with
 COST_OF_ROW = 2  # readings that one linearised sample counts for
 COST_OF_WINDOW = 24  # readings that one sample of the recursion counts for
 RESERVED = 60  # readings of the whole record kept back for what follows the search
 PIECES = 60  # pieces of work that are no readings, beside those for each start; a sample pays for one
-FIRST_SPAN = 5.0  # the first re-run has every start to try; it takes over at five times its samples
+FIRST_SPAN = 3.5  # the first re-run has every start to try; it takes over at five times its samples
 SPAN = 2.0  # ratio of the instants after that
 
 
