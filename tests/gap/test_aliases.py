@@ -9,9 +9,9 @@ import pytest
 
 from whsklearn.gap.aliases import rivals_of
 from whsklearn.gap.evidence import bootstrap_share
-from whsklearn.gap.plant import ModelErrors
 from whsklearn.gap.plants import servo_free_run
 from whsklearn.gap.plants.servo import ServoPlant
+from whsklearn.gap.values import ModelErrors
 
 RNG = np.random.default_rng(0)
 

@@ -8,8 +8,8 @@ from whsklearn.effects import Cogging
 from whsklearn.gap import Diagnosis, NamedEffect
 from whsklearn.gap.candidate_table import candidate_table
 from whsklearn.gap.evidence import Evidence
-from whsklearn.gap.plant import CandidateFit, Look
 from whsklearn.gap.search import Found, Round
+from whsklearn.gap.values import CandidateFit, Look
 
 
 def weighed(name, delta_bic, closure=0.5, reason=""):

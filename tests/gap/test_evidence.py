@@ -10,7 +10,7 @@ import pytest
 
 from whsklearn.gap import evidence as rules
 from whsklearn.gap.evidence import Evidence, blocks_not_worse, bootstrap_share, delta_bic, objections, preferred
-from whsklearn.gap.plant import CandidateFit, Look, ModelErrors
+from whsklearn.gap.values import CandidateFit, Look, ModelErrors
 
 LIMITS = rules.Limits(per_sample=0.1, least=25.0, most=100.0, over_chance=2.0, price=1.0)
 FITTED = CandidateFit(Look("cogging", 0.5), SimpleNamespace(terms=("law", "cogging")))

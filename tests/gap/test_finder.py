@@ -11,10 +11,10 @@ from benchmarks.blind_logs.servo import COLUMNS, make_case
 from whsklearn.gap import VERDICTS, GapFinder
 from whsklearn.gap.axis_candidates import candidate
 from whsklearn.gap.axis_model import Term
-from whsklearn.gap.plant import Linearised
 from whsklearn.gap.plants.servo_start import start_of
 from whsklearn.gap.record import ServoRecord
 from whsklearn.gap.standard_errors import labelled_errors
+from whsklearn.gap.values import Linearised
 
 SHORT = {"seconds": 14.0, "rate": 500.0, "noise": 1e-4}
 

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from whsklearn.gap import evidence as rules
-from whsklearn.gap.plant import FittedTerm, PlantDefaults, ViewDefaults
+from whsklearn.gap.plant import PlantDefaults, ViewDefaults
+from whsklearn.gap.values import FittedTerm
 
 
 @dataclass

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from whsklearn.gap import evidence as rules
-from whsklearn.gap.plant import CandidateFit, Look, ModelErrors, ViewDefaults
+from whsklearn.gap.plant import ViewDefaults
 from whsklearn.gap.plants.chain_evidence import CAPPED
 from whsklearn.gap.search import Found, Round, Search
+from whsklearn.gap.values import CandidateFit, Look, ModelErrors
 
 LIMITS = replace(CAPPED, few_refined=rules.FEW_REFINED)
 

@@ -7,9 +7,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from whsklearn.gap.plant import Look
 from whsklearn.gap.plants.chain_evidence import CAPPED
 from whsklearn.gap.surrogate import best_score
+from whsklearn.gap.values import Look
 
 N = 500.0
 

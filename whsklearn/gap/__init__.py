@@ -4,8 +4,8 @@ from whsklearn.gap.data_check import Problem
 from whsklearn.gap.diagnosis import CandidateLine, Diagnosis, LearnedTorques, NamedEffect
 from whsklearn.gap.finder import GapFinder
 from whsklearn.gap.localisation import Place
-from whsklearn.gap.plant import Curve
 from whsklearn.gap.record import ServoRecord
+from whsklearn.gap.values import Curve
 from whsklearn.gap.verdict import VERDICTS
 
 __all__ = [

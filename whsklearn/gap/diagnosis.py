@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from whsklearn import __version__
 from whsklearn.gap.localisation import Place
-from whsklearn.gap.plant import Curve
+from whsklearn.gap.values import Curve
 
 MAP_POINTS = 1440  # of a map over one turn: four to a degree, nine to a period of the highest order looked for
 

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from whsklearn.gap.plant import ModelErrors
+    from whsklearn.gap.values import ModelErrors
 
 Array = NDArray[Any]
 

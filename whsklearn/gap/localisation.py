@@ -207,6 +207,18 @@ def order_spectrum(gap: Array, angle: Array, orders: Array) -> Array:
     return out
 
 
+def spectra(before: Array, after: Array, step: float, angle: Array, orders: Array, first: int = 0) -> dict[str, Any]:
+    """Two gaps sampled every ``step`` seconds and their spectra by frequency and by order, as the page draws them.
+
+    The samples up to ``first`` stay out of the spectra by frequency.
+    """
+    (f, a0), (_, a1) = (spectrum(gap[first:], 1.0 / step) for gap in (before, after))
+    return {
+        "gap_before": before, "gap_after": after, "frequency": f, "spectrum": (a0, a1), "orders": orders,
+        "order_spectrum": tuple(order_spectrum(gap, angle, orders) for gap in (before, after)),
+    }  # fmt: skip
+
+
 def since_reversal(speed: Array, dt: float, quiet: float) -> Array:
     """Seconds since the velocity last changed its sign."""
     out = np.empty(speed.size)

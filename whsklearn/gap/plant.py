@@ -21,13 +21,13 @@ How to write a plant
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn.gap.evidence import Evidence, Limits
+from whsklearn.gap.values import CandidateFit, Learned, Linearised, Look, ModelErrors
 
 Array = NDArray[Any]
 
@@ -42,31 +42,6 @@ class Term(Protocol):
     @property
     def effect(self) -> Any:
         """The library's `Effect` with these numbers."""
-
-
-@dataclass(frozen=True)
-class FittedTerm:
-    """A candidate with its numbers.
-
-    Attributes
-    ----------
-    kind : object
-        With ``name`` and ``effect(q)``.
-    q : tuple of float
-    """
-
-    kind: Any
-    q: tuple[float, ...]
-
-    @property
-    def name(self) -> str:
-        """Canonical name."""
-        return str(self.kind.name)
-
-    @property
-    def effect(self) -> Any:
-        """The effect with these numbers."""
-        return self.kind.effect(np.array(self.q))
 
 
 class Model(Protocol):
@@ -85,108 +60,6 @@ class Model(Protocol):
 
     def with_terms(self, terms: tuple[Any, ...]) -> Any:
         """The model with these terms in place of its own."""
-
-
-@dataclass(frozen=True)
-class Look:
-    """A candidate at its best start, seen cheaply.
-
-    Attributes
-    ----------
-    name : str
-        Canonical name.
-    gain : float
-        Share of the sum of squares that a linear look expects to go, 0 to 1; ranks candidates and scores surrogates.
-    start : object
-        What ``refine`` starts from; the engine only hands it back.
-    n_numbers : int
-        Free numbers that the candidate adds, shape included.
-    n_looks : int
-        Places at which it was looked for (orders, frequencies, starts).
-    expected : float
-        Delta BIC that an effect of two percent of the drive would have; small: the record cannot show it.
-    elementary : bool
-        A law so common that it goes first when nothing alone explains the gap.
-    costly : bool
-        Shows little in a linear look; refined only while nothing else closes the gap.
-    reason : str
-        Why it is out before it is refined; empty if it is not.
-    """
-
-    name: str
-    gain: float
-    start: Any = None
-    n_numbers: int = 1
-    n_looks: int = 1
-    expected: float = np.inf
-    elementary: bool = False
-    costly: bool = False
-    reason: str = ""
-
-
-class ModelErrors(NamedTuple):
-    """Errors of one model as evidence is computed from them.
-
-    Attributes
-    ----------
-    errors : ndarray of shape (n,)
-        Whitened errors for delta BIC: of the fitted samples, or cross-validated ones.
-    held : ndarray of shape (m,)
-        Errors on samples not fitted.
-    block : ndarray of int, shape (m,)
-        Block of each held-out sample.
-    n_effective : float
-        Independent samples in ``errors``.
-    """
-
-    errors: Array
-    held: Array
-    block: NDArray[np.intp]
-    n_effective: float
-
-
-class Curve(NamedTuple):
-    """A learned torque over one signal (times the sign or the value of a second one).
-
-    Attributes
-    ----------
-    signals : tuple of str
-        What it depends on, the axis of the picture first.
-    x, y, band : ndarray of shape (n,)
-        Where, how much (in the unit of the drive), and two standard deviations of it.
-
-    References
-    ----------
-    Hastie and Tibshirani 1990, Generalized Additive Models, Chapman and Hall.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from whsklearn.gap import Curve
-    >>> speed = np.array([0.0, 0.5, 1.0])
-    >>> curve = Curve(("velocity",), speed, 0.2 * speed**2, np.full(3, 0.01))
-    >>> bool((abs(curve.y) > curve.band).any())  # it is more than its own uncertainty somewhere
-    True
-    """
-
-    signals: tuple[str, ...]
-    x: Array
-    y: Array
-    band: Array
-
-
-class Learned(NamedTuple):
-    """A model with what has no name, and its curves.
-
-    Attributes
-    ----------
-    model : object
-    curves : tuple of Curve
-        Empty where the plant has no picture of them.
-    """
-
-    model: Any
-    curves: tuple[Curve, ...]
 
 
 class View(Protocol):
@@ -416,6 +289,10 @@ class ViewDefaults:
         """No two effects are one and the same but for `Plant.aliases`."""
         return False
 
+    def demand(self, model: Any) -> float:
+        """No more than the tolerance."""
+        return 0.0
+
 
 class PlantDefaults:
     """What a plant does unless it knows better."""
@@ -438,43 +315,18 @@ class PlantDefaults:
         """Nothing: this plant learns no torque."""
         return None
 
+    def settle(self, model: Any) -> Any:
+        """The numbers as fitted."""
+        return model
 
-class Linearised(NamedTuple):
-    """A fitted vector with its residual and derivatives.
+    def read_off(self, model: Any) -> list[Any]:
+        """Nothing."""
+        return []
 
-    Attributes
-    ----------
-    x, low, high : ndarray of shape (p,)
-    residual : ndarray of shape (n,)
-    jacobian : ndarray of shape (n, p)
-    rebuild : callable
-        x -> model.
-    """
+    def as_given(self, base: Any) -> tuple[Any, Any]:
+        """The record is used as it is."""
+        return self, base
 
-    x: Array
-    low: Array
-    high: Array
-    residual: Array
-    jacobian: Array
-    rebuild: Any
-
-
-@dataclass(frozen=True)
-class CandidateFit:
-    """A candidate fitted jointly with the model that it is added to.
-
-    Attributes
-    ----------
-    look : Look
-        Where the fit started.
-    model : object
-        The fitted model, the candidate its last term.
-    """
-
-    look: Look
-    model: Any
-
-    @property
-    def name(self) -> str:
-        """Canonical name."""
-        return self.look.name
+    def parameter_units(self, model: Any) -> dict[str, str]:
+        """None."""
+        return {}

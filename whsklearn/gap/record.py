@@ -19,6 +19,7 @@ LENGTHS = {
     "rad": ("rad", 1.0), "mrad": ("rad", 1e-3), "deg": ("rad", np.pi / 180), "turns": ("rad", 2 * np.pi),
     "m": ("m", 1.0), "mm": ("m", 1e-3), "um": ("m", 1e-6),
 }  # fmt: skip
+SPLIT = "60 % of the record in five parts is used for fitting, the 40 % between them for judging."
 DRIVES = {"nm": ("Nm", 1.0), "n": ("N", 1.0), "v": ("V", 1.0), "a": ("A", 1.0)}
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 from whsklearn.gap import evidence as rules
 from whsklearn.gap.evidence import Evidence, objections, weigh
-from whsklearn.gap.plant import CandidateFit, Look
+from whsklearn.gap.values import CandidateFit, Look
 
 
 @dataclass

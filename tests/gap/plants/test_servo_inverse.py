@@ -14,7 +14,7 @@ from whsklearn.gap import GapFinder
 from whsklearn.gap.axis_candidates import candidate
 from whsklearn.gap.axis_model import Term
 from whsklearn.gap.plants import inverse_dynamics as ols
-from whsklearn.gap.plants.servo_observer import too_large
+from whsklearn.gap.plants.servo_objections import too_large
 from whsklearn.gap.plants.servo_start import motion, start_of
 from whsklearn.gap.proof import closure
 from whsklearn.gap.record import ServoRecord

@@ -7,11 +7,11 @@ import pytest
 
 from whsklearn.effects import AsymmetricViscous, CableSpring, ContactStop, InputOffset, LuGre
 from whsklearn.gap import GapFinder, ServoRecord
-from whsklearn.gap.plant import Look
 from whsklearn.gap.plants.simulator import SimulatorPlant
 from whsklearn.gap.plants.simulator_look import catalogue, motion, sized_by_drive
 from whsklearn.gap.plants.simulator_model import EffectTerm, SimulatorModel
 from whsklearn.gap.standard_errors import errors_of, labelled_errors
+from whsklearn.gap.values import Look
 
 TIME = np.arange(8000) * 2e-3
 DRIVE = np.sin(3 * TIME) + 0.5 * np.sin(11 * TIME + 1) + 0.3 * np.sin(0.7 * TIME)

@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from whsklearn.effects import Quantization
 from whsklearn.estimators import _model as wh
 from whsklearn.gap.data_check import Problem
-from whsklearn.gap.plant import Linearised, PlantDefaults
+from whsklearn.gap.diagnosis import NamedEffect
+from whsklearn.gap.plant import PlantDefaults
 from whsklearn.gap.plants import chain_evidence as rules
 from whsklearn.gap.plants import chain_pictures, chain_structure
 from whsklearn.gap.plants.chain_base import Base, base_of
@@ -22,6 +24,7 @@ from whsklearn.gap.plants.chain_noise import ahead_errors, coarse_grid, quietest
 from whsklearn.gap.plants.chain_objections import beside_turned
 from whsklearn.gap.plants.chain_view import ChainView, surrogate_setting
 from whsklearn.gap.record import held_out_blocks
+from whsklearn.gap.values import Linearised
 from whsklearn.systems.wiener_hammerstein import WienerHammersteinSystem
 
 if TYPE_CHECKING:
@@ -190,8 +193,6 @@ class ChainPlant(PlantDefaults):
 
     def read_off(self, model: ChainModel) -> list[Any]:
         """A lost sign; the grid of the readings, where rounding is a good part of what is left."""
-        from whsklearn.gap.diagnosis import NamedEffect
-
         if self._folded is not None and len(model.terms) == model.n_base:
             turned = FoundEffect("sensor_rectification", "sensor", "y = (1 - f) q + f |q|", {"fraction": 1.0})
             return [NamedEffect(turned, {}, float(self.y.size), rules.SIGN_SEEN, 1.0)]
@@ -277,10 +278,6 @@ class ChainPlant(PlantDefaults):
         names += [f"c_{i}" for i in range(2, nc + 1)] + [f"d_{i}" for i in range(1, nd + 1)]
         return dict(zip(names, map(float, model.theta), strict=True))
 
-    def parameter_units(self, model: ChainModel) -> dict[str, str]:
-        """None: the numbers of a chain are those of its difference equations."""
-        return {}
-
     def notes(self, base: ChainModel, model: ChainModel) -> list[str]:
         """Remarks on how the record was used."""
         s = self.whole_view.setting
@@ -314,8 +311,6 @@ class ChainPlant(PlantDefaults):
 
     def system(self, model: ChainModel) -> WienerHammersteinSystem:
         """The repaired system with its effects and the grid of its readings."""
-        from whsklearn.effects import Quantization
-
         s = self.whole_view.setting
         final = self._final(self.on_record(model))
         structure = wh.Structure(s.dims, 1, s.law, -1 if s.law.key is None else s.law.key)

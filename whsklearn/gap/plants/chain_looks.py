@@ -9,13 +9,13 @@ import numpy as np
 
 from whsklearn.effects.codes import COULOMB
 from whsklearn.gap.evidence import delta_bic_of
-from whsklearn.gap.plant import Look
 from whsklearn.gap.plants import chain_evidence as rules
 from whsklearn.gap.plants.chain_candidates import Candidate, Scales, catalogue_for
 from whsklearn.gap.plants.chain_fit import SOFTENED, climb, cost, refit, rms_dx, shortened
 from whsklearn.gap.plants.chain_law import is_line
 from whsklearn.gap.plants.chain_model import ChainModel, Setting, Term
 from whsklearn.gap.plants.chain_screening import SOFT, Screened, Tangent, refine_scan, screen, tangent_of
+from whsklearn.gap.values import Look
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

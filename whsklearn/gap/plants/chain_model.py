@@ -19,8 +19,8 @@ from whsklearn.effects.codes import N_NUMBERS, OUTPUT_OFFSET, QUANTIZATION, USER
 from whsklearn.effects.own import WHICH, address_of
 from whsklearn.effects.terms import term
 from whsklearn.estimators._model import inside
-from whsklearn.gap.plant import FittedTerm
 from whsklearn.gap.plants.chain_candidates import Scales
+from whsklearn.gap.values import FittedTerm
 from whsklearn.systems.chain import Chain, Ports, run
 from whsklearn.systems.stability import is_stable
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from whsklearn.gap.localisation import order_spectrum, spectrum
+from whsklearn.gap.localisation import spectra
 from whsklearn.gap.plants.chain_model import AR_ORDER, SKIP, ChainModel, Setting, chain, free_run
 from whsklearn.gap.plants.chain_objections import beside_turned
 from whsklearn.gap.plants.chain_remainder import whiteness
@@ -47,19 +47,13 @@ def residual_tests(view: ChainView, base: ChainModel, model: ChainModel) -> list
 def pictures(view: ChainView, base: ChainModel, model: ChainModel) -> dict[str, Any]:
     """Overlay, gap over time, its spectra by frequency and by order of x, and its axes."""
     s = view.setting
-    g0, g1 = view.gap(base), view.gap(model)
-    f, a0 = spectrum(g0[SKIP:], 1.0 / s.dt)
-    _, a1 = spectrum(g1[SKIP:], 1.0 / s.dt)
-    x = chain(s, base)[0]
-    orders = np.linspace(0.3, 12.0, 160) / view.scales.x
     time = np.arange(s.u.size) * s.dt
+    orders = np.linspace(0.3, 12.0, 160) / view.scales.x
     return {
-        "time": time, "measured": s.y,
-        "runs": {"before": free_run(s, base), "after": free_run(s, model)},
+        "time": time, "measured": s.y, "runs": {"before": free_run(s, base), "after": free_run(s, model)},
         "held": s.held >= 0, "beside_turned": beside_turned(s, base, model),
-        "gap_time": time, "gap_before": g0, "gap_after": g1, "usable": np.arange(s.u.size) >= SKIP,
-        "floor": view.floor(model), "frequency": f, "spectrum": (a0, a1), "orders": orders,
-        "order_spectrum": (order_spectrum(g0, x, orders), order_spectrum(g1, x, orders)),
+        "gap_time": time, "usable": np.arange(s.u.size) >= SKIP, "floor": view.floor(model),
         "axes": axes(s, base), "units": ("", ""), "what": "one-step prediction error",
         "output": "output", "window": WINDOW, "clock": "s" if s.dt != 1.0 else "samples",
+        **spectra(view.gap(base), view.gap(model), s.dt, chain(s, base)[0], orders, SKIP),
     }  # fmt: skip

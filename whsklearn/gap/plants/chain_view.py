@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from whsklearn.gap.evidence import Limits
-from whsklearn.gap.plant import Linearised, Look, ModelErrors, ViewDefaults
+from whsklearn.gap.plant import ViewDefaults
 from whsklearn.gap.plants import chain_evidence as rules
 from whsklearn.gap.plants import chain_objections as objections
 from whsklearn.gap.plants.chain_candidates import Scales
@@ -31,6 +31,7 @@ from whsklearn.gap.plants.chain_model import (
 )
 from whsklearn.gap.plants.chain_noise import gain_behind
 from whsklearn.gap.plants.chain_remainder import Remainder, remainder, whiteness
+from whsklearn.gap.values import Linearised, Look, ModelErrors
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -155,10 +156,6 @@ class ChainView(ViewDefaults):
     def same_signature(self, a: ChainModel, b: ChainModel) -> bool:
         """Whether no such record tells the last effects of two models apart."""
         return objections.same_signature(self.setting, a, b, self.scales)
-
-    def demand(self, model: ChainModel) -> float:
-        """No more than the tolerance."""
-        return 0.0
 
     def replaceable(self, model: ChainModel, index: int) -> bool:
         """Every effect but the last, which has just been chosen."""

@@ -16,18 +16,21 @@ from whsklearn.effects import get_effect
 from whsklearn.gap.axis_candidates import TWO_MASS, aliases, candidate
 from whsklearn.gap.axis_model import AxisModel
 from whsklearn.gap.data_check import Problem, check_servo
+from whsklearn.gap.diagnosis import NamedEffect
 from whsklearn.gap.evidence import Evidence
 from whsklearn.gap.filters import whiteness
-from whsklearn.gap.plant import Learned, Linearised, PlantDefaults
+from whsklearn.gap.plant import PlantDefaults
 from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants import servo_free_run, servo_learned, servo_screening
 from whsklearn.gap.plants import servo_stop as stop
-from whsklearn.gap.plants.servo_inverse import InverseView, best_view
+from whsklearn.gap.plants.servo_inverse import InverseView
 from whsklearn.gap.plants.servo_nameless import explainable
 from whsklearn.gap.plants.servo_observer import ObserverView
 from whsklearn.gap.plants.servo_pictures import pictures, signals
-from whsklearn.gap.plants.servo_start import observer_view, start_of
-from whsklearn.gap.record import ServoRecord
+from whsklearn.gap.plants.servo_sensors import coarse_encoder, unfold
+from whsklearn.gap.plants.servo_start import best_view, observer_view, start_of
+from whsklearn.gap.record import SPLIT, ServoRecord
+from whsklearn.gap.values import Learned, Linearised
 
 Array = NDArray[Any]
 HOLD = 0.5  # samples of age that a drive held over a sample has on average
@@ -70,8 +73,6 @@ class ServoPlant(PlantDefaults):
     # --- models and views -------------------------------------------------------------------
     def base(self, rng: np.random.Generator) -> AxisModel:
         """The base model, fitted; a reading whose sign was lost is unfolded first."""
-        from whsklearn.gap.plants.servo_sensors import unfold
-
         base = self._open(self.record)
         straight = unfold(self.record.position, self.record.dt)
         if straight is not None:
@@ -213,9 +214,6 @@ class ServoPlant(PlantDefaults):
 
     def read_off(self, model: AxisModel) -> list[Any]:
         """A coarse encoder, a folded sensor: what no missing torque shows; looked for where that shows nothing."""
-        from whsklearn.gap.diagnosis import NamedEffect
-        from whsklearn.gap.plants.servo_sensors import coarse_encoder
-
         if model.added:
             return []
         if self._folded is not None:
@@ -329,7 +327,7 @@ class ServoPlant(PlantDefaults):
             f"up to {view.filter.cutoff:.1f} Hz, where that noise makes {100 * view.floor() / self.scale:.2f} % "
             "of the rms drive.",
             "The drive is replayed and the model held near the measurement by an observer, so no controller is needed.",
-            "60 % of the record in five parts is used for fitting, the 40 % between them for judging.",
+            SPLIT,
         ]
 
     def pictures(self, base: AxisModel, model: AxisModel) -> dict[str, Any]:

@@ -17,24 +17,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn.effects import Scales, codes
-from whsklearn.gap.axis_candidates import TWO_MASS, Candidate, candidate, usable
+from whsklearn.gap.axis_candidates import TWO_MASS
 from whsklearn.gap.axis_model import AxisModel, Term
 from whsklearn.gap.evidence import weigh
 from whsklearn.gap.filters import CUTOFF_SIGMA, filtered, gaussian_derivatives
-from whsklearn.gap.plant import CandidateFit, Linearised, Look, ModelErrors, ViewDefaults
+from whsklearn.gap.least_squares import jacobian
+from whsklearn.gap.plant import ViewDefaults
 from whsklearn.gap.plants import inverse_dynamics as ols
 from whsklearn.gap.plants import servo_evidence as rules
+from whsklearn.gap.plants import servo_inverse_look as looking
 from whsklearn.gap.plants import servo_stop as stop
 from whsklearn.gap.plants import servo_two_mass as two_mass
 from whsklearn.gap.plants.servo_columns import Signals, effect_columns
-from whsklearn.gap.plants.servo_observer import negative_damping, too_large
-from whsklearn.gap.plants.servo_waves import off_shaft, on_excitation_line
+from whsklearn.gap.plants.servo_objections import unphysical
+from whsklearn.gap.plants.servo_surrogate import surrogate_record
 from whsklearn.gap.record import ServoRecord, lattice, noise_level
+from whsklearn.gap.values import CandidateFit, Linearised, Look, ModelErrors
 
 Array = NDArray[Any]
 PER_CUTOFF = 5.0  # samples a period of the cut-off that decimation keeps
 KEPT = 40  # columns remembered: a polish moves one shape and leaves the others
-HIGHEST_CUTOFF, LOWEST_CUTOFF = 0.08, 2.0  # of the sampling rate; Hz: where the search of the filter starts and ends
 
 
 class InverseView(ViewDefaults):
@@ -253,8 +255,6 @@ class InverseView(ViewDefaults):
 
     def surrogate(self, model: AxisModel, rng: np.random.Generator) -> InverseView:
         """The view of a record that the model itself made in the same experiment."""
-        from whsklearn.gap.plants.servo_surrogate import surrogate_record
-
         return InverseView(surrogate_record(self, model, rng), self.scene, self.cutoff, self.start, self.skipped)
 
     def trimmed(self, model: AxisModel) -> InverseView:
@@ -300,19 +300,9 @@ class InverseView(ViewDefaults):
     def objection(self, model: AxisModel, index: int) -> str:
         """What is wrong with the sign or the range of a term's numbers; empty if nothing."""
         t = model.terms[index]
-        if t.name == "encoder_eccentricity" and float(np.hypot(t.q[0], t.q[1])) * t.q[2] > rules.STEEPEST_ERROR:
-            return "an encoder error so steep would let the reading stand still while the axis turns"
-        if t.kind.positive and t.q[0] <= 0:
-            return f"its size would be {t.q[0]:.3g}, and a physical one is positive"
-        if t.kind.code == codes.SATURATION and self.below_limit(t.q[0]) < model.vector().size:
+        if t.kind.code == codes.SATURATION and t.q[0] > 0.0 and self.below_limit(t.q[0]) < model.vector().size:
             return "the drive would stand at it nearly all the time, and its sign alone tells too little of the axis"
-        return (
-            model.at_the_end(index)
-            or negative_damping(model, index)
-            or too_large(model, index)
-            or off_shaft(model, index)
-            or on_excitation_line(self.record, model.terms[index])
-        )
+        return unphysical(self.record, model, index)
 
     def below_limit(self, limit: float) -> float:
         """Independent samples at which the drive is below a limit: elsewhere it is a constant, whatever the axis asks.
@@ -342,9 +332,7 @@ class InverseView(ViewDefaults):
     # --- candidates ---------------------------------------------------------------------------
     def look(self, model: AxisModel) -> list[Look]:
         """Every candidate at its best start, by the drop of the sum of squares beyond the model's own columns."""
-        from whsklearn.gap.plants.servo_inverse_look import looks
-
-        return looks(self, model)
+        return looking.looks(self, model)
 
     def look_again(self, model: AxisModel, beside: AxisModel) -> list[Look]:
         """The same; what multiplies the torque is tried too where only ``beside`` predicts it well enough.
@@ -352,38 +340,28 @@ class InverseView(ViewDefaults):
         Coulomb friction stands for a gear's load friction until gravity or a spring is found; without it too much is
         left again for the load friction to be looked at, and it would never be tried in its place.
         """
-        from whsklearn.gap.plants.servo_inverse_look import looks
-
-        return looks(self, model, beside)
+        return looking.looks(self, model, beside)
 
     def absorbed(self, model: AxisModel, index: int) -> AxisModel:
         """The last term polished without the one that it covers: a spring's place of rest takes an offset in."""
-        from whsklearn.gap.plants.servo_inverse_look import polished
-
         rest = model.without(index)
-        return polished(self, rest.without(len(rest.terms) - 1), rest.terms[-1])
+        return looking.polished(self, rest.without(len(rest.terms) - 1), rest.terms[-1])
 
     def refine(self, model: AxisModel, look: Look) -> AxisModel:
         """The candidate with its shape polished on the sum of squares, sizes solved."""
-        from whsklearn.gap.plants.servo_inverse_look import polished
-
-        return polished(self, model, look.start)
+        return looking.polished(self, model, look.start)
 
     def settled(self, model: AxisModel) -> AxisModel:
         """See `whsklearn.gap.plants.servo_inverse_look.settled`."""
-        from whsklearn.gap.plants.servo_inverse_look import settled
-
-        return settled(self, model)
+        return looking.settled(self, model)
 
     def family(self, model: AxisModel) -> Iterator[CandidateFit]:
         """Further orders of the model's last term, while each earns its place."""
-        from whsklearn.gap.plants.servo_inverse_look import next_order
-
         last = model.terms[-1]
         if not (last.kind.repeats and last.kind.scanned == "position"):
             return
         for _ in range(rules.MOST_ORDERS - 1):
-            grown = next_order(self, model, last.kind)
+            grown = looking.next_order(self, model, last.kind)
             if grown is None:
                 return
             fitted = CandidateFit(Look(last.name, 1.0, n_numbers=3), grown)
@@ -394,14 +372,10 @@ class InverseView(ViewDefaults):
 
     def widened(self, model: AxisModel) -> CandidateFit | None:
         """See `whsklearn.gap.plants.servo_inverse_look.widened`."""
-        from whsklearn.gap.plants.servo_inverse_look import widened
-
-        return widened(self, model)
+        return looking.widened(self, model)
 
     def linearised(self, model: AxisModel) -> Linearised:
         """Residual and derivatives in all free numbers, scaled to the independent samples."""
-        from whsklearn.gap.least_squares import jacobian
-
         factor = np.sqrt(self.n_effective / self.at.size)
 
         def residual(x: Array) -> Array:
@@ -414,48 +388,3 @@ class InverseView(ViewDefaults):
         x, (low, high) = model.vector(), model.bounds()
         r = residual(x)
         return Linearised(x, low, high, r, jacobian(residual, x, r, model.steps(), high), model.with_vector)
-
-
-def best_view(view: InverseView, model: AxisModel, goal: float) -> InverseView:
-    """The view behind the highest cut-off at which noise makes at most ``goal`` of the drive or a fifth of the gap.
-
-    The gap is that of the same cut-off: cogging of order 72 at a turn a second lies at 72 Hz, and a gap seen below
-    10 Hz would not ask for a filter that lets it through.
-    """
-    dt, scene = view.record.dt, model.scene
-    noise = max(noise_level(view.record.position), rules.GRID_AS_NOISE * lattice(view.record.position))
-    top = HIGHEST_CUTOFF / dt
-    speed = np.abs(view.start[1])
-    cutoffs = np.geomspace(top, min(LOWEST_CUTOFF, 0.5 * top), 14)
-    for cutoff in cutoffs:
-        *_, g2 = gaussian_derivatives(CUTOFF_SIGMA / (2 * np.pi * cutoff), dt)
-        _, g1, _ = gaussian_derivatives(CUTOFF_SIGMA / (2 * np.pi * min(2 * cutoff, 0.1 / dt)), dt)
-        slowest = rules.NOISY * noise * float(np.linalg.norm(g1))
-        other = InverseView(view.record, scene, float(cutoff), view.start, view.skipped)
-        if np.mean((speed < slowest) & (speed > rules.SLOW * scene.speed)) > rules.BLIND_SHARE:
-            continue
-        floor = rules.DRIVE_NOISE * noise * other.fit(model).inertia * float(np.linalg.norm(g2))
-        if floor <= max(
-            goal * scene.torque, min(rules.OF_THE_GAP * other.rms(other.gap(model)), rules.LARGEST_FLOOR * scene.torque)
-        ):
-            break
-    return other
-
-
-def base_model(law: tuple[str, ...], scene: Scales) -> AxisModel:
-    """The base model's structure, with sizes yet to be solved."""
-    kinds = [candidate(name) for name in law]
-    terms = tuple(Term(c, (*([0.0] * c.linear), *c.starts(scene)[0])) for c in kinds)
-    return AxisModel(scene.inertia, 0.0, terms, scene, n_base=len(terms))
-
-
-def inverse_kinds(model: AxisModel) -> tuple[Candidate, ...]:
-    """Candidates with a form in this view."""
-    return tuple(c for c in (*usable([t.kind for t in model.terms]), *stop.usable(model)) if has_form(c))
-
-
-def has_form(c: Candidate) -> bool:
-    """Whether inverse dynamics of the motor's side shows a candidate."""
-    if c.name == "end_stop":
-        return c in stop.KINDS
-    return c.linear > 0 or c.code == codes.SATURATION or (c.code in TWO_MASS and not c.on_load)

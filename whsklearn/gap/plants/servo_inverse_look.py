@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn.effects import codes as k
-from whsklearn.gap.axis_candidates import TWO_MASS, Candidate
+from whsklearn.gap.axis_candidates import TWO_MASS, Candidate, usable
 from whsklearn.gap.axis_model import AxisModel, Term
 from whsklearn.gap.filters import CUTOFF_SIGMA
 from whsklearn.gap.least_squares import least_squares
-from whsklearn.gap.plant import CandidateFit, Look
 from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants import servo_stop as stop
 from whsklearn.gap.plants import servo_two_mass as two_mass
+from whsklearn.gap.values import CandidateFit, Look
 
 Array = NDArray[Any]
 GAPS = (0.002, 0.004, 0.009, 0.018, 0.037, 0.075, 0.15)  # rad
@@ -66,8 +66,6 @@ class Base:
 
 def looks(view: Any, model: AxisModel, beside: AxisModel | None = None) -> list[Look]:
     """Every candidate at its best start; the torque is predicted by ``beside`` where the model leaves too much."""
-    from whsklearn.gap.plants.servo_inverse import inverse_kinds
-
     base, out = Base(view, model, beside), []
     struck = stop.regions(view, model)
     for kind in inverse_kinds(model):
@@ -86,6 +84,18 @@ def looks(view: Any, model: AxisModel, beside: AxisModel | None = None) -> list[
             elementary=kind.elementary,
         ))  # fmt: skip
     return out
+
+
+def inverse_kinds(model: AxisModel) -> tuple[Candidate, ...]:
+    """Candidates with a form in this view."""
+    return tuple(c for c in (*usable([t.kind for t in model.terms]), *stop.usable(model)) if has_form(c))
+
+
+def has_form(c: Candidate) -> bool:
+    """Whether inverse dynamics of the motor's side shows a candidate."""
+    if c.name == "end_stop":
+        return c in stop.KINDS
+    return c.linear > 0 or c.code == k.SATURATION or (c.code in TWO_MASS and not c.on_load)
 
 
 def best_start(view: Any, base: Base, kind: Candidate) -> tuple[Term | None, float, int]:

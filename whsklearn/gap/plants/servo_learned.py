@@ -24,10 +24,10 @@ from whsklearn.gap.axis_candidates import TWO_MASS, Candidate
 from whsklearn.gap.axis_model import AxisModel, Term
 from whsklearn.gap.evidence import LEARNED_SHARE, LEAST_MARGIN, MOST_CURVES
 from whsklearn.gap.filters import filtered
-from whsklearn.gap.plant import Curve, Learned
 from whsklearn.gap.plants import inverse_dynamics as ols
 from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants.servo_columns import Signals
+from whsklearn.gap.values import Curve, Learned
 
 Array = NDArray[Any]
 KNOTS = (16, 48, 120)  # hills over the range of a signal: half a percent of the travel is the finest place

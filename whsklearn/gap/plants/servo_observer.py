@@ -15,44 +15,24 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from whsklearn.effects import Scales, codes
+from whsklearn.effects import Scales
 from whsklearn.gap.axis_model import LONGEST_STEP, AxisModel, Term
 from whsklearn.gap.evidence import WHITENED
 from whsklearn.gap.filters import ResidualFilter, autoregression, solve_whitening, whiten
 from whsklearn.gap.least_squares import Fit, jacobian, least_squares
-from whsklearn.gap.plant import CandidateFit, Linearised, Look, ModelErrors, ViewDefaults
+from whsklearn.gap.plant import ViewDefaults
 from whsklearn.gap.plants import servo_evidence as rules
-from whsklearn.gap.plants.servo_waves import off_shaft, on_excitation_line
+from whsklearn.gap.plants import servo_screening as screening
+from whsklearn.gap.plants.servo_objections import unphysical
+from whsklearn.gap.plants.servo_surrogate import surrogate_record
 from whsklearn.gap.record import ServoRecord
+from whsklearn.gap.values import CandidateFit, Linearised, Look, ModelErrors
 
 Array = NDArray[Any]
 AR_ORDER = 12  # of the whitening polynomial
 SUBSTEPS = 4  # fine steps a sample, at least, that a step longer than `LONGEST_STEP` must leave
 STEP_ERROR = 0.01  # of the tolerance that a longer fine step may move the gap by: it decides nothing there
 LOST = 1e3  # times the travel or the speed of the record: a run beyond has diverged
-
-
-def too_large(model: AxisModel, index: int) -> str:
-    """Whether an effect takes so much of the drive that it stands for the drive; empty if not."""
-    t = model.terms[index]
-    if t.kind.code == codes.CHANGE_GAIN and 1.0 + t.q[0] < rules.LEAST_GAIN_LEFT:
-        return f"it would leave {100 * (1.0 + t.q[0]):.1f} % of the drive's effect, and whatever is missing with it"
-    share = float(np.linalg.norm(t.q[:2])) if t.kind.linear == 2 else abs(float(t.q[0]))
-    if share <= rules.LARGEST_SHARE.get(t.name, np.inf):
-        return ""
-    return f"it would take {100 * share:.0f} % of the drive, which no motor or gear does"
-
-
-def negative_damping(model: AxisModel, index: int) -> str:
-    """Whether an asymmetry of the viscous friction is larger than that friction; empty if not.
-
-    A record of one direction under a speed controller u = k (r - v) offers -k as such an asymmetry.
-    """
-    t = model.terms[index]
-    viscous = sum(o.q[0] for o in model.terms if o.name == "viscous")
-    if t.name == "asymmetric_viscous" and abs(t.q[0]) > max(viscous, 0.0):
-        return "the axis would be driven by its own friction in one direction"
-    return ""
 
 
 @dataclass
@@ -174,9 +154,7 @@ class ObserverView(ViewDefaults):
         """The model refitted to the training part, weighted by the size of its own gap."""
         model = dataclasses.replace(model, scene=self.scene, step=self.step)
         if model.has_play:
-            from whsklearn.gap.plants.servo_screening import settled_play
-
-            return settled_play(self, model)
+            return screening.settled_play(self, model)
         for _ in range(2):
             self.weigh(self.rms(self.gap(model)))
             model, _ = self.fitted(model)
@@ -184,8 +162,6 @@ class ObserverView(ViewDefaults):
 
     def look(self, model: AxisModel) -> list[Look]:
         """See `whsklearn.gap.plants.servo_screening.screen`."""
-        from whsklearn.gap.plants import servo_screening as screening
-
         self.weigh(self.rms(self.gap(model)))
         model, fit = self.fitted(model, max_iterations=4)
         first = len(model.terms) == model.n_base
@@ -193,8 +169,6 @@ class ObserverView(ViewDefaults):
 
     def refine(self, model: AxisModel, look: Look) -> AxisModel:
         """See `whsklearn.gap.plants.servo_screening.refine`."""
-        from whsklearn.gap.plants import servo_screening as screening
-
         self.weigh(self.rms(self.gap(model)))
         return screening.refine(self, model, look.start)
 
@@ -222,19 +196,7 @@ class ObserverView(ViewDefaults):
 
     def objection(self, model: AxisModel, index: int) -> str:
         """What is wrong with the sign or the range of a term's numbers; empty if nothing."""
-        term = model.terms[index]
-        q = term.q
-        if term.name == "encoder_eccentricity" and float(np.hypot(q[0], q[1])) * q[2] > rules.STEEPEST_ERROR:
-            return "an encoder error so steep would let the reading stand still while the axis turns"
-        if term.kind.positive and q[0] <= 0:
-            return f"its size would be {q[0]:.3g}, and a physical one is positive"
-        return (
-            model.at_the_end(index)
-            or negative_damping(model, index)
-            or too_large(model, index)
-            or off_shaft(model, index)
-            or on_excitation_line(self.record, term)
-        )
+        return unphysical(self.record, model, index)
 
     def demand(self, model: AxisModel) -> float:
         """Beside a play a further effect must explain most of what is left."""
@@ -246,8 +208,6 @@ class ObserverView(ViewDefaults):
 
     def surrogate(self, model: AxisModel, rng: np.random.Generator) -> ObserverView:
         """The view of a record that the model itself made in the same experiment."""
-        from whsklearn.gap.plants.servo_surrogate import surrogate_record
-
         return dataclasses.replace(self, record=surrogate_record(self, model, rng))
 
     def seen(self, model: AxisModel) -> tuple[Array, Array, Array, NDArray[np.bool_], NDArray[np.bool_]]:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from whsklearn.gap.localisation import order_spectrum, since_reversal, spectrum
+from whsklearn.gap.localisation import since_reversal, spectra
 
 Array = NDArray[Any]
 
@@ -30,16 +30,11 @@ def signals(view: Any, units: tuple[str, str]) -> dict[str, tuple[Array, str]]:
 
 def pictures(view: Any, base: Any, model: Any, units: tuple[str, str], what: str) -> dict[str, Any]:
     """Overlay, gap over time, its spectra by frequency and by order, and its axes."""
-    y = view.record.position
-    d0, d1 = view.gap(base), view.gap(model)
-    f, a0 = spectrum(d0, 1.0 / view.step)
-    _, a1 = spectrum(d1, 1.0 / view.step)
+    gaps = view.gap(base), view.gap(model)
     orders = np.arange(0.5, min(160.0, 2 * np.pi * 2 * view.cutoff / view.scene.speed), 0.1)
-    q = view.motion.position[:: view.every][view.at]
     return {
-        "time": view.time, "measured": y,
-        "gap_time": view.time[:: view.every][view.at], "gap_before": d0, "gap_after": d1,
-        "usable": np.ones(d0.size, dtype=bool), "floor": view.floor(model), "frequency": f, "spectrum": (a0, a1),
-        "orders": orders, "order_spectrum": tuple(order_spectrum(d, q, orders) for d in (d0, d1)),
+        "time": view.time, "measured": view.record.position, "gap_time": view.time[:: view.every][view.at],
+        "usable": np.ones(gaps[0].size, dtype=bool), "floor": view.floor(model),
         "axes": signals(view, units), "units": units, "what": what,
+        **spectra(*gaps, view.step, view.motion.position[:: view.every][view.at], orders),
     }  # fmt: skip

@@ -17,9 +17,9 @@ from whsklearn.effects import codes as k
 from whsklearn.gap.axis_candidates import TWO_MASS, Candidate, usable
 from whsklearn.gap.axis_model import AxisModel, Term
 from whsklearn.gap.least_squares import Fit, gain_of
-from whsklearn.gap.plant import Look
 from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants.servo_scan import scan, zoom
+from whsklearn.gap.values import Look
 
 Array = NDArray[Any]
 SMALL = 0.01  # share of the rms drive at which signatures are taken

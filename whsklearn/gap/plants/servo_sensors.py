@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from whsklearn.effects import get_effect
+from whsklearn.gap.diagnosis import NamedEffect
 from whsklearn.gap.plants import servo_evidence as rules
 
 
@@ -15,9 +17,6 @@ def coarse_encoder(view: Any, base: Any) -> list[Any]:
 
     A log in counts states its grid; only one that is coarser than stated is an effect.
     """
-    from whsklearn.effects import get_effect
-    from whsklearn.gap.diagnosis import NamedEffect
-
     step = view.quantum
     if step < rules.COARSE_GRID * view.scene.reach or step / 12**0.5 < rules.GRID_NOISE * view.noise:
         return []

@@ -10,15 +10,17 @@ from numpy.typing import NDArray
 from scipy.signal import fftconvolve
 
 from whsklearn.effects import Scales
-from whsklearn.gap.axis_model import FASTEST_COUPLING, AxisModel
+from whsklearn.gap.axis_candidates import candidate
+from whsklearn.gap.axis_model import FASTEST_COUPLING, AxisModel, Term
 from whsklearn.gap.evidence import DEFAULT_TOLERANCE
 from whsklearn.gap.filters import CUTOFF_SIGMA, gaussian_derivatives, residual_filter
 from whsklearn.gap.plants import servo_evidence as rules
-from whsklearn.gap.plants.servo_inverse import InverseView, base_model, best_view
+from whsklearn.gap.plants.servo_inverse import InverseView
 from whsklearn.gap.plants.servo_observer import ObserverView
 from whsklearn.gap.record import ServoRecord, held_out_blocks, lattice, noise_level
 
 Array = NDArray[Any]
+HIGHEST_CUTOFF, LOWEST_CUTOFF = 0.08, 2.0  # of the sampling rate; Hz: where the search of the filter starts and ends
 FIRST_CUTOFF = 8.0  # Hz, for the first guess of the inertia: above any reference, below most noise
 
 
@@ -30,6 +32,39 @@ def motion(position: Array, dt: float, cutoff: float) -> tuple[Array, Array, Arr
     padded = np.pad(position - centre, half, mode="edge")
     q, v, a = (fftconvolve(padded, k, mode="valid") for k in (g, g1, g2))
     return q + centre, v, a
+
+
+def base_model(law: tuple[str, ...], scene: Scales) -> AxisModel:
+    """The base model's structure, with sizes yet to be solved."""
+    kinds = [candidate(name) for name in law]
+    terms = tuple(Term(c, (*([0.0] * c.linear), *c.starts(scene)[0])) for c in kinds)
+    return AxisModel(scene.inertia, 0.0, terms, scene, n_base=len(terms))
+
+
+def best_view(view: InverseView, model: AxisModel, goal: float) -> InverseView:
+    """The view behind the highest cut-off at which noise makes at most ``goal`` of the drive or a fifth of the gap.
+
+    The gap is that of the same cut-off: cogging of order 72 at a turn a second lies at 72 Hz, and a gap seen below
+    10 Hz would not ask for a filter that lets it through.
+    """
+    dt, scene = view.record.dt, model.scene
+    noise = max(noise_level(view.record.position), rules.GRID_AS_NOISE * lattice(view.record.position))
+    top = HIGHEST_CUTOFF / dt
+    speed = np.abs(view.start[1])
+    cutoffs = np.geomspace(top, min(LOWEST_CUTOFF, 0.5 * top), 14)
+    for cutoff in cutoffs:
+        *_, g2 = gaussian_derivatives(CUTOFF_SIGMA / (2 * np.pi * cutoff), dt)
+        _, g1, _ = gaussian_derivatives(CUTOFF_SIGMA / (2 * np.pi * min(2 * cutoff, 0.1 / dt)), dt)
+        slowest = rules.NOISY * noise * float(np.linalg.norm(g1))
+        other = InverseView(view.record, scene, float(cutoff), view.start, view.skipped)
+        if np.mean((speed < slowest) & (speed > rules.SLOW * scene.speed)) > rules.BLIND_SHARE:
+            continue
+        floor = rules.DRIVE_NOISE * noise * other.fit(model).inertia * float(np.linalg.norm(g2))
+        if floor <= max(
+            goal * scene.torque, min(rules.OF_THE_GAP * other.rms(other.gap(model)), rules.LARGEST_FLOOR * scene.torque)
+        ):
+            break
+    return other
 
 
 def start_of(record: ServoRecord, law: tuple[str, ...], goal: float) -> tuple[InverseView, AxisModel]:

@@ -20,6 +20,7 @@ from whsklearn.gap.axis_candidates import TWO_MASS, Candidate, variants
 from whsklearn.gap.axis_model import AxisModel, Term
 from whsklearn.gap.filters import CUTOFF_SIGMA
 from whsklearn.gap.plants import servo_evidence as rules
+from whsklearn.gap.values import Look
 
 Array = NDArray[Any]
 KINDS = variants(ContactStop)
@@ -175,10 +176,8 @@ def settled(view: Any, model: AxisModel, term: Term) -> AxisModel:
     return best
 
 
-def look_of(view: Any, model: AxisModel, kind: Any, term: Term) -> Any:
+def look_of(view: Any, model: AxisModel, kind: Any, term: Term) -> Look:
     """A stop as the engine ranks it: what it takes off costs one number an independent sample in contact."""
-    from whsklearn.gap.plant import Look
-
     grown = view.fit(model.with_term(term))
     touched = contact(view, grown)
     assert touched is not None

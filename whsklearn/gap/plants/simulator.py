@@ -16,7 +16,8 @@ says that it was not tried.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import dataclasses
+from collections.abc import Sequence
 from functools import cached_property
 from typing import Any
 
@@ -24,12 +25,11 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from whsklearn.effects import get_effect
+from whsklearn.effects import effect_names, get_effect
 from whsklearn.gap.data_check import Problem, check_servo
 from whsklearn.gap.evidence import SAME_SIMULATION, WHITENED
 from whsklearn.gap.filters import autoregression, whiten, whiteness
-from whsklearn.gap.localisation import order_spectrum, since_reversal, spectrum
-from whsklearn.gap.plant import Linearised, Look, ModelErrors, PlantDefaults, ViewDefaults
+from whsklearn.gap.plant import PlantDefaults, ViewDefaults
 from whsklearn.gap.plants import simulator_evidence as rules
 from whsklearn.gap.plants.simulator_look import (
     STARTS,
@@ -38,11 +38,14 @@ from whsklearn.gap.plants.simulator_look import (
     columns_of,
     gains,
     motion,
-    sized_by_drive,
     whole,
 )
-from whsklearn.gap.plants.simulator_model import EffectTerm, SimulatorFit, SimulatorModel
-from whsklearn.gap.record import ServoRecord, held_out_blocks, lattice, noise_level
+from whsklearn.gap.plants.simulator_model import SimulatorFit, SimulatorModel
+from whsklearn.gap.plants.simulator_nameless import explainable
+from whsklearn.gap.plants.simulator_pictures import pictures, signals
+from whsklearn.gap.plants.simulator_refine import refine
+from whsklearn.gap.record import SPLIT, ServoRecord, held_out_blocks, lattice, noise_level
+from whsklearn.gap.values import Linearised, Look, ModelErrors
 
 Array = NDArray[Any]
 AR_ORDER = 12  # of the whitening polynomial
@@ -72,7 +75,7 @@ class SimulatorPlant(PlantDefaults, ViewDefaults):
         self.horizons, self.headline = (seconds,), seconds
         self.scale = _scale(record)
         self.ar: Array = np.array([1.0])
-        self._refused: dict[str, str] = {}
+        self.refused: dict[str, str] = {}
         self._shapes: dict[str, list[Any]] | None = None
 
     # --- models ---------------------------------------------------------------------------
@@ -102,15 +105,13 @@ class SimulatorPlant(PlantDefaults, ViewDefaults):
 
     def surrogate(self, model: SimulatorModel, rng: np.random.Generator) -> SimulatorPlant:
         """The plant of a record that the model itself made, with white noise of the same size."""
-        import dataclasses
-
         y = self.record.position - self.gap(model) + self.noise * rng.standard_normal(len(self.record))
         step = lattice(self.record.position)
         record = dataclasses.replace(self.record, position=np.round(y / step) * step if step else y)
         other = SimulatorPlant(self.given_model, record, tolerance=self.tolerance)
         other.fits = SimulatorFit(self.fits.core, record, self.train, self.given_model)
         other.noise = self.noise
-        other._motion, other._shapes = self._motion, self._shapes  # it differs by noise alone
+        other.motion, other._shapes = self.motion, self._shapes  # it differs by noise alone
         return other
 
     # --- looking --------------------------------------------------------------------------
@@ -132,7 +133,7 @@ class SimulatorPlant(PlantDefaults, ViewDefaults):
         A torque at some hertz hardly moves the position of a free axis: a tone of 6 % of the drive moved it by 0.4 %
         (`benchmarks.blind_simulator`, disturbance_tone 5002).
         """
-        error, noise = self._accelerations(model), self.noise * float(np.linalg.norm(self._motion.kernels[2]))
+        error, noise = self._accelerations(model), self.noise * float(np.linalg.norm(self.motion.kernels[2]))
         least_acceleration = least / self.scale * self._acceleration if self.scale else 0.0
         small = self.rms(error) ** 2 <= (self.limits.quiet * noise) ** 2 + least_acceleration**2
         return bool(small and super().quiet(model, least))
@@ -144,36 +145,36 @@ class SimulatorPlant(PlantDefaults, ViewDefaults):
         return max(super().explained(before, after), float(share) * self.scale)
 
     @cached_property
-    def _motion(self) -> Motion:
+    def motion(self) -> Motion:
         """The smoothed motion."""
         return motion(self.record)
 
     def _accelerations(self, model: SimulatorModel) -> Array:
         """Second derivative of the error through the motion's filter."""
-        m = self._motion
+        m = self.motion
         return m.seen(self.gap(model), 2)[m.usable]
 
     @property
     def _acceleration(self) -> float:
         """Rms acceleration of the motion."""
-        m = self._motion
+        m = self.motion
         return self.rms(m.seen(self.record.position, 2)[m.usable])
 
     def look(self, model: SimulatorModel) -> list[Look]:
         """Every effect at its best shapes, by a regression of the error's second derivative."""
         if self._shapes is None:
             given = getattr(self.given_model, "effects_to_try", None)
-            self._shapes = {} if given is not None else catalogue(self.record, self._motion.signals, self._further)
+            self._shapes = {} if given is not None else catalogue(self.record, self.motion.signals, self.further_shapes)
             for e in given if given is not None else getattr(self.given_model, "also_try", ()):
                 self._shapes.setdefault(e.name, []).append(e)
-            self._shapes = {name: whole(shapes, self._whole) for name, shapes in self._shapes.items()}
+            self._shapes = {name: whole(shapes, self.whole_fields) for name, shapes in self._shapes.items()}
             self._leave_out_what_cannot_be_held(model)
         error, out = self.gap(model), []
         for name, shapes in self._shapes.items():
-            if name in self._refused:
+            if name in self.refused:
                 continue
-            known = [e for e in shapes if columns_of(e, self._motion.signals).size]
-            ranked = sorted(zip(gains(self._motion, error, known, self.train), range(len(known)), strict=True))[::-1]
+            known = [e for e in shapes if columns_of(e, self.motion.signals).size]
+            ranked = sorted(zip(gains(self.motion, error, known, self.train), range(len(known)), strict=True))[::-1]
             if not known:
                 out.append(Look(name, rules.NO_COLUMN, tuple(shapes[:1]), 1, 1, costly=True))
                 continue
@@ -191,117 +192,38 @@ class SimulatorPlant(PlantDefaults, ViewDefaults):
             try:
                 self.fits.built(model).simulator.with_effect(shapes[0])
             except (ValueError, NotImplementedError) as error:
-                self._refused[name] = str(error)
+                self.refused[name] = str(error)
 
     def refine(self, model: SimulatorModel, look: Look) -> SimulatorModel:
-        """The effect added at its best numbers, the simulator refitted; the model as it is where it cannot be added."""
-        model = self.fits.built(model)
-        self._tune(model.error)
-        best: SimulatorModel | None = None
-        scanned = {"order", "frequency"} & set(look.start[0].shape_fields())  # waves have many minima
-        for start in look.start if scanned else look.start[:1]:
-            try:
-                found = self._grown(model, start)
-            except (ValueError, NotImplementedError, FloatingPointError) as error:
-                self._refused[look.name] = str(error)
-                continue
-            if best is None or self._left(found) < self._left(best):
-                best = found
-        if best is None:
-            refused = (*model.terms, EffectTerm(look.start[0].resized(0.0)))
-            return SimulatorModel(model.simulator, refused, model.error)
-        if look.gain > rules.PROMISING and self._left(best) > rules.PROMISING * self._left(model):
-            best = min((best, self._anew(model, look.start[0])), key=self._left)
-        left = self._left(model)
-        if self._left(best) < rules.PROMISING * left:
-            for _ in range(rules.AGAIN):
-                self._tune(best.error)  # weighed by what is left: before, the weights hid the effect's own spectrum
-                left, best = self._left(best), self.fits.grow(model, best, self._weighed, again=True)
-                if self._left(best) > rules.SETTLED * left:
-                    break
-        return best
+        """See `whsklearn.gap.plants.simulator_refine.refine`."""
+        return refine(self, model, look)
 
-    def _grown(self, model: SimulatorModel, start: Any) -> SimulatorModel:
-        """A start brought to its size, then all its numbers fitted.
-
-        From the simulator's refitted numbers, or from those that it was given with, whichever is better with the
-        effect: a refit without it may have bent them far to make up for it.
-        """
-        begins = self._begins(model, start)
-        home, begin = min(begins, key=lambda pair: self.rms(self._weighed(pair[1].error)))
-        return self.fits.grow(home, begin, self._weighed)
-
-    def _anew(self, model: SimulatorModel, start: Any) -> SimulatorModel:
-        """The same, the simulator refitted beside the effect before anything moves together.
-
-        Bristles in place of dry friction take inertia, damping and friction far from both beginnings, and steps along
-        the slopes there lead nowhere; the look has promised most of the gap all the same.
-        """
-        refitted = (self.fits.refitted(begin) for _, begin in self._begins(model, start))
-        return self.fits.grow(model, min(refitted, key=self._left), self._weighed, again=True)
-
-    def _left(self, model: SimulatorModel) -> float:
+    def left(self, model: SimulatorModel) -> float:
         """Rms error of the training samples."""
         return self.rms(model.error[self.train])
 
-    def _begins(self, model: SimulatorModel, start: Any) -> list[tuple[SimulatorModel, SimulatorModel]]:
-        """(home, home with the effect at the size that it asks for) for every home of the model."""
-        fixed = (*start.later, *self._whole)
-        searched = tuple(f for f in start.shape_fields() if _free(f) and f not in fixed)
-        begins = []
-        for home in self.fits.homes(model):
-            for effect in self._sizes(home, start):
-                begins.append((home, self.fits.begun(home, EffectTerm(effect, searched))))
-        return begins
-
-    def _sizes(self, home: SimulatorModel, start: Any) -> list[Any]:
-        """The effect as large as the simulation's slope asks for, and of a shape for instants as the drive does."""
-        if start.column_kind != "exact":
-            return [start]
-        effects = [self._sized(home, start)]
-        if isinstance(start, self._further):
-            effects.append(sized_by_drive(self._motion, start, self.train))
-        positive = start.quantities[start.size].low >= 0.0 and not start.phased
-        return [start if positive and e.magnitude <= 0.0 else e for e in effects]
-
     @property
-    def _whole(self) -> tuple[str, ...]:
+    def whole_fields(self) -> tuple[str, ...]:
         """Fields that the simulator holds as whole numbers."""
         return tuple(getattr(self.given_model, "whole_numbers", ()))
 
     @property
-    def _further(self) -> tuple[type[Any], ...]:
+    def further_shapes(self) -> tuple[type[Any], ...]:
         """Shapes that the simulator asks for beside those that have the names."""
         return tuple(getattr(self.given_model, "shapes_to_try", ()))
 
-    def _sized(self, model: SimulatorModel, start: Any) -> Any:
-        """The size (and phase) by the sensitivity of the simulated position to it."""
-        torque = float(np.sqrt(np.mean(self.record.drive**2))) or 1.0
-        unit = float(np.sqrt(np.mean(np.square(columns_of(start, self._motion.signals))))) or 1.0
-        small = (0.01 * torque if start.port != "output" else 10.0 * self.noise) / unit
-        weights = np.eye(2) * small if start.phased else np.array([[small]])
-        shape = {k: v for k, v in {**start.shape, **start.options}.items() if not (start.phased and k == "phase")}
-        before = self._weighed(model.error)
-        columns = []
-        for w in weights:
-            moved = model.simulator.with_effect(type(start).from_coefficients(w, **shape))
-            columns.append((self._weighed(self.fits.error(moved)) - before) / small)
-        own = self._weighed(self.fits.tangent(model))
-        size = -np.linalg.lstsq(np.column_stack([*columns, own]), before, rcond=1e-9)[0][: len(columns)]
-        return type(start).from_coefficients(size, **shape)
-
-    def _tune(self, error: Array) -> None:
+    def tune(self, error: Array) -> None:
         """The whitening: of the error's own colour, no finer than the noise."""
         self.ar = autoregression(error[self.train], AR_ORDER, self.noise**2)
 
-    def _weighed(self, error: Array) -> Array:
+    def weighed(self, error: Array) -> Array:
         """Whitened training samples of errors, shape (n,) or (n, k); k may be 0."""
         return whiten(error, self.ar)[self.train] if error.size else error[self.train]
 
     def compare(self, models: Sequence[SimulatorModel], best: int) -> list[ModelErrors]:
         """Errors whitened by what the best leaves; held-out errors as they are."""
         errors = [self.gap(m) for m in models]
-        self._tune(errors[best])
+        self.tune(errors[best])
         held, out = ~self.train, []
         for e in errors:
             w = whiten(e, self.ar)
@@ -311,8 +233,8 @@ class SimulatorPlant(PlantDefaults, ViewDefaults):
     def objection(self, model: SimulatorModel, index: int) -> str:
         """What is unphysical in an effect's size."""
         effect = model.terms[index].effect
-        if effect.name in self._refused and not effect.magnitude:
-            return f"the simulator cannot hold it: {self._refused[effect.name]}"
+        if effect.name in self.refused and not effect.magnitude:
+            return f"the simulator cannot hold it: {self.refused[effect.name]}"
         quantity = effect.quantities[effect.size]
         if quantity.low >= 0.0 and effect.magnitude <= 0.0 and not effect.phased:
             return f"its size would be {effect.magnitude:.3g}, and a physical one is positive"
@@ -322,17 +244,9 @@ class SimulatorPlant(PlantDefaults, ViewDefaults):
         """Whether both predict the same position, far below its noise: no such record tells them apart."""
         return self.rms(self.gap(a) - self.gap(b)) < SAME_SIMULATION * self.noise
 
-    def demand(self, model: SimulatorModel) -> float:
-        """No more than the tolerance."""
-        return 0.0
-
     def replaceable(self, model: SimulatorModel, index: int) -> bool:
         """Any term may be exchanged."""
         return True
-
-    def family(self, model: SimulatorModel) -> Iterable[Any]:
-        """None: an effect of several orders is added order by order."""
-        return ()
 
     # --- proof and report -----------------------------------------------------------------
     def simulate(self, model: SimulatorModel, horizon: float) -> Array:
@@ -343,43 +257,17 @@ class SimulatorPlant(PlantDefaults, ViewDefaults):
         """Position and the held-out mask."""
         return self.record.position, ~self.train
 
-    def settle(self, model: SimulatorModel) -> SimulatorModel:
-        """The numbers as fitted."""
-        return model
-
     def follows(self, model: SimulatorModel) -> float:
-        """Cross-validated share of the error's second derivative that nameless functions of the motion explain."""
-        m = self._motion
-        s = m.signals
-        q = (s.position - s.position.mean()) / (np.std(s.position) or 1.0)
-        v = s.velocity / (2 * np.std(s.velocity) or 1.0)
-        sign, u = np.tanh(s.kappa * s.velocity), s.drive / (np.std(s.drive) or 1.0)
-        waves = [f(k * s.position) for k in range(1, 9) for f in (np.cos, np.sin)]
-        columns = [q, q**2, q**3, np.abs(v), v * np.abs(v), sign * q, sign * np.abs(u), u, *waves]
-        columns += [np.exp(-0.5 * ((v - c) / 0.15) ** 2) for c in np.linspace(-1, 1, 11)]
-        columns += [np.exp(-0.5 * ((q - c) / 0.2) ** 2) for c in np.linspace(-2, 2, 15)]
-        e = self.gap(model)
-        base = np.column_stack([s.acceleration, s.velocity, sign, np.ones_like(e)])
-        nuisance = np.column_stack([m.seen(base), m.seen(e), m.seen(e, 1)])[m.usable]
-        x, y = m.seen(np.column_stack(columns))[m.usable], m.seen(e, 2)[m.usable]
-        train = self.train[:: m.every][m.usable]
-        return _explained(nuisance, np.column_stack([nuisance, x]), y, train)
-
-    def read_off(self, model: SimulatorModel) -> list[Any]:
-        """Nothing."""
-        return []
-
-    def as_given(self, base: SimulatorModel) -> tuple[SimulatorPlant, SimulatorModel]:
-        """The record is used as it is."""
-        return self, base
+        """See `whsklearn.gap.plants.simulator_nameless.explainable`."""
+        return explainable(self, model)
 
     def aliases(self, name: str) -> tuple[str, ...]:
         """The catalogue's."""
-        return tuple(get_effect(name).aliases) if name in _known() else ()
+        return tuple(get_effect(name).aliases) if name in effect_names() else ()
 
     def commoner(self, name: str) -> tuple[str, ...]:
         """Names preferred on a tie."""
-        return get_effect(name).commoner if name in _known() else ()
+        return get_effect(name).commoner if name in effect_names() else ()
 
     def linearised(self, model: SimulatorModel) -> Linearised:
         """Of the whitened training residual by the numbers of all effects, and by the simulator's own if it has any.
@@ -388,9 +276,9 @@ class SimulatorPlant(PlantDefaults, ViewDefaults):
         ``rebuild`` simulates and refits nothing: standard errors draw a hundred of its models.
         """
         model = self.fits.built(model)
-        self._tune(model.error)
-        jac, own = self._weighed(self.fits.by_terms(model)), self._weighed(self.fits.tangent(model))
-        r, effects = self._weighed(model.error), jac.shape[1]
+        self.tune(model.error)
+        jac, own = self.weighed(self.fits.by_terms(model)), self.weighed(self.fits.tangent(model))
+        r, effects = self.weighed(model.error), jac.shape[1]
         x = np.concatenate([np.zeros(0), *(np.array(t.vector()) for t in model.terms)])
         if hasattr(model.simulator, "with_numbers"):
             x, jac = np.concatenate([x, np.asarray(model.simulator.numbers, dtype=float)]), np.column_stack([jac, own])
@@ -414,26 +302,22 @@ class SimulatorPlant(PlantDefaults, ViewDefaults):
         """(gap before, after, floor)."""
         return self.rms(self.gap(base)), self.rms(self.gap(model)), self.floor()
 
-    def _every(self) -> int:
+    @property
+    def every(self) -> int:
+        """Thinning of the record in reports."""
         return max(1, len(self.record) // 6000)
 
     def gap_to_locate(self, model: SimulatorModel) -> Array:
         """The error, thinned."""
-        return self.gap(model)[:: self._every()]
+        return self.gap(model)[:: self.every]
 
     def signals(self, model: SimulatorModel) -> dict[str, tuple[Array, str]]:
         """Name -> (signal at the judged samples, unit)."""
-        s, k = self._motion.signals, self._every()
-        drive, rad = self.units
-        still = 0.01 * float(np.sqrt(np.mean(s.velocity**2)))
-        return {
-            "time": (s.time[::k], "s"), "position": (s.position[::k], rad), "velocity": (s.velocity[::k], f"{rad}/s"),
-            "reversal": (since_reversal(s.velocity, self.record.dt, still)[::k], "s"), "drive": (s.drive[::k], drive),
-        }  # fmt: skip
+        return signals(self)
 
     def regressors(self, model: SimulatorModel) -> tuple[dict[str, tuple[float, Array]], Array, float]:
         """The gain of the drive stands for the simulator's numbers, which are its own."""
-        k = self._every()
+        k = self.every
         return {"gain of the motion": (1.0, self.record.position[::k])}, self.gap_to_locate(model), self.record.dt * k
 
     def residual_tests(self, base: SimulatorModel, model: SimulatorModel) -> list[dict[str, Any]]:
@@ -441,7 +325,7 @@ class SimulatorPlant(PlantDefaults, ViewDefaults):
         out = []
         for name, m in (("before", base), ("after", model)):
             error = self.gap(m)
-            self._tune(error)
+            self.tune(error)
             out.append(whiteness(whiten(error, self.ar), name))
         return out
 
@@ -449,25 +333,13 @@ class SimulatorPlant(PlantDefaults, ViewDefaults):
         """Remarks."""
         out = [
             f"Position noise {self.noise:.3g} {self.units[1]} (from sixth differences).",
-            "60 % of the record in five parts is used for fitting, the 40 % between them for judging.",
+            SPLIT,
         ]
-        return out + [f"The simulator could not take {name}: {why}" for name, why in self._refused.items()]
+        return out + [f"The simulator could not take {name}: {why}" for name, why in self.refused.items()]
 
     def pictures(self, base: SimulatorModel, model: SimulatorModel) -> dict[str, Any]:
         """Series that the page draws."""
-        k, y = self._every(), self.record.position
-        d0, d1 = self.gap_to_locate(base), self.gap_to_locate(model)
-        f, a0 = spectrum(d0, 1.0 / (self.record.dt * k))
-        _, a1 = spectrum(d1, 1.0 / (self.record.dt * k))
-        orders = np.arange(0.5, 40.0, 0.1)
-        return {
-            "time": np.arange(y.size) * self.record.dt, "measured": y, "held": ~self.train,
-            "runs": {"before": y - self.gap(base), "after": y - self.gap(model)},
-            "gap_time": np.arange(d0.size) * self.record.dt * k, "gap_before": d0, "gap_after": d1,
-            "usable": np.ones(d0.size, dtype=bool), "floor": self.floor(), "frequency": f, "spectrum": (a0, a1),
-            "orders": orders, "order_spectrum": tuple(order_spectrum(d, y[::k], orders) for d in (d0, d1)),
-            "axes": self.signals(base), "units": self.units, "what": self.gap_word,
-        }  # fmt: skip
+        return pictures(self, base, model)
 
     def system(self, model: SimulatorModel) -> Any:
         """The repaired simulator."""
@@ -488,26 +360,3 @@ def _scale(record: ServoRecord) -> float:
     if record.reference is None:
         return motion_rms
     return min(motion_rms, float(np.sqrt(np.mean((record.reference - record.position) ** 2)))) or motion_rms
-
-
-def _free(field: str) -> bool:
-    """Whether a fit may move a shape number: exponents and counts stay."""
-    return field not in ("exponent", "elements", "load_share", "damping_ratio")
-
-
-def _known() -> set[str]:
-    from whsklearn.effects import effect_names
-
-    return set(effect_names())
-
-
-def _explained(nuisance: Array, whole: Array, y: Array, train: NDArray[np.bool_]) -> float:
-    """Share of the held-out sum of squares that the whole basis predicts beyond the nuisance one."""
-    left = []
-    for x in (nuisance, whole):
-        scale = x[train].std(axis=0) + 1e-12
-        z = x / scale
-        gram = z[train].T @ z[train] + 1e-3 * train.sum() * np.eye(z.shape[1])
-        r = y[~train] - z[~train] @ np.linalg.solve(gram, z[train].T @ y[train])
-        left.append(float(r @ r))
-    return 1.0 - left[1] / max(left[0], 1e-300)

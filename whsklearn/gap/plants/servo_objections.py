@@ -1,12 +1,53 @@
-"""Waves and tones that a record offers falsely: off the shaft of the others, on a line of the excitation."""
+"""What speaks against an effect of an axis: unphysical numbers, a wave off the shaft, a tone of the excitation."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from whsklearn.effects import codes
 from whsklearn.gap.axis_model import AxisModel, Term
 from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.record import ServoRecord
+
+
+def unphysical(record: ServoRecord, model: AxisModel, index: int) -> str:
+    """What is wrong with the numbers of a term in either view of an axis; empty if nothing."""
+    term = model.terms[index]
+    q = term.q
+    if term.name == "encoder_eccentricity" and float(np.hypot(q[0], q[1])) * q[2] > rules.STEEPEST_ERROR:
+        return "an encoder error so steep would let the reading stand still while the axis turns"
+    if term.kind.positive and q[0] <= 0:
+        return f"its size would be {q[0]:.3g}, and a physical one is positive"
+    return (
+        model.at_the_end(index)
+        or negative_damping(model, index)
+        or too_large(model, index)
+        or off_shaft(model, index)
+        or on_excitation_line(record, term)
+    )
+
+
+def too_large(model: AxisModel, index: int) -> str:
+    """Whether an effect takes so much of the drive that it stands for the drive; empty if not."""
+    t = model.terms[index]
+    if t.kind.code == codes.CHANGE_GAIN and 1.0 + t.q[0] < rules.LEAST_GAIN_LEFT:
+        return f"it would leave {100 * (1.0 + t.q[0]):.1f} % of the drive's effect, and whatever is missing with it"
+    share = float(np.linalg.norm(t.q[:2])) if t.kind.linear == 2 else abs(float(t.q[0]))
+    if share <= rules.LARGEST_SHARE.get(t.name, np.inf):
+        return ""
+    return f"it would take {100 * share:.0f} % of the drive, which no motor or gear does"
+
+
+def negative_damping(model: AxisModel, index: int) -> str:
+    """Whether an asymmetry of the viscous friction is larger than that friction; empty if not.
+
+    A record of one direction under a speed controller u = k (r - v) offers -k as such an asymmetry.
+    """
+    t = model.terms[index]
+    viscous = sum(o.q[0] for o in model.terms if o.name == "viscous")
+    if t.name == "asymmetric_viscous" and abs(t.q[0]) > max(viscous, 0.0):
+        return "the axis would be driven by its own friction in one direction"
+    return ""
 
 
 def off_shaft(model: AxisModel, index: int) -> str:

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from whsklearn.gap.plants.servo_waves import on_excitation_line
+from whsklearn.gap.plants.servo_objections import on_excitation_line
 from whsklearn.gap.record import ServoRecord
 
 T = np.arange(4000) / 100

@@ -1,0 +1,37 @@
+"""Series of a simulator's diagnosis that the page draws."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from whsklearn.gap.localisation import since_reversal, spectra
+from whsklearn.gap.plants.simulator_model import SimulatorModel
+
+Array = NDArray[Any]
+
+
+def signals(plant: Any) -> dict[str, tuple[Array, str]]:
+    """Name -> (signal at the judged samples, unit)."""
+    s, k = plant.motion.signals, plant.every
+    drive, rad = plant.units
+    still = 0.01 * float(np.sqrt(np.mean(s.velocity**2)))
+    return {
+        "time": (s.time[::k], "s"), "position": (s.position[::k], rad), "velocity": (s.velocity[::k], f"{rad}/s"),
+        "reversal": (since_reversal(s.velocity, plant.record.dt, still)[::k], "s"), "drive": (s.drive[::k], drive),
+    }  # fmt: skip
+
+
+def pictures(plant: Any, base: SimulatorModel, model: SimulatorModel) -> dict[str, Any]:
+    """Overlay, gap over time, its spectra by frequency and by order, and its axes."""
+    step, y = plant.record.dt * plant.every, plant.record.position
+    gaps = plant.gap_to_locate(base), plant.gap_to_locate(model)
+    return {
+        "time": np.arange(y.size) * plant.record.dt, "measured": y, "held": ~plant.train,
+        "runs": {"before": y - plant.gap(base), "after": y - plant.gap(model)},
+        "gap_time": np.arange(gaps[0].size) * step, "usable": np.ones(gaps[0].size, dtype=bool),
+        "floor": plant.floor(), "axes": signals(plant), "units": plant.units, "what": plant.gap_word,
+        **spectra(*gaps, step, y[:: plant.every], np.arange(0.5, 40.0, 0.1)),
+    }  # fmt: skip

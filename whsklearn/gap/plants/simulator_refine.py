@@ -1,0 +1,106 @@
+"""An effect fitted within a simulator of one's own: brought to its size first, then all its numbers together."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from whsklearn.gap.plants import simulator_evidence as rules
+from whsklearn.gap.plants.simulator_look import columns_of, sized_by_drive
+from whsklearn.gap.plants.simulator_model import EffectTerm, SimulatorModel
+from whsklearn.gap.values import Look
+
+
+def refine(plant: Any, model: SimulatorModel, look: Look) -> SimulatorModel:
+    """The effect added at its best numbers, the simulator refitted; the model as it is where it cannot be added."""
+    model = plant.fits.built(model)
+    plant.tune(model.error)
+    best: SimulatorModel | None = None
+    scanned = {"order", "frequency"} & set(look.start[0].shape_fields())  # waves have many minima
+    for start in look.start if scanned else look.start[:1]:
+        try:
+            found = grown(plant, model, start)
+        except (ValueError, NotImplementedError, FloatingPointError) as error:
+            plant.refused[look.name] = str(error)
+            continue
+        if best is None or plant.left(found) < plant.left(best):
+            best = found
+    if best is None:
+        refused = (*model.terms, EffectTerm(look.start[0].resized(0.0)))
+        return SimulatorModel(model.simulator, refused, model.error)
+    if look.gain > rules.PROMISING and plant.left(best) > rules.PROMISING * plant.left(model):
+        best = min((best, anew(plant, model, look.start[0])), key=plant.left)
+    left = plant.left(model)
+    if plant.left(best) < rules.PROMISING * left:
+        for _ in range(rules.AGAIN):
+            plant.tune(best.error)  # weighed by what is left: before, the weights hid the effect's own spectrum
+            left, best = plant.left(best), plant.fits.grow(model, best, plant.weighed, again=True)
+            if plant.left(best) > rules.SETTLED * left:
+                break
+    return best
+
+
+def grown(plant: Any, model: SimulatorModel, start: Any) -> SimulatorModel:
+    """A start brought to its size, then all its numbers fitted.
+
+    From the simulator's refitted numbers, or from those that it was given with, whichever is better with the
+    effect: a refit without it may have bent them far to make up for it.
+    """
+    pairs = begins(plant, model, start)
+    home, begin = min(pairs, key=lambda pair: plant.rms(plant.weighed(pair[1].error)))
+    return plant.fits.grow(home, begin, plant.weighed)
+
+
+def anew(plant: Any, model: SimulatorModel, start: Any) -> SimulatorModel:
+    """The same, the simulator refitted beside the effect before anything moves together.
+
+    Bristles in place of dry friction take inertia, damping and friction far from both beginnings, and steps along
+    the slopes there lead nowhere; the look has promised most of the gap all the same.
+    """
+    refitted = (plant.fits.refitted(begin) for _, begin in begins(plant, model, start))
+    return plant.fits.grow(model, min(refitted, key=plant.left), plant.weighed, again=True)
+
+
+def begins(plant: Any, model: SimulatorModel, start: Any) -> list[tuple[SimulatorModel, SimulatorModel]]:
+    """(home, home with the effect at the size that it asks for) for every home of the model."""
+    fixed = (*start.later, *plant.whole_fields)
+    searched = tuple(f for f in start.shape_fields() if movable(f) and f not in fixed)
+    out = []
+    for home in plant.fits.homes(model):
+        for effect in sizes(plant, home, start):
+            out.append((home, plant.fits.begun(home, EffectTerm(effect, searched))))
+    return out
+
+
+def sizes(plant: Any, home: SimulatorModel, start: Any) -> list[Any]:
+    """The effect as large as the simulation's slope asks for, and of a shape for instants as the drive does."""
+    if start.column_kind != "exact":
+        return [start]
+    effects = [sized(plant, home, start)]
+    if isinstance(start, plant.further_shapes):
+        effects.append(sized_by_drive(plant.motion, start, plant.train))
+    positive = start.quantities[start.size].low >= 0.0 and not start.phased
+    return [start if positive and e.magnitude <= 0.0 else e for e in effects]
+
+
+def sized(plant: Any, model: SimulatorModel, start: Any) -> Any:
+    """The size (and phase) by the sensitivity of the simulated position to it."""
+    torque = float(np.sqrt(np.mean(plant.record.drive**2))) or 1.0
+    unit = float(np.sqrt(np.mean(np.square(columns_of(start, plant.motion.signals))))) or 1.0
+    small = (0.01 * torque if start.port != "output" else 10.0 * plant.noise) / unit
+    weights = np.eye(2) * small if start.phased else np.array([[small]])
+    shape = {k: v for k, v in {**start.shape, **start.options}.items() if not (start.phased and k == "phase")}
+    before = plant.weighed(model.error)
+    columns = []
+    for w in weights:
+        moved = model.simulator.with_effect(type(start).from_coefficients(w, **shape))
+        columns.append((plant.weighed(plant.fits.error(moved)) - before) / small)
+    own = plant.weighed(plant.fits.tangent(model))
+    size = -np.linalg.lstsq(np.column_stack([*columns, own]), before, rcond=1e-9)[0][: len(columns)]
+    return type(start).from_coefficients(size, **shape)
+
+
+def movable(field: str) -> bool:
+    """Whether a fit may move a shape number: exponents and counts stay."""
+    return field not in ("exponent", "elements", "load_share", "damping_ratio")
