@@ -87,6 +87,25 @@ def _acceleration(p, th, v, u, t, s, z, coupling):
 
 
 @njit(cache=True)
+def _read(p, angle, t):
+    """The angle with the encoder's offset, drift and eccentricity."""
+    return angle + p[P_OO] + p[P_OD] * t + p[P_EC] * math.sin(p[P_ECK] * angle + p[P_ECP])
+
+
+@njit(cache=True)
+def _coupling(p, twist, slip):
+    """Torque between the two masses; within the play there is none, and no contact pulls."""
+    if p[P_BL] <= 0.0:
+        return p[P_FK] * twist + p[P_FDAMP] * slip
+    half = 0.5 * p[P_BL]
+    if abs(twist) <= half:
+        return 0.0
+    twist -= half if twist > 0 else -half
+    torque = p[P_FK] * twist + p[P_FDAMP] * slip
+    return 0.0 if torque * twist < 0.0 else torque
+
+
+@njit(cache=True)
 def simulate(p, r, dr, ddr, ctrl, noise, disturbance, steps, lead):
     """The loop at FINE_HZ; one row of outputs a controller period.
 
@@ -105,15 +124,10 @@ def simulate(p, r, dr, ddr, ctrl, noise, disturbance, steps, lead):
     jl = p[P_J] * p[P_FR]
     for k in range(n):
         t = k * steps * h
-        seen = thl if (two_mass and p[P_LS] > 0.5) else th
-        y = seen + p[P_OO] + p[P_OD] * t + p[P_EC] * math.sin(p[P_ECK] * seen + p[P_ECP])
-        y += noise[k]
+        y = _read(p, thl if (two_mass and p[P_LS] > 0.5) else th, t) + noise[k]
         if p[P_Q] > 0.0:
             y = p[P_Q] * math.floor(y / p[P_Q] + 0.5)
-        if p[P_RECT] > 0.5:
-            y_seen = abs(y)
-        else:
-            y_seen = y
+        y_seen = abs(y) if p[P_RECT] > 0.5 else y
         if k > 0:
             dy += ctrl[3] * ((y - past_y) / (steps * h) - dy)
         past_y = y
@@ -141,16 +155,7 @@ def simulate(p, r, dr, ddr, ctrl, noise, disturbance, steps, lead):
             ue += disturbance[k] + (disturbance[min(k + 1, n - 1)] - disturbance[k]) * i / steps
             coupling = 0.0
             if two_mass:
-                twist = th - thl
-                if p[P_BL] > 0.0:
-                    half = 0.5 * p[P_BL]
-                    if abs(twist) > half:
-                        twist -= half if twist > 0 else -half
-                        coupling = p[P_FK] * twist + p[P_FDAMP] * (v - vl)
-                        if coupling * twist < 0.0:
-                            coupling = 0.0
-                else:
-                    coupling = p[P_FK] * twist + p[P_FDAMP] * (v - vl)
+                coupling = _coupling(p, th - thl, v - vl)
                 vl += h * coupling / jl
                 thl += h * vl
             if p[P_PS] > 0.0:

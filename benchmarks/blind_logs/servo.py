@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -93,6 +94,24 @@ def _bisect(f, low: float, high: float, goal: float) -> float:
     return float(np.sqrt(low * high))
 
 
+class _Plain(NamedTuple):
+    """The quiet run of the plain axis, and what every drawing rule takes from it."""
+
+    u: np.ndarray
+    y: np.ndarray
+    v: np.ndarray
+    a: np.ndarray
+    t: np.ndarray
+    dt: float
+    goal: float  # rms torque of the effect
+    phase: float
+    either: float
+
+    def amp(self, shape: np.ndarray) -> float:
+        """The size at which a shape has the rms torque that is wanted."""
+        return self.goal / max(_rms(shape), 1e-12)
+
+
 def _draw(name: str, size: float, rig: _Rig, rng: np.random.Generator) -> dict[str, float]:
     """Slots of one effect whose torque is ``size`` times the rms torque of the plain axis."""
     u, y = rig.run(rig.p, quiet=True)
@@ -100,88 +119,115 @@ def _draw(name: str, size: float, rig: _Rig, rng: np.random.Generator) -> dict[s
     v = np.gradient(rig.r[0], dt) * 0.0 + np.gradient(y, dt)
     v = np.convolve(v, np.ones(9) / 9, mode="same")
     a = np.convolve(np.gradient(v, dt), np.ones(9) / 9, mode="same")
-    s, t = np.sign(v), np.arange(u.size) * dt
-    goal = size * _rms(u)
     phase = rng.uniform(0, 2 * np.pi)
-
-    def amp(shape: np.ndarray) -> float:
-        return goal / max(_rms(shape), 1e-12)
-
-    either = rng.choice([-1.0, 1.0])
-    if name == "coulomb":
-        return {"coulomb": amp(s)}
-    if name == "asymmetric_coulomb":
-        return {"asymmetric_coulomb": either * amp(np.abs(s))}
-    if name == "asymmetric_viscous":
-        return {"asymmetric_viscous": either * amp(np.abs(v))}
-    if name == "stribeck":
-        vs, d = rng.uniform(0.08, 0.6), rng.choice([1.0, 2.0])
-        return {"stribeck": amp(np.exp(-((np.abs(v) / vs) ** d))), "stribeck_v": vs, "stribeck_delta": d}
-    if name == "quadratic_drag":
-        return {"quadratic": amp(v * v)}
-    if name == "load_friction":
-        return {"load_friction": amp(u)}
-    if name == "position_friction":
-        k = float(rng.integers(1, 9))
-        return {"position_friction": amp(np.sin(k * y)), "position_friction_k": k, "position_friction_phase": phase}
-    if name == "presliding_hysteresis":
-        return {"presliding": amp(np.ones(3)), "presliding_x": 10 ** rng.uniform(-1.7, -0.7)}
-    if name == "friction_drift":
-        tau = rng.choice([0.0, rng.uniform(0.2, 0.6) * t[-1]])
-        g = t / t[-1] if tau == 0 else 1 - np.exp(-t / tau)
-        return {"friction_drift": either * amp(g), "friction_drift_tau": tau}
-    if name == "input_offset":
-        return {"offset": either * goal}
-    if name == "dead_zone":
-        return {"dead_zone": _bisect(lambda d: _rms(np.clip(u, -d, d)), 1e-4, 10, goal)}
-    if name == "saturation":
-        return {"saturation": _bisect(lambda m: _rms(u - np.clip(u, -m, m)), 1e-2, 20, goal)}
-    if name == "input_delay":
-        smooth = np.convolve(u, np.ones(15) / 15, mode="same")
-        rate = _rms(np.gradient(smooth, dt))
-        return {"delay": float(np.clip(goal / rate, 1.6 * dt, 0.02))}
-    if name == "actuator_lag":
-        smooth = np.convolve(u, np.ones(15) / 15, mode="same")
-        rate = _rms(np.gradient(smooth, dt))
-        return {"lag": float(np.clip(goal / rate, 1.6 * dt, 0.02))}
-    if name == "torque_ripple":
-        k = float(rng.integers(2, 24))
-        return {"ripple": amp(u * np.sin(k * y)), "ripple_k": k, "ripple_phase": phase}
+    plain = _Plain(u, y, v, a, np.arange(u.size) * dt, dt, size * _rms(u), phase, rng.choice([-1.0, 1.0]))
     if name in ("backlash", "flexible_coupling"):
         return _draw_two_mass(name, size, rig, rng)
+    if name == "quantization":
+        return {"quantum": 2 * np.pi / float(np.clip(80 / size, 400, 4000))}
+    for rule in (_draw_friction, _draw_drive, _draw_position):
+        drawn = rule(name, plain, rng)
+        if drawn:
+            return drawn
+    return _draw_reading(name, plain, rig, rng)
+
+
+def _draw_friction(name: str, m: _Plain, rng: np.random.Generator) -> dict[str, float]:
+    """Friction and what changes it; empty for other effects."""
+    s = np.sign(m.v)
+    if name == "coulomb":
+        return {"coulomb": m.amp(s)}
+    if name == "asymmetric_coulomb":
+        return {"asymmetric_coulomb": m.either * m.amp(np.abs(s))}
+    if name == "asymmetric_viscous":
+        return {"asymmetric_viscous": m.either * m.amp(np.abs(m.v))}
+    if name == "stribeck":
+        vs, d = rng.uniform(0.08, 0.6), rng.choice([1.0, 2.0])
+        return {"stribeck": m.amp(np.exp(-((np.abs(m.v) / vs) ** d))), "stribeck_v": vs, "stribeck_delta": d}
+    if name == "quadratic_drag":
+        return {"quadratic": m.amp(m.v * m.v)}
+    if name == "load_friction":
+        return {"load_friction": m.amp(m.u)}
+    if name == "position_friction":
+        k = float(rng.integers(1, 9))
+        return {
+            "position_friction": m.amp(np.sin(k * m.y)),
+            "position_friction_k": k,
+            "position_friction_phase": m.phase,
+        }
+    if name == "presliding_hysteresis":
+        return {"presliding": m.amp(np.ones(3)), "presliding_x": 10 ** rng.uniform(-1.7, -0.7)}
+    if name == "friction_drift":
+        tau = rng.choice([0.0, rng.uniform(0.2, 0.6) * m.t[-1]])
+        g = m.t / m.t[-1] if tau == 0 else 1 - np.exp(-m.t / tau)
+        return {"friction_drift": m.either * m.amp(g), "friction_drift_tau": tau}
+    if name == "parameter_change":
+        which = rng.choice(["inertia", "viscous", "coulomb"])
+        at = rng.uniform(0.3, 0.7) * m.t[-1]
+        signal = {"inertia": m.a, "viscous": m.v, "coulomb": s}[which]
+        return {f"step_{which}": float(m.either) * m.amp(signal * (m.t > at)), "step_at": at}
+    return {}
+
+
+def _draw_drive(name: str, m: _Plain, rng: np.random.Generator) -> dict[str, float]:
+    """What happens to the drive before it reaches the axis; empty for other effects."""
+    u = m.u
+    if name == "input_offset":
+        return {"offset": m.either * m.goal}
+    if name == "dead_zone":
+        return {"dead_zone": _bisect(lambda d: _rms(np.clip(u, -d, d)), 1e-4, 10, m.goal)}
+    if name == "saturation":
+        return {"saturation": _bisect(lambda limit: _rms(u - np.clip(u, -limit, limit)), 1e-2, 20, m.goal)}
+    if name in ("input_delay", "actuator_lag"):
+        smooth = np.convolve(u, np.ones(15) / 15, mode="same")
+        rate = _rms(np.gradient(smooth, m.dt))
+        return {name.split("_")[1]: float(np.clip(m.goal / rate, 1.6 * m.dt, 0.02))}
+    if name == "torque_ripple":
+        k = float(rng.integers(2, 24))
+        return {"ripple": m.amp(u * np.sin(k * m.y)), "ripple_k": k, "ripple_phase": m.phase}
+    if name == "disturbance_tone":
+        return {"tone": m.goal * np.sqrt(2), "tone_hz": rng.uniform(0.7, 12), "tone_phase": m.phase}
+    return {}
+
+
+def _draw_position(name: str, m: _Plain, rng: np.random.Generator) -> dict[str, float]:
+    """What depends on the angle; empty for other effects."""
     if name == "cogging":
         k = float(rng.choice([rng.integers(2, 30), rng.uniform(2, 30)]))
-        return {"cogging": amp(np.sin(k * y)), "cogging_k": k, "cogging_phase": phase}
+        return {"cogging": m.amp(np.sin(k * m.y)), "cogging_k": k, "cogging_phase": m.phase}
     if name == "gravity_imbalance":
-        return {"gravity": amp(np.sin(y + phase)), "gravity_phase": phase}
+        return {"gravity": m.amp(np.sin(m.y + m.phase)), "gravity_phase": m.phase}
     if name == "cable_spring":
         centre = rng.uniform(-1, 1)
-        return {"spring": amp(y - centre), "spring_centre": centre}
+        return {"spring": m.amp(m.y - centre), "spring_centre": centre}
     if name == "hardening_spring":
-        return {"cubic": amp(y**3)}
+        return {"cubic": m.amp(m.y**3)}
     if name == "end_stop":
-        at = float(np.quantile(np.abs(y), rng.uniform(0.8, 0.95)))
-        return {"end_stop": amp(np.maximum(np.abs(y) - at, 0)), "end_stop_at": at}
+        at = float(np.quantile(np.abs(m.y), rng.uniform(0.8, 0.95)))
+        return {"end_stop": m.amp(np.maximum(np.abs(m.y) - at, 0)), "end_stop_at": at}
+    return {}
+
+
+def _draw_reading(name: str, m: _Plain, rig: _Rig, rng: np.random.Generator) -> dict[str, float]:
+    """What happens to the reading.
+
+    Raises
+    ------
+    ValueError
+        For a name without a drawing rule.
+    """
     if name == "output_offset":
         return {"output_offset": rng.uniform(0.05, 0.3)}
     if name == "output_drift":
-        return {"output_drift": either * rng.uniform(1, 5) * 1e-3}
+        return {"output_drift": m.either * rng.uniform(1, 5) * 1e-3}
     if name == "sensor_rectification":
         return {"rectify": 1.0}
     if name == "encoder_eccentricity":
         k = float(rng.integers(1, 3))
-        j = rig.p[SLOT["inertia"]]
-        shape = j * np.gradient(np.gradient(np.sin(k * y), dt), dt) - j * k * np.cos(k * y) * a
-        return {"eccentricity": float(np.clip(amp(shape), 0, 0.3)), "eccentricity_k": k, "eccentricity_phase": phase}
-    if name == "quantization":
-        return {"quantum": 2 * np.pi / float(np.clip(80 / size, 400, 4000))}
-    if name == "disturbance_tone":
-        return {"tone": goal * np.sqrt(2), "tone_hz": rng.uniform(0.7, 12), "tone_phase": phase}
-    if name == "parameter_change":
-        which = rng.choice(["inertia", "viscous", "coulomb"])
-        at = rng.uniform(0.3, 0.7) * t[-1]
-        signal = {"inertia": a, "viscous": v, "coulomb": s}[which]
-        return {f"step_{which}": float(either) * amp(signal * (t > at)), "step_at": at}
+        j, dt = rig.p[SLOT["inertia"]], m.dt
+        shape = j * np.gradient(np.gradient(np.sin(k * m.y), dt), dt) - j * k * np.cos(k * m.y) * m.a
+        size = float(np.clip(m.amp(shape), 0, 0.3))
+        return {"eccentricity": size, "eccentricity_k": k, "eccentricity_phase": m.phase}
     raise ValueError(f"no drawing rule for {name!r}")
 
 

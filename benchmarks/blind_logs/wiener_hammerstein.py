@@ -61,29 +61,128 @@ def _play(x, gap, last):
 
 
 @njit(cache=True)
+def _at_law(k, s, h, g, x, dx, sg, u, t, dt, z, j):
+    """What effect j adds to v; ``z`` holds the bristles' states."""
+    if k == 0:
+        return s * abs(sg)
+    if k == 1:
+        return s * abs(dx)
+    if k == 2:
+        return s * math.exp(-((dx / h) ** 2)) * sg
+    if k == 3:
+        return s * dx * abs(dx)
+    if k == 4:
+        return s * abs(u) * sg
+    if k == 5:
+        return s * math.cos(h * x + g) * sg
+    if k == 6:
+        if sg != 0:
+            z[j] = sg + (z[j] - sg) * math.exp(-abs(dx) / h)
+        return s * z[j]
+    if k == 7:
+        return s * (1 - math.exp(-t * dt / h)) * sg
+    if k == 8:
+        return s * math.cos(h * x + g)
+    if k == 9:
+        return s * math.cos(x + g)
+    if k == 10:
+        return s * x
+    if k == 11:
+        return s * x**3
+    if k == 12:
+        return s * (max(x - h, 0.0) - max(-x - h, 0.0))
+    if k == 13:
+        return s * math.cos(2 * math.pi * h * t * dt + g)
+    if k == 14:
+        return s * (dx if g < 1 else sg) if t * dt > h else 0.0
+    return _foreign_at_law(k, s, h, x, dx, t * dt)
+
+
+@njit(cache=True)
+def _foreign_at_law(k, s, h, x, dx, time):
+    """The same for effects outside the catalogue."""
+    if k == 27:
+        return s * x * dx
+    if k == 28:
+        return s * x * x
+    if k == 29:
+        return s * (1.0 if time % (2 * h) < h else -1.0) * dx
+    if k == 30:
+        return s * (max(dx - h, 0.0) - 2.0 * max(-dx - 1.7 * h, 0.0))
+    if k == 34:
+        return s * math.exp(-((x / h) ** 2))
+    return 0.0
+
+
+@njit(cache=True)
+def _at_input(k, s, h, g, now, u, t, dt, x, lagged, j):
+    """The drive after effect j; ``lagged`` holds the states of lags."""
+    if k == 15:
+        return 0.0 if abs(now) < s else now - math.copysign(s, now)
+    if k == 16:
+        return now if abs(now) < s else math.copysign(s, now)
+    if k == 17:
+        m = int(s / dt)
+        f = s / dt - m
+        return (1 - f) * (u[t - m] if t >= m else 0.0) + f * (u[t - m - 1] if t > m else 0.0)
+    if k == 18:
+        lagged[j] = math.exp(-dt / s) * lagged[j] + (1 - math.exp(-dt / s)) * now
+        return lagged[j]
+    if k == 19:
+        return now * (1 - s * math.cos(h * x + g))
+    if k == 26:
+        return now + s * now**3
+    if k == 31:
+        step = now - lagged[j]
+        lagged[j] += min(max(step, -s), s)
+        return lagged[j]
+    if k == 33:
+        return now - s
+    return now
+
+
+@njit(cache=True)
+def _read(k, s, h, g, y, q, t, dt):
+    """The reading after effect j of the sensor."""
+    if k == 21:
+        return y + s
+    if k == 22:
+        return y + s * t * dt
+    if k == 23:
+        return (1 - s) * y + s * abs(y)
+    if k == 24:
+        return y + s * math.cos(h * q + g)
+    if k == 25:
+        return s * math.floor(y / s + 0.5)
+    return y
+
+
+@njit(cache=True)
+def _filtered(t, numerator, denominator, x, y, start):
+    """start + numerator * past of x - denominator * past of y."""
+    out = start
+    for i in range(numerator.size):
+        if t - 1 - i >= 0:
+            out += numerator[i] * x[t - 1 - i]
+    for i in range(denominator.size):
+        if t - 1 - i >= 0:
+            out -= denominator[i] * y[t - 1 - i]
+    return out
+
+
+@njit(cache=True)
 def run(a, b, c, d, law, kinds, p, u, noise, dt, port):
     """y of the record; ``kinds`` number the effects, ``p`` (n_effects, 4) holds size first.
 
     ``port`` receives the largest ratio of an effect's rms to its port's: at u, x, v and y.
     """
     n = u.size
-    w = np.zeros(n)
-    x0 = np.zeros(n)
-    v = np.zeros(n)
-    q = np.zeros(n)
-    y = np.zeros(n)
-    last = np.zeros(2)
-    z = np.zeros(2)
-    lagged = np.zeros(2)
+    w, x0, v, q, y = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
+    last, z, lagged = np.zeros(2), np.zeros(2), np.zeros(2)
     x_old = 0.0
     power = np.zeros((4, 2))
     for t in range(n):
-        for i in range(a.size):
-            if t - 1 - i >= 0:
-                x0[t] += a[i] * w[t - 1 - i]
-        for i in range(b.size):
-            if t - 1 - i >= 0:
-                x0[t] -= b[i] * x0[t - 1 - i]
+        x0[t] = _filtered(t, a, b, w, x0, 0.0)
         x = x0[t]
         for j in range(kinds.size):
             if kinds[j] == 20:
@@ -97,101 +196,22 @@ def run(a, b, c, d, law, kinds, p, u, noise, dt, port):
         plain = v[t]
         now = u[t]
         for j in range(kinds.size):
-            k, s, h, g = kinds[j], p[j, 0], p[j, 1], p[j, 2]
-            if k == 0:
-                v[t] += s * abs(sg)
-            elif k == 1:
-                v[t] += s * abs(dx)
-            elif k == 2:
-                v[t] += s * math.exp(-((dx / h) ** 2)) * sg
-            elif k == 3:
-                v[t] += s * dx * abs(dx)
-            elif k == 4:
-                v[t] += s * abs(u[t]) * sg
-            elif k == 5:
-                v[t] += s * math.cos(h * x + g) * sg
-            elif k == 6:
-                if sg != 0:
-                    z[j] = sg + (z[j] - sg) * math.exp(-abs(dx) / h)
-                v[t] += s * z[j]
-            elif k == 7:
-                v[t] += s * (1 - math.exp(-t * dt / h)) * sg
-            elif k == 8:
-                v[t] += s * math.cos(h * x + g)
-            elif k == 9:
-                v[t] += s * math.cos(x + g)
-            elif k == 10:
-                v[t] += s * x
-            elif k == 11:
-                v[t] += s * x**3
-            elif k == 12:
-                v[t] += s * (max(x - h, 0.0) - max(-x - h, 0.0))
-            elif k == 13:
-                v[t] += s * math.cos(2 * math.pi * h * t * dt + g)
-            elif k == 14:
-                if t * dt > h:
-                    v[t] += s * (dx if g < 1 else sg)
-            elif k == 15:
-                now = 0.0 if abs(now) < s else now - math.copysign(s, now)
-            elif k == 16:
-                now = now if abs(now) < s else math.copysign(s, now)
-            elif k == 17:
-                m = int(s / dt)
-                f = s / dt - m
-                now = (1 - f) * (u[t - m] if t >= m else 0.0) + f * (u[t - m - 1] if t > m else 0.0)
-            elif k == 18:
-                lagged[j] = math.exp(-dt / s) * lagged[j] + (1 - math.exp(-dt / s)) * now
-                now = lagged[j]
-            elif k == 19:
-                now = now * (1 - s * math.cos(h * x + g))
-            elif k == 26:
-                now = now + s * now**3
-            elif k == 27:
-                v[t] += s * x * dx
-            elif k == 28:
-                v[t] += s * x * x
-            elif k == 29:
-                v[t] += s * (1.0 if (t * dt) % (2 * h) < h else -1.0) * dx
-            elif k == 30:
-                v[t] += s * (max(dx - h, 0.0) - 2.0 * max(-dx - 1.7 * h, 0.0))
-            elif k == 31:
-                step = now - lagged[j]
-                lagged[j] += min(max(step, -s), s)
-                now = lagged[j]
-            elif k == 33:
-                now = now - s
-            elif k == 34:
-                v[t] += s * math.exp(-((x / h) ** 2))
+            v[t] += _at_law(kinds[j], p[j, 0], p[j, 1], p[j, 2], x, dx, sg, u[t], t, dt, z, j)
+            now = _at_input(kinds[j], p[j, 0], p[j, 1], p[j, 2], now, u, t, dt, x, lagged, j)
         w[t] = now
         power[0, 0] += (now - u[t]) ** 2
         power[0, 1] += u[t] ** 2
         power[2, 0] += (v[t] - plain) ** 2
         power[2, 1] += plain**2
         x_old = x
-        q[t] = noise[t]
-        for i in range(c.size):
-            if t - 1 - i >= 0:
-                q[t] += c[i] * v[t - 1 - i]
-        for i in range(d.size):
-            if t - 1 - i >= 0:
-                q[t] -= d[i] * q[t - 1 - i]
+        q[t] = _filtered(t, c, d, v, q, noise[t])
         for j in range(kinds.size):
             if kinds[j] == 32 and t > 0:
                 q[t] += p[j, 0] * q[t - 1] * u[t - 1]
                 power[2, 0] += (p[j, 0] * q[t - 1] * u[t - 1]) ** 2
         y[t] = q[t]
         for j in range(kinds.size):
-            k, s, h, g = kinds[j], p[j, 0], p[j, 1], p[j, 2]
-            if k == 21:
-                y[t] += s
-            elif k == 22:
-                y[t] += s * t * dt
-            elif k == 23:
-                y[t] = (1 - s) * y[t] + s * abs(y[t])
-            elif k == 24:
-                y[t] += s * math.cos(h * q[t] + g)
-            elif k == 25:
-                y[t] = s * math.floor(y[t] / s + 0.5)
+            y[t] = _read(kinds[j], p[j, 0], p[j, 1], p[j, 2], y[t], q[t], t, dt)
         power[3, 0] += (y[t] - q[t]) ** 2
         power[3, 1] += q[t] ** 2
     port[0] = 0.0

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from whsklearn.effects import codes as k
 from whsklearn.effects import effect_names, get_effect
@@ -42,6 +43,7 @@ class Scales:
         return self.n * self.dt
 
 
+Array = NDArray[np.float64]
 Numbers = tuple[float, ...]
 Range = tuple[float, float]
 
@@ -164,34 +166,65 @@ class Candidate:
         return cls(**{k: v for k, v in self.named(q).items() if k in cls.__dataclass_fields__})
 
 
+Signal = tuple[float, str]  # a factor and one of the `Scales`
+
+
 def _grid(*axes: Iterable[float]) -> list[Numbers]:
     return [tuple(map(float, p)) for p in itertools.product(*axes)]
 
 
-def _orders(z: Scales) -> list[Numbers]:
-    return _grid(np.arange(0.4, 12.0, 0.45) / max(z.x, 1e-300))
+def _starts(signal: str, grid: Array, *fixed: float) -> Callable[[Scales], list[Numbers]]:
+    """Starts at shares of a signal's size, further numbers fixed."""
+    return lambda z: _grid(getattr(z, signal) * grid, *([f] for f in fixed))
 
 
-def _order_range(z: Scales) -> list[Range]:
-    return [(0.25 / max(z.x, 1e-300), 20.0 / max(z.x, 1e-300))]
+def _range(low: Signal, high: Signal) -> Callable[[Scales], list[Range]]:
+    """One range between two shares of signals."""
+    return lambda z: [(low[0] * getattr(z, low[1]), high[0] * getattr(z, high[1]))]
 
 
-def _times(z: Scales) -> list[Numbers]:
-    return _grid(np.linspace(0.08, 0.92, 43) * z.seconds)
+def _by_size(
+    name: str, code: int, quantity: str, starts: tuple[str, Array], low: Signal, high: Signal, variant: str = ""
+) -> Candidate:
+    """An effect whose size is a shape: what it does turns single signs."""
+    shapes, ranges = _starts(*starts), _range(low, high)
+    return Candidate(
+        name, code, (quantity,), linear=0, positive=True, shapes=shapes, ranges=ranges, variant=variant
+    )  # fmt: skip
 
 
-def _lags(z: Scales) -> list[Numbers]:
-    return _grid(z.dt * np.array([0.2, 0.45, 1.0, 3.0]))
+def _wave(name: str, code: int, signal: str = "x", unit: Callable[[Scales], float] = lambda z: 1e-3 * z.v) -> Candidate:
+    """A cosine and a sine of an order of x, or of the output, whose readings show fewer."""
+    most, highest = (12.0, 20.0) if signal == "x" else (8.0, 15.0)
+
+    def scale(z: Scales) -> float:
+        return max(float(getattr(z, signal)), 1e-300)
+
+    return Candidate(
+        name, code, ("cosine", "sine", "order"), linear=2, unit=unit, scanned=rules.PLACES["position"],
+        shapes=lambda z: _grid(np.arange(0.4, most, 0.45) / scale(z)),
+        ranges=lambda z: [(0.25 / scale(z), highest / scale(z))],
+    )  # fmt: skip
 
 
-def _excesses(exponent: float) -> Callable[[Scales], list[Numbers]]:
-    return lambda z: _grid(z.dx * SPEEDS, [exponent])
+def _spring(name: str, code: int, power: int) -> Candidate:
+    """A spring, whose place of rest is not looked for: another one is an offset more."""
+    return Candidate(
+        name, code, ("stiffness", "centre"), shapes=lambda _: [(0.0,)], free=(False,),
+        ranges=lambda z: [(-z.x_peak, z.x_peak)], unit=lambda z: 1e-3 * z.v / z.x**power,
+    )  # fmt: skip
 
 
 # where sizes that are shapes begin: of rms or peak of the signal that they act on
 WIDTHS = np.array([0.02, 0.05, 0.1, 0.2, 0.4, 0.8])
 LIMITS = np.array([0.95, 0.87, 0.78, 0.66, 0.52, 0.35])
 SPEEDS = np.array([0.05, 0.1, 0.2, 0.4, 0.8, 1.5])
+DISTANCES = np.array([0.05, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2, 6.4])
+ENDS = np.array([0.9, 0.8, 0.7, 0.6, 0.5, 0.35, 0.2])
+# of the record's length, of a sample; and of the sampling rate
+SPANS = np.array([0.05, 0.15, 0.4, 1.0, 3.0])
+DELAYS, LAGS = np.array([0.1, 0.4, 1.0, 2.0, 4.0]), np.array([0.2, 0.45, 1.0, 3.0])
+RESONANCES = np.array([0.04, 0.09, 0.16, 0.25, 0.38])
 
 CATALOGUE: tuple[Candidate, ...] = (
     Candidate("viscous", s.VISCOUS, ("coefficient",)),
@@ -200,79 +233,41 @@ CATALOGUE: tuple[Candidate, ...] = (
     Candidate("asymmetric_viscous", s.ASYMMETRIC_VISCOUS, ("coefficient",)),
     *(
         Candidate(
-            "stribeck", s.STRIBECK_EXP, ("torque", "velocity", "exponent"), variant=variant,
-            shapes=_excesses(exponent),
-            ranges=lambda z: [(0.01 * z.dx, 2.0 * z.dx), (0.5, 2.5)], free=(True, False),
+            "stribeck", s.STRIBECK_EXP, ("torque", "velocity", "exponent"), variant=variant, free=(True, False),
+            shapes=_starts("dx", SPEEDS, exponent), ranges=lambda z: [(0.01 * z.dx, 2.0 * z.dx), (0.5, 2.5)],
         )
         for exponent, variant in ((2.0, ""), (1.0, "exponent 1"))
     ),
     Candidate("quadratic_drag", s.QUADRATIC_DRAG, ("coefficient",), unit=lambda z: 1e-3 * z.v / z.dx**2),
     Candidate("load_friction", k.LOAD_FRICTION, ("coefficient",), unit=lambda z: 1e-3 * z.v / z.u),
-    Candidate(
-        "position_friction", s.POSITION_FRICTION, ("cosine", "sine", "order"), linear=2,
-        shapes=_orders, ranges=_order_range, scanned=rules.PLACES["position"],
-    ),
+    _wave("position_friction", s.POSITION_FRICTION),
     Candidate(
         "presliding_hysteresis", k.DAHL, ("torque", "distance"),
-        shapes=lambda z: _grid(z.dx * np.array([0.05, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2, 6.4])),
-        ranges=lambda z: [(0.02 * z.dx, 20.0 * z.dx)],
+        shapes=_starts("dx", DISTANCES), ranges=_range((0.02, "dx"), (20.0, "dx")),
     ),
     Candidate(
         "friction_drift", k.FRICTION_DRIFT, ("torque", "time_constant"),
-        shapes=lambda z: _grid(z.seconds * np.array([0.05, 0.15, 0.4, 1.0, 3.0])),
-        ranges=lambda z: [(0.02 * z.seconds, 10.0 * z.seconds)],
+        shapes=_starts("seconds", SPANS), ranges=_range((0.02, "seconds"), (10.0, "seconds")),
     ),
     Candidate("input_offset", k.INPUT_OFFSET, ("torque",), unit=lambda z: 1e-3 * z.u),
-    Candidate(
-        "dead_zone", k.DEAD_ZONE, ("width",), linear=0, positive=True,
-        shapes=lambda z: _grid(z.u * WIDTHS),
-        ranges=lambda z: [(1e-3 * z.u, 0.95 * z.u_peak)],
-    ),
-    Candidate(
-        "saturation", k.SATURATION, ("limit",), linear=0, positive=True,
-        shapes=lambda z: _grid(z.u_peak * LIMITS),
-        ranges=lambda z: [(0.1 * z.u_peak, 0.999 * z.u_peak)],
-    ),
-    Candidate(
-        "input_delay", k.INPUT_DELAY, ("delay",), linear=0, positive=True,
-        shapes=lambda z: _grid(z.dt * np.array([0.1, 0.4, 1.0, 2.0, 4.0])),
-        ranges=lambda z: [(1e-3 * z.dt, 50.0 * z.dt)],
-    ),
-    Candidate(
-        "actuator_lag", k.ACTUATOR_LAG, ("time_constant",), linear=0, positive=True, shapes=_lags,
-        ranges=lambda z: [(0.05 * z.dt, 200.0 * z.dt)],
-    ),
-    Candidate(
-        "torque_ripple", k.TORQUE_RIPPLE, ("cosine", "sine", "order"), linear=2, shapes=_orders,
-        ranges=_order_range, unit=lambda _: 1e-3, scanned=rules.PLACES["position"],
-    ),
-    Candidate(
-        "backlash", k.BACKLASH, ("gap",), linear=0, positive=True,
-        shapes=lambda z: _grid(z.x * WIDTHS),
-        ranges=lambda z: [(1e-3 * z.x, 1.5 * z.x_peak)],
-    ),
+    _by_size("dead_zone", k.DEAD_ZONE, "width", ("u", WIDTHS), (1e-3, "u"), (0.95, "u_peak")),
+    _by_size("saturation", k.SATURATION, "limit", ("u_peak", LIMITS), (0.1, "u_peak"), (0.999, "u_peak")),
+    _by_size("input_delay", k.INPUT_DELAY, "delay", ("dt", DELAYS), (1e-3, "dt"), (50.0, "dt")),
+    _by_size("actuator_lag", k.ACTUATOR_LAG, "time_constant", ("dt", LAGS), (0.05, "dt"), (200.0, "dt")),
+    _wave("torque_ripple", k.TORQUE_RIPPLE, unit=lambda _: 1e-3),
+    _by_size("backlash", k.BACKLASH, "gap", ("x", WIDTHS), (1e-3, "x"), (1.5, "x_peak")),
     Candidate(
         "flexible_coupling", k.FLEXIBLE_COUPLING, ("frequency", "damping_ratio"), linear=0, positive=True,
-        shapes=lambda z: _grid(np.array([0.04, 0.09, 0.16, 0.25, 0.38]) / z.dt, [0.1]),
+        shapes=lambda z: _grid(RESONANCES / z.dt, [0.1]),
         ranges=lambda z: [(0.005 / z.dt, 0.49 / z.dt), (0.002, 0.95)],
     ),
-    Candidate(
-        "cogging", k.COGGING, ("cosine", "sine", "order"), linear=2, shapes=_orders, ranges=_order_range,
-        scanned=rules.PLACES["position"],
-    ),
+    _wave("cogging", k.COGGING),
     Candidate("gravity_imbalance", k.GRAVITY_IMBALANCE, ("cosine", "sine"), linear=2),
+    _spring("cable_spring", k.CABLE_SPRING, 1),
+    _spring("hardening_spring", k.HARDENING_SPRING, 3),
     Candidate(
-        "cable_spring", k.CABLE_SPRING, ("stiffness", "centre"), shapes=lambda _: [(0.0,)], free=(False,),
-        ranges=lambda z: [(-z.x_peak, z.x_peak)], unit=lambda z: 1e-3 * z.v / z.x,
-    ),
-    Candidate(
-        "hardening_spring", k.HARDENING_SPRING, ("stiffness", "centre"), shapes=lambda _: [(0.0,)], free=(False,),
-        ranges=lambda z: [(-z.x_peak, z.x_peak)], unit=lambda z: 1e-3 * z.v / z.x**3,
-    ),
-    Candidate(
-        "end_stop", k.END_STOP, ("stiffness", "angle"),
-        shapes=lambda z: _grid(z.x_peak * np.array([0.9, 0.8, 0.7, 0.6, 0.5, 0.35, 0.2])),
-        ranges=lambda z: [(0.05 * z.x_peak, 0.98 * z.x_peak)], unit=lambda z: 1e-3 * z.v / z.x, positive=True,
+        "end_stop", k.END_STOP, ("stiffness", "angle"), positive=True, unit=lambda z: 1e-3 * z.v / z.x,
+        shapes=_starts("x_peak", ENDS), ranges=_range((0.05, "x_peak"), (0.98, "x_peak")),
     ),
     Candidate("output_offset", k.OUTPUT_OFFSET, ("offset",), unit=lambda z: 1e-3 * z.y),
     Candidate("output_drift", k.OUTPUT_DRIFT, ("rate",), unit=lambda z: 1e-3 * z.y / z.seconds),
@@ -280,11 +275,7 @@ CATALOGUE: tuple[Candidate, ...] = (
         "sensor_rectification", k.SENSOR_RECTIFICATION, ("fraction",), linear=0, positive=True,
         shapes=lambda _: _grid([0.03, 0.15, 0.35, 0.8]), ranges=lambda _: [(1e-3, 1.0)],
     ),
-    Candidate(
-        "encoder_eccentricity", k.ENCODER_ECCENTRICITY, ("cosine", "sine", "order"), linear=2,
-        shapes=lambda z: _grid(np.arange(0.4, 8.0, 0.45) / z.y), ranges=lambda z: [(0.25 / z.y, 15.0 / z.y)],
-        unit=lambda z: 1e-4 * z.y, scanned=rules.PLACES["position"],
-    ),
+    _wave("encoder_eccentricity", k.ENCODER_ECCENTRICITY, "y", lambda z: 1e-4 * z.y),
     *(
         Candidate(
             "disturbance_tone", code, ("cosine", "sine", "frequency"), linear=2, variant=variant, unit=unit,
@@ -297,14 +288,15 @@ CATALOGUE: tuple[Candidate, ...] = (
     ),
     *(
         Candidate(
-            "parameter_change", code, ("change", "time"), shapes=_times, free=(False,), scanned=rules.PLACES["step"],
-            ranges=lambda z: [(0.02 * z.seconds, 0.98 * z.seconds)], unit=unit, options={"parameter": parameter},
+            "parameter_change", code, ("change", "time"), free=(False,), scanned=rules.PLACES["step"], unit=unit,
+            shapes=lambda z: _grid(np.linspace(0.08, 0.92, 43) * z.seconds),
+            ranges=_range((0.02, "seconds"), (0.98, "seconds")), options={"parameter": parameter},
         )
         for parameter, code, unit in (
             ("inertia", k.CHANGE_INERTIA, lambda z: 1e-3 * z.v / z.dx),
             ("viscous", k.CHANGE_VISCOUS, lambda z: 1e-3 * z.v / z.dx),
             ("coulomb", k.CHANGE_COULOMB, lambda z: 1e-3 * z.v),
-            ("gain", k.CHANGE_GAIN, lambda z: 1e-3),
+            ("gain", k.CHANGE_GAIN, lambda _: 1e-3),
         )
     ),
 )  # fmt: skip
@@ -312,17 +304,9 @@ CATALOGUE: tuple[Candidate, ...] = (
 
 # where the law is a line in x, what bends it has the names that it has before L1
 BENDS: tuple[Candidate, ...] = (
-    Candidate(
-        "saturation", SATURATION_X, ("limit",), linear=0, positive=True, variant=BETWEEN,
-        shapes=lambda z: _grid(z.x_peak * LIMITS),
-        ranges=lambda z: [(0.1 * z.x_peak, 0.999 * z.x_peak)],
-    ),
-    Candidate(
-        "dead_zone", DEAD_ZONE_X, ("width",), linear=0, positive=True, variant=BETWEEN,
-        shapes=lambda z: _grid(z.x * WIDTHS),
-        ranges=lambda z: [(1e-3 * z.x, 0.95 * z.x_peak)],
-    ),
-)  # fmt: skip
+    _by_size("saturation", SATURATION_X, "limit", ("x_peak", LIMITS), (0.1, "x_peak"), (0.999, "x_peak"), BETWEEN),
+    _by_size("dead_zone", DEAD_ZONE_X, "width", ("x", WIDTHS), (1e-3, "x"), (0.95, "x_peak"), BETWEEN),
+)
 
 
 def catalogue_for(law_codes: Iterable[int], *, bends: bool = False) -> list[Candidate]:
