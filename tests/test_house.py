@@ -1,24 +1,34 @@
-"""The house: every module has its test, and functions take few arguments."""
+"""What the house promises (docs/design.md): tests beside their modules, small functions, each equation once, examples.
+
+Directions of imports and circles are held by import-linter (`make lint`); here only that no package escapes it.
+`python -m benchmarks.house` prints the figures.
+"""
 
 from __future__ import annotations
 
 import ast
 import functools
+import tomllib
+from collections.abc import Iterator
 from pathlib import Path
+
+import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 FUNCTIONS = ast.FunctionDef | ast.AsyncFunctionDef
 
 
 @functools.cache
+def trees() -> dict[Path, ast.Module]:
+    """Syntax trees of all modules by their paths within the library."""
+    paths = sorted((ROOT / "whsklearn").rglob("*.py"))
+    return {p.relative_to(ROOT / "whsklearn"): ast.parse(p.read_text(encoding="utf-8")) for p in paths}
+
+
+@functools.cache
 def modules() -> dict[Path, ast.Module]:
-    """Syntax trees of all modules that hold code, by their paths within the library."""
-    trees = {p: ast.parse(p.read_text(encoding="utf-8")) for p in sorted((ROOT / "whsklearn").rglob("*.py"))}
-    return {
-        p.relative_to(ROOT / "whsklearn"): tree
-        for p, tree in trees.items()
-        if any(isinstance(node, FUNCTIONS | ast.ClassDef) for node in tree.body)
-    }
+    """Those that hold code."""
+    return {p: t for p, t in trees().items() if any(isinstance(node, FUNCTIONS | ast.ClassDef) for node in t.body)}
 
 
 def home(module: Path) -> Path:
@@ -31,22 +41,163 @@ def test_modules_have_their_tests_where_their_names_say():
     assert len(missing) < 0.15 * len(modules()), missing
 
 
-def wide(tree: ast.Module) -> list[tuple[str, int, bool]]:
-    """(name, arguments, whether it is compiled) of every function of a module; options of a command do not count."""
-    out = []
+def test_every_package_has_its_place_among_the_layers():
+    rules = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["importlinter"]["contracts"]
+    layers = next(c["layers"] for c in rules if c["type"] == "layers")
+    known = {name.strip("() ") for line in layers for name in line.split(":")}
+    tops = {p.parts[0].removesuffix(".py") for p in trees()} - {"__init__", "__main__", "_numba", "_version"}
+    assert tops <= known, tops - known
+    assert known <= tops, known - tops
+
+
+# --- functions -------------------------------------------------------------------------------------------------
+def functions(tree: ast.Module) -> Iterator[tuple[ast.FunctionDef | ast.AsyncFunctionDef, str]]:
+    """(function, its decorators) of a module; what holds the options of a command or types does not count."""
     for node in ast.walk(tree):
-        if not isinstance(node, FUNCTIONS):
-            continue
-        decorators = " ".join(map(ast.unparse, node.decorator_list))
-        if "click.option" in decorators or "overload" in decorators:
-            continue
-        names = [a.arg for a in (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)]
-        names += [a.arg for a in (node.args.vararg, node.args.kwarg) if a]
-        out.append((node.name, len(names) - (names[:1] in (["self"], ["cls"])), "njit" in decorators))
-    return out
+        if isinstance(node, FUNCTIONS):
+            decorators = " ".join(map(ast.unparse, node.decorator_list))
+            if "click.option" not in decorators and "overload" not in decorators:
+                yield node, decorators
+
+
+def arguments(node: ast.FunctionDef | ast.AsyncFunctionDef) -> int:
+    """How many arguments a call may give."""
+    names = [a.arg for a in (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)]
+    names += [a.arg for a in (node.args.vararg, node.args.kwarg) if a]
+    return len(names) - (names[:1] in (["self"], ["cls"]))
+
+
+def lines(node: ast.FunctionDef | ast.AsyncFunctionDef) -> int:
+    """Lines of a function but for its docstring."""
+    told = ast.get_docstring(node, clean=False)
+    return (node.end_lineno or node.lineno) - node.lineno + 1 - (len(told.splitlines()) if told else 0)
 
 
 def test_few_functions_take_more_than_six_arguments():
-    every = [(str(m), *f) for m, tree in modules().items() for f in wide(tree)]
+    every = [(str(m), f.name, arguments(f)) for m, tree in modules().items() for f, _ in functions(tree)]
     many = [f for f in every if f[2] > 6]
     assert len(many) < 0.03 * len(every), sorted(many, key=lambda f: -f[2])
+
+
+def test_no_compiled_function_takes_more_than_twelve_arguments():
+    compiled = ("njit", "part", "_equation", "_inlined")
+    every = [
+        (str(m), f.name, arguments(f))
+        for m, tree in modules().items()
+        for f, decorators in functions(tree)
+        if any(word in decorators for word in compiled)
+    ]
+    assert len(every) > 150
+    assert [f for f in every if f[2] > 12] == []
+
+
+def test_no_function_is_longer_than_a_page():
+    every = [(str(m), f.name, lines(f)) for m, tree in modules().items() for f, _ in functions(tree)]
+    assert [f for f in every if f[2] > 80] == []
+
+
+def test_no_module_of_the_gap_is_longer_than_its_idea():
+    files = (ROOT / "whsklearn" / "gap").rglob("*.py")
+    long = {p.name: n for p in files if (n := len(p.read_text(encoding="utf-8").splitlines())) > 400}
+    assert long == {}
+
+
+# --- each equation once ------------------------------------------------------------------------------------------
+OPERATIONS = ast.BinOp | ast.Call | ast.UnaryOp | ast.Compare | ast.IfExp
+TELLING = 4  # operations of an expression; one of fewer, c (q - q_0), stands for many things
+ELSEWHERE = ("effects/scales.py",)  # J w^2 is the definition of a stiffness
+
+
+class Renamed(ast.NodeTransformer):
+    """Names in the order in which they are met, so that the same formula in other letters is the same."""
+
+    def __init__(self):
+        self.names: dict[str, str] = {}
+
+    def generic_name(self, node: ast.AST) -> ast.Name:
+        return ast.Name(self.names.setdefault(ast.dump(node), f"v{len(self.names)}"), ast.Load())
+
+    visit_Name = visit_Subscript = generic_name
+
+    def visit_Attribute(self, node: ast.Attribute) -> ast.Name:
+        function = isinstance(node.value, ast.Name) and node.value.id in ("np", "math")
+        return ast.Name(node.attr, ast.Load()) if function else self.generic_name(node)
+
+
+def formula(node: ast.expr) -> str:
+    """An expression without its letters; empty if it is too short to be told from others."""
+    if sum(isinstance(n, OPERATIONS) for n in ast.walk(node)) < TELLING:
+        return ""
+    return ast.dump(Renamed().visit(ast.parse(ast.unparse(node), mode="eval").body))
+
+
+@functools.cache
+def equations() -> dict[str, tuple[Path, int]]:
+    """Formula -> where it stands, of what the effects' equations return."""
+    found = {}
+    for path, tree in trees().items():
+        for f, decorators in functions(tree):
+            if path.parts[0] == "effects" and "_equation" in decorators:
+                for node in ast.walk(f):
+                    if isinstance(node, ast.Return | ast.Assign) and node.value is not None and formula(node.value):
+                        found[formula(node.value)] = path, node.value.lineno
+    return found
+
+
+def test_each_equation_of_an_effect_stands_once():
+    assert len(equations()) > 20
+    again = []
+    for path, tree in trees().items():
+        for node in ast.walk(tree):
+            sliced = any(isinstance(n, ast.Slice) for n in getattr(node, "elts", ()))
+            if isinstance(node, OPERATIONS | ast.Tuple) and not sliced:
+                place = equations().get(formula(node))
+                if place not in (None, (path, node.lineno)) and path.as_posix() not in ELSEWHERE:
+                    again.append((str(path), node.lineno, ast.unparse(node)))
+    assert again == []
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "same"),
+    [
+        ("side * k * max(d + tau * side * v, 0.0)", "s * stiffness * max(x + t * s * w, 0.0)", True),
+        ("side * k * max(d + tau * side * v, 0.0)", "s * stiffness * max(x + t * w * w, 0.0)", False),
+        ("a * np.exp(-b * x) + c", "a[0] * np.exp(-a[1] * p.q) + p.r", True),
+    ],
+)
+def test_a_formula_is_the_same_in_other_letters(one, other, same):
+    a, b = (formula(ast.parse(text, mode="eval").body) for text in (one, other))
+    assert a
+    assert (a == b) is same
+
+
+# --- public classes -------------------------------------------------------------------------------------------------
+def public_classes() -> Iterator[tuple[str, str]]:
+    """(module.class, docstring) of every class that a package's ``__all__`` names."""
+    named = {
+        e.value
+        for path, tree in trees().items()
+        if path.name == "__init__.py"
+        for node in tree.body
+        if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") == "__all__"
+        for e in getattr(node.value, "elts", ())
+        if isinstance(e, ast.Constant)
+    }
+    for path, tree in trees().items():
+        for node in tree.body:
+            if isinstance(node, ast.ClassDef) and node.name in named and "_" not in {p[0] for p in path.parts[:-1]}:
+                yield f"{path}:{node.name}", ast.get_docstring(node) or ""
+
+
+INTERNAL = (  # of the same name as a public class of another package
+    "cli/linear.py:LinearModel gap/axis_model.py:AxisModel gap/plant.py:View gap/plant.py:Plant "
+    "gap/plants/chain_candidates.py:Scales gap/plants/chain_model.py:ChainModel gap/plants/servo_learned.py:Problem "
+    "gap/plants/simulator_look.py:Motion recursion/pseudolinear.py:Published recursion/reading.py:Reading "
+    "recursion/sign_posterior.py:Problem systems/_servo_kernel.py:How systems/_servo_torques.py:Plant"
+).split()
+
+
+def test_every_public_class_has_an_example_that_runs():
+    classes = dict(public_classes())
+    assert len(classes) > 100
+    assert [name for name, told in classes.items() if ">>>" not in told and name not in INTERNAL] == []

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from whsklearn.gap import evidence as rules
 from whsklearn.gap.plant import PlantDefaults, ViewDefaults
-from whsklearn.gap.values import FittedTerm
 
 
 @dataclass
@@ -46,10 +44,3 @@ def test_no_two_effects_are_the_same_and_no_family_or_curve_is_asked_for():
     assert view.trimmed(1.0) is view
     assert PlantDefaults().falls_short(1.0, 1.0) == ""
     assert PlantDefaults().learn(1.0) is None
-
-
-def test_a_term_hands_its_numbers_to_its_candidate():
-    kind = SimpleNamespace(name="cogging", effect=lambda q: q.tolist())
-    term = FittedTerm(kind, (0.1, 12.0))
-    assert (term.name, term.effect) == ("cogging", [0.1, 12.0])
-    assert term == FittedTerm(kind, (0.1, 12.0))

@@ -25,7 +25,14 @@ WARM_UP = 600  # samples: beyond the 448 at which a stream's first models take o
 
 @dataclass(frozen=True)
 class Record:
-    """An input of shape (n, 1) and an output of shape (n,), with a name."""
+    """An input of shape (n, 1) and an output of shape (n,), with a name.
+
+    Examples
+    --------
+    >>> record = Record("sine", X=np.zeros((100, 1)), y=np.zeros(100))
+    >>> record.name, record.X.shape, record.y.shape
+    ('sine', (100, 1), (100,))
+    """
 
     name: str
     X: NDArray[np.float64]
@@ -34,7 +41,25 @@ class Record:
 
 @dataclass(frozen=True)
 class Candidate:
-    """An estimator to be compared; ``stream`` says that its parameters move sample by sample."""
+    """An estimator to be compared.
+
+    Attributes
+    ----------
+    name : str
+        Of the estimator in tables.
+    model : estimator
+        Not fitted.
+    reading : str
+        Which reading of the article it follows; a dash where there is one only.
+    stream : bool
+        Whether its parameters move sample by sample, so that their paths are drawn.
+
+    Examples
+    --------
+    >>> from whsklearn import PEMRegressor
+    >>> Candidate("PEM", PEMRegressor(), stream=False).reading
+    '-'
+    """
 
     name: str
     model: Any
@@ -44,7 +69,30 @@ class Candidate:
 
 @dataclass
 class Outcome:
-    """What became of a candidate."""
+    """What became of a candidate.
+
+    Attributes
+    ----------
+    candidate : Candidate
+    seconds : float
+        Of its fit.
+    indices : dict
+        ``nmse``, ``mu_e``, ``rmse`` of the free runs, mean over the test records; ``delta`` where the truth is known.
+    fitted : estimator
+    predictions : list of ndarray of shape (n,)
+        A free run a test record.
+    paths : tuple, optional
+        (samples, name -> parameter at them) of a stream.
+    failure : str
+        What it said where it could not be fitted; empty otherwise.
+
+    Examples
+    --------
+    >>> from whsklearn import PEMRegressor
+    >>> outcome = Outcome(Candidate("PEM", PEMRegressor()), failure="The record is too short.")
+    >>> outcome.failure or f"NMSE {outcome.indices['nmse']:.3f}"
+    'The record is too short.'
+    """
 
     candidate: Candidate
     seconds: float = 0.0

@@ -22,13 +22,26 @@ USAGE, UNUSABLE, ENDED, INTERRUPTED = 2, 3, 143, 130  # beside 0 for a result an
 
 
 class WrongOption(click.ClickException):
-    """An option that does not fit the log, a column that is not there above all."""
+    """An option that does not fit the log, a column that is not there above all.
+
+    Examples
+    --------
+    >>> error = WrongOption("The log has no column 'u'.")
+    >>> error.exit_code, error.format_message()
+    (2, "The log has no column 'u'.")
+    """
 
     exit_code = USAGE
 
 
 class UnusableLog(click.ClickException):
-    """A log of which nothing can be learnt."""
+    """A log of which nothing can be learnt.
+
+    Examples
+    --------
+    >>> UnusableLog("Row 17 has 3 cells, the header 4.").exit_code
+    3
+    """
 
     exit_code = UNUSABLE
 

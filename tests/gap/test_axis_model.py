@@ -1,0 +1,105 @@
+"""An axis as one vector of numbers: there and back, within its bounds, and physics in its runs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from whsklearn.effects import Scales
+from whsklearn.gap.axis_candidates import candidate, catalogue
+from whsklearn.gap.axis_model import LONGEST_STEP, AxisModel, Term
+
+SCENE = Scales(
+    torque=0.5, peak=1.4, speed=2.0, reach=2.5, centre=0.3, duration=4.0, dt=1e-3, inertia=0.05, resonance=90.0
+)
+TIME = np.arange(2000) * SCENE.dt
+
+
+def started(kind):
+    """The candidate at its first start, of a tenth of the usual size."""
+    return Term(kind, (*(0.1 * kind.size_unit(SCENE),) * kind.linear, *kind.starts(SCENE)[0]))
+
+
+def model(*terms, inertia=0.05, timing=0.0):
+    return AxisModel(inertia, timing, tuple(terms), SCENE)
+
+
+def friction(viscous=0.0, coulomb=0.0):
+    return Term(candidate("viscous"), (viscous,)), Term(candidate("coulomb"), (coulomb,))
+
+
+KINDS = [c for c in catalogue() if not c.scanned]
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=lambda c: c.label)
+def test_a_vector_is_its_model_and_lies_within_its_bounds(kind):
+    m = model(*friction(0.1, 0.2), started(kind), inertia=0.04, timing=0.3)
+    x, (low, high) = m.vector(), m.bounds()
+    again = m.with_vector(x)
+    assert again.inertia == pytest.approx(m.inertia)
+    for a, b in zip(again.terms, m.terms, strict=True):
+        np.testing.assert_allclose(a.q, b.q, rtol=1e-12)
+    assert x.shape == low.shape == high.shape == m.steps().shape
+    held = kind.name == "input_delay"  # the delay is the timing then, which has no room of its own
+    assert np.all((low <= x) | (np.arange(x.size) == 1) * held)
+    assert np.all((x <= high) | (np.arange(x.size) == 1) * held)
+    assert np.all(m.steps() > 0.0)
+
+
+def test_a_step_of_one_number_moves_that_number_alone():
+    m = model(*friction(0.1, 0.2), started(candidate("stribeck")))
+    x = m.vector()
+    for i in range(x.size):
+        moved = x.copy()
+        moved[i] += m.steps()[i]
+        changed = np.flatnonzero(~np.isclose(m.with_vector(moved).vector(), x, rtol=0, atol=1e-15))
+        assert changed.tolist() == [i]
+
+
+def test_friction_of_the_base_law_gives_no_energy_and_that_of_an_effect_may():
+    m = replace(model(*friction(0.1, 0.2), Term(candidate("asymmetric_coulomb"), (0.1,))), n_base=2)
+    low, _ = m.bounds()
+    assert low[2:4].tolist() == [0.0, 0.0]
+    assert low[4] < 0.0
+
+
+def test_a_number_at_the_end_of_its_range_is_told_and_one_within_is_not():
+    kind = candidate("stribeck")
+    low, high = kind.ranged(SCENE)[0]
+    inside, at_end = (model(Term(kind, (0.1, v, 2.0))).at_the_end(0) for v in (np.sqrt(low * high), high))
+    assert inside == ""
+    assert "velocity" in at_end
+
+
+def test_a_constant_torque_on_a_free_mass_is_a_parabola():
+    drive, still = np.full(TIME.size, 0.1), np.zeros(TIME.size)
+    y, angle, speed, _ = model(inertia=0.05).follow(drive, still, (0.0, 0.0), start=(still, still))
+    np.testing.assert_allclose(angle, 0.5 * 0.1 / 0.05 * TIME**2, atol=1e-6)
+    np.testing.assert_allclose(speed, 0.1 / 0.05 * TIME, atol=1e-6)
+    np.testing.assert_array_equal(y, angle)
+
+
+def test_viscous_friction_is_an_exponential():
+    drive, still = np.full(TIME.size, 0.1), np.zeros(TIME.size)
+    speed = model(*friction(0.2), inertia=0.05).follow(drive, still, (0.0, 0.0), start=(still, still))[2]
+    np.testing.assert_allclose(speed, 0.1 / 0.2 * (1.0 - np.exp(-TIME * 0.2 / 0.05)), atol=1e-6)
+
+
+@pytest.mark.parametrize("age", [0.25, 0.5, 1.0])
+def test_timing_is_the_age_of_the_drive_in_samples(age):
+    """An impulse of speed, J v = T dt, comes ``age`` samples late: the path is behind by v age dt ever after."""
+    drive, still = np.zeros(TIME.size), np.zeros(TIME.size)
+    drive[100:110] = 1.0
+    runs = [
+        model(inertia=0.05, timing=t).follow(drive, still, (0.0, 0.0), start=(still, still))[1][-1] for t in (0.0, age)
+    ]
+    assert runs[0] - runs[1] == pytest.approx(10 * SCENE.dt / 0.05 * age * SCENE.dt, rel=1e-3)
+
+
+def test_steps_are_no_longer_than_the_finest_effect_asks_for():
+    m = model(*friction(0.1))
+    assert m.longest_step == LONGEST_STEP
+    kind = candidate("flexible_coupling")
+    assert m.with_term(Term(kind, kind.starts(SCENE)[0])).longest_step < LONGEST_STEP
