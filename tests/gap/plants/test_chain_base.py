@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from tests.gap.plants.example_chain import PLAIN, TRUE
-from whsklearn.gap.plants import chain_base
 from whsklearn.gap.plants.chain_base import base_of, never_negative, with_knots
 from whsklearn.gap.plants.chain_fit import cost
 from whsklearn.gap.plants.chain_law import REACH, law_choice
@@ -53,8 +52,7 @@ def test_knots_lie_at_the_quantiles_of_x_and_a_law_with_them_explains_as_much(fo
     assert model.cost < 1.1 * start.cost
 
 
-def test_a_lost_sign_is_found_and_the_model_of_the_readings_kept(monkeypatch):
-    monkeypatch.setattr(chain_base, "FOLDED_STARTS", 15)  # time only
+def test_a_lost_sign_is_found_and_the_model_of_the_readings_kept():
     folded = dataclasses.replace(PLAIN, y=np.abs(PLAIN.y))
     found = base_of(folded, law_choice(None), np.random.default_rng(0))
     assert found.folded is not None
