@@ -10,7 +10,7 @@ import pytest
 from whsklearn import WienerHammersteinSystem
 from whsklearn.datasets import make_wiener_hammerstein
 from whsklearn.recursion import multistart
-from whsklearn.recursion.background_refit import BackgroundRefit
+from whsklearn.recursion.background_refit import BackgroundRefit, schedule
 
 MEMORY = 120
 SYSTEM = WienerHammersteinSystem.example()
@@ -60,6 +60,50 @@ def test_work_that_is_lost_is_done_again(whole):
             state, page = copy.deepcopy(state), None
         page = multistart.run(state, r, *row, page)
     assert_same(state, expected)
+
+
+def test_work_that_is_put_off_for_a_row_is_done_in_the_next(whole):
+    """As where the estimator notes its state, in every 64th row."""
+    r, expected = whole
+    state, page = multistart.initial_state(r), None
+    for i, row in enumerate(zip(*(np.split(v, 600) for v in record()), strict=True)):
+        if page is not None and i % 5 == 0:
+            page.put_off()
+        page = multistart.run(state, r, *row, page)
+    assert_same(state, expected)
+
+
+def test_a_row_that_is_put_off_does_no_work_and_several_rows_at_once_do(monkeypatch):
+    X, y, restart = record(begins=(0,))
+    r = reading(memory=400)
+    state = multistart.initial_state(r)
+    page = multistart.run(state, r, X[:150], y[:150], restart[:150])
+    assert isinstance(page, BackgroundRefit)
+    done, work = [], BackgroundRefit._go_on
+    monkeypatch.setattr(BackgroundRefit, "_go_on", lambda self: done.append(len(done)) or work(self))
+    counts = []
+    for rows in (slice(150, 151), slice(151, 152), slice(152, 158)):
+        if rows.start != 151:
+            page.put_off()
+        page = multistart.run(state, r, X[rows], y[rows], restart[rows], page)
+        counts.append(len(done))
+    assert counts == [0, 1, 2]
+
+
+def test_the_work_is_done_before_a_filling_memory_s_models_take_over():
+    """Else the row in which they do waits for the rest: with 32 starts, one row in 64 put off."""
+    r = reading(memory=4096, n_starts=32, forgetting=1.0)
+    X, y = make_wiener_hammerstein(2000, snr_db=20, random_state=0)
+    state, page, left = multistart.initial_state(r), None, []
+    nothing = np.zeros(1, dtype=bool)
+    for i in range(2000):
+        if i + 1 in [end for _, end in schedule(r, filling=True)]:
+            left.append((i - page.size - page._caught_up, next(page._steps, "done")))
+        if page is not None and i % 64 == 1:
+            page.put_off()
+        page = multistart.run(state, r, X[i : i + 1], y[i : i + 1], nothing, page)
+    assert len(left) == 3
+    assert all(rows <= 1 and steps == "done" for rows, steps in left), left
 
 
 def test_work_for_another_state_is_not_taken():

@@ -8,9 +8,10 @@ import pytest
 from tests.recursion.reruns import replay
 from whsklearn import WienerHammersteinSystem
 from whsklearn.datasets import make_wiener_hammerstein
-from whsklearn.recursion.linearised_memory import Pass, deviation, jumps, listed
+from whsklearn.recursion.linearised_memory import Pass, deviation, empty_rows, jumps, listed
 from whsklearn.recursion.memory_cost import Memory, new_work
 from whsklearn.recursion.predictor import record_errors, state_size
+from whsklearn.recursion.steps import in_one
 
 EXAMPLE = WienerHammersteinSystem.example()
 DIMS = np.array([2, 2, 2, 2, 3])
@@ -30,9 +31,9 @@ def record():
 
 
 def linearised(record, theta):
-    memory = Pass(theta, LAW, record, new_work(DIMS, 1))
+    memory = Pass(theta, LAW, record, new_work(DIMS, 1), in_one(empty_rows(N, theta.size, 3)))
     while memory.done < N:
-        memory.read_segment()
+        in_one(memory.read_segment())
     return memory.rows
 
 
@@ -59,9 +60,9 @@ def test_it_goes_on_from_a_state_as_if_it_had_read_what_came_before(record):
     state, work = np.zeros(state_size(DIMS)), np.zeros((9, 9))
     replay(TRUTH, LAW, np.inf, record._replace(fill=cut), work, np.zeros(9), state)
     rest = Memory(state, record.u[cut:], record.y[cut:], record.restart[cut:], N - cut, HISTORY, 1, np.ones(N - cut))
-    later = Pass(TRUTH, LAW, rest, new_work(DIMS, 1))
+    later = Pass(TRUTH, LAW, rest, new_work(DIMS, 1), in_one(empty_rows(N - cut, TRUTH.size, 3)))
     while later.done < N - cut:
-        later.read_segment()
+        in_one(later.read_segment())
     for whole, part in zip(system, later.rows, strict=True):
         np.testing.assert_allclose(part, whole[cut:], atol=1e-12)
 

@@ -20,7 +20,7 @@ from whsklearn.plot import flat_parameters, parameter_paths
 from whsklearn.tracking import Run, estimator_params
 
 MOST_OF_A_PATH = 200  # points: as many as a picture of its width shows apart
-WARM_UP = 600  # samples: beyond the 448 at which a stream's first models take over, so that all kernels have run
+WARM_UP = 600  # samples: beyond the 480 at which a stream's first models take over, so that all kernels have run
 
 
 @dataclass(frozen=True)

@@ -242,6 +242,8 @@ class FullStream:
 
     def run(self, state: State, u: Array, y: Array, restart: NDArray[np.bool_], weight: Array | None = None) -> None:
         """One window a sample and start, the memory at its instants."""
+        if self.undo.noted and self._page is not None:
+            self._page.put_off()
         self._page = multistart.run(state, self.reading, u, y, restart, self._page, weight)
 
     def settle(self, state: State) -> None:

@@ -63,6 +63,7 @@ class Undo:
     """
 
     def __init__(self) -> None:
+        self.noted = False  # in this call: what else a row has to do can wait for the next one
         self._of: Any = None  # the state that was copied; another one, or one that others changed, is copied anew
         self._seen = -1
         self._copy: State = {}
@@ -76,6 +77,7 @@ class Undo:
         n = len(y)
         if self._of is not state or self._seen != state["seen"] or self._filled + n > ROWS:
             kept = noted(state)
+            self.noted = True
             self._of, self._copy, self._seen, self._sizes, self._filled = state, kept, state["seen"], (), 0
         if n <= ROWS:
             if self._u is None or self._u.shape[1] != u.shape[1]:
@@ -85,6 +87,7 @@ class Undo:
 
     def done(self, n: int) -> None:
         """Count the rows as learnt."""
+        self.noted = False
         if n > ROWS:
             self._of = None
             return

@@ -38,11 +38,11 @@ if TYPE_CHECKING:
 # in a wrong minimum at row 1,000; now none of 8,000 does (benchmarks/accuracy.py --section minima, from seed 1000).
 FILLING = 700
 PAGE = 128  # the same for each model after that: a page is then read after a third of the half page and caught up with
-COST_OF_ROW = 2  # readings that one linearised sample counts for
 COST_OF_WINDOW = 24  # readings that one sample of the recursion counts for
 RESERVED = 60  # readings of the whole record kept back for what follows the search
-PIECES = 60  # pieces of work that are no readings, beside those for each start; a sample pays for one
-FIRST_SPAN = 3.5  # the first re-run has every start to try; it takes over at five times its samples
+PIECES = 110  # pieces of work that are no readings, beside those for each start; a sample pays for one
+NOTED = 64  # of so many rows one at most is put off, in which the estimator notes its state against interrupts
+FIRST_SPAN = 3.75  # the first re-run has every start to try; it takes over at five times its samples
 SPAN = 2.0  # ratio of the instants after that
 
 
@@ -112,7 +112,8 @@ class BackgroundRefit:
         self.state, self.reading, self.size, self.end = state, r, size, end
         self.is_page = size == r.memory
         self.block = state["blocks"]
-        self._work = new_work(r.dims, r.n_inputs)
+        self._begun = False
+        self._put_off = False
         self._steps = self._rerun()
         self._ends: list[tuple[np.ndarray, np.ndarray]] = []
         self._models: dict[str, Any] = {}
@@ -122,7 +123,9 @@ class BackgroundRefit:
         self._given: dict[str, np.ndarray] = {}
         self._room: dict[str, np.ndarray] = {}
         self._known = float(state["page_known"])
-        self._pace = 1 + 2 * PIECES // (end - size)  # pieces a sample: a short page has fewer samples than pieces
+        self._pace = 1 + 4 * PIECES // (
+            end - size
+        )  # pieces a sample: a short page has not much more samples than pieces
 
     def is_of(self, state: State, size: int) -> bool:
         """Whether this is the re-run of so many samples of the memory that the state holds now."""
@@ -130,6 +133,13 @@ class BackgroundRefit:
 
     def advance(self, n_samples: int) -> None:
         """Do what ``n_samples`` new samples pay for."""
+        put_off, self._put_off = self._put_off, False
+        if put_off and n_samples == 1:
+            return
+        if not self._begun:  # room for it is the first piece
+            self._begin()
+            if n_samples == 1:
+                return
         rate = PAGE * len(self.state["page_theta"]) if self.is_page else FILLING
         self._work.at[BUDGET] = rate * n_samples
         for _ in range(self._pace):
@@ -137,8 +147,18 @@ class BackgroundRefit:
             if self._work.at[BUDGET] <= 0.0:
                 break
 
+    def _begin(self) -> None:
+        self._work = new_work(self.reading.dims, self.reading.n_inputs)
+        self._begun = True
+
+    def put_off(self) -> None:
+        """Leave the next sample alone, which has enough to wait for; more than one at once are not."""
+        self._put_off = True
+
     def take_over(self) -> None:
         """Finish, and let the new models go on in the place of the old; a page is turned."""
+        if not self._begun:
+            self._begin()
         self._work.at[BUDGET] = UNBOUNDED
         for _ in self._steps:
             pass
@@ -165,7 +185,8 @@ class BackgroundRefit:
         state, r, size = self.state, self.reading, self.size
         limit = np.inf
         if not self.is_page:
-            limit = (FILLING - LIVE * COST_OF_WINDOW) * (self.end - size - PIECES) - RESERVED * size
+            rows = (self.end - size) * (1.0 - 1.0 / NOTED) - PIECES
+            limit = (FILLING - LIVE * COST_OF_WINDOW) * rows - RESERVED * size
         refit = Refit(state, r, size, self._work, limit)
         yield
         yield from refit.prepare()
@@ -199,18 +220,21 @@ class BackgroundRefit:
             yield
             self._work.at[AT] = self._work.at[PHASE] = 0
             memory = memory_of(state, r, m, refit.weights, state["origin"][parent], tail=1)
+            yield
             while not refine_part(theta, r.law, kappa, memory, Prior(theta, nothing), 0, information, end, self._work):
                 yield
             yield
             self._ends.append((information * refit.moved, end))
         yield
         if has_posterior(r) and refit.moved:
-            past = Linearisation(state, r, self._parents[0], thetas[0], refit.weights, self._work)
             yield
-            while not past.advance(max(int(self._work.at[BUDGET]) // COST_OF_ROW, 1)):
-                self._work.at[BUDGET] = 0
+            past = Linearisation(state, r, self._parents[0], thetas[0], refit.weights)
+            yield
+            yield from past.begin(self._work)
+            yield
+            for _ in past.read():  # each part takes as long as what a sample pays for one model
+                self._work.at[BUDGET] -= PAGE
                 yield
-            yield
             self._past = yield from past.left_behind(refit.kept, refit.count)
 
     def _gather(self, given: dict[str, np.ndarray]) -> Iterator[None]:

@@ -66,13 +66,14 @@ def factorise(p: np.ndarray) -> np.ndarray:
 
 
 def factorise_steps(p: np.ndarray) -> Generator[None, None, np.ndarray]:
-    """`factorise` in two parts."""
+    """`factorise` in parts."""
     # P = U D U' with U upper: the Cholesky factor of P with both axes reversed, reversed back
     root = np.linalg.cholesky(p[::-1, ::-1])[::-1, ::-1]
     yield
-    scale = np.diag(root).copy()
-    ud = np.triu(root / scale, 1).T.copy()
-    ud[np.diag_indices_from(ud)] = scale**2
+    scale = root.diagonal()
+    ud = (root / scale).T.copy()  # nothing is below the diagonal of the factor
+    yield
+    ud.flat[:: len(ud) + 1] = scale**2
     return ud
 
 

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 
 CAPACITY = 512  # signs kept at most; on Example 5.1 the median is 20 to 130 for any length, the most seen 537
 IN_DOUBT = 7.0  # standard deviations of dx, of the covariance with signs frozen, which is wider than the posterior
+JUMPING = frozenset((COULOMB, STRIBECK_EXP, POSITION_FRICTION))  # terms that jump where dx changes its sign
 SETTLED = 12.0  # beyond these a listed sign is frozen for good when a page is turned
 
 
@@ -97,7 +98,7 @@ class Signs(NamedTuple):
 
 def jumps(codes: NDArray[np.int64]) -> NDArray[np.bool_]:
     """Which terms of a law jump where dx changes its sign."""
-    return np.isin(codes, (COULOMB, STRIBECK_EXP, POSITION_FRICTION))
+    return np.isin(codes, tuple(JUMPING))
 
 
 @njit(cache=True, error_model="numpy")
@@ -113,9 +114,13 @@ def deviation(gradient, covariance):
     return out
 
 
-def empty_rows(n: int, size: int, n1: int) -> Rows:
-    """Room for ``n`` samples of a model of ``size`` parameters, ``n1`` of them in L1."""
-    return Rows(np.empty((n, size + 1)), np.empty((n, 2)), np.empty((n, n1)))
+def empty_rows(n: int, size: int, n1: int) -> Generator[None, None, Rows]:
+    """Room for ``n`` samples of a model of ``size`` parameters, ``n1`` of them in L1; in parts."""
+    psi = np.empty((n, size + 1))
+    yield
+    motion = np.empty((n, 2))
+    yield
+    return Rows(psi, motion, np.empty((n, n1)))
 
 
 class Pass:
@@ -129,6 +134,8 @@ class Pass:
     memory : Memory
     work : Work
         Of nothing that goes on.
+    rows : Rows
+        Empty, of as many samples as the memory.
 
     Attributes
     ----------
@@ -138,24 +145,25 @@ class Pass:
         Samples read.
     """
 
-    def __init__(self, theta: Array, law: Law, memory: Memory, work: Work):
+    def __init__(self, theta: Array, law: Law, memory: Memory, work: Work, rows: Rows):
         n, self.n1 = theta.size, int(law[0][0] - 1 + law[0][1])
         self.theta, self.law, self.memory = theta, law, memory
-        self.rows, self.done = empty_rows(memory.fill, n, self.n1), 0
+        self.rows, self.done = rows, 0
         self._work = work
         work.at[AT] = work.at[PHASE] = 0.0
         self._nothing = Prior(theta, np.zeros((n, n)))
         nx = max(int(law[0][1]), 1)
         self._before = np.append(memory.origin[:1], memory.origin[nx : nx + self.n1])  # x(t-1) and its gradient
 
-    def read_segment(self) -> None:
-        """Read on to the end of a segment; not a number, if the model has blown up."""
+    def read_segment(self) -> Generator[None, None, None]:
+        """Read on to the end of a segment, in two parts; not a number, if the model has blown up."""
         work, memory, first, m = self._work, self.memory, self.done, self.memory.u.shape[1]
         budget, work.at[BUDGET] = float(work.at[BUDGET]), 0.0  # to the end of a segment, at whoever's cost
         ended = refine_part(
             self.theta, self.law, np.inf, memory, self._nothing, 0, work.trial_information, work.trial_state, work
         )
         work.at[BUDGET] = budget
+        yield
         if ended and work.at[COST] == np.inf:
             for values in self.rows:
                 values[first:] = np.nan
@@ -188,17 +196,21 @@ def listed_steps(
     x, dx = np.ascontiguousarray(rows.motion[chosen].T)
     height = np.zeros((chosen.size, codes.size))
     yield
-    for k in np.flatnonzero(jumps(codes)):
-        height[:, k] = term_values(codes[k], *shapes[k], x, np.abs(dx), np.inf)
-    yield
+    for k, code in enumerate(codes.tolist()):
+        if code in JUMPING:
+            height[:, k] = term_values(codes[k], *shapes[k], x, np.abs(dx), np.inf)
+            yield
     after = chosen[:, None] + 1 + np.arange(dims[2])
     there = after < record.fill
     after = np.where(there, after, 0)
     yield
     experiment = np.cumsum(record.restart[: record.fill])
+    yield
     there &= experiment[after] == experiment[chosen][:, None]  # what follows a restart knows nothing of it
     yield
-    entered = rows.psi[after] * there[..., None]
+    entered = rows.psi[after]
+    yield
+    entered *= there[..., None]
     yield
     at = np.where(there, first + after, -1)
     yield

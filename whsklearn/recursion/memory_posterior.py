@@ -15,11 +15,12 @@ import numpy as np
 from whsklearn.recursion.linearised_memory import (
     CAPACITY,
     IN_DOUBT,
+    JUMPING,
     SETTLED,
     Pass,
     Signs,
     deviation,
-    jumps,
+    empty_rows,
     listed_steps,
 )
 from whsklearn.recursion.memory_cost import Work, new_work
@@ -38,12 +39,14 @@ if TYPE_CHECKING:
     Indices = NDArray[np.intp]
 
 ROUNDS = 3  # linearisations of the memory at most: the second is at the mean of the first
+PIECE = 512  # samples that are looked at between two rows, in what a page leaves behind
 WORSE = 1.02  # squared errors at the mean over those at theta_0, beyond which the linearisation did not hold
 
 
 def has_posterior(r: Reading) -> bool:
     """Whether signs can be in doubt: the law jumps, L1 has parameters and there is a memory."""
-    return bool(r.memory and jumps(r.codes).any() and r.dims[0] - 1 + r.dims[1] > 0)
+    # as plain numbers: it is asked between two samples, where four calls of NumPy would cost half of one
+    return bool(r.memory and r.dims[0] - 1 + r.dims[1] > 0 and not JUMPING.isdisjoint(r.codes.tolist()))
 
 
 def initial_past(r: Reading) -> State:
@@ -60,10 +63,21 @@ def initial_past(r: Reading) -> State:
 
 def packed(signs: Signs, state: State) -> State:
     """The signs as the state keeps them."""
+    return in_one(packed_steps(signs, state))
+
+
+def packed_steps(signs: Signs, state: State) -> Generator[None, None, State]:
+    """`packed` in parts."""
     out = {"signs": np.zeros_like(state["signs"]), "signs_at": np.full_like(state["signs_at"], -1)}
-    n = signs.dx.size
-    columns = (signs.dx[:, None], signs.sign[:, None], signs.scale[:, None], signs.gradient, signs.height)
-    out["signs"][:n] = np.hstack([*columns, signs.rows.reshape(n, signs.rows.shape[1] * signs.rows.shape[2])])
+    n, at = signs.dx.size, 3
+    yield
+    for k, column in enumerate(signs[:at]):
+        out["signs"][:n, k] = column
+    yield
+    for block in (signs.gradient, signs.height, signs.rows.reshape(n, signs.rows.shape[1] * signs.rows.shape[2])):
+        out["signs"][:n, at : at + block.shape[1]] = block
+        at += block.shape[1]
+        yield
     out["signs_at"][:n] = signs.at
     return _read_only(out)
 
@@ -107,28 +121,30 @@ class Linearisation:
     theta : ndarray of shape (n,)
     weights : ndarray
         What forgetting has left of each sample; as many samples as it has are read.
-    work : Work, optional
-        That of a re-run that is over.
     """
 
-    def __init__(self, state: State, r: Reading, s: int, theta: Array, weights: Array, work: Work | None = None):
+    def __init__(self, state: State, r: Reading, s: int, theta: Array, weights: Array):
         self.state, self.reading, self.model, self.theta, self.stop = state, r, s, theta, weights.size
         self.record = memory_of(state, r, self.stop, weights, state["origin"][s], tail=1)
         self.weights = weights
         self.matrix = np.zeros((theta.size + 1, theta.size + 1))
-        self._pass = Pass(theta, r.law, self.record, work or new_work(r.dims, r.n_inputs))
-        self.rows = self._pass.rows
 
-    def advance(self, n: int) -> bool:
-        """Read at least ``n`` samples more; True when all are read."""
-        target = min(self.stop, self._pass.done + n)
-        while self._pass.done < target:
+    def begin(self, work: Work) -> Generator[None, None, None]:
+        """Make room for what is read, in parts; ``work`` is of a re-run that is over."""
+        rows = yield from empty_rows(self.stop, self.theta.size, int(self.reading.dims[0] - 1 + self.reading.dims[1]))
+        yield
+        self._pass = Pass(self.theta, self.reading.law, self.record, work, rows)
+        self.rows = rows
+
+    def read(self) -> Generator[None, None, None]:
+        """Read all samples, in parts."""
+        while self._pass.done < self.stop:
             begin = self._pass.done
-            self._pass.read_segment()
+            yield from self._pass.read_segment()
             psi = self.rows.psi[begin : self._pass.done]
             psi *= np.sqrt(self.weights[begin : self._pass.done, None])
             self.matrix += psi.T @ psi
-        return self._pass.done == self.stop
+            yield
 
     def joined(self, about: Gaussian | None = None) -> tuple[Array, Signs, float]:
         """M, signs in doubt and number of samples, of the past and of the memory together.
@@ -138,7 +154,7 @@ class Linearisation:
         left, n = left_of_prior(self.state, self.stop), count_of(self.state, self.stop)
         matrix, signs, count = in_one(self._with_past(left, n))
         about = about or frozen(matrix, self.theta, count)
-        kept, chosen = self._chosen(signs, self._doubtful(about), about)
+        kept, chosen = in_one(self._chosen(signs, self._doubtful(about), about))
         return matrix, signs.take(kept).joined(in_one(self._listed(chosen))), count
 
     def _with_past(self, left: float, count: float) -> Generator[None, None, tuple[Array, Signs, float]]:
@@ -163,19 +179,32 @@ class Linearisation:
 
     def _doubtful(self, about: Gaussian | None) -> Array:
         """|dx| of every sample in standard deviations; infinite where the sign is no question."""
+        return in_one(self._doubtful_steps(about))
+
+    def _doubtful_steps(self, about: Gaussian | None) -> Generator[None, None, Array]:
+        """`_doubtful` in parts."""
         if about is None:
             return np.full(self.stop, np.inf)
         n1 = self.rows.gradient.shape[1]
-        dx = self.rows.motion[:, 1]
-        doubt = np.abs(dx) / deviation(self.rows.gradient, np.ascontiguousarray(about.covariance[:n1, :n1]))
-        doubt[(self.weights == 0.0) | (dx == 0.0) | (doubt >= IN_DOUBT)] = np.inf
+        covariance, doubt = np.ascontiguousarray(about.covariance[:n1, :n1]), np.empty(self.stop)
+        for begin in range(0, self.stop, PIECE):
+            piece = slice(begin, begin + PIECE)
+            dx = self.rows.motion[piece, 1]
+            value = np.abs(dx) / deviation(self.rows.gradient[piece], covariance)
+            value[(self.weights[piece] == 0.0) | (dx == 0.0) | (value >= IN_DOUBT)] = np.inf
+            doubt[piece] = value
+            yield
         return doubt
 
-    def _chosen(self, old: Signs, doubt: Array, about: Gaussian | None) -> tuple[Indices, Indices]:
+    def _chosen(
+        self, old: Signs, doubt: Array, about: Gaussian | None
+    ) -> Generator[None, None, tuple[Indices, Indices]]:
         """Which signs of the past are not settled and which of the memory are in doubt: the most doubtful of them."""
         n1 = self.rows.gradient.shape[1]
         before = np.zeros(old.dx.size) if about is None else old.doubt(about.covariance[:n1, :n1])
+        yield
         kept, chosen = np.flatnonzero(before < SETTLED), np.flatnonzero(doubt < IN_DOUBT)
+        yield
         if kept.size + chosen.size > CAPACITY:
             bar = np.sort(np.concatenate([before[kept], doubt[chosen]]))[CAPACITY]
             kept, chosen = kept[before[kept] < bar], chosen[doubt[chosen] < bar]
@@ -192,9 +221,8 @@ class Linearisation:
         yield
         about = yield from frozen_steps(matrix, self.theta, count)
         yield
-        doubt = self._doubtful(about)
-        yield
-        kept, chosen = self._chosen(old, doubt, about)
+        doubt = yield from self._doubtful_steps(about)
+        kept, chosen = yield from self._chosen(old, doubt, about)
         yield
         old = old.take(kept)
         yield
@@ -202,8 +230,10 @@ class Linearisation:
         yield
         signs = old.joined(new)
         yield
+        kept_signs = yield from packed_steps(signs, self.state)
+        yield
         past = {"past_matrix": matrix, "past_theta": self.theta.copy(), "past_count": np.array([count])}
-        return past | packed(signs, self.state)
+        return past | kept_signs
 
 
 def posterior(state: State, r: Reading, s: int) -> Gaussian | None:
@@ -217,7 +247,8 @@ def posterior(state: State, r: Reading, s: int) -> Gaussian | None:
         if not np.isfinite(theta).all():
             break
         memory = Linearisation(state, r, s, theta.copy(), weights_of(state, state["fill"]))
-        memory.advance(state["fill"])
+        in_one(memory.begin(new_work(r.dims, r.n_inputs)))
+        in_one(memory.read())
         matrix, signs, count = memory.joined(answer)
         if not np.isfinite(matrix).all() or not matrix[-1, -1] < WORSE * best:
             break

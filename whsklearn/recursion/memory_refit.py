@@ -11,7 +11,7 @@ from whsklearn.recursion.covariance import factorise_steps
 from whsklearn.recursion.gauss_newton import Prior, refine_part
 from whsklearn.recursion.memory_cost import AT, BUDGET, COST, HUGE, PHASE, SPENT, UNBOUNDED, Memory, Work, new_work
 from whsklearn.recursion.predictor import motion
-from whsklearn.recursion.starts import least_squares_steps, random_start, regressors, scales_from, term_sizes
+from whsklearn.recursion.starts import least_squares_steps, random_start, regressors, scales_from, term_sizes_steps
 from whsklearn.recursion.steps import in_one
 from whsklearn.recursion.subinnovations import relative_sharpness
 
@@ -85,7 +85,7 @@ class Refit:
         20 us in a loop takes 100 there.
         """
         state, size = self.state, self.size
-        left = left_of(state, size)
+        left = yield from left_steps(state, size)
         yield
         self.weights = left * state["memory_weight"][:size]
         yield
@@ -106,8 +106,8 @@ class Refit:
         first_block = not self.state["blocks"]
         seen = self.state["seen"] - self.state["fill"] + self.size
         climb = climb_to(relative_sharpness(seen, LADDER[-1]))
-        yield
         begins = first_block and not self.state["prior_information"].any()
+        yield
         bounded = bool(np.isfinite(self.limit))
         count = r.n_starts if begins else self._fresh(bounded)
         scales = None
@@ -119,6 +119,7 @@ class Refit:
         found: list[_Candidate | None] = []
         if begins:
             assert scales is not None  # there are starts where a stream begins
+            yield
             self._set_prior(scales)
             yield
             if r.theta0 is not None:
@@ -135,19 +136,20 @@ class Refit:
                 break
             yield
             theta = random_start(tuple(r.dims), rng, scales)
-            if i % 2 == 0:  # of two kinds in turn: all random, and least squares given a random L1
+            # of two kinds in turn: all random, and least squares given a random L1; on 320 samples and more the latter
+            # end in the right minimum no more often, and a stream has no time to spare for them
+            if i % 2 == 0 and (begins or not bounded):
                 u, restart = self.latest
                 rows = regressors(theta, r.law, u, restart=restart, y=self._y[-SAMPLED:])
                 yield
                 theta = yield from least_squares_steps(theta, r.law, rows, self._y[-SAMPLED:])
-                if not begins:  # the first re-run has no row to spare
-                    yield
-            else:
-                yield
+            yield
             work.at[SPENT] += COST_OF_START
             found.append((yield from self.refine(0, theta, long_strides(climb) if bounded else climb)))
         yield
-        return best_first(found)[: self._kept()]
+        chosen = best_first(found)[: self._kept()]
+        yield
+        return chosen
 
     def _fresh(self, bounded: bool) -> int:
         """How many fresh starts are drawn beside the models of earlier re-runs, at most."""
@@ -171,7 +173,8 @@ class Refit:
         y = self._y[-SAMPLED:]
         sizes = []
         for _ in range(9):
-            sizes.append(term_sizes(self.reading.law, u, y, restart, rng))
+            size = yield from term_sizes_steps(self.reading.law, u, y, restart, rng)
+            sizes.append(size)
             yield
         return scales_from(sizes, y)
 
@@ -198,6 +201,8 @@ class Refit:
         left = self.left
         memory = memory_of(state, r, self.size, self.weights, self.given["origin"][parent], tail=r.p)
         prior = Prior(self.given["prior_theta"][parent], self.given["prior_information"][parent] * left)
+        if not np.isfinite(self.limit):
+            yield  # what follows reads the memory at once; where rows are scarce both are done in one
 
         def refined(kappa: float, iterations: int, information: Array, before: Array) -> Generator[None, None, float]:
             work.at[AT] = work.at[PHASE] = 0
@@ -272,7 +277,7 @@ def best_first(found: list[_Candidate | None]) -> list[_Candidate]:
     """Candidates by their cost, without those that ended in the same minimum as a better one."""
     kept: list[_Candidate] = []
     for c in sorted((c for c in found if c is not None), key=lambda c: c.cost):
-        if all(abs(c.cost - k.cost) > 1e-4 * k.cost for k in kept):
+        if not kept or c.cost - kept[-1].cost > 1e-4 * kept[-1].cost:  # the last of them is the nearest
             kept.append(c)
     return kept
 
@@ -292,9 +297,18 @@ def left_of(state: State, fill: int) -> Array:
 
     The factors are those that held when the samples came, so a re-run forgets what the recursion forgot.
     """
-    kept = state["memory_kept"][:fill]
-    left = np.cumprod(np.append(kept[1:], 1.0)[::-1])[::-1]
-    return np.where(state["memory_still"][:fill], 0.0, left)
+    return in_one(left_steps(state, fill))
+
+
+def left_steps(state: State, fill: int) -> Generator[None, None, Array]:
+    """`left_of` in parts."""
+    left: Array = np.ones(fill)
+    left[:-1] = state["memory_kept"][1:fill]
+    yield
+    np.cumprod(left[::-1], out=left[::-1])
+    yield
+    left[state["memory_still"][:fill]] = 0.0
+    return left
 
 
 def count_of(state: State, fill: int) -> float:
@@ -325,8 +339,9 @@ def adopted(chosen: list[_Candidate], count: float, known: float) -> Generator[N
     for c in chosen[:LIVE]:
         inverse = yield from _inverse(c.information)
         yield
-        live.append((yield from factorise_steps(inverse)))
+        factors = yield from factorise_steps(inverse)
         yield
+        live.append(factors)
     ud = np.array([live[min(i, len(live) - 1)] for i in range(len(chosen))])
     # far from where it was learnt the model is another one: after an idle spell P must not be wide open
     ceiling = float(max(REOPENING, known / FEWEST) * ud.diagonal(axis1=1, axis2=2).max())

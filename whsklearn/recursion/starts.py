@@ -56,9 +56,18 @@ def term_scales(law: Law, u: Array, y: Array, restart: NDArray[np.bool_], rng: n
 
 def term_sizes(law: Law, u: Array, y: Array, restart: NDArray[np.bool_], rng: np.random.Generator) -> Array:
     """Root mean square of each term behind one random L1."""
+    return in_one(term_sizes_steps(law, u, y, restart, rng))
+
+
+def term_sizes_steps(
+    law: Law, u: Array, y: Array, restart: NDArray[np.bool_], rng: np.random.Generator
+) -> Generator[None, None, Array]:
+    """`term_sizes` in two parts."""
     dims = tuple(int(d) for d in law[0])
+    start = random_start(dims, rng)
+    yield
     rows = np.empty((y.size, dims[2] * dims[4] + dims[3]))
-    record_regressors(random_start(dims, rng), *law, np.inf, u, y, restart, rows)
+    record_regressors(start, *law, np.inf, u, y, restart, rows)
     return np.sqrt(np.mean(rows[:, : dims[4]] ** 2, axis=0))
 
 
@@ -85,12 +94,13 @@ def least_squares_steps(theta: Array, law: Law, rows: Array, y: Array) -> Genera
     """
     na, nb, nc, _, nw = (int(d) for d in law[0])
     n1 = na - 1 + nb
+    # one call: the normal equations would be five, and out of the cache each call costs 10 us
     solution = np.linalg.lstsq(rows, y, rcond=1e-10)[0]
     yield
     if not np.isfinite(solution).all():
         return theta
     products = solution[: nc * nw].reshape(nc, nw)
-    c = np.linalg.svd(products, full_matrices=False)[0][:, 0]
+    c = np.linalg.eigh(products @ products.T)[1][:, -1]
     floor = 0.05 * np.abs(c).max()
     first = c[0] if abs(c[0]) > floor else np.copysign(floor, c[0])
     out = theta.copy()
