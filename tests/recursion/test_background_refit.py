@@ -87,7 +87,7 @@ def test_a_row_that_is_put_off_does_no_work_and_several_rows_at_once_do(monkeypa
             page.put_off()
         page = multistart.run(state, r, X[rows], y[rows], restart[rows], page)
         counts.append(len(done))
-    assert counts == [0, 1, 2]
+    assert counts[0] == 0 < counts[1] < counts[2]
 
 
 def test_the_work_is_done_before_a_filling_memory_s_models_take_over():
