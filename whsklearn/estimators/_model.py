@@ -165,6 +165,16 @@ def free_run(
     return predictions(natural, s, u, np.zeros(len(u)), restart, 0, covariance)
 
 
+def wrong_signs(natural: Array, s: Structure, u: Array, restart: NDArray[np.bool_], covariance: Array) -> float:
+    """How many signs of dx the simulation of ``natural`` is expected to get wrong over a record: sum of min(p, 1 - p).
+
+    p(t) is the probability of a positive sign under the Gaussian (natural, covariance).
+    """
+    if s.advance:
+        u, _, restart, _ = shifted(u, np.zeros(len(u)), restart, s.advance)
+    return _before_l2(natural, s, u, restart, covariance)[1] if jumps(s.law.codes).any() else 0.0
+
+
 def predictions(
     natural: Array, s: Structure, u: Array, y: Array, restart: NDArray[np.bool_], horizon: int,
     covariance: Array | None = None,
@@ -174,17 +184,25 @@ def predictions(
         # both delays commute with the static law, so a lead is the same chain with its output shifted
         u, y, restart, back = shifted(u, y, restart, s.advance)
         return predictions(natural, s._replace(advance=0), u, y, restart, horizon)[back]
-    a, b, w, c, d = (natural[i] for i in s.slices())
-    n1 = a.size + b.size
-    spread = np.zeros((0, 0)) if covariance is None else np.ascontiguousarray(covariance[:n1, :n1])
-    law = s.law.codes, s.law.shapes, w
-    v = _static_output(
-        np.concatenate([[1.0], a]), inside(b), np.concatenate([[1.0], c]), law, jumps(s.law.codes), spread, u, restart
-    )
+    v = _before_l2(natural, s, u, restart, covariance)[0]
+    d = natural[s.slices()[4]]
     d = inside(d) if horizon != 1 else d
     if horizon == 0:
         return _recursive_part(v, d, restart)
     return _ahead(v, np.ascontiguousarray(d), y, restart, horizon)
+
+
+def _before_l2(
+    natural: Array, s: Structure, u: Array, restart: NDArray[np.bool_], covariance: Array | None
+) -> tuple[Array, float]:
+    """What enters L2's denominator, and the signs that are expected to be wrong."""
+    a, b, w, c, _ = (natural[i] for i in s.slices())
+    n1 = a.size + b.size
+    spread = np.zeros((0, 0)) if covariance is None else np.ascontiguousarray(covariance[:n1, :n1])
+    law = s.law.codes, s.law.shapes, w
+    return _static_output(
+        np.concatenate([[1.0], a]), inside(b), np.concatenate([[1.0], c]), law, jumps(s.law.codes), spread, u, restart
+    )
 
 
 def shifted(
@@ -205,7 +223,10 @@ def shifted(
 
 @njit(cache=True, error_model="numpy")
 def _static_output(a, b, c, law, jumping, spread, u, restart):
-    """sum c_m v(t-m), with x and v by (1) and the law; jumps smeared where (a, b) has a covariance ``spread``."""
+    """sum c_m v(t-m), with x and v by (1) and the law; jumps smeared where (a, b) has a covariance ``spread``.
+
+    And the number of signs of dx that are expected to be wrong then.
+    """
     codes, shapes, weights = law
     n, n1 = len(u), spread.shape[0]
     out = np.zeros(n)
@@ -214,6 +235,7 @@ def _static_output(a, b, c, law, jumping, spread, u, restart):
     v_past = np.zeros(c.size)
     g_past = np.zeros((b.size + 1, n1))
     g = np.zeros(n1)
+    wrong = 0.0
     for t in range(n):
         if restart[t]:
             clear(u_past)
@@ -234,6 +256,8 @@ def _static_output(a, b, c, law, jumping, spread, u, restart):
         if n1 > 0:
             variance = _advance_gradient(g_past, g, a.size, b, u_past, x_past, spread)
             certainty = math.erf(abs(dx) / math.sqrt(2.0 * variance + 1e-300))
+            if dx != 0.0:  # at rest the sign is no question
+                wrong += 0.5 * (1.0 - certainty)
         v = 0.0
         for k in range(codes.size):
             f = term(codes[k], shapes[k, 0], shapes[k, 1], shapes[k, 2], x, dx, math.inf)[0]
@@ -245,7 +269,7 @@ def _static_output(a, b, c, law, jumping, spread, u, restart):
             x_past[j] = x_past[j - 1]
         x_past[0] = x
         push(u_past, u[t])
-    return out
+    return out, wrong
 
 
 @part
