@@ -11,7 +11,7 @@ from whsklearn import PEMRegressor, RLSRegressor, RMILSRegressor, StreamingPEMRe
 from whsklearn.checks import state_difference
 from whsklearn.datasets import make_wiener_hammerstein
 from whsklearn.estimators._records import checked_weights, joined
-from whsklearn.estimators.base import DYNAMIC, _told_by_past
+from whsklearn.estimators._advice import DYNAMIC, told_by_past
 
 SIMPLE = WienerHammersteinLags(1, 1, 1, 0, law="polynomial", delays=(0, 0))
 MODELS = {
@@ -117,7 +117,7 @@ def test_what_lags_was_left_out_for_is_said():
 
 def test_example_5_1_is_told_from_a_static_regression():
     records = [make_wiener_hammerstein(1000, snr_db=7.462, random_state=seed) for seed in range(40)]
-    shares = [_told_by_past(X, y, np.arange(1000) == 0) for X, y in records]
+    shares = [told_by_past(X, y, np.arange(1000) == 0) for X, y in records]
     assert min(shares) > DYNAMIC
 
 

@@ -234,8 +234,8 @@ def cubic_spline_law(knots: Sequence[float], values: Sequence[float]) -> Frictio
 def as_law(law: str | FrictionLaw | StaticEffect | Iterable[StaticEffect] | None) -> FrictionLaw:
     """A law from whatever a user gives: None for (4), names joined by commas, terms, or a law.
 
-    Names are those of memoryless effects, such as ``viscous``, and of laws in x: ``linear``, ``offset``,
-    ``polynomial``, ``piecewise_linear``, ``cubic_spline``.
+    Names are those of memoryless effects, such as ``viscous``, of laws in x, ``linear``, ``offset``, ``polynomial``,
+    ``piecewise_linear``, ``cubic_spline``, and ``reduced``, which is (4).
 
     Parameters
     ----------
@@ -259,10 +259,8 @@ def as_law(law: str | FrictionLaw | StaticEffect | Iterable[StaticEffect] | None
     if isinstance(law, StaticEffect):
         return FrictionLaw([law])
     if isinstance(law, str):
-        if law.strip() == "reduced":
-            return reduced_law()
         names = [n.strip() for n in law.split(",") if n.strip()]
-        terms = [static_terms(n) or (get_effect(n)(),) for n in names]
+        terms = [reduced_law().terms if n == "reduced" else static_terms(n) or (get_effect(n)(),) for n in names]
         return FrictionLaw(dict.fromkeys(itertools.chain.from_iterable(terms)))  # type: ignore[arg-type]
     if not isinstance(law, Iterable):
         raise ValueError(f"law is {law!r}, expected names joined by commas, effects, a FrictionLaw or None.")

@@ -72,7 +72,7 @@ class RecursiveRegressor(AxisRegressor):
             self._need_rows(len(X))
             restart = starts(groups, len(X), first=True)
             weights = self._weights(given.sample_weight, len(X), some=True)
-            self._warn_degenerate(X, y)
+            self._warn_of_record(X, y)
             self._warn_of_structure(X, y, restart)
             rows, targets = (X, y) if self._is_wiener_hammerstein else self._rows(X, y, groups)
             if len(targets) != len(restart):
@@ -158,7 +158,7 @@ class RecursiveRegressor(AxisRegressor):
             self._keep_lags()
             self._check_state(self.state_)
         if first and len(X) >= FIRST_RERUN:  # the first rows of a stream may well stand still
-            self._warn_degenerate(X, y, stacklevel=5)
+            self._warn_of_record(X, y, stacklevel=5)
         rows, targets = X, y
         if not self._is_wiener_hammerstein and self.lags is not None:
             rows, targets = self.lags_.partial_rows(X, y)

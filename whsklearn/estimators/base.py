@@ -15,6 +15,7 @@ from sklearn.utils.validation import check_is_fitted, validate_data
 
 from whsklearn._inputs import check_lengths, in_one_sentence, starts, writeable
 from whsklearn.effects import as_law
+from whsklearn.estimators import _advice
 from whsklearn.estimators import _model as wh
 from whsklearn.estimators._records import Given, checked_weights, joined
 from whsklearn.estimators._spread import draws, noise_spread, rows_spread
@@ -33,9 +34,6 @@ if TYPE_CHECKING:
 
 OUTPUTS = ("expected", "simulation")
 LEARNT = ("theta", "ud", "loss", "memory_u", "memory_y", "recent_u", "recent_y", "rows", "targets", "before")
-# A static system in white noise leaves nothing that the past explains: by chance 6/n, so 10 % at the fewest samples.
-# A delay of one sample gives 100 %, Example 5.1 at 7.5 dB 30 to 42 % (40 seeds, tests/estimators/test_records.py).
-PAST, FEWEST, DYNAMIC = 3, 60, 0.2
 
 
 class AxisRegressor(RegressorMixin, BaseEstimator):
@@ -49,6 +47,7 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
     _states_errors: ClassVar[bool] = True  # False where the method has no covariance, which its docstring says
     _default_output = "simulation"  # of `predict`
     _fits_free_run = False  # whether the error that was minimised is that of the free run, and not one step ahead
+    _finds_constant = False  # whether the model may lie a constant off, beside what its law gives
 
     # -- what the model is ---------------------------------------------------------------
 
@@ -456,7 +455,7 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
             restart = starts(given.groups, len(X), first=True)
             weights = checked_weights(given.sample_weight, len(X), some=True)
             self._structure()
-            self._warn_degenerate(X, y, stacklevel=4)
+            self._warn_of_record(X, y, stacklevel=4)
             self._warn_of_structure(X, y, restart, stacklevel=5)
         return X, y, restart, weights
 
@@ -473,45 +472,27 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
                 "lags reach back and one more; give a longer record."
             )
         n_parameters = int(self._structure().slices()[-1].stop) if self._is_wiener_hammerstein else 0
-        if n <= n_parameters:
-            warnings.warn(
-                f"The record has {n} samples for {n_parameters} parameters, expected more; give a longer one.",
-                UserWarning,
-                stacklevel=4,
-            )
+        _warn(_advice.of_few_samples(n, n_parameters), stacklevel=5)
 
-    def _warn_degenerate(self, X: Array, y: Array, stacklevel: int = 3) -> None:
-        """Records from which no dynamics can be told: one warning that names what is missing."""
+    def _warn_of_record(self, X: Array, y: Array, stacklevel: int = 3) -> None:
+        """Records from which the dynamics cannot be told, or only with a constant that the model has not."""
         if not self._is_wiener_hammerstein or len(X) <= self._lags.max_lag:
             return
-        for name, values, what in (("input", X, "excite the axis"), ("output", y, "check its column")):
-            if np.ptp(values, axis=0).max() == 0.0:
-                warnings.warn(
-                    f"The {name} is constant, expected one that moves; the dynamics cannot be seen, {what}.",
-                    UserWarning,
-                    stacklevel=stacklevel,
-                )
-                return
+        said = _advice.of_a_signal_at_rest(X, y)
+        if said is None and not self._finds_constant:
+            said = _advice.of_a_constant(self._structure().law, X, y)
+        _warn(said, stacklevel + 1)
 
     def _warn_of_structure(self, X: Array, y: Array, restart: NDArray[np.bool_], stacklevel: int = 3) -> None:
         """Where ``lags`` was left out, what it stands for is not the same for all estimators: say what was taken."""
         if self.lags is not None:
             return
-        name, n = type(self).__name__, X.shape[1]
-        if self._is_wiener_hammerstein and n > 1:
-            warnings.warn(
-                f"X has {n} columns and lags was left out: {name} takes them for {n} inputs of one Wiener-Hammerstein "
-                "chain; give lags=WienerHammersteinLags() if they are, or fit RLSRegressor if they are regressors.",
-                UserWarning,
-                stacklevel=stacklevel,
-            )
-        elif not self._is_wiener_hammerstein and n == 1 and (share := _told_by_past(X, y, restart)) > DYNAMIC:
-            warnings.warn(
-                f"X has one column and lags was left out: {name} fits y = theta x, and the samples before explain "
-                f"{100 * share:.0f} % of what that leaves; give lags=WienerHammersteinLags() for a dynamic system.",
-                UserWarning,
-                stacklevel=stacklevel,
-            )
+        name = type(self).__name__
+        if self._is_wiener_hammerstein:
+            said = _advice.of_several_inputs(name, X.shape[1])
+        else:
+            said = _advice.of_a_dynamic_record(name, X, y, restart)
+        _warn(said, stacklevel + 1)
 
     def _draw_seed(self) -> int:
         """One whole number from ``random_state``; 0 where nothing is drawn."""
@@ -526,17 +507,10 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
         return tags
 
 
-def _told_by_past(u: Array, y: Array, restart: NDArray[np.bool_]) -> float:
-    """Share of what y = theta u leaves that its own last three values and those of u explain; 0 where too short."""
-    late = np.convolve(restart, np.ones(PAST + 1), "full")[: len(u)] == 0
-    if np.count_nonzero(late) < FEWEST:
-        return 0.0
-    left = y - u[:, 0] * float(u[:, 0] @ y) / max(float(u[:, 0] @ u[:, 0]), 1e-300)
-    if left @ left <= 1e-20 * (y @ y):
-        return 0.0
-    before = np.column_stack([np.roll(v, k)[late] for v in (u[:, 0], left) for k in range(1, PAST + 1)])
-    explained = before @ np.linalg.lstsq(before, left[late], rcond=None)[0]
-    return float(explained @ explained) / max(float(left[late] @ left[late]), 1e-300)
+def _warn(said: str | None, stacklevel: int) -> None:
+    """Pass on what there is to say."""
+    if said is not None:
+        warnings.warn(said, UserWarning, stacklevel=stacklevel)
 
 
 def _finite(y_hat: Array) -> Array:

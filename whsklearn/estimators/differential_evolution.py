@@ -68,6 +68,7 @@ class DifferentialEvolutionRegressor(PEMRegressor):
         self.random_state = random_state
 
     _fits_free_run: ClassVar[bool] = True  # type: ignore[misc]
+    _finds_constant: ClassVar[bool] = False  # type: ignore[misc]
 
     def _found_lags(self) -> None:
         return None

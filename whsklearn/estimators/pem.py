@@ -113,6 +113,10 @@ class PEMRegressor(ChainRegressor):
     def _fits_free_run(self) -> bool:  # type: ignore[override]
         return self.criterion == "simulation"
 
+    @property
+    def _finds_constant(self) -> bool:  # type: ignore[override]
+        return self.criterion == "simulation"
+
     def _found_lags(self) -> dict[str, Any] | None:
         found: dict[str, Any] | None = self.state_.get("lags")
         return found

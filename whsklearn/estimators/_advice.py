@@ -1,0 +1,100 @@
+"""What a record or a setting will not give, in one sentence; None where there is nothing to say."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from whsklearn.effects.law import FrictionLaw
+
+    Array = NDArray[np.float64]
+
+# A static system in white noise leaves nothing that the past explains: by chance 6/n, so 10 % at the fewest samples.
+# A delay of one sample gives 100 %, Example 5.1 at 7.5 dB 30 to 42 % (40 seeds, tests/estimators/test_records.py).
+PAST, FEWEST, DYNAMIC = 3, 60, 0.2
+
+# A constant of a fifth of what a linear filter of the input leaves makes the free run of Example 5.1 three times worse,
+# one of three fifths a hundred times (tests/estimators/test_advice.py); by chance it is 1/sqrt(n) of it, or a
+# twentieth at the fewest samples, and up to twice that where what is left moves slowly.
+CONSTANT, FEWEST_FOR_A_CONSTANT, TAPS = 0.2, 400, 8
+CENTRED = 0.1  # mean over deviation up to which an input stands on no level: of another one an odd law may make a constant
+
+
+def of_few_samples(n: int, n_parameters: int) -> str | None:
+    """As many parameters as samples."""
+    if n > n_parameters:
+        return None
+    return f"The record has {n} samples for {n_parameters} parameters, expected more; give a longer one."
+
+
+def of_a_signal_at_rest(X: Array, y: Array) -> str | None:
+    """A record from which no dynamics can be told."""
+    for name, values, what in (("input", X, "excite the axis"), ("output", y, "check its column")):
+        if np.ptp(values, axis=0).max() == 0.0:
+            return f"The {name} is constant, expected one that moves; the dynamics cannot be seen, {what}."
+    return None
+
+
+def of_a_constant(law: FrictionLaw, X: Array, y: Array) -> str | None:
+    """An output that lies off what moves, where every term of the law is odd and no parameter is a constant."""
+    n = len(y) - TAPS
+    if n < FEWEST_FOR_A_CONSTANT or not _is_odd(law):
+        return None
+    scale = X.std(axis=0)
+    if not scale.all() or np.abs(X.mean(axis=0) / scale).max() > CENTRED:
+        return None
+    before = [X[TAPS - k : len(X) - k] / scale for k in range(TAPS + 1)]
+    rows = np.hstack([np.ones((n, 1)), *before])
+    estimate = np.linalg.lstsq(rows, y[TAPS:], rcond=None)[0]
+    left = float(np.std(y[TAPS:] - rows @ estimate))
+    constant = float(estimate[0])
+    if abs(constant) <= max(CONSTANT * left, 1e-9 * float(np.abs(y).max())):
+        return None
+    return (
+        f"The output lies {constant:.3g} off what the input makes of it, and neither the law nor the model has a "
+        "constant; subtract it (TransformedTargetRegressor of scikit-learn does), or add offset to the law's names."
+    )
+
+
+def of_several_inputs(name: str, n_inputs: int) -> str | None:
+    """Columns that are taken for inputs, where the structure was left out."""
+    if n_inputs == 1:
+        return None
+    return (
+        f"X has {n_inputs} columns and lags was left out: {name} takes them for {n_inputs} inputs of one "
+        "Wiener-Hammerstein chain; give lags=WienerHammersteinLags() if they are, or fit RLSRegressor if they are "
+        "regressors."
+    )
+
+
+def of_a_dynamic_record(name: str, X: Array, y: Array, restart: NDArray[np.bool_]) -> str | None:
+    """A static regression, because the structure was left out, of a record whose past tells of its present."""
+    if X.shape[1] != 1 or (share := told_by_past(X, y, restart)) <= DYNAMIC:
+        return None
+    return (
+        f"X has one column and lags was left out: {name} fits y = theta x, and the samples before explain "
+        f"{100 * share:.0f} % of what that leaves; give lags=WienerHammersteinLags() for a dynamic system."
+    )
+
+
+def told_by_past(u: Array, y: Array, restart: NDArray[np.bool_]) -> float:
+    """Share of what y = theta u leaves that its own last three values and those of u explain; 0 where too short."""
+    late = np.convolve(restart, np.ones(PAST + 1), "full")[: len(u)] == 0
+    if np.count_nonzero(late) < FEWEST:
+        return 0.0
+    left = y - u[:, 0] * float(u[:, 0] @ y) / max(float(u[:, 0] @ u[:, 0]), 1e-300)
+    if left @ left <= 1e-20 * (y @ y):
+        return 0.0
+    before = np.column_stack([np.roll(v, k)[late] for v in (u[:, 0], left) for k in range(1, PAST + 1)])
+    explained = before @ np.linalg.lstsq(before, left[late], rcond=None)[0]
+    return float(explained @ explained) / max(float(left[late] @ left[late]), 1e-300)
+
+
+def _is_odd(law: FrictionLaw) -> bool:
+    """Whether every term changes its sign with x and dx."""
+    x = np.linspace(0.3, 3.0, 7)
+    return bool(np.allclose(law.regressors(x, x[::-1]), -law.regressors(-x, -x[::-1])))
