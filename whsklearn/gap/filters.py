@@ -172,7 +172,7 @@ def whiten(d: Array, ar: Array) -> Array:
     Many columns go row by row: column by column a scan of thousands of orders spent a fifth of its time here.
     """
     if d.ndim == 2:
-        return moving_average(np.ascontiguousarray(d), ar)
+        return moving_average(np.ascontiguousarray(d), ar.astype(d.dtype))
     from scipy.signal import lfilter
 
     return lfilter(ar, [1.0], d, axis=0)
@@ -180,9 +180,9 @@ def whiten(d: Array, ar: Array) -> Array:
 
 @njit(nogil=True)
 def moving_average(d, b):
-    """sum_k b_k d[i - k] of every column, zeros before the start; shape (n, m)."""
+    """sum_k b_k d[i - k] of every column, zeros before the start; shape (n, m), in the precision of ``d``."""
     n, m = d.shape
-    out = np.zeros((n, m))
+    out = np.zeros_like(d)
     for i in range(n):
         for k in range(min(b.size, i + 1)):
             for j in range(m):

@@ -61,6 +61,7 @@ def scan(
 def _gains(kind: Candidate, columns: Array, ar: Array, mask: NDArray[np.bool_], q: Array, r: Array) -> Array:
     """Drop of the sum of squares by each column, or by each pair of cosine and sine, beyond the base ``q``."""
     z = whiten(columns, ar)[mask]
+    q, r = q.astype(z.dtype), r.astype(z.dtype)
     z -= q @ (q.T @ z)
     if not kind.paired:
         return (z.T @ r) ** 2 / np.maximum(np.sum(z * z, axis=0), 1e-30)
@@ -93,7 +94,10 @@ def _columns(kind: Candidate, view: Any, values: Array, s: Signals, front: Array
     if kind.scanned == "time":
         angle, rate = 2 * np.pi * s.time, np.full(s.time.size, 2 * np.pi)
     step = float(values[1] - values[0]) if values.size > 1 else 0.0
-    return waves(angle, sigma * rate, front * np.ones(angle.size), float(values[0]), step, values.size)
+    # in single precision: a scan ranks thousands of columns and spends its time with moving them; the best are run again
+    out = np.empty((angle.size, 2 * values.size), dtype=np.float32)
+    waves(out, angle, sigma * rate, front * np.ones(angle.size), float(values[0]), step)
+    return out
 
 
 def peaks(values: Array, gains: Array, n: int = 3) -> list[float]:
