@@ -10,8 +10,8 @@ from sklearn.base import clone
 from whsklearn import PEMRegressor, RLSRegressor, RMILSRegressor, StreamingPEMRegressor, WienerHammersteinLags
 from whsklearn.checks import state_difference
 from whsklearn.datasets import make_wiener_hammerstein
-from whsklearn.estimators._records import checked_weights, joined
 from whsklearn.estimators._advice import DYNAMIC, told_by_past
+from whsklearn.estimators._records import checked_weights, joined
 
 SIMPLE = WienerHammersteinLags(1, 1, 1, 0, law="polynomial", delays=(0, 0))
 MODELS = {

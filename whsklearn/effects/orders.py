@@ -9,7 +9,7 @@ from whsklearn._numba import njit
 
 @njit(nogil=True)
 def waves(out, angle, blur, front, first, step):
-    """Put front exp(-(k blur)^2 / 2) of cos(k angle), then of sin(k angle), into ``out``; orders k an even ``step`` apart.
+    """Put front exp(-(k blur)^2 / 2) of cos(k angle), then of sin(k angle), into ``out``, k an even ``step`` apart.
 
     From one order to the next the angle turns by a constant and the logarithm of the damping falls by an even amount
     more, so three functions a sample do for all orders; the rounding of a hundred products is 1e-13.  ``out``, of

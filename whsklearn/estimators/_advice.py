@@ -21,7 +21,8 @@ PAST, FEWEST, DYNAMIC = 3, 60, 0.2
 # one of three fifths a hundred times (tests/estimators/test_advice.py); by chance it is 1/sqrt(n) of it, or a
 # twentieth at the fewest samples, and up to twice that where what is left moves slowly.
 CONSTANT, FEWEST_FOR_A_CONSTANT, TAPS = 0.2, 400, 8
-CENTRED = 0.1  # mean over deviation up to which an input stands on no level: of another one an odd law may make a constant
+# Mean over deviation up to which an input stands on no level; of another one an odd law may make a constant.
+CENTRED = 0.1
 
 
 def of_few_samples(n: int, n_parameters: int) -> str | None:

@@ -94,7 +94,7 @@ def _columns(kind: Candidate, view: Any, values: Array, s: Signals, front: Array
     if kind.scanned == "time":
         angle, rate = 2 * np.pi * s.time, np.full(s.time.size, 2 * np.pi)
     step = float(values[1] - values[0]) if values.size > 1 else 0.0
-    # in single precision: a scan ranks thousands of columns and spends its time with moving them; the best are run again
+    # In single precision: a scan ranks thousands of columns and spends its time moving them; the best are run again.
     out = np.empty((angle.size, 2 * values.size), dtype=np.float32)
     waves(out, angle, sigma * rate, front * np.ones(angle.size), float(values[0]), step)
     return out
