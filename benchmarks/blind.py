@@ -22,7 +22,7 @@ from tqdm import tqdm
 
 from benchmarks.blind_logs import comparators, servo, wiener_hammerstein
 from whsklearn.gap import GapFinder
-from whsklearn.gap.axis_candidates import aliases
+from whsklearn.gap.plants.servo_candidates import aliases
 
 FIELDS = (
     "system kind truth size noise seed verdict names top closure error_of_size seconds aliases error naive frols sindy"

@@ -11,7 +11,7 @@ from sklearn.utils import Bunch
 
 import whsklearn
 from whsklearn.effects import ContactStop, ParameterChange, codes, effect_names, get_effect
-from whsklearn.gap.axis_candidates import catalogue
+from whsklearn.gap.plants.servo_candidates import catalogue
 from whsklearn.systems import WienerHammersteinSystem
 from whsklearn.systems import servo_observer as ob
 

@@ -9,8 +9,8 @@ import pytest
 
 from benchmarks.blind_logs.servo import COLUMNS, make_case
 from whsklearn.gap import VERDICTS, GapFinder
-from whsklearn.gap.axis_candidates import candidate
-from whsklearn.gap.axis_model import Term
+from whsklearn.gap.plants.servo_candidates import candidate
+from whsklearn.gap.plants.servo_model import Term
 from whsklearn.gap.plants.servo_start import start_of
 from whsklearn.gap.record import ServoRecord
 from whsklearn.gap.standard_errors import labelled_errors

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from whsklearn.gap.axis_candidates import catalogue
-from whsklearn.gap.axis_model import Term
+from whsklearn.gap.plants.servo_candidates import catalogue
 from whsklearn.gap.plants.servo_columns import Signals, effect_columns
+from whsklearn.gap.plants.servo_model import Term
 
 RNG = np.random.default_rng(3)
 TIME = np.arange(400) * 0.01

@@ -11,9 +11,9 @@ import pytest
 from benchmarks.blind_logs import servo
 from whsklearn.effects import GravityImbalance, LuGre
 from whsklearn.gap import GapFinder
-from whsklearn.gap.axis_candidates import candidate
-from whsklearn.gap.axis_model import Term
 from whsklearn.gap.plants import inverse_dynamics as ols
+from whsklearn.gap.plants.servo_candidates import candidate
+from whsklearn.gap.plants.servo_model import Term
 from whsklearn.gap.plants.servo_objections import too_large
 from whsklearn.gap.plants.servo_start import motion, start_of
 from whsklearn.gap.proof import closure

@@ -12,9 +12,9 @@ from whsklearn.effects import LearnedTorque
 from whsklearn.export.axis_code import torque_code
 from whsklearn.export.languages import C
 from whsklearn.gap import GapFinder
-from whsklearn.gap.axis_candidates import catalogue
 from whsklearn.gap.filters import CUTOFF_SIGMA, filtered, gaussian_derivatives
 from whsklearn.gap.plants.servo import ServoPlant
+from whsklearn.gap.plants.servo_candidates import catalogue
 from whsklearn.gap.plants.servo_columns import Signals
 from whsklearn.gap.plants.servo_learned import thinned
 from whsklearn.gap.proof import prove

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from whsklearn.effects import Scales
-from whsklearn.gap.axis_candidates import candidate
-from whsklearn.gap.axis_model import AxisModel, Term
 from whsklearn.gap.plants import servo_two_mass as two_mass
+from whsklearn.gap.plants.servo_candidates import candidate
+from whsklearn.gap.plants.servo_model import AxisModel, Term
 
 DT = 0.002
 TIME = np.arange(5000) * DT

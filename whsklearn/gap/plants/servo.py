@@ -13,8 +13,6 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from whsklearn.effects import get_effect
-from whsklearn.gap.axis_candidates import TWO_MASS, aliases, candidate
-from whsklearn.gap.axis_model import AxisModel
 from whsklearn.gap.data_check import Problem, check_servo
 from whsklearn.gap.diagnosis import NamedEffect
 from whsklearn.gap.evidence import Evidence
@@ -23,7 +21,9 @@ from whsklearn.gap.plant import PlantDefaults
 from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants import servo_free_run, servo_learned, servo_screening
 from whsklearn.gap.plants import servo_stop as stop
+from whsklearn.gap.plants.servo_candidates import TWO_MASS, aliases, candidate
 from whsklearn.gap.plants.servo_inverse import InverseView
+from whsklearn.gap.plants.servo_model import AxisModel
 from whsklearn.gap.plants.servo_nameless import explainable
 from whsklearn.gap.plants.servo_observer import ObserverView
 from whsklearn.gap.plants.servo_pictures import pictures, signals

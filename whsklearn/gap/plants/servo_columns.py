@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 from numpy.typing import NDArray
 
-from whsklearn.gap.axis_candidates import Candidate
+from whsklearn.gap.plants.servo_candidates import Candidate
 
 Array = NDArray[Any]
 

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from whsklearn.gap.axis_model import AxisModel
 from whsklearn.gap.plants import servo_evidence as rules
+from whsklearn.gap.plants.servo_model import AxisModel
 from whsklearn.gap.record import held_out_blocks
 
 Array = NDArray[Any]

@@ -17,8 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn.effects import Scales, codes
-from whsklearn.gap.axis_candidates import TWO_MASS
-from whsklearn.gap.axis_model import AxisModel, Term
 from whsklearn.gap.evidence import weigh
 from whsklearn.gap.filters import CUTOFF_SIGMA, filtered, gaussian_derivatives
 from whsklearn.gap.least_squares import jacobian
@@ -28,7 +26,9 @@ from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants import servo_inverse_look as looking
 from whsklearn.gap.plants import servo_stop as stop
 from whsklearn.gap.plants import servo_two_mass as two_mass
+from whsklearn.gap.plants.servo_candidates import TWO_MASS
 from whsklearn.gap.plants.servo_columns import Signals, effect_columns
+from whsklearn.gap.plants.servo_model import AxisModel, Term
 from whsklearn.gap.plants.servo_objections import unphysical
 from whsklearn.gap.plants.servo_surrogate import surrogate_record
 from whsklearn.gap.record import ServoRecord, lattice, noise_level

@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn.effects import codes as k
-from whsklearn.gap.axis_candidates import TWO_MASS, Candidate, usable
-from whsklearn.gap.axis_model import AxisModel, Term
 from whsklearn.gap.filters import CUTOFF_SIGMA
 from whsklearn.gap.least_squares import least_squares
 from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants import servo_stop as stop
 from whsklearn.gap.plants import servo_two_mass as two_mass
+from whsklearn.gap.plants.servo_candidates import TWO_MASS, Candidate, usable
+from whsklearn.gap.plants.servo_model import AxisModel, Term
 from whsklearn.gap.values import CandidateFit, Look
 
 Array = NDArray[Any]

@@ -20,13 +20,13 @@ from scipy.linalg import block_diag
 
 from whsklearn.effects import LearnedTorque
 from whsklearn.effects.learned import hill
-from whsklearn.gap.axis_candidates import TWO_MASS, Candidate
-from whsklearn.gap.axis_model import AxisModel, Term
 from whsklearn.gap.evidence import LEARNED_SHARE, LEAST_MARGIN, MOST_CURVES
 from whsklearn.gap.filters import filtered
 from whsklearn.gap.plants import inverse_dynamics as ols
 from whsklearn.gap.plants import servo_evidence as rules
+from whsklearn.gap.plants.servo_candidates import TWO_MASS, Candidate
 from whsklearn.gap.plants.servo_columns import Signals
+from whsklearn.gap.plants.servo_model import AxisModel, Term
 from whsklearn.gap.values import Curve, Learned
 
 Array = NDArray[Any]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from whsklearn.effects import codes
-from whsklearn.gap.axis_model import AxisModel, Term
 from whsklearn.gap.plants import servo_evidence as rules
+from whsklearn.gap.plants.servo_model import AxisModel, Term
 from whsklearn.gap.record import ServoRecord
 
 

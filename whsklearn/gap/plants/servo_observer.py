@@ -16,13 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn.effects import Scales
-from whsklearn.gap.axis_model import LONGEST_STEP, AxisModel, Term
 from whsklearn.gap.evidence import WHITENED
 from whsklearn.gap.filters import ResidualFilter, autoregression, solve_whitening, whiten
 from whsklearn.gap.least_squares import Fit, jacobian, least_squares
 from whsklearn.gap.plant import ViewDefaults
 from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants import servo_screening as screening
+from whsklearn.gap.plants.servo_model import LONGEST_STEP, AxisModel, Term
 from whsklearn.gap.plants.servo_objections import unphysical
 from whsklearn.gap.plants.servo_surrogate import surrogate_record
 from whsklearn.gap.record import ServoRecord

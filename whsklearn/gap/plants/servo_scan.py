@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn.effects.orders import waves
-from whsklearn.gap.axis_candidates import Candidate
 from whsklearn.gap.filters import CUTOFF_SIGMA, whiten
+from whsklearn.gap.plants.servo_candidates import Candidate
 from whsklearn.gap.plants.servo_columns import Signals
 
 Array = NDArray[Any]

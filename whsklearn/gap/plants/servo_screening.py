@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn.effects import codes as k
-from whsklearn.gap.axis_candidates import TWO_MASS, Candidate, usable
-from whsklearn.gap.axis_model import AxisModel, Term
 from whsklearn.gap.least_squares import Fit, gain_of
 from whsklearn.gap.plants import servo_evidence as rules
+from whsklearn.gap.plants.servo_candidates import TWO_MASS, Candidate, usable
+from whsklearn.gap.plants.servo_model import AxisModel, Term
 from whsklearn.gap.plants.servo_scan import scan, zoom
 from whsklearn.gap.values import Look
 

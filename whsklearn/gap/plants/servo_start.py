@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from scipy.signal import fftconvolve
 
 from whsklearn.effects import Scales
-from whsklearn.gap.axis_candidates import candidate
-from whsklearn.gap.axis_model import FASTEST_COUPLING, AxisModel, Term
 from whsklearn.gap.evidence import DEFAULT_TOLERANCE
 from whsklearn.gap.filters import CUTOFF_SIGMA, gaussian_derivatives, residual_filter
 from whsklearn.gap.plants import servo_evidence as rules
+from whsklearn.gap.plants.servo_candidates import candidate
 from whsklearn.gap.plants.servo_inverse import InverseView
+from whsklearn.gap.plants.servo_model import FASTEST_COUPLING, AxisModel, Term
 from whsklearn.gap.plants.servo_observer import ObserverView
 from whsklearn.gap.record import ServoRecord, held_out_blocks, lattice, noise_level
 

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from whsklearn.gap.axis_model import AxisModel
 from whsklearn.gap.plants.servo_columns import Signals as Motion
+from whsklearn.gap.plants.servo_model import AxisModel
 from whsklearn.systems._servo_kernel import DRIVE, MEASURED, N_SIGNALS, How, Signals, run
 from whsklearn.systems._servo_torques import DELAY, RESOLUTION
 

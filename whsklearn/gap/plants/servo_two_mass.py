@@ -15,7 +15,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from whsklearn.effects import codes as k
-from whsklearn.gap.axis_model import AxisModel, Term
+from whsklearn.gap.plants.servo_model import AxisModel, Term
 
 Array = NDArray[Any]
 STEPS = 8  # a period of the load on its spring; twice the damping ratio times as many, or a damper runs away

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from whsklearn.effects import Scales
-from whsklearn.gap.axis_candidates import candidate, catalogue
-from whsklearn.gap.axis_model import LONGEST_STEP, AxisModel, Term
+from whsklearn.gap.plants.servo_candidates import candidate, catalogue
+from whsklearn.gap.plants.servo_model import LONGEST_STEP, AxisModel, Term
 
 SCENE = Scales(
     torque=0.5, peak=1.4, speed=2.0, reach=2.5, centre=0.3, duration=4.0, dt=1e-3, inertia=0.05, resonance=90.0

@@ -11,7 +11,7 @@ import pytest
 from tests.own_effect import Magnet
 from whsklearn.effects import Scales
 from whsklearn.effects import base as registry
-from whsklearn.gap.axis_candidates import Signals, candidate, catalogue, usable
+from whsklearn.gap.plants.servo_candidates import Signals, candidate, catalogue, usable
 
 SCALES = Scales(torque=0.5, peak=1.4, speed=2.0, reach=2.5, centre=0.3, duration=40.0, inertia=0.05, resonance=90.0)
 LINEAR = [c for c in catalogue() if c.linear and c.cls.port != "output"]

@@ -34,7 +34,7 @@ TIMING_LIMIT = 1.0  # samples; less than one is bookkeeping, not physics
 
 @dataclass(frozen=True)
 class Term(FittedTerm):
-    """A candidate (`whsklearn.gap.axis_candidates.Candidate`) with its numbers."""
+    """A candidate (`whsklearn.gap.plants.servo_candidates.Candidate`) with its numbers."""
 
     def with_slot(self, i: int, value: float) -> Term:
         """The same with one number changed."""

@@ -1,0 +1,122 @@
+"""The figures of the house: how long modules and functions are, what is documented, what is tested by name.
+
+    python -m benchmarks.house
+
+Read off the syntax trees of ``whsklearn/``; nothing is imported. A module is one that holds a class or a function; its
+tests stand in the file of its name below ``tests/``. A function's lines are all of it, docstring included. A public
+class is one that a package's ``__all__`` names, each module's own class of such a name counted.
+"""
+
+from __future__ import annotations
+
+import ast
+import io
+import statistics
+import tokenize
+from collections.abc import Iterator
+from pathlib import Path
+
+import click
+
+ROOT = Path(__file__).resolve().parents[1]
+LIBRARY = ROOT / "whsklearn"
+FUNCTIONS = ast.FunctionDef | ast.AsyncFunctionDef
+
+
+def trees(folder: Path) -> dict[Path, ast.Module]:
+    """Syntax trees of the modules of a folder that hold code."""
+    every = {p: ast.parse(p.read_text(encoding="utf-8")) for p in sorted(folder.rglob("*.py"))}
+    return {p: t for p, t in every.items() if any(isinstance(n, FUNCTIONS | ast.ClassDef) for n in t.body)}
+
+
+def functions(tree: ast.Module) -> Iterator[ast.FunctionDef | ast.AsyncFunctionDef]:
+    """All but commands with options and stubs of types."""
+    for node in ast.walk(tree):
+        if isinstance(node, FUNCTIONS):
+            decorators = " ".join(map(ast.unparse, node.decorator_list))
+            if "click.option" not in decorators and "overload" not in decorators:
+                yield node
+
+
+def arguments(node: ast.FunctionDef | ast.AsyncFunctionDef) -> int:
+    """How many arguments a call may give."""
+    names = [a.arg for a in (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)]
+    names += [a.arg for a in (node.args.vararg, node.args.kwarg) if a]
+    return len(names) - (names[:1] in (["self"], ["cls"]))
+
+
+def kinds_of_lines(text: str) -> tuple[int, int, int]:
+    """(lines of code, of docstrings, with a comment) of a file."""
+    docstrings: set[int] = set()
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, FUNCTIONS | ast.ClassDef | ast.Module) and ast.get_docstring(node):
+            docstrings |= set(range(node.body[0].lineno, (node.body[0].end_lineno or 0) + 1))
+    code, comments = set(), set()
+    for token in tokenize.generate_tokens(io.StringIO(text).readline):
+        if token.type == tokenize.COMMENT:
+            comments.add(token.start[0])
+        elif token.type not in (tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT, tokenize.ENDMARKER):
+            code |= set(range(token.start[0], token.end[0] + 1))
+    return len(code - docstrings), len(docstrings), len(comments)
+
+
+def lines_of(folder: Path) -> tuple[int, int, int, int]:
+    """(lines, of code, of docstrings, with a comment) of all files of a folder."""
+    texts = [p.read_text(encoding="utf-8") for p in folder.rglob("*.py")]
+    code, told, comments = (sum(kind) for kind in zip(*map(kinds_of_lines, texts), strict=True))
+    return sum(len(text.splitlines()) for text in texts), code, told, comments
+
+
+def public_classes(found: dict[Path, ast.Module]) -> list[str]:
+    """Docstrings of the classes that some package's ``__all__`` names."""
+    names = set()
+    for path in LIBRARY.rglob("__init__.py"):
+        for node in ast.parse(path.read_text(encoding="utf-8")).body:
+            if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") == "__all__":
+                names |= {e.value for e in getattr(node.value, "elts", ()) if isinstance(e, ast.Constant)}
+    classes = (n for t in found.values() for n in t.body if isinstance(n, ast.ClassDef) and n.name in names)
+    return [ast.get_docstring(n) or "" for n in classes]
+
+
+def mirrored(path: Path) -> bool:
+    """Whether the module's tests stand where its name says."""
+    module = path.relative_to(LIBRARY)
+    return (ROOT / "tests" / module.parent / f"test_{module.stem.strip('_')}.py").is_file()
+
+
+def rows() -> Iterator[tuple[str, str]]:
+    """(what, how much)."""
+    found = trees(LIBRARY)
+    lengths = sorted(len(p.read_text(encoding="utf-8").splitlines()) for p in found)
+    every = [f for t in found.values() for f in functions(t)]
+    spans = sorted((f.end_lineno or f.lineno) - f.lineno + 1 for f in every)
+    wide = sum(arguments(f) > 6 for f in every)
+    _, code, told, comments = lines_of(LIBRARY)
+    public = public_classes(found)
+    yield "modules", f"{len(found)}"
+    yield "module lines, median / max", f"{statistics.median(lengths):.0f} / {lengths[-1]}"
+    yield "functions", f"{len(every)}"
+    p90 = spans[int(0.9 * len(spans))]
+    yield "function lines, median / p90 / max", f"{statistics.median(spans):.0f} / {p90} / {spans[-1]}"
+    yield "functions with more than 6 parameters", f"{100 * wide / len(every):.1f} % ({wide})"
+    yield "most parameters of any function", f"{max(map(arguments, every))}"
+    yield "comment lines per code line", f"{100 * comments / code:.1f} %"
+    yield "docstring lines per code line", f"{100 * told / code:.0f} %"
+    for what, mark in (("an executed example", ">>>"), ("a reference", "References\n")):
+        share = sum(mark in doc for doc in public)
+        yield f"public classes with {what}", f"{100 * share / len(public):.0f} % ({share} of {len(public)})"
+    share = sum(map(mirrored, found))
+    yield "modules mirrored by a test", f"{100 * share / len(found):.0f} % ({share} of {len(found)})"
+    for name in ("whsklearn", "whsklearn/gap"):
+        total, code, told, comments = lines_of(ROOT / name)
+        yield f"lines of {name}/", f"{total}: {code} code, {told} docstrings, {comments} with a comment"
+
+
+@click.command(help=__doc__)
+def main() -> None:
+    for what, how_much in rows():
+        click.echo(f"{what:<42}{how_much}")
+
+
+if __name__ == "__main__":
+    main()
