@@ -25,9 +25,10 @@ def test_an_axis_comes_back_with_its_units(tmp_path):
     np.testing.assert_allclose(model.simulate(DRIVE), own, atol=1e-3 * np.std(own))  # fewer fine steps
 
 
+@pytest.mark.parametrize("direct", [0, 1, 2])
 @pytest.mark.parametrize("effects", [(), (InputOffset(0.2),)])
-def test_a_chain_comes_back_with_its_effects(effects, tmp_path):
-    system = WienerHammersteinSystem([1.0, 0.5], [-0.5], [1.0], [-0.2], effects=effects, dt=0.01)
+def test_a_chain_comes_back_with_its_effects_and_direct_paths(effects, direct, tmp_path):
+    system = WienerHammersteinSystem([1.0, 0.5], [-0.5], [1.0], [-0.2], effects=effects, dt=0.01, direct=direct)
     save_model(as_model(system, ("V", "")), tmp_path / "repaired.json")
     model = load_model(tmp_path / "repaired.json")
     np.testing.assert_allclose(model.simulate(DRIVE), system.simulate(DRIVE), atol=1e-12)

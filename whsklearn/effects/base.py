@@ -374,17 +374,6 @@ class Effect:
         """
         return cls.parent
 
-    @classmethod
-    def physical(cls, size: float) -> bool:
-        """Whether a size has the sign that the effect can have; the weights of a phased effect are free.
-
-        Parameters
-        ----------
-        size : float
-            In the unit of the field ``size``.
-        """
-        return cls.phased or size >= 0.0 or not cls.quantities[cls.size].positive
-
     @property
     def coefficients(self) -> NDArray[np.float64]:
         """Weights of the columns: the size, or amplitude (cos phase, -sin phase)."""

@@ -68,7 +68,7 @@ def as_exported(model: Any) -> Exported:
     if isinstance(model, ServoAxis):
         return Exported(axis=model, units={"input": "Nm", "output": "rad"})
     if isinstance(model, WienerHammersteinSystem):
-        (b1, f1), (b2, f2) = ((np.r_[0.0, n], np.r_[1.0, d]) for n, d in ((model.a, model.b), (model.c, model.d)))
+        b1, f1, b2, f2 = model.polynomials
         return Exported(chain=Chain(b1, f1, model.law, b2, f2, model.dt), chain_effects=model.effects, logged="output")
     units, logged = dict(getattr(model, "units", {})), str(getattr(model, "logged", "output"))
     kind = getattr(model, "kind", "")

@@ -32,8 +32,8 @@ Array = NDArray[Any]
 
 # --- a name ---------------------------------------------------------------------------------------
 
-# Of the rms drive or output: no effect below is worth a name. Surrogates of records with nothing missing leave 0.0037
-# to 0.0047 of the drive in the inverse view. The one default of every entry.
+# Share of the rms drive or output: no effect below is worth a name. Surrogates of records with nothing missing leave
+# 0.0037 to 0.0047 of the drive in the inverse view. The one default of every entry.
 DEFAULT_TOLERANCE = 0.004
 # Closure for a confident name: a neighbour of the true effect closes more than 0.8 in 3 % of "blind" cases.
 NAMED = 0.88
@@ -47,11 +47,11 @@ LEFT_BY_SEVERAL = 2.5
 # Share of a gap that nameless functions of the motion must predict to be no noise: "blind" records with coloured
 # noise reach 0.02, effects outside the catalogue 0.1 and more.
 FOLLOWS = 0.04
-# Of the base model's gap, that the motion may still predict at the floor beside a sure name. What is left is worth no
-# name, but friction that grows above a speed leaves 0.05 to 0.09 as `stribeck` and a spring that gives way 0.08 as
-# three effects (`benchmarks.learned`); true names leave up to 0.03 ("blind --kinds named").
+# Share of the base model's gap that the motion may still predict at the floor beside a sure name. What is left is
+# worth no name, but friction that grows above a speed leaves 0.05 to 0.09 as `stribeck` and a spring that gives way
+# 0.08 as three effects (`benchmarks.learned`); true names leave up to 0.03 ("blind --kinds named").
 OWN_SHAPE = 0.04
-# Of the floor, or of the gap before: less is rounding, and no gap that could be closed or opened.
+# Share of the floor, or of the gap before, below which a difference is rounding and no gap.
 NO_GAP = 1e-3
 
 # --- held-out blocks ------------------------------------------------------------------------------
@@ -61,7 +61,7 @@ NO_GAP = 1e-3
 PARTS, HELD_OUT = 5, 0.4
 # Share of held-out blocks that must not be worse: 4 of 5, 8 of 10.
 BLOCKS_BETTER = 0.8
-# Of the total gain, that a block may lose: blocks at rest cannot improve, and vetoed gravity on XL330 ("real").
+# Share of the total gain that a block may lose: blocks at rest cannot improve, and vetoed gravity on XL330 ("real").
 NOT_WORSE = 0.05
 
 # --- one name or another --------------------------------------------------------------------------
@@ -74,24 +74,25 @@ MOSTLY, MOSTLY_MARGIN = 0.9, 40.0
 # errors within a fortieth of a record depend on each other, 200 draws tell 0.9 to 0.02.
 SURE = 0.9
 DRAWS, REDRAWN_BLOCKS = 200, 40
-# Of the noise: two simulators that differ by less are one. A spring beside the simulator's own differs from an offset
-# by 0.006, a wave of order one from gravity by 0.05, other neighbours by 0.3 (`benchmarks.blind_simulator`).
+# Share of the noise: two simulators that differ by less are one. A spring beside the simulator's own differs from an
+# offset by 0.006, a wave of order one from gravity by 0.05, other neighbours by 0.3 (`benchmarks.blind_simulator`).
 SAME_SIMULATION = 0.1
-# Of the best one's explained power, that suffices for an elementary law to go first: with two effects missing, the
-# wrong one of two candidates reaches up to 0.65 of the right one's power ("blind --kinds pair").
+# Share of the best one's explained power that suffices for an elementary law to go first: with two effects missing,
+# the wrong one of two candidates reaches up to 0.65 of the right one's power ("blind --kinds pair").
 ELEMENTARY_SHARE = 0.7
-# Times what two effects leave, that one may leave which is to hold both (`benchmarks.blind_large`, seed 9002: 1.7).
+# Multiple of what two effects leave that one which covers both may leave (`benchmarks.blind_large`, seed 9002: 1.7
+# where both are there).
 AS_WELL = 1.02
-# Of the rms gap, by which two fits of one model may differ: a fit ends at as much ("real": 1e-5 to 1e-4).
+# Share of the rms gap, by which two fits of one model may differ: a fit ends at as much ("real": 1e-5 to 1e-4).
 SAME_FIT = 5e-4
 
 # --- what has no name, and what a record cannot show ----------------------------------------------
 
 # Learned curves of one record: each is a function of one or two signals (`benchmarks.learned`).
 MOST_CURVES = 2
-# Of the cross-validated power left over, that a learned curve must explain (`benchmarks.learned`).
+# Share of the cross-validated power left over that a learned curve must explain (`benchmarks.learned`).
 LEARNED_SHARE = 0.1
-# Of the gap in simulation, that learned curves must close, or they are left out (`benchmarks.learned`).
+# Share of the gap in simulation that learned curves must close, or they are left out (`benchmarks.learned`).
 LEARNED_CLOSURE = 0.1
 # Delta BIC that two percent of the rms drive must be able to reach, or an effect is not testable ("blind").
 VISIBLE = 150.0
@@ -100,17 +101,18 @@ MOSTLY_BLIND = 0.5
 
 # --- what is worth the time of a joint fit ("blind") ----------------------------------------------
 
-# Rounds of the search for each name: an exchange may give back what a round took, and names alone never be enough.
+# Rounds of the search for each name: an exchange may give back what a round took, and a count of names might never be
+# full.
 ROUNDS_A_NAME = 2
 # Looks refined in a round: a right effect ranked lower than fifth in no blind case.
 MOST_REFINED = 7
 # The same where the gap is at the floor already, and a fit costs seconds as an axis's does.
 FEW_REFINED = 2
-# Of the best look's gain, that makes another worth a fit; and the first looks, which a smaller share makes worth it:
-# a linear look underrates large effects.
+# Share of the best look's gain that makes another worth a fit; and the first looks, which a smaller share makes worth
+# it: a linear look underrates large effects.
 WORTH_REFINING = 0.3
 FIRST_LOOKS, WORTH_AMONG_FIRST = 5, 0.03
-# Of what is left, that counts as a gap over the floor: at the floor itself no share of it means anything.
+# Share of what is left that counts as a gap over the floor: at the floor itself no share of it means anything.
 LEAST_GAP = 1e-3
 
 # --- what is read off the record itself ("blind" with quantization) -------------------------------
@@ -118,14 +120,14 @@ LEAST_GAP = 1e-3
 # Differences of sorted readings up to this times the smallest one are one step of a grid, whose median is taken: a
 # difference of two steps must stay out, and digits cut off in the file move one step a little.
 ONE_STEP = 1.5
-# Of a step (times the root of their number), that a difference may miss whole steps by: digits cut off.
+# Share of a step (times the root of their number) that a difference may miss whole steps by: digits cut off.
 ON_GRID = 0.02
 # Share of differences that must be whole steps.
 MOSTLY_ON_GRID = 0.99
 # Distinct values a sample: above, each is met once and a grid is no coarser than the noise.
 DISTINCT = 0.9
-# Of a step, the mean distance of readings from the grid above which the step was rounded in the file, and is taken
-# from the whole span: a right step leaves hundredths, a wrong one a quarter.
+# Share of a step: the mean distance of readings from the grid above which the step was rounded in the file and is
+# taken from the whole span. A right step leaves hundredths, a wrong one a quarter.
 STEP_ROUNDED = 0.15
 # Share of the sixth differences that tells the noise, and what makes up for the largest ones, which impacts and steps
 # of the drive make: 1.07 for a Gaussian.
@@ -150,27 +152,27 @@ FEWEST_CHANGES = 4
 FLAT, FLAT_RUN = 0.02, 3
 # s over which a halt at an extreme is compared with the rest of the path.
 TURNING = 0.01
-# Times the usual change of path (this quantile of it): a turn stays below 0.6 on eight pendulum logs and, by v = a t,
-# below 1; sines clipped at their median or at nine tenths reach 1.9 to 7.6 (blind records of
+# Multiple of the usual change of path (this quantile of it): a turn stays below 0.6 on eight pendulum logs and, by v
+# = a t, below 1; sines clipped at their median or at nine tenths reach 1.9 to 7.6 (blind records of
 # `benchmarks.blind_logs`).
 SHARPER, USUAL = 1.4, 0.99
-# Times the 0.999 quantile of second differences; how many of them a record may have.
+# Multiple of the 0.999 quantile of second differences; how many of them a record may have.
 SPIKE, SPIKES_BORNE = 60.0, 2
-# Of what is left without a delay, below which the delay of a position servo's command is believed: a delay trades
-# against viscous friction (`benchmarks.real_axes --only so101`).
+# Share of what is left without a delay, below which the delay of a position servo's command is believed: a delay
+# trades against viscous friction (`benchmarks.real_axes --only so101`).
 WORTH_A_DELAY = 0.9
 
 # --- what a report says of places and constants; no name depends on it ----------------------------
 
-# Of the p-value of a place, adjusted over the signals.
+# Level of the p-value of a place, adjusted over the signals.
 PLACE_LEVEL = 0.05
 # Share of the gap beyond the share of samples: below, a range is not worth a sentence.
 PLACE_EXCESS = 0.08
-# Of the p-value of a constant's drift, of some twenty pairs that are looked at.
+# Level of the p-value of a constant's drift, of some twenty pairs that are looked at.
 DRIFT_LEVEL = 0.02
-# Of the gap, that a drifting constant must take up, and of its drift, that one signal must explain.
+# Share of the gap that a drifting constant must take up, and of its drift, that one signal must explain.
 DRIFT_SHARE = 0.1
-# Times the floor: what no uncertainty of a floor explains, so that a page does not call it noise.
+# Multiple of the floor: what no uncertainty of a floor explains, so that a page does not call it noise.
 ABOVE_NOISE = 2.0
 
 

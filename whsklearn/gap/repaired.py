@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from whsklearn.models import AxisModel, ChainModel
 
 
@@ -40,8 +38,6 @@ def as_model(system: Any, units: tuple[str, str] = ("Nm", "rad")) -> AxisModel |
             logged="position",
         )  # fmt: skip
     if isinstance(system, WienerHammersteinSystem):
-        (b1, f1), (b2, f2) = (
-            (np.r_[0.0, n].tolist(), np.r_[1.0, d].tolist()) for n, d in ((system.a, system.b), (system.c, system.d))
-        )
+        b1, f1, b2, f2 = (tuple(p.tolist()) for p in system.polynomials)
         return ChainModel(b1, f1, system.law, b2, f2, effects=system.effects, dt=system.dt, units=known)
     return None

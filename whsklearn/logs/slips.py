@@ -145,22 +145,6 @@ def drive_slips(drive: Array, position: Array) -> list[Slip]:
     return []
 
 
-def order_slip(order: float) -> Slip | None:
-    """Degrees for radians, by a wave whose order is whole only in degrees.
-
-    Examples
-    --------
-    >>> order_slip(12 * math.pi / 180).option, order_slip(12.0) is None
-    ('--unit position=deg', True)
-    """
-    turned = order * 180.0 / math.pi
-    whole = abs(turned - round(turned)) < 0.01 and round(turned) >= 1
-    if whole and abs(order - round(order)) > 0.02:
-        text = f"The wave repeats {order:.4g} times in a turn of 2 pi, which is {round(turned)} times in 360."
-        return Slip(text, "--unit position=deg")
-    return None
-
-
 def _rest(y: Array, columns: list[Array]) -> float:
     """Sum of squares that the columns leave of y."""
     table = np.column_stack(columns)

@@ -61,23 +61,33 @@ class ChainModel(IdentifiedModel):
         for name in ("f1", "f2"):
             if not getattr(self, name) or getattr(self, name)[0] != 1.0:
                 raise ValueError(f"{name} is {getattr(self, name)}, expected it to begin with 1; divide by its first.")
+        object.__setattr__(self, "effects", tuple(self.effects))
+        if self.effects:
+            self.system()  # refuses what cannot be simulated
 
     @property
     def kind(self) -> str:
         """``wiener_hammerstein``."""
         return "wiener_hammerstein"
 
-        object.__setattr__(self, "effects", tuple(self.effects))
-        if self.effects:
-            self.system()  # refuses what cannot be simulated
-
     def system(self) -> WienerHammersteinSystem:
-        """The chain as `WienerHammersteinSystem`; both blocks must begin with a delay and the coefficient one."""
+        """The chain as `WienerHammersteinSystem`, whose blocks begin with one, behind a delay or with a direct path."""
+        numerators = []
         for name, b in (("b1", self.b1), ("b2", self.b2)):
-            if b[:2] != (0.0, 1.0):
-                raise ValueError(f"{name} is {b}, expected it to begin with 0, 1: effects need a delay in both blocks.")
+            if b[:2] != (0.0, 1.0) and b[:1] != (1.0,):
+                raise ValueError(
+                    f"{name} is {b}, expected it to begin with 1, or with 0, 1: effects stand between such."
+                )
+            numerators.append(b if b[0] else b[1:])
         return WienerHammersteinSystem(
-            self.b1[1:], self.f1[1:], self.b2[1:], self.f2[1:], self.law, effects=self.effects, dt=self.dt
+            numerators[0],
+            self.f1[1:],
+            numerators[1],
+            self.f2[1:],
+            self.law,
+            effects=self.effects,
+            dt=self.dt,
+            direct=sum(b[0] == 1.0 for b in (self.b1, self.b2)),
         )
 
     @property

@@ -149,6 +149,19 @@ class WienerHammersteinSystem:
         run(theta, chain, packed(self.effects), u, u, noise, True, x, v, y)
         return Bunch(x=x[self.direct :], v=v[self.direct :], y=y[self.direct :])
 
+    @property
+    def polynomials(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Numerator and denominator of L1 and of L2 in the delay, from the direct path on: zeros first where none is.
+
+        One direct path is given to L1: which of the two has it, u and y cannot tell.
+        """
+        first, second = (np.zeros(int(self.direct < n)) for n in (1, 2))
+        one = np.ones(1)
+        return (
+            np.concatenate([first, self.a]), np.concatenate([one, self.b]),
+            np.concatenate([second, self.c]), np.concatenate([one, self.d]),
+        )  # fmt: skip
+
     def simulate(self, u: ArrayLike, d: ArrayLike | None = None) -> NDArray[np.float64]:
         """The output y of shape (n,) alone; arguments as for `signals`.
 

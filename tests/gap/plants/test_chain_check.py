@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from whsklearn.gap.plants.chain_check import check_blocks
+from whsklearn.gap.plants.chain_check import check_chain
 from whsklearn.gap.plants.chain_evidence import FEWEST
 
 RNG = np.random.default_rng(0)
@@ -13,7 +13,7 @@ U, Y = RNG.normal(size=(2, 2000))
 
 
 def codes(u, y):
-    return [p.code for p in check_blocks(np.asarray(u), np.asarray(y))]
+    return [p.code for p in check_chain(np.asarray(u), np.asarray(y))]
 
 
 def with_spikes(y):
@@ -35,7 +35,7 @@ def with_spikes(y):
     ],
 )
 def test_what_cannot_be_used_is_told_and_is_fatal(u, y, code):
-    problems = check_blocks(u, y)
+    problems = check_chain(u, y)
     assert [p.code for p in problems] == [code]
     assert all(p.fatal for p in problems)
 

@@ -16,7 +16,7 @@ from whsklearn.gap.plants import chain_evidence as rules
 from whsklearn.gap.plants import chain_pictures, chain_structure
 from whsklearn.gap.plants.chain_base import Base, base_of
 from whsklearn.gap.plants.chain_candidates import BETWEEN, FoundEffect, own_attribute
-from whsklearn.gap.plants.chain_check import check_blocks
+from whsklearn.gap.plants.chain_check import check_chain
 from whsklearn.gap.plants.chain_fit import fit_base, refit
 from whsklearn.gap.plants.chain_law import LawChoice, bent
 from whsklearn.gap.plants.chain_model import SKIP, ChainModel, Setting, free_run
@@ -78,8 +78,8 @@ class ChainPlant(PlantDefaults):
         self._on_whole: dict[int, tuple[ChainModel, ChainModel]] = {}
 
     def check(self) -> list[Problem]:
-        """See `whsklearn.gap.plants.chain_check.check_blocks`."""
-        return check_blocks(self.u, self.y)
+        """See `whsklearn.gap.plants.chain_check.check_chain`."""
+        return check_chain(self.u, self.y)
 
     # --- models and views -------------------------------------------------------------------
     def setting(self, n: int | None = None) -> Setting:

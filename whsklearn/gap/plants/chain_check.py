@@ -15,13 +15,13 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 
-def check_blocks(u: Array, y: Array) -> list[Problem]:
+def check_chain(u: Array, y: Array) -> list[Problem]:
     """Problems of a record, all of them fatal.
 
     Examples
     --------
     >>> import numpy as np
-    >>> [p.code for p in check_blocks(np.ones(1000), np.random.default_rng(0).normal(size=1000))]
+    >>> [p.code for p in check_chain(np.ones(1000), np.random.default_rng(0).normal(size=1000))]
     ['data-no-drive']
     """
     bad = [name for name, x in (("input", u), ("output", y)) if not np.all(np.isfinite(x))]

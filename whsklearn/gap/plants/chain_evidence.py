@@ -24,19 +24,19 @@ CAPPED = Limits(per_sample=0.0, least=30.0, most=30.0, over_chance=2.0, price=1.
 LEFT_OVER = 1e-4
 # The same while searching: another round costs seconds, a missed effect a name.
 STILL_LEFT = 2e-3
-# Of the mean square, that they must then explain: long records make any trifle significant.
+# Share of the mean square that they must then explain: long records make any trifle significant.
 LEFT_SHARE = 0.02
 # p-values at which what is left follows the motion, and at which it may do so.
 FOLLOWS_SURE, FOLLOWS_LIKELY = LEFT_OVER, 0.05
-# Of the gap, that it must be if it only may: guards "foreign effect not confidently named" ("chains").
+# Share of the gap that it must be if it only may: guards "foreign effect not confidently named" ("chains").
 FOLLOWS_MUCH = 0.1
-# Of the gap's mean square, that generic functions are believed to take at most: some noise there always is.
+# Share of the gap's mean square that generic functions are believed to take at most: some noise there always is.
 MOST_FOLLOWS = 0.99
-# Of what the effects leave, below which more orders and a free law show that the base model is too small and no
+# Share of what the effects leave, below which more orders and a free law show that the base model is too small and no
 # effect is missing. A second effect beside a named one is imitated by them too, but rarely to a half ("chains --pair
 # 20"); the WH2009 circuit under orders of two ends at 0.2.
 TOO_SMALL = 0.5
-# Of the mean square, that orders, or a law, must take off to be put down to them in a sentence.
+# Share of the mean square that orders, or a law, must take off to be put down to them in a sentence.
 SPOKEN_OF = 0.2
 
 # --- what a look tells ----------------------------------------------------------------------------
@@ -44,11 +44,11 @@ SPOKEN_OF = 0.2
 # Independent places that a scan looks at, by what it finds: orders of x from 0.25 to 20, frequencies, times of a
 # change.
 PLACES = {"": 1, "position": 20, "time": 2000, "step": 40}
-# Of a signature, that the model's own numbers must leave over: below, no record shows the effect.
+# Share of a signature that the model's own numbers must leave over: below, no record shows the effect.
 ABSORBED = 0.02
 # The same below which a signature is rounding and gets no score.
 NOTHING_LEFT = 1e-4
-# Of a size that is a shape, that a look must ask for: a size that wants to shrink to a twentieth wants to be gone.
+# Share of the size it was tried at that a look must ask for: what should shrink to a twentieth should be gone.
 ASKS_FOR = 0.05
 # Coherence of two signatures beyond the model's own numbers from which on the names are aliases.
 SAME_SIGNATURE = 0.97
@@ -72,37 +72,37 @@ WRONG_SIDE = 6.0
 OUTLIER = 4.5
 # The same to which held-out errors are held, so that no block is one sample.
 HELD_TO = 4.0
-# Times the evidence that a name needs: no chance and no other minimum of the base reached it.
+# Multiple of the evidence that a name needs: no chance and no other minimum of the base reached it.
 BEYOND_DOUBT = 10.0
 # Samples, or reversals, that may come right by chance; evidence that sits in them is none.
 FEW_EVENTS = 5
-# Of the evidence a name needs, that must be there without the five best samples.
+# Share of the evidence a name needs that must be there without the five best samples.
 WITHOUT_FEW = 0.5
 # Samples for which L2 remembers a sign: a pole at 0.8 leaves a sixth of it.
 SIGN_REMEMBERED = 8
-# Of the held-out mean square of the free run: above, an effect makes the model worse.
+# Share of the held-out mean square of the free run: above, an effect makes the model worse.
 RUNS_WORSE = 1.01
 
 # --- the base model's minima ----------------------------------------------------------------------
 
-# Times the least sum of squares up to which another minimum of the base may hold the truth.
+# Multiple of the least sum of squares up to which another minimum of the base may hold the truth.
 OTHER_MINIMUM = 4.0
-# Of the sum of squares, that blocks fitted anew must leave, or the refit from the base model stands.
+# Share of the sum of squares that blocks fitted anew must leave, or the refit from the base model stands.
 BETTER_ANEW = 0.98
 
 # --- what is read off the readings ----------------------------------------------------------------
 
 # Confidence of what is seen in the readings and needs no inference: a grid, a lost sign.
 GRID_SEEN, SIGN_SEEN = 0.95, 0.99
-# Of the sum of squares, that an unfolded reading may leave: a fold turns half of the output over.
+# Share of the sum of squares that an unfolded reading may leave: a fold turns half of the output over.
 SIGN_LOST = 0.5
 # Fraction of a fold from which it may stand at the end of its range: the whole sign is lost, which is physical.
 WHOLE_FOLD = 0.5
-# Of the rms: a folded signal passes zero, one with an offset need not.
+# Share of the rms: a folded signal passes zero, one with an offset need not.
 TOUCHES_ZERO = 0.02
-# Of the output's rms in rounding errors: a finer grid is a converter's, and no effect.
+# Share of the output's rms in rounding errors: a finer grid is a converter's, and no effect.
 COARSE_READING = 0.003
-# Of the errors' mean square, that rounding must make up to be told.
+# Share of the errors' mean square that rounding must make up to be told.
 ROUNDING = 0.15
 
 # --- what a record must have (`tests/gap/plants/test_chain_check.py`) -----------------------------
@@ -114,5 +114,5 @@ STANDING = 0.98
 # Share of samples at an extreme above which the output is clipped, and the distinct values without which it is a
 # signal of a few levels and not a clipped one.
 CLIPPED, LEVELS = 0.02, 50
-# Times the 0.99 quantile of the distance from the median: beyond is an outlier of the file.
+# Multiple of the 0.99 quantile of the distance from the median: beyond is an outlier of the file.
 FAR = 40.0

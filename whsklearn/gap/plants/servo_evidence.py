@@ -29,32 +29,31 @@ CROSS_VALIDATED = Limits(
 
 # --- which view is to be trusted ("real", "blind") ------------------------------------------------
 
-# Of the variation of the drive: above, a wrong model carries the observer's estimate along and hides what it lacks.
-# Blind records with effects of up to 15 % of the drive are named by the observer without error.
+# Share of the variation of the drive: above, a wrong model carries the observer's estimate along and hides what it
+# lacks. Blind records with effects of up to 15 % of the drive are named by the observer without error.
 LARGE_GAP = 0.2
-# Times the gap of inverse dynamics, that the observer may see behind a filter that lets less through; more is its own
-# drift: LAAS shows 5 to 6. The blind records are named under this rule, their ratio was not looked at.
+# Multiple of the gap of inverse dynamics that the observer may see behind a filter that lets less through; more is
+# its own drift: LAAS shows 5 to 6. The blind records are named under this rule, their ratio was not looked at.
 DRIFTS = 1.5
 # Share of the rms drive that a model may leave for the torque it predicts to stand for the drive.
 DRIVE_KNOWN = 0.35
 
 # --- how much of the motion a filter lets through ("real") ----------------------------------------
 
-# Of the rms drive, that noise may make behind any filter.
+# Share of the rms drive that noise may make behind any filter.
 LARGEST_FLOOR = 0.1
-# Of the gap, that noise may make: cogging of order 72 needs a filter that lets it through (LAAS).
+# Share of the gap that noise may make: cogging of order 72 needs a filter that lets it through (LAAS).
 OF_THE_GAP = 0.2
-# Of the time, in motion, in which noise may hide the direction: each reversal costs friction.
+# Share of the time, in motion, in which noise may hide the direction: each reversal costs friction.
 BLIND_SHARE = 0.03
 # Standard deviations of the velocity's noise below which its sign is not known; of the rms velocity, the same for
 # records without noise.
 NOISY, SLOW = 3.0, 0.01
-# Times the noise of the acceleration, that noise makes of the drive: surrogates leave 0.0037 to 0.0047 of it where
-# the acceleration alone would make 0.0015 to 0.0019, since the controller puts the encoder's noise into the drive as
-# well.
+# Multiple of what the encoder's noise makes of inertia times acceleration: surrogates leave 0.0037 to 0.0047 of the
+# drive where that alone would make 0.0015 to 0.0019, since the controller puts the noise into the drive as well.
 DRIVE_NOISE = 2.5
-# Of a step of the encoder, the least noise of a reading: one that rests on its grid shows none (spread evenly over a
-# step it is 0.29).
+# Share of the encoder's step that counts as its noise at least: a reading that rests on its grid shows none, one
+# spread evenly over a step 0.29.
 GRID_AS_NOISE = 0.2
 # Cut-off over the one before that is worth a second pass of inverse dynamics.
 WIDER = 1.25
@@ -72,22 +71,22 @@ PLACES = {"position": 200, "time": 400, "step": 25}
 
 # --- what an effect may be beside others, and what no axis does -----------------------------------
 
-# Of the rms left beside a play, that a further effect must explain: impacts follow everything a little ("blind
+# Share of the rms left beside a play that a further effect must explain: impacts follow everything a little ("blind
 # --kinds named" with backlash).
 BESIDE_A_PLAY = 0.66
-# Of the evidence, that a rival of the same transmission may be behind to be fitted and run beside it, and of the
-# run's error, that it must then leave more, or both names are given: a coupling of much damping slips as a play does
-# (SO-101's jaw: 3 and 1 %; a play of MuJoCo behind a poor first fit: 5 % of the evidence).
+# Share of the evidence by which a rival of the same transmission may be behind and still be fitted and run beside it,
+# and of the run's error by which it must then be worse, or both names are given: a coupling of much damping slips as
+# a play does (SO-101's jaw: 3 and 1 %; a play of MuJoCo behind a poor first fit: 5 % of the evidence).
 PLAY_OR_DAMPER = 0.1
-# Of the evidence for a name, that the first steps of a two-mass refit must have earned to go on ("blind").
+# Share of the evidence for a name that the first steps of a two-mass refit must have earned to go on ("blind").
 HALF_WAY = 0.5
 # rad of travel, over which a wave of one shaft must come back every turn.
 SEVERAL_TURNS = 6 * np.pi
 # rad, over which the cosine of gravity is a constant and a slope to 3 % of itself: names are shared.
 LITTLE_TRAVEL = 0.5
-# Times the median power around it that makes a line of a reference, on which no tone is believed; and how far (in
-# bins, 1 / duration) the line and what is around it reach: a Hann window spreads a line over 1.5 bins ("real --only
-# so101").
+# Multiple of the median power around it that makes a line of a reference, on which no tone is believed; and how far
+# (in bins, 1 / duration) the line and what is around it reach: a Hann window spreads a line over 1.5 bins ("real
+# --only so101").
 STANDS_OUT = 10.0
 LINE, AROUND = 1.5, 12.0
 # Shares of the drive above which an effect that acts on it explains it by itself (SO-101: a ripple of 1 "closed"
@@ -101,9 +100,9 @@ STEEPEST_ERROR = 0.3
 # Cross-validated evidence for one more order of a family (three numbers): LAAS earns eight, blind records with one
 # order none. And the most orders of one family.
 ORDER_NEED, MOST_ORDERS = 20.0, 12
-# Times the gain of the best whole order, that a fractional one must have: teeth and poles are whole.
+# Multiple of the gain of the best whole order that a fractional one must have: teeth and poles are whole.
 WHOLE_ORDER = 1.1
-# Of the largest height: a hill below is left out of a learned curve, its torque is below the band.
+# Share of the largest height: a hill below is left out of a learned curve, its torque is below the band.
 HILL_DROPPED = 0.02
 
 # --- when the ends of the travel are struck -------------------------------------------------------
@@ -115,17 +114,17 @@ STOP_FAR = 6.0
 # The same at which a sample weighs half in the robust fit (Cauchy's weights), and beyond which one in the deeper half
 # of the region counts as struck.
 STOP_KNEE = 3.0
-# Of what is left, that the events at the ends must hold: stops 0.99.
+# Share of what is left that the events at the ends must hold: stops 0.99.
 STOP_ENERGY = 0.8
-# Of the time at most: stops 0.02 to 0.06, saturation 0.78, backlash 0.94.
+# Share of the time at most: stops 0.02 to 0.06, saturation 0.78, backlash 0.94.
 STOP_TIME = 0.25
-# Of the events at one end, that push back: stops 0.97 to 1, saturation and backlash 0.5.
+# Share of the events at one end that push back: stops 0.97 to 1, saturation and backlash 0.5.
 STOP_SIGN = 0.9
-# Of the deeper half of the region, that must be struck: stops 0.8 to 1, all others below 0.15.
+# Share of the deeper half of the region that must be struck: stops 0.8 to 1, all others below 0.15.
 STOP_STRUCK = 0.7
-# Of the events' energy left outside the region: the blur carries some to before the contact.
+# Share of the events' energy left outside the region: the blur carries some to before the contact.
 STOP_EDGE = 0.03
-# Of the events' energy, below which an end has no stop.
+# Share of the events' energy, below which an end has no stop.
 STOP_MINOR = 0.05
 
 # --- what is read off the record itself ("blind" with quantization and sensor_rectification) ------
@@ -136,14 +135,14 @@ GRID_SEEN, SIGN_SEEN = 0.95, 0.99
 NEAR_GRID = 1.3
 # Step of the grid as a share of half the travel; finer ones are any encoder's.
 COARSE_GRID = 2.5e-4
-# Times the encoder's stated step: one lost bit is twice.
+# Multiple of the encoder's stated step: one lost bit is twice.
 COARSER_THAN_STATED = 1.5
-# Of the noise, that the grid's rounding must make up.
+# Share of the noise that the grid's rounding must make up.
 GRID_NOISE = 0.7
-# Of the misfit, that an unfolded reading may leave: half of a folded record is on the wrong side.
+# Share of the misfit that an unfolded reading may leave: half of a folded record is on the wrong side.
 UNFOLDED = 0.1
-# Of the span: how far below zero a folded reading may lie, how far above its least value may, and how near zero it
-# turns.
+# Share of the span: how far below zero a folded reading may lie, how far above its least value may, and how near zero
+# it turns.
 FOLD_BELOW, FOLD_ABOVE, FOLD_TURNS = 0.002, 0.01, 0.02
 # s on either side of a turn over which slopes are taken; of the rms speed, the least of these slopes; and the ratios
 # of the two that are one slope turned over: a real turn comes to rest.
@@ -151,10 +150,10 @@ FOLD_WINDOW, FOLD_SPEED, FOLD_RATIO = 0.006, 0.1, (0.4, 2.5)
 
 # --- a segment that follows another law than the rest, in inverse dynamics ("real --only laas") ---
 
-# Of the record: a window, and the longest segment that may be left out.
+# Share of the record: a window, and the longest segment that may be left out.
 ODD_WINDOW, ODD_SHARE = 0.02, 0.06
-# Times the median window's rms: what is odd, and what this share of windows must stay below. LAAS has 6 and 1.1 with
-# its first orders in, eight pendulum logs have no such segment.
+# Multiple of the median window's rms: what is odd, and what this share of windows must stay below. LAAS has 6 and 1.1
+# with its first orders in, eight pendulum logs have no such segment.
 ODD, EVEN, EVEN_SHARE = 4.0, 2.0, 0.9
 # Robust standard deviations, which a Gaussian never reaches; the first 0.15 s of LAAS (before the index pulse, 2 % of
 # the samples and 60 % of what is left) reach 15.
@@ -165,12 +164,12 @@ CAP = 6.0
 # s: the longest horizon, and those tried where it shows nothing.
 LONGEST_RUN = 0.5
 SHORTER_RUNS = (0.2, 0.1, 0.05, 0.02, 0.01, 0.005)
-# Of the rms speed, that a model's own motion may differ from its smoothed self: knocks reach 0.1.
+# Share of the rms speed that a model's own motion may differ from its smoothed self: knocks reach 0.1.
 OWN_MOTION = 0.2
-# Of the path of a horizon, that a model may miss of its own record by the noise of the restarts.
+# Share of the path of a horizon that a model may miss of its own record by the noise of the restarts.
 OWN_ERROR = 0.1
-# Of the path, that a run may leave by a torque that is worth no name.
+# Share of the path that a run may leave by a torque that is worth no name.
 OFF_PATH = 0.05
-# Times the variance of the narrower window's noise, that the velocities of two smoothing windows may differ by: more
-# is motion that the wider one smooths away (Lepski 1991).
+# Multiple of the variance of the narrower window's noise that the velocities of two smoothing windows may differ by:
+# more is motion that the wider one smooths away (Lepski 1991).
 AS_NOISE = 2.0

@@ -6,7 +6,7 @@ print the rates that a change of a number moves.
 
 from __future__ import annotations
 
-# Of the error: an effect that leaves less is fitted again under the weights of what it leaves, since before the
+# Share of the error: an effect that leaves less is fitted again under the weights of what it leaves, since before the
 # weights hid the effect's own spectrum; a look that promised as much, and whose fit leaves more, is begun anew.
 PROMISING = 0.5
 # Such fits at most, and the share of the error that the last one leaves: a stop takes three.
