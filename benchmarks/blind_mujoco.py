@@ -356,11 +356,11 @@ def summary(rows: list[dict[str, Any]]) -> str:
 @click.option("--only", default="", help=f"Only these, joined by commas: none,{','.join(EFFECTS)}.")
 @click.option("--seconds", default=30.0, help="Length of a log.")
 @click.option("--save", type=click.Path(file_okay=False), help="Write the logs there as CSV, with their MJCF.")
-@click.option("--diagnose/--no-diagnose", "judged", default=True, help="Without: only draw (and save) the logs.")
+@click.option("--diagnose/--no-diagnose", "diagnosed", default=True, help="Without: only draw (and save) the logs.")
 @click.option("--out", type=click.Path(dir_okay=False), help="Write the table there, row by row.")
 @click.option("--resume/--no-resume", default=False, help="Keep the rows that the file has and go on.")
 def main(
-    cases: int, empties: int, seeds: int, only: str, seconds: float, save: str | None, judged: bool, out: str | None,
+    cases: int, empties: int, seeds: int, only: str, seconds: float, save: str | None, diagnosed: bool, out: str | None,
     resume: bool,
 ) -> None:  # fmt: skip
     wanted = {n for n in only.split(",") if n}
@@ -378,7 +378,7 @@ def main(
             folder.mkdir(parents=True, exist_ok=True)
             case.frame.to_csv(folder / f"{effect}_{seed}.csv", index=False)
             (folder / f"{effect}_{seed}.xml").write_text(case.xml, encoding="utf-8")
-        if judged:
+        if diagnosed:
             rows.append(diagnose(case))
             tqdm.write(
                 " ".join(

@@ -55,7 +55,7 @@ def settled(theta: np.ndarray, log: AxisLog) -> AxisLog:
     return log._replace(v0=v0, q0=q0)
 
 
-def judged(theta: np.ndarray, log: AxisLog) -> tuple[np.ndarray, np.ndarray]:
+def misses(theta: np.ndarray, log: AxisLog) -> tuple[np.ndarray, np.ndarray]:
     """(error, derivatives by theta) past the start of each window, whose state follows theta there."""
     run, rows = sensitivities(theta, log)
     rows = rows.copy()
@@ -70,7 +70,7 @@ def judged(theta: np.ndarray, log: AxisLog) -> tuple[np.ndarray, np.ndarray]:
 def moved(theta: np.ndarray, log: AxisLog, directions: np.ndarray, prior: np.ndarray, variance: float) -> np.ndarray:
     """Levenberg-Marquardt over z in theta + z @ directions (k, p), under a prior of 0 with these deviations."""
     z, damping, log = np.zeros(prior.size), 1e-2, settled(theta, log)
-    error, rows = judged(theta, log)
+    error, rows = misses(theta, log)
     cost = error @ error / variance
     for _ in range(25):
         along = directions @ rows
@@ -81,7 +81,7 @@ def moved(theta: np.ndarray, log: AxisLog, directions: np.ndarray, prior: np.nda
             at = theta + trial @ directions
             if at[0] > 0.0 and min(at[1:3]) >= 0.0:
                 there = settled(at, log)
-                left, slopes = judged(at, there)
+                left, slopes = misses(at, there)
                 new = left @ left / variance + np.sum((trial / prior) ** 2)
                 if new < cost:
                     break
@@ -115,7 +115,7 @@ def main() -> None:
     names = ("M", "Fv", "Fc", "offset", "k1", "k2")
     print("first record:", ", ".join(f"{n} {v:.5g}" for n, v in zip(names, theta, strict=True)))
     both = [windows(frame, np.arange(BEFORE, ADAPT - 999, SPACING), 1000) for frame in (first, second)]
-    variance = np.mean(judged(theta, settled(theta, both[0]))[0] ** 2)
+    variance = np.mean(misses(theta, settled(theta, both[0]))[0] ** 2)
     along = mass_and_forces(theta)
     print(f"not adapted: {told(theta, second)}")
     for independent in INDEPENDENT:
@@ -132,7 +132,7 @@ def told(theta: np.ndarray, second: pd.DataFrame) -> str:
     rms = []
     for begins, length in ((np.arange(ADAPT, len(second) - JUDGED, 500), JUDGED), ([ADAPT], len(second) - ADAPT)):
         log = settled(theta, windows(second, begins, length))
-        rms.append(1e3 * np.sqrt(np.mean(judged(theta, log)[0] ** 2)))
+        rms.append(1e3 * np.sqrt(np.mean(misses(theta, log)[0] ** 2)))
     return f"5 s windows {rms[0]:.2f} mm rms, whole rest {rms[1]:.2f} mm"
 
 

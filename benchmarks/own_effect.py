@@ -60,7 +60,7 @@ def diagnose(share: float, seed: int) -> dict[str, Any]:
     case = servo.make_case(kind, seed, effects=hidden, size=share or 0.05, noise=servo.NOISES[seed % 3], seconds=20.0)
     finder = GapFinder("servo").fit(case.frame, **servo.COLUMNS)
     numbers = case.parameters
-    return judged(finder, {"torque": numbers["x_bump"], "width": numbers["x_bump_width"]} if share else {})
+    return figures_of(finder, {"torque": numbers["x_bump"], "width": numbers["x_bump_width"]} if share else {})
 
 
 def diagnose_chain(share: float, seed: int) -> dict[str, Any]:
@@ -70,17 +70,17 @@ def diagnose_chain(share: float, seed: int) -> dict[str, Any]:
     case = wiener_hammerstein.make_case(kind, seed, effects=hidden, size=share or 0.05, noise=noise, n=1500)
     finder = GapFinder("wiener-hammerstein").fit(case.frame, **wiener_hammerstein.COLUMNS)
     numbers = case.parameters[0] if share else {}
-    return judged(finder, {"torque": numbers["size"], "width": numbers["shape"]} if share else {})
+    return figures_of(finder, {"torque": numbers["size"], "width": numbers["shape"]} if share else {})
 
 
 def diagnose_simulator(share: float, seed: int) -> dict[str, Any]:
     """One log under a simulator of the user's own."""
     record, rig, hidden = make_case(OWN if share else "none", seed, share=share or None)
     finder = GapFinder(rig).fit(record)
-    return judged(finder, {"torque": hidden.torque, "width": hidden.width} if share else {})
+    return figures_of(finder, {"torque": hidden.torque, "width": hidden.width} if share else {})
 
 
-def judged(finder: GapFinder, truth: dict[str, float]) -> dict[str, Any]:
+def figures_of(finder: GapFinder, truth: dict[str, float]) -> dict[str, Any]:
     """One row: ``kept`` says whether the repaired model simulates the magnet and the page shows it.
 
     The model is that of ``repaired.json``, or the simulator itself, of which there is no such file.

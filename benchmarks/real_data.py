@@ -102,10 +102,10 @@ def _blocks(frame, terms, cycle):
     """Held-out inverse error over cycles 1 and 3 against 2 and 4, both ways."""
     parts = [emps_rows(frame.iloc[i * cycle : (i + 1) * cycle], terms)[:2] for i in range(4)]
     scores = []
-    for fit, judge in (((0, 2), (1, 3)), ((1, 3), (0, 2))):
+    for fit, rest in (((0, 2), (1, 3)), ((1, 3), (0, 2))):
         phi, y = (np.concatenate([parts[i][k] for i in fit]) for k in (0, 1))
         theta = np.linalg.lstsq(phi, y, rcond=None)[0]
-        phi, y = (np.concatenate([parts[i][k] for i in judge]) for k in (0, 1))
+        phi, y = (np.concatenate([parts[i][k] for i in rest]) for k in (0, 1))
         scores.append(relative_error(phi, y, theta))
     return float(np.sqrt(np.mean(np.square(scores))))
 

@@ -59,7 +59,7 @@ def main(**options: Any) -> None:
             found = [c for c in every if c.name in names]
             found.append(Candidate("best ARX or OE", BestLinear(), "linear", stream=False))
             with parent.child(task.title, tags={"data": task.train.name}) as run:
-                outcomes = judge(task, found, lags, run, options["figures"])
+                outcomes = compared(task, found, lags, run, options["figures"])
             leader = min(by_name(outcomes, name="RMILS").values(), key=lambda o: o.indices["nmse"], default=None)
             if leader and (best is None or leader.indices["nmse"] < best[0].indices["nmse"]):
                 best = leader, task
@@ -71,7 +71,7 @@ def main(**options: Any) -> None:
     say_where(tracker)
 
 
-def judge(task: Task, found: list[Candidate], lags: Any, run: Run, folder: str | None) -> list[Outcome]:
+def compared(task: Task, found: list[Candidate], lags: Any, run: Run, folder: str | None) -> list[Outcome]:
     """Compare the candidates on one task, print, draw, and check the excitation."""
     outcomes = compare(found, task.train, task.test, parent=run, skip=task.skip)
     text = results_table(outcomes, f"{task.title}, free run on {', '.join(r.name for r in task.test)}")

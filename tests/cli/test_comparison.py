@@ -26,14 +26,14 @@ def record():
     return Record("made up", X, X[:, 0] + 0.1 * rng.normal(size=50))
 
 
-def judged(candidates, record):
+def outcomes_of(candidates, record):
     with open_tracker("x", enabled=False).run("comparison") as run:
         return compare(candidates, record, [record], parent=run, skip=10)
 
 
 def test_one_that_fails_is_told_and_leaves_the_others_alone(record):
     good = Candidate("line", LinearRegression(), "linear", stream=False)
-    outcomes = judged([Candidate("sick", Refuses(), stream=False), good], record)
+    outcomes = outcomes_of([Candidate("sick", Refuses(), stream=False), good], record)
     assert [o.failure for o in outcomes] == ["too short", ""]
     y_hat = LinearRegression().fit(record.X, record.y).predict(record.X)
     assert outcomes[1].indices["nmse"] == pytest.approx(nmse(record.y, y_hat, skip=10))
@@ -41,7 +41,7 @@ def test_one_that_fails_is_told_and_leaves_the_others_alone(record):
     text = results_table(outcomes, "title")
     assert "sick (-) could not be fitted: too short" in text
     with pytest.raises(ValueError, match="No candidate could be fitted to made up"):
-        judged([Candidate("sick", Refuses(), stream=False)], record)
+        outcomes_of([Candidate("sick", Refuses(), stream=False)], record)
 
 
 @pytest.mark.parametrize(("ours", "said"), [(0.01, "leaves 0.1 of the best"), (0.3, "Warning: in free run")])

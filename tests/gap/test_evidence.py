@@ -42,7 +42,7 @@ def test_scanned_places_and_numbers_cost_evidence():
 PLANT = SimpleNamespace(scale=1.0, tolerance=0.004, whole="drive")
 
 
-def judged(held):
+def errors_of(held):
     held = np.asarray(held, dtype=float)
     return ModelErrors(held, held, np.repeat(np.arange(5), held.size // 5), float(held.size))
 
@@ -50,8 +50,8 @@ def judged(held):
 def test_a_block_at_rest_does_not_count_as_worse_and_a_lost_one_does():
     before = np.repeat([2.0, 2.0, 2.0, 2.0, 0.1], 20)
     rest = np.repeat([1.0, 1.0, 1.0, 1.0, 0.11], 20)  # nothing moves in the last one
-    assert blocks_not_worse(judged(before), judged(rest)) == 1.0
-    assert blocks_not_worse(judged(before), judged(np.repeat([1.0, 1.0, 1.0, 2.5, 0.1], 20))) == 0.8
+    assert blocks_not_worse(errors_of(before), errors_of(rest)) == 1.0
+    assert blocks_not_worse(errors_of(before), errors_of(np.repeat([1.0, 1.0, 1.0, 2.5, 0.1], 20))) == 0.8
 
 
 @pytest.mark.parametrize(

@@ -122,7 +122,7 @@ def compare(
         try:
             tags = {"reading": candidate.reading, "data": train.name, "estimator": type(candidate.model).__name__}
             with parent.child(f"{candidate.name} ({candidate.reading})", tags=tags) as run:
-                _fit_and_judge(outcome, train, test, theta, skip)
+                _fit_and_score(outcome, train, test, theta, skip)
                 _record(outcome, run, train)
         except ValueError as error:
             outcome.failure = str(error).splitlines()[0]
@@ -149,7 +149,7 @@ def compile_once(candidates: Sequence[Candidate], train: Record) -> None:
                 few.predict(train.X[:WARM_UP])
 
 
-def _fit_and_judge(
+def _fit_and_score(
     outcome: Outcome,
     train: Record,
     test: Sequence[Record],

@@ -28,10 +28,10 @@ def rivals_of(
             shares.append(1.0)
             same.append([])
             continue
-        judged = view.compare([taken.fitted.model, *(o.fitted.model for o in able)], 0)
+        errors = view.compare([taken.fitted.model, *(o.fitted.model for o in able)], 0)
         close, equal, share = [], [], 1.0
-        for other, j in zip(able, judged[1:], strict=True):
-            s = bootstrap_share(judged[0].errors, j.errors, rng)
+        for other, j in zip(able, errors[1:], strict=True):
+            s = bootstrap_share(errors[0].errors, j.errors, rng)
             near = taken.delta_bic - other.delta_bic < rules.LEAST_MARGIN or s < rules.SURE
             near = near or plant.doubtful(found.model, found.model.n_base + i, taken, other)
             if near and not _stands(plant, view, taken, other):

@@ -24,7 +24,7 @@ UNFINISHED = ("unknown", "partial", "coloured_noise")  # verdicts beside which a
 def conclude(plant: Any, found: Found, rng: np.random.Generator, say: Callable[[str], None]) -> Diagnosis:
     """The diagnosis; ``found.model`` is left at the model that is handed back."""
     say("prove")
-    diagnosis, rows = _judged(plant, found, rng)
+    diagnosis, rows = _proved(plant, found, rng)
     if diagnosis.verdict in UNFINISHED and not diagnosis.shortfall:
         rows = _learned(plant, found, diagnosis, rows, rng)
     diagnosis.horizons = [{k: v for k, v in r.items() if k not in ("first", "last")} for r in rows]
@@ -69,7 +69,7 @@ def _base_numbers(plant: Any, found: Found) -> list[dict[str, Any]]:
     ]  # fmt: skip
 
 
-def _judged(plant: Any, found: Found, rng: np.random.Generator) -> tuple[Diagnosis, list[dict[str, Any]]]:
+def _proved(plant: Any, found: Found, rng: np.random.Generator) -> tuple[Diagnosis, list[dict[str, Any]]]:
     """Verdict, effects and the rows of the proof, which agree with each other.
 
     While the repaired model runs worse than the base model at the headline horizon, its last effect is taken back.

@@ -260,6 +260,8 @@ class Evidence:
         Of the gap, between the model in force and the floor.
     left : float
         Rms of the gap that is left.
+    chance_weight : float
+        Weight of what chance reaches on surrogates: that was measured beside the whole gap, and falls with it.
     reason : str
         What speaks against it; empty if nothing does.
     """
@@ -325,21 +327,24 @@ def weigh(view: Any, current: Any, fits: Sequence[Any]) -> list[Evidence]:
     before, floor = view.rms(gap), view.floor(current)
     left = [view.rms(view.gap(f.model)) for f in fits]
     best = int(np.argmin(left))
-    judged = view.compare([current, *(f.model for f in fits)], best + 1)
-    first, out = judged[0], []
-    for fitted, after, j in zip(fits, left, judged[1:], strict=True):
-        out.append(Evidence(
-            fitted,
-            delta_bic(first.errors, j.errors, fitted.look.n_numbers, fitted.look.n_looks, j.n_effective,
-                      view.limits.price),
-            view.explained(current, fitted.model),
-            blocks_not_worse(first, j),
-            1.0 - float(j.held @ j.held) / max(float(first.held @ first.held), 1e-300),
-            1.0 - (after - floor) / max(before - floor, LEAST_GAP * before + 1e-300),
-                after,
-            min(1.0, (floor / max(after, 1e-300)) ** 2),
-        ))  # fmt: skip
-    return sorted(out, key=lambda e: -e.delta_bic)
+    errors = view.compare([current, *(f.model for f in fits)], best + 1)
+    first, out = errors[0], []
+    for fitted, after, e in zip(fits, left, errors[1:], strict=True):
+        look = fitted.look
+        gain = delta_bic(first.errors, e.errors, look.n_numbers, look.n_looks, e.n_effective, view.limits.price)
+        out.append(
+            Evidence(
+                fitted,
+                delta_bic=gain,
+                explained=view.explained(current, fitted.model),
+                better=blocks_not_worse(first, e),
+                held_gain=1.0 - float(e.held @ e.held) / max(float(first.held @ first.held), 1e-300),
+                closure=1.0 - (after - floor) / max(before - floor, LEAST_GAP * before + 1e-300),
+                left=after,
+                chance_weight=min(1.0, (floor / max(after, 1e-300)) ** 2),
+            )
+        )
+    return sorted(out, key=lambda evidence: -evidence.delta_bic)
 
 
 def objections(plant: Any, view: Any, evidence: Evidence, chance: float, n: float, least: float | None = None) -> str:
