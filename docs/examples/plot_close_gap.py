@@ -56,7 +56,7 @@ lower.set(xlabel="time, s", ylabel="error, mrad")
 figure.tight_layout()
 
 # %%
-# Where the gap lives
+# Where the gap lies
 # -------------------
 # The torque that the base model lacks, by periods a turn: a line at one order is tied to
 # the angle, whatever the speed.

@@ -230,7 +230,7 @@ class Stribeck(StaticEffect):
     See Also
     --------
     QuadraticDrag : a wide Stribeck term bends the curve at speed as drag does.
-    PreslidingHysteresis : also lives near standstill, but depends on distance and not on speed.
+    PreslidingHysteresis : also acts near standstill, but depends on distance and not on speed.
     ReducedStribeck : the term of the article's (4), which saturates at speed.
 
     Examples

@@ -94,7 +94,7 @@ class PreslidingHysteresis(Effect):
     GeneralizedMaxwellSlip : closes nested loops, which this one forgets.
     BoucWen : slimmer loops.
     Backlash : the load is lost over a distance too, but the motor runs free meanwhile.
-    Stribeck : lives near standstill as well, as a function of speed.
+    Stribeck : acts near standstill as well, as a function of speed.
 
     Examples
     --------

@@ -166,8 +166,8 @@ def _verdict(
 
 def _blind_share(found: Found) -> float:
     """Share of the catalogue that this record could not show at two percent of the rms drive."""
-    dark = [k.expected < rules.VISIBLE for k in found.looks if np.isfinite(k.expected)]
-    return float(np.mean(dark)) if dark else 0.0
+    unseen = [k.expected < rules.VISIBLE for k in found.looks if np.isfinite(k.expected)]
+    return float(np.mean(unseen)) if unseen else 0.0
 
 
 def _effects(plant: Any, found: Found, rivals: list, shares: list, same: list) -> list[NamedEffect]:
@@ -184,7 +184,7 @@ def _effects(plant: Any, found: Found, rivals: list, shares: list, same: list) -
 
 
 def _located(plant: Any, found: Found, diagnosis: Diagnosis, rng: np.random.Generator) -> None:
-    """Where the gap lives, and which constant of the base model moves along the record."""
+    """Where the gap lies, and which constant of the base model moves along the record."""
     signals, gap = plant.signals(found.base), plant.gap_to_locate(found.base)
     diagnosis.where = localisation.locate(signals, gap, rng)
     diagnosis.where_sentence = localisation.sentence(diagnosis.where) if diagnosis.verdict != "no_gap" else ""

@@ -1,4 +1,4 @@
-"""Where the gap lives: its share by time, position, velocity, reversal, drive and frequency.
+"""Where the gap lies: its share by time, position, velocity, reversal, drive and frequency.
 
 The p-value is that of the between-bin share of power under circular shifts of the gap against the
 axis, which keep the dependence within each (Politis and Romano 1992).  A shift leaves a trend over
@@ -232,7 +232,7 @@ def since_reversal(speed: Array, dt: float, quiet: float) -> Array:
 
 
 def sentence(places: list[Place]) -> str:
-    """Where the gap lives, in words."""
+    """Where the gap lies, in words."""
     telling = [p for p in places if p.p_value <= rules.PLACE_LEVEL]
     if not telling:
         return NOWHERE
@@ -240,8 +240,8 @@ def sentence(places: list[Place]) -> str:
     share, width = 100 * p.share, 100 * p.width
     if p.signal == "reversal":
         when = f"between {p.low:.2g} and {p.high:.2g} s after a reversal"
-        return f"{share:.0f} % of the gap lives {when} ({width:.0f} % of the time)."
+        return f"{share:.0f} % of the gap lies {when} ({width:.0f} % of the time)."
     if p.share - p.width < rules.PLACE_EXCESS:
         return f"The gap follows {p.signal}, and is spread over its whole range."
     where = f"{p.signal} is between {p.low:.3g} and {p.high:.3g} {p.unit}"
-    return f"{share:.0f} % of the gap lives where {where} ({width:.0f} % of the time)."
+    return f"{share:.0f} % of the gap lies where {where} ({width:.0f} % of the time)."

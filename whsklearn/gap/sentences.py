@@ -119,7 +119,7 @@ def next_experiment(d: Any) -> str:
     if d.verdict == "coloured_noise":
         return "Repeat the same reference twice: what repeats is a missing effect, what does not is noise."
     if d.verdict == "unknown":
-        return "Repeat the experiment at half the amplitude and at half the speed; compare where the gap lives."
+        return "Repeat the experiment at half the amplitude and at half the speed; compare where the gap lies."
     if d.verdict == "no_gap":
         return "None needed; effects marked not testable would need a richer reference."
     return RICH
