@@ -30,6 +30,9 @@ Array = NDArray[Any]
 # Above each threshold stands what it guards against and how it was found.  "blind" is `python -m benchmarks.blind`,
 # "real" is `python -m benchmarks.real_axes`: both print the rates that a change of a number moves.
 
+# Standard deviation of a Gaussian over its median absolute deviation: what "robust deviations" are counted in.
+MAD = 1.4826
+
 # --- a name ---------------------------------------------------------------------------------------
 
 # Share of the rms drive or output: no effect below is worth a name. Surrogates of records with nothing missing leave

@@ -238,7 +238,7 @@ class ChainPlant(PlantDefaults):
         if len(models) == 2 and models[0] is not models[1]:
             base, model = (self.on_record(m) for m in models)
             miss = np.abs(s.y - free_run(s, model))
-            far = miss > rules.WRONG_SIDE * 1.4826 * float(np.median(miss[held]))
+            far = miss > rules.WRONG_SIDE * rules.MAD * float(np.median(miss[held]))
             held &= ~beside_turned(s, base, model) & ~far
         return s.y, held
 
@@ -254,7 +254,7 @@ class ChainPlant(PlantDefaults):
     def gap_to_locate(self, model: ChainModel) -> Array:
         """The one-step errors, held to six robust deviations."""
         e = self.whole_view.gap(self.on_record(model))[SKIP:]
-        limit = rules.WRONG_SIDE * 1.4826 * float(np.median(np.abs(e))) + 1e-300
+        limit = rules.WRONG_SIDE * rules.MAD * float(np.median(np.abs(e))) + 1e-300
         return np.clip(e, -limit, limit)
 
     def signals(self, model: ChainModel) -> dict[str, tuple[Array, str]]:

@@ -8,6 +8,7 @@ number moves.
 
 from __future__ import annotations
 
+from whsklearn.gap.evidence import MAD as MAD  # for the modules of this plant
 from whsklearn.gap.evidence import MOST_REFINED, Limits
 
 # One-step errors with outliers capped, white under the right model, so no share of n is asked beyond BIC's own; 30 is

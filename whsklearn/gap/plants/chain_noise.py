@@ -71,5 +71,5 @@ def coarse_grid(s: Setting, m: ChainModel) -> float:
     nd = int(s.dims[3])
     gain = 1.0 + float(np.sum(m.theta[m.theta.size - nd :] ** 2))
     e = raw_errors(s, m)[s.fit]
-    limit = rules.WRONG_SIDE * 1.4826 * float(np.median(np.abs(e))) + 1e-300
+    limit = rules.WRONG_SIDE * rules.MAD * float(np.median(np.abs(e))) + 1e-300
     return step if gain * step**2 / 12.0 > rules.ROUNDING * float(np.mean(np.clip(e, -limit, limit) ** 2)) else 0.0

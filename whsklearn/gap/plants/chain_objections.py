@@ -100,7 +100,7 @@ def pointwise(e: Array, fit: NDArray[np.bool_]) -> Array:
 def few_samples(s: Setting, before: ChainModel, after: ChainModel) -> float:
     """Share of the drop of the capped sum of squares that five samples make up."""
     e0, e1 = (coloured(raw_errors(s, m), m.ar)[s.fit] for m in (before, after))
-    limits = [rules.WRONG_SIDE * 1.4826 * np.median(np.abs(e)) + 1e-300 for e in (e0, e1)]
+    limits = [rules.WRONG_SIDE * rules.MAD * np.median(np.abs(e)) + 1e-300 for e in (e0, e1)]
     gain = np.clip(e0, -limits[0], limits[0]) ** 2 - np.clip(e1, -limits[1], limits[1]) ** 2
     return float(min(np.sort(gain)[-rules.FEW_EVENTS :].sum() / max(gain.sum(), 1e-300), 1.0))
 
@@ -109,7 +109,7 @@ def worsened(s: Setting, before: ChainModel, after: ChainModel) -> float:
     """Mean square of the free run over held-out samples, over that before; beside turned reversals left out."""
     plain = (s.held >= 0) & ~beside_turned(s, before, after)
     miss0, miss1 = ((s.y - free_run(s, m))[plain] for m in (before, after))
-    limit = rules.WRONG_SIDE * 1.4826 * np.median(np.abs(miss0)) + 1e-300
+    limit = rules.WRONG_SIDE * rules.MAD * np.median(np.abs(miss0)) + 1e-300
     return float(np.mean(np.clip(miss1, -limit, limit) ** 2) / np.mean(np.clip(miss0, -limit, limit) ** 2))
 
 

@@ -95,5 +95,5 @@ def whiteness(e: Array, lags: int = 20, n_params: int = 0) -> WhitenessTest:
     Beside a missed reversal several errors in a row are large; they would pass for colour.
     """
     e = e - e.mean()
-    limit = rules.OUTLIER * 1.4826 * np.median(np.abs(e)) + 1e-300
+    limit = rules.OUTLIER * rules.MAD * np.median(np.abs(e)) + 1e-300
     return whiteness_test(np.where(np.abs(e) > limit, 0.0, e), lags, n_params)

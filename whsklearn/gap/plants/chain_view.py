@@ -128,7 +128,7 @@ class ChainView(ViewDefaults):
         all_errors = [self.gap(m) for m in models]
         first = all_errors[0]
         held = s.held >= 0
-        sigma = 1.4826 * float(np.median(np.abs(first[held]))) + 1e-300
+        sigma = rules.MAD * float(np.median(np.abs(first[held]))) + 1e-300
         out = []
         for m, e in zip(models, all_errors, strict=True):
             plain = np.where(objections.beside_turned(s, models[0], m), first, e)[held]
@@ -186,7 +186,7 @@ class ChainView(ViewDefaults):
 
 def _capped(e: Array) -> Array:
     """Errors held to four robust deviations, scaled so that their squares sum to the capped sum of squares."""
-    limit = rules.HELD_TO * 1.4826 * float(np.median(np.abs(e))) + 1e-300
+    limit = rules.HELD_TO * rules.MAD * float(np.median(np.abs(e))) + 1e-300
     held = np.clip(e, -limit, limit)
     return held * float(np.sqrt(deviance(e)[0] / max(float(held @ held), 1e-300)))
 

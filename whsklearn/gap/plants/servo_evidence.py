@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from whsklearn.gap.evidence import MAD as MAD  # for the modules of this plant
 from whsklearn.gap.evidence import Limits
 
 # Cross-validated errors of inverse dynamics: 25 kept every true first effect and no false one on 15 real logs and 21

@@ -293,7 +293,7 @@ class InverseView(ViewDefaults):
         A start-up or a knock that no candidate explains would else decide between them by its own sum of squares.
         """
         errors = [self.cross_validated(m) for m in models]
-        cap = rules.CAP * 1.4826 * float(np.median(np.abs(errors[best])))
+        cap = rules.CAP * rules.MAD * float(np.median(np.abs(errors[best])))
         errors = [np.clip(e, -cap, cap) for e in errors]
         return [ModelErrors(e, e, self.block, self.n_effective) for e in errors]
 
