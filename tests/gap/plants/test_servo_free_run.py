@@ -1,0 +1,80 @@
+"""Free runs: where they start, how long one shows a model, and that a better model runs better."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.gap.plants.example_servo import INERTIA, RATE, SECONDS, TIME, opened, record_of
+from whsklearn.effects import GravityImbalance
+from whsklearn.gap.plants import servo_evidence as rules
+from whsklearn.gap.plants.servo_candidates import candidate
+from whsklearn.gap.plants.servo_free_run import (
+    WINDOWS,
+    free_run,
+    held_out,
+    horizon_of,
+    predictable,
+    smoothed,
+    smoothing_width,
+    train_error,
+)
+from whsklearn.gap.plants.servo_model import Term
+
+LIGHT = 0.03 * INERTIA
+
+
+@pytest.fixture(scope="module")
+def plain():
+    return opened(record_of())
+
+
+def test_local_polynomials_are_exact_on_polynomials():
+    t = np.arange(400) * 2e-3
+    q, v = smoothed(1.0 + 2.0 * t - 3.0 * t**3, 2e-3, 21)
+    np.testing.assert_allclose(q, 1.0 + 2.0 * t - 3.0 * t**3, atol=1e-12)
+    np.testing.assert_allclose(v, 2.0 - 9.0 * t**2, atol=1e-9)
+
+
+def test_noise_asks_for_a_wide_window_and_fast_motion_for_a_narrow_one():
+    dt, rng = 1e-3, np.random.default_rng(0)
+    t = np.arange(6000) * dt
+    slow, fast = np.sin(2.0 * t), np.sin(2.0 * t) + 0.01 * np.sin(2 * np.pi * 70.0 * t)
+    widths = [smoothing_width(x + 1e-5 * rng.standard_normal(t.size), dt, 1e-5) for x in (slow, fast)]
+    assert widths[0] == 2 * round(WINDOWS[0] / 2 / dt) + 1
+    assert widths[1] < 0.5 * widths[0]
+
+
+def test_a_horizon_is_as_long_as_a_torque_that_is_worth_no_name_leaves_it(plain):
+    *_, base = plain
+    heavy, light = (horizon_of(replace(base, inertia=j, terms=()), base.scene, 0.004) for j in (10 * INERTIA, LIGHT))
+    assert heavy == rules.LONGEST_RUN
+    pushed_off = 0.004 * base.scene.torque * light**2 / (2.0 * LIGHT)
+    assert pushed_off == pytest.approx(rules.OFF_PATH * base.scene.speed * light, rel=0.3)  # rounded to one digit
+
+
+def test_a_model_predicts_its_own_record_over_the_longest_horizon(plain):
+    _, observer, base = plain
+    model = observer.fit(base)
+    own = observer.surrogate(model, np.random.default_rng(0))
+    assert predictable(own, model, rules.LONGEST_RUN) == rules.LONGEST_RUN
+
+
+def test_a_run_restarts_on_the_path_and_the_model_with_the_missing_effect_runs_better():
+    _, observer, base = opened(record_of([GravityImbalance(0.3, 0.4)]))
+    gravity = Term(candidate("gravity_imbalance"), (0.3 * np.cos(0.4), -0.3 * np.sin(0.4)))
+    repaired = base.with_term(gravity)
+    error = [train_error(observer, m, 0.5) for m in (base, repaired)]
+    assert error[1] < 0.2 * error[0]
+    run = free_run(observer, base, 0.1)
+    starts = np.arange(0, TIME.size, round(0.1 * RATE))[3:-3]
+    assert np.abs(run - observer.record.position)[starts].max() < 1e-3
+
+
+def test_held_out_samples_leave_the_edges_out(plain):
+    mask = held_out(plain[1])
+    assert mask.size == int(RATE * SECONDS)
+    assert not mask[: int(0.5 * RATE)].any()
+    assert 0.3 < mask.mean() < 0.4

@@ -1,0 +1,61 @@
+"""The start of a servo diagnosis: scales as the record has them, derivatives of the motion, room between the blocks."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from tests.gap.plants.example_servo import INERTIA, RATE, TIME, opened, record_of
+from whsklearn.gap.plants.servo_start import base_model, best_view, motion
+
+
+@pytest.fixture(scope="module")
+def views():
+    return opened(record_of())
+
+
+@pytest.mark.parametrize("centre", [0.0, 1e5])
+def test_derivatives_of_a_wave_are_its_own_wherever_the_encoder_counts_from(centre):
+    w = 3.0
+    q, v, a = motion(centre + np.sin(w * TIME), 1.0 / RATE, 20.0)
+    inside = slice(200, -200)
+    np.testing.assert_allclose(q[inside] - centre, np.sin(w * TIME)[inside], atol=2e-3)
+    np.testing.assert_allclose(v[inside], w * np.cos(w * TIME)[inside], atol=w * 2e-3)
+    np.testing.assert_allclose(a[inside], -(w**2) * np.sin(w * TIME)[inside], atol=w**2 * 2e-3)
+
+
+def test_scales_are_those_of_the_record(views):
+    inverse, _, base = views
+    record, scene = inverse.record, base.scene
+    assert scene.inertia == pytest.approx(INERTIA, rel=0.05)
+    assert scene.torque == pytest.approx(np.sqrt(np.mean(record.drive**2)))
+    assert scene.reach == pytest.approx(0.5 * np.ptp(record.position))
+    assert scene.speed == pytest.approx(np.sqrt(np.mean(np.gradient(record.position, record.time) ** 2)), rel=0.05)
+    assert scene.duration == pytest.approx(record.time.size / RATE)
+
+
+def test_what_is_fitted_and_what_is_held_out_keep_their_distance(views):
+    _, observer, _ = views
+    assert not np.any(observer.train & (observer.held >= 0))
+    both = np.flatnonzero(np.diff(observer.train.astype(int) - (observer.held >= 0).astype(int)) != 0)
+    assert len(set(observer.held[observer.held >= 0])) == 5
+    room = ~(observer.train | (observer.held >= 0))
+    assert np.all(room[both] | room[both + 1])  # no fitted sample stands beside a held-out one
+
+
+def test_a_noisier_encoder_asks_for_a_lower_cut_off(views):
+    record = views[0].record
+    noise = np.random.default_rng(0).standard_normal(TIME.size)
+    cutoffs = []
+    for size in (1e-6, 1e-4, 1e-3):
+        inverse, _, base = opened(dataclasses.replace(record, position=record.position + size * noise))
+        cutoffs.append(best_view(inverse, base, 0.004).cutoff)
+    assert cutoffs == sorted(cutoffs, reverse=True)
+    assert cutoffs[-1] < 0.5 * cutoffs[0]
+
+
+def test_a_base_model_has_the_terms_of_its_law_and_nothing_else(views):
+    model = base_model(("viscous", "coulomb"), views[2].scene)
+    assert ([t.name for t in model.terms], model.n_base) == (["viscous", "coulomb"], 2)
