@@ -34,9 +34,7 @@ $(PY):
 	@$(PYTHON) -m venv --without-pip $(VENV)
 
 demo: setup  ## identify the simulated example with every estimator, then find a hidden effect; all in MLflow
-	$(PY) -m pipelines.simulated_example
-	$(PY) -m pipelines.hidden_effect --out reports/hidden.csv
-	$(PY) -m pipelines.close_gap reports/hidden.csv --report reports/gap
+	$(PY) -m whsklearn demo
 
 test: setup  ## the tests, on two cores
 	$(PY) -m pytest

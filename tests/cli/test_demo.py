@@ -1,12 +1,13 @@
-"""The demonstration: three commands in a row, of which the last reads what the second wrote."""
+"""The demonstration: two commands in a row, beside the first of which a log is written for the second."""
 
 from __future__ import annotations
 
 import click
+import pandas as pd
 import pytest
 from click.testing import CliRunner
 
-from whsklearn.cli import demo, gap, hidden_effect, simulated_example
+from whsklearn.cli import demo, gap, simulated_example
 
 
 @pytest.fixture
@@ -17,7 +18,7 @@ def called(monkeypatch):
     def stands_for(name):
         return click.command()(lambda **options: calls.append((name, options)))
 
-    for module in (simulated_example, hidden_effect, gap):
+    for module in (simulated_example, gap):
         monkeypatch.setattr(module, "main", stands_for(module.__name__.rpartition(".")[2]))
     return calls
 
@@ -26,11 +27,13 @@ def test_the_commands_run_in_turn_and_hand_on_seed_record_and_log(called, tmp_pa
     out = tmp_path / "new" / "reports"
     done = CliRunner().invoke(demo.main, ["--seed", "7", "--no-track", "--out", str(out)], catch_exceptions=False)
     assert done.exit_code == 0
-    assert [name for name, _ in called] == ["simulated_example", "hidden_effect", "gap"]
+    assert [name for name, _ in called] == ["simulated_example", "gap"]
     options = dict(called)
     assert all(o["seed"] == 7 for o in options.values())
     assert options["simulated_example"]["track"] is options["gap"]["track"] is False
-    assert options["hidden_effect"]["out"] == options["gap"]["log_file"] == str(out / "hidden.csv")
+    assert options["gap"]["log_file"] == str(out / "hidden.csv")
+    assert len(pd.read_csv(out / "hidden.csv")) == 40_000
+    assert f"to {out / 'hidden.csv'}; hidden in it: cogging." in done.output
     assert str(out / "gap") == options["gap"]["report"]
     assert str(out / "gap" / "gap.html") in done.output
     assert out.is_dir()
@@ -42,3 +45,19 @@ def test_a_folder_that_cannot_be_written_is_one_sentence_before_any_work(called,
     assert done.exit_code == 1
     assert done.output.startswith("Error: Nothing can be written into")
     assert called == []
+
+
+def test_a_log_that_could_not_be_written_is_told_before_it_is_looked_for(called, tmp_path):
+    (tmp_path / "hidden.csv").mkdir()
+    done = CliRunner().invoke(demo.main, ["--out", str(tmp_path)])
+    assert done.exit_code == 1
+    assert "hidden.csv" in done.output.splitlines()[-1]
+    assert [name for name, _ in called] == ["simulated_example"]
+
+
+def test_where_the_first_part_fails_no_log_is_waited_for(called, monkeypatch, tmp_path):
+    monkeypatch.setattr(simulated_example, "main", click.command()(lambda **_: (_ for _ in ()).throw(click.Abort())))
+    done = CliRunner().invoke(demo.main, ["--out", str(tmp_path)])
+    assert done.exit_code == 1
+    assert called == []
+    assert not (tmp_path / "hidden.csv").exists()
