@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from whsklearn.gap import evidence as rules
 from whsklearn.gap.localisation import dependence
+from whsklearn.gap.record import rms
 
 Array = NDArray[Any]
 TIME_CONSTANT = 1.0  # s, of forgetting
@@ -33,7 +34,7 @@ def paths(plant: Any, model: Any) -> tuple[dict[str, tuple[float, Array, float]]
     at = slice(min(int(SETTLED * TIME_CONSTANT / step), gap.size // 2), None)
     out = {}
     for name, (value, x) in columns.items():
-        scale = float(np.sqrt(np.mean(x**2))) + 1e-300
+        scale = rms(x) + 1e-300
         rows = np.ascontiguousarray((x / scale)[:, None])
         # a prior worth one sample of the usual size keeps the constant where the axis shows nothing of it
         recursion = RLSRegressor(forgetting=float(np.exp(-step / TIME_CONSTANT)), P0=1.0)

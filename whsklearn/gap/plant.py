@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn.gap.evidence import Evidence, Limits
+from whsklearn.gap.record import rms
 from whsklearn.gap.values import CandidateFit, Learned, Linearised, Look, ModelErrors
 
 Array = NDArray[Any]
@@ -257,6 +258,10 @@ class ViewDefaults:
         """Whether the gap is no larger than its floor and ``least`` together."""
         return bool(self.rms(self.gap(model)) ** 2 <= (self.limits.quiet * self.floor(model)) ** 2 + least**2)
 
+    def rms(self, gap: Array) -> float:
+        """Rms over all samples of the gap."""
+        return rms(gap)
+
     def explained(self: Any, before: Any, after: Any) -> float:
         """Rms of the gap that is gone."""
         return float(np.sqrt(max(self.rms(self.gap(before)) ** 2 - self.rms(self.gap(after)) ** 2, 0.0)))
@@ -297,11 +302,11 @@ class ViewDefaults:
 class PlantDefaults:
     """What a plant does unless it knows better."""
 
+    horizon_unit = "s"
+
     def doubtful(self, model: Any, index: int, taken: Evidence, rival: Evidence) -> bool:
         """Never: a margin and redrawn blocks tell any two effects apart."""
         return False
-
-    horizon_unit = "s"
 
     def starts_over(self, base: Any, model: Any, view: Any) -> bool:
         """Never: no view of this plant depends on where the sensor sits."""

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from whsklearn.gap import evidence as rules
+from whsklearn.gap.record import rms
 
 
 @dataclass(frozen=True)
@@ -32,7 +33,7 @@ def free_run_error(plant: Any, model: Any, horizon: float, *beside: Any) -> Free
     y_hat = plant.simulate(model, horizon)
     worst = 10.0 * float(np.ptp(y))
     e = np.clip(np.nan_to_num((y - y_hat)[held], nan=worst, posinf=worst, neginf=-worst), -worst, worst)
-    return FreeRun(float(np.mean(e**2) / np.var(y[held])), float(np.mean(e)), float(np.sqrt(np.mean(e**2))))
+    return FreeRun(float(np.mean(e**2) / np.var(y[held])), float(np.mean(e)), rms(e))
 
 
 def closure(before: float, after: float, floor: float, spread: float = np.inf) -> float:

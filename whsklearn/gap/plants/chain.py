@@ -23,7 +23,7 @@ from whsklearn.gap.plants.chain_model import SKIP, ChainModel, Setting, free_run
 from whsklearn.gap.plants.chain_noise import ahead_errors, coarse_grid, quietest_band
 from whsklearn.gap.plants.chain_objections import beside_turned
 from whsklearn.gap.plants.chain_view import ChainView, surrogate_setting
-from whsklearn.gap.record import held_out_blocks
+from whsklearn.gap.record import held_out_blocks, rms
 from whsklearn.gap.values import Linearised
 from whsklearn.systems.wiener_hammerstein import WienerHammersteinSystem
 
@@ -70,7 +70,7 @@ class ChainPlant(PlantDefaults):
         self.u, self.y = (np.array(v, dtype=float) for v in (u, y))  # a pass takes arrays that may be written
         self.law, self.orders, self.direct = base
         self.tolerance, self.dt, self.given_model = tolerance, dt, given_model
-        self.scale = float(np.sqrt(np.mean(self.y**2))) if self.y.size and np.isfinite(self.y).all() else 1.0
+        self.scale = rms(self.y) if self.y.size and np.isfinite(self.y).all() else 1.0
         self.horizons = (1.0, 10.0, float(self.y.size))
         self.headline = float(self.y.size)
         self._larger: chain_structure.Structure | None = None
@@ -156,7 +156,7 @@ class ChainPlant(PlantDefaults):
         if self._larger is not None:
             at = self._larger.setting
             miss = (at.y - free_run(at, self._larger.model))[at.fit]
-            most = min(most, float(np.sqrt(np.mean(miss**2))))
+            most = min(most, rms(miss))
         fitted = self.on_record(model)
         made = surrogate_setting(s, fitted, rng, most=most, share=self.whole_view.noise_share(fitted))
         other._views = [self.whole_view.of_surrogate(made)]

@@ -13,6 +13,7 @@ from whsklearn.gap.plants.chain_candidates import CATALOGUE, Scales
 from whsklearn.gap.plants.chain_fit import fit_base, minima_from, sharpen
 from whsklearn.gap.plants.chain_law import LawChoice
 from whsklearn.gap.plants.chain_model import ChainModel, Setting, Term, chain, signal_scales, stable_blocks
+from whsklearn.gap.record import rms
 from whsklearn.recursion.starts import least_squares_start, random_start, term_scales
 
 if TYPE_CHECKING:
@@ -54,7 +55,7 @@ def base_of(s: Setting, choice: LawChoice, rng: np.random.Generator) -> Base:
 
 def never_negative(y: Array) -> bool:
     """Whether a signal stays on one side of zero and touches it: what is left of one whose sign was lost."""
-    return bool(0.0 <= y.min() < rules.TOUCHES_ZERO * float(np.sqrt(np.mean(y**2))))
+    return bool(0.0 <= y.min() < rules.TOUCHES_ZERO * rms(y))
 
 
 def unfolded(s: Setting, rng: np.random.Generator) -> ChainModel | None:

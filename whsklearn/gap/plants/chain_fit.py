@@ -22,6 +22,7 @@ from whsklearn.gap.plants.chain_model import (
     stable_blocks,
     to_vector,
 )
+from whsklearn.gap.record import rms
 from whsklearn.recursion.exchanged_roots import exchanged
 from whsklearn.recursion.starts import least_squares_start, random_start, term_scales
 
@@ -75,7 +76,7 @@ def cost(s: Setting, m: ChainModel) -> float:
 
 def rms_dx(s: Setting, m: ChainModel) -> float:
     """Root mean square of dx, never zero."""
-    return max(float(np.sqrt(np.mean(np.diff(chain(s, m)[0]) ** 2))), 1e-12)
+    return max(rms(np.diff(chain(s, m)[0])), 1e-12)
 
 
 def climb(

@@ -20,6 +20,7 @@ from whsklearn.effects.own import WHICH, address_of
 from whsklearn.effects.terms import term
 from whsklearn.estimators._model import inside
 from whsklearn.gap.plants.chain_candidates import Scales
+from whsklearn.gap.record import rms
 from whsklearn.gap.values import FittedTerm
 from whsklearn.systems.chain import Chain, Ports, run
 from whsklearn.systems.stability import is_stable
@@ -177,12 +178,12 @@ def signal_scales(s: Setting, m: ChainModel) -> Scales:
     """Sizes of the signals under the model."""
     x, v, _ = chain(s, m)
 
-    def rms(a: Array) -> float:
-        return max(float(np.sqrt(np.mean(a**2))), 1e-12)
+    def size(a: Array) -> float:
+        return max(rms(a), 1e-12)
 
     return Scales(
-        rms(s.u), float(np.abs(s.u).max()), rms(x), max(float(np.quantile(np.abs(x), 0.999)), 1e-12),
-        rms(np.diff(x)), rms(v), max(float(np.std(s.y)), 1e-12), s.u.size, s.dt,
+        size(s.u), float(np.abs(s.u).max()), size(x), max(float(np.quantile(np.abs(x), 0.999)), 1e-12),
+        size(np.diff(x)), size(v), max(float(np.std(s.y)), 1e-12), s.u.size, s.dt,
     )  # fmt: skip
 
 

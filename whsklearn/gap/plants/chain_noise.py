@@ -9,7 +9,7 @@ import numpy as np
 
 from whsklearn.gap.plants import chain_evidence as rules
 from whsklearn.gap.plants.chain_model import ChainModel, Setting, raw_errors, stable_output
-from whsklearn.gap.record import lattice
+from whsklearn.gap.record import lattice, rms
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -66,7 +66,7 @@ def quietest_band(y: Array) -> float:
 def coarse_grid(s: Setting, m: ChainModel) -> float:
     """Step of the grid on which the readings lie, if rounding is a good part of what is left; 0 otherwise."""
     step = lattice(s.y)
-    if not step or step / math.sqrt(12.0) < rules.COARSE_READING * float(np.sqrt(np.mean(s.y**2))):
+    if not step or step / math.sqrt(12.0) < rules.COARSE_READING * rms(s.y):
         return 0.0
     nd = int(s.dims[3])
     gain = 1.0 + float(np.sum(m.theta[m.theta.size - nd :] ** 2))

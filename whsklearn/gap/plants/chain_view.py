@@ -31,6 +31,7 @@ from whsklearn.gap.plants.chain_model import (
 )
 from whsklearn.gap.plants.chain_noise import gain_behind
 from whsklearn.gap.plants.chain_remainder import Remainder, remainder, whiteness
+from whsklearn.gap.record import rms
 from whsklearn.gap.values import Linearised, Look, ModelErrors
 
 if TYPE_CHECKING:
@@ -99,7 +100,7 @@ class ChainView(ViewDefaults):
         """
         s = self.setting
         miss = (s.y - free_run(s, model))[s.held >= 0]
-        if float(np.sqrt(np.mean(miss**2))) < least:
+        if rms(miss) < least:
             return True
         left, added = self.left(model), len(model.terms) > model.n_base
         if left.p_value < (rules.STILL_LEFT if added else rules.LEFT_OVER) and left.share > rules.LEFT_SHARE:
@@ -140,7 +141,7 @@ class ChainView(ViewDefaults):
         """Rms change of the free run by what was added."""
         s = self.setting
         without = after.without(len(after.terms) - 1) if len(after.terms) > len(before.terms) else before
-        return float(np.sqrt(np.mean((free_run(s, after) - free_run(s, without)) ** 2)))
+        return rms(free_run(s, after) - free_run(s, without))
 
     def objection(self, model: ChainModel, index: int) -> str:
         """What is unphysical in a term's numbers, or what speaks against the last one on a closer look."""
@@ -214,6 +215,6 @@ def surrogate_setting(
     noisy = chain(s, m, free=True, noise=lfilter([1.0], colour, white))[2] - clean
     held = s.held >= 0
     expected = share * float(np.sqrt(variance)) * gain_behind(s, m, colour)
-    size = min(expected, most) / max(float(np.sqrt(np.mean(noisy[held] ** 2))), 1e-300)
+    size = min(expected, most) / max(rms(noisy[held]), 1e-300)
     noise = size * lfilter([1.0], colour, white)
     return dataclasses.replace(s, y=np.ascontiguousarray(chain(s, m, free=True, noise=noise)[2]))

@@ -29,7 +29,7 @@ from whsklearn.gap.plants.servo_observer import ObserverView
 from whsklearn.gap.plants.servo_pictures import pictures, signals
 from whsklearn.gap.plants.servo_sensors import coarse_encoder, unfold
 from whsklearn.gap.plants.servo_start import best_view, observer_view, start_of
-from whsklearn.gap.record import SPLIT, ServoRecord
+from whsklearn.gap.record import SPLIT, ServoRecord, rms
 from whsklearn.gap.values import Learned, Linearised
 
 Array = NDArray[Any]
@@ -62,7 +62,7 @@ class ServoPlant(PlantDefaults):
         self.record, self.law, self.given_model, self.tolerance = record, law, given_model, tolerance
         self.units = record.units
         self.gap_word = {"Nm": "missing torque", "N": "missing force"}.get(record.units[0], "missing drive")
-        self.scale = float(np.sqrt(np.mean(record.drive**2))) if len(record) else 0.0
+        self.scale = rms(record.drive) if len(record) else 0.0
         self._folded: tuple[ObserverView, AxisModel] | None = None
         self.behind = False  # whether the encoder was found behind the coupling, where inverse dynamics has no form
 

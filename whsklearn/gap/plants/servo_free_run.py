@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants.servo_model import AxisModel
-from whsklearn.gap.record import held_out_blocks
+from whsklearn.gap.record import held_out_blocks, rms
 
 Array = NDArray[Any]
 WINDOWS = (0.08, 0.04, 0.02, 0.01, 0.005)  # s, of the smoother that gives a run its start
@@ -63,7 +63,7 @@ def restart_states(view: Any, model: AxisModel) -> tuple[tuple[Array, Array], Ar
     own_q, own_v = smoothed(y_hat, dt, width)
     if model.load_side:
         angle, speed = angle - twist[:, 0], speed - twist[:, 1]
-    if float(np.sqrt(np.mean((speed - own_v) ** 2))) > rules.OWN_MOTION * view.scene.speed:
+    if rms(speed - own_v) > rules.OWN_MOTION * view.scene.speed:
         return (q, v), np.zeros((0, 2))
     return (q + angle - own_q, v + speed - own_v), twist
 
@@ -93,7 +93,7 @@ def predictable(surrogate: Any, model: AxisModel, longest: float) -> float:
     held = held_out(surrogate)
     for h in horizons:
         e = (surrogate.record.position - free_run(surrogate, model, h))[held]
-        if np.all(np.isfinite(e)) and float(np.sqrt(np.mean(e**2))) < rules.OWN_ERROR * h * model.scene.speed:
+        if np.all(np.isfinite(e)) and rms(e) < rules.OWN_ERROR * h * model.scene.speed:
             return h
     return longest
 
@@ -128,4 +128,4 @@ def train_error(view: Any, model: AxisModel, horizon: float) -> float:
     """Rms of the free run over the samples that are not held out, infinite where it diverges."""
     fitted = ~held_out(view)
     e = (view.record.position - free_run(view, model, horizon))[fitted]
-    return float(np.sqrt(np.mean(e**2))) if np.all(np.isfinite(e)) else float("inf")
+    return rms(e) if np.all(np.isfinite(e)) else float("inf")

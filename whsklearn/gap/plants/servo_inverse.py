@@ -233,10 +233,6 @@ class InverseView(ViewDefaults):
         _, x, target, sizes, _ = self.solved(model)
         return (target - x @ sizes)[self.at]
 
-    def rms(self, gap: Array) -> float:
-        """Rms of a gap."""
-        return float(np.sqrt(np.mean(gap**2)))
-
     def floor(self, model: AxisModel) -> float:
         """Gap of the model's own record under the same view.
 

@@ -25,7 +25,7 @@ from whsklearn.gap.plants import servo_screening as screening
 from whsklearn.gap.plants.servo_model import LONGEST_STEP, AxisModel, Term
 from whsklearn.gap.plants.servo_objections import unphysical
 from whsklearn.gap.plants.servo_surrogate import surrogate_record
-from whsklearn.gap.record import ServoRecord
+from whsklearn.gap.record import ServoRecord, rms
 from whsklearn.gap.values import CandidateFit, Linearised, Look, ModelErrors
 
 Array = NDArray[Any]
@@ -112,7 +112,7 @@ class ObserverView(ViewDefaults):
     def rms(self, d: Array, on: str = "all") -> float:
         """Rms of missing torque on one part."""
         mask = {"train": self.train, "held": self.held >= 0, "all": self.usable}[on] & self.usable
-        return float(np.sqrt(np.mean(d[mask] ** 2)))
+        return rms(d[mask])
 
     def weigh(self, gap: float) -> None:
         """Set the whitening to position noise plus white torque of the rms ``gap``.

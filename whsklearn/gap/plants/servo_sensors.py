@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from whsklearn.effects import get_effect
 from whsklearn.gap.diagnosis import NamedEffect
 from whsklearn.gap.plants import servo_evidence as rules
+from whsklearn.gap.record import rms
 
 
 def coarse_encoder(view: Any, base: Any) -> list[Any]:
@@ -38,7 +39,7 @@ def unfold(position: NDArray[np.float64], dt: float) -> NDArray[np.float64] | No
     if position.min() < -rules.FOLD_BELOW * span or position.min() > rules.FOLD_ABOVE * span:
         return None
     w = max(2, round(rules.FOLD_WINDOW / dt))
-    typical = float(np.sqrt(np.mean(np.diff(position) ** 2))) / dt
+    typical = rms(np.diff(position)) / dt
     out, sign, k, flips = position.copy(), 1.0, w, 0
     last = -10 * w
     while k < position.size - w:

@@ -17,7 +17,7 @@ from whsklearn.gap.plants.servo_candidates import candidate
 from whsklearn.gap.plants.servo_inverse import InverseView
 from whsklearn.gap.plants.servo_model import FASTEST_COUPLING, AxisModel, Term
 from whsklearn.gap.plants.servo_observer import ObserverView
-from whsklearn.gap.record import ServoRecord, held_out_blocks, lattice, noise_level
+from whsklearn.gap.record import ServoRecord, held_out_blocks, lattice, noise_level, rms
 
 Array = NDArray[Any]
 HIGHEST_CUTOFF, LOWEST_CUTOFF = 0.08, 2.0  # of the sampling rate; Hz: where the search of the filter starts and ends
@@ -75,11 +75,11 @@ def start_of(record: ServoRecord, law: tuple[str, ...], goal: float) -> tuple[In
     dt, y = record.dt, record.position
     first = min(FIRST_CUTOFF, 0.04 / dt)
     q, v, a = motion(y, dt, first)
-    rms = float(np.sqrt(np.mean(record.drive**2)))
+    torque = rms(record.drive)
     scene = Scales(
-        torque=rms,
-        inertia=0.3 * rms / max(float(np.sqrt(np.mean(a**2))), 1e-12),
-        speed=max(float(np.sqrt(np.mean(v**2))), 1e-12),
+        torque=torque,
+        inertia=0.3 * torque / max(rms(a), 1e-12),
+        speed=max(rms(v), 1e-12),
         reach=float(np.ptp(y) / 2),
         centre=float((y.max() + y.min()) / 2),
         duration=float(y.size * dt),

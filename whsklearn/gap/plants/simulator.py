@@ -44,7 +44,7 @@ from whsklearn.gap.plants.simulator_model import SimulatorFit, SimulatorModel
 from whsklearn.gap.plants.simulator_nameless import explainable
 from whsklearn.gap.plants.simulator_pictures import pictures, signals
 from whsklearn.gap.plants.simulator_refine import refine
-from whsklearn.gap.record import SPLIT, ServoRecord, held_out_blocks, lattice, noise_level
+from whsklearn.gap.record import SPLIT, ServoRecord, held_out_blocks, lattice, noise_level, rms
 from whsklearn.gap.values import Linearised, Look, ModelErrors
 
 Array = NDArray[Any]
@@ -118,10 +118,6 @@ class SimulatorPlant(PlantDefaults, ViewDefaults):
     def gap(self, model: SimulatorModel) -> Array:
         """Measured minus simulated position."""
         return self.fits.built(model).error
-
-    def rms(self, gap: Array) -> float:
-        """Rms over the record."""
-        return float(np.sqrt(np.mean(gap**2)))
 
     def floor(self, model: SimulatorModel | None = None) -> float:
         """Noise of the position."""
@@ -359,4 +355,4 @@ def _scale(record: ServoRecord) -> float:
     motion_rms = float(np.std(record.position))
     if record.reference is None:
         return motion_rms
-    return min(motion_rms, float(np.sqrt(np.mean((record.reference - record.position) ** 2)))) or motion_rms
+    return min(motion_rms, rms(record.reference - record.position)) or motion_rms

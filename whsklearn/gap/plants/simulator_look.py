@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from whsklearn.effects import ContactStop, Coulomb, Effect, Scales, Viscous, effect_names, get_effect
 from whsklearn.gap.filters import CUTOFF_SIGMA, filtered, gaussian_derivatives
-from whsklearn.gap.record import noise_level
+from whsklearn.gap.record import noise_level, rms
 
 Array = NDArray[Any]
 HIGHEST = 25.0  # Hz; above, an encoder's noise is all there is in a second derivative
@@ -67,7 +67,7 @@ def motion(record: Any) -> Motion:
     still = 3.0 * noise_level(record.position) / (CUTOFF_SIGMA / (2 * np.pi * cutoff))
     signals = SimpleNamespace(
         time=record.time - record.time[0], position=q, velocity=v, acceleration=a, drive=record.drive,
-        kappa=1.0 / max(still, 0.01 * float(np.sqrt(np.mean(v**2))), 1e-12),
+        kappa=1.0 / max(still, 0.01 * rms(v), 1e-12),
     )  # fmt: skip
     return Motion(signals, kernels, max(1, int(1.0 / (5.0 * cutoff * record.dt))))
 
@@ -120,7 +120,7 @@ def columns_of(effect: Effect, signals: Any) -> Array:
 
 def ladder(cls: type[Effect], record: Any, signals: Any) -> Iterator[Effect]:
     """One effect at every shape that is worth a look in this record; one of a user's own at its own starts."""
-    torque = float(np.sqrt(np.mean(record.drive**2))) or 1.0
+    torque = rms(record.drive) or 1.0
     if cls.evaluate is not None:
         yield from from_starts(cls, record, signals)
         return
@@ -143,8 +143,8 @@ def ladder(cls: type[Effect], record: Any, signals: Any) -> Iterator[Effect]:
 def _scales(record: Any, signals: Any) -> Scales:
     """How large everything is in the record; of the inertia nothing is known here."""
     return Scales(
-        torque=float(np.sqrt(np.mean(record.drive**2))) or 1.0, peak=float(np.max(np.abs(record.drive))),
-        speed=float(np.sqrt(np.mean(signals.velocity**2))) or 1.0, reach=0.5 * float(np.ptp(signals.position)) or 1.0,
+        torque=rms(record.drive) or 1.0, peak=float(np.max(np.abs(record.drive))),
+        speed=rms(signals.velocity) or 1.0, reach=0.5 * float(np.ptp(signals.position)) or 1.0,
         centre=0.5 * float(signals.position.min() + signals.position.max()), duration=float(signals.time[-1]),
         dt=record.dt,
     )  # fmt: skip
@@ -165,7 +165,7 @@ def _grid(field: str, unit: str, record: Any, signals: Any) -> Array:
     """Values of a shape number, by its unit and the record's scales."""
     reach = 0.5 * float(np.ptp(signals.position)) or 1.0
     middle = float(np.mean([signals.position.min(), signals.position.max()]))
-    speed = float(np.sqrt(np.mean(signals.velocity**2))) or 1.0
+    speed = rms(signals.velocity) or 1.0
     seconds = float(signals.time[-1])
     if field == "order":
         most = min(96.0, 2 * np.pi * HIGHEST / speed)
@@ -199,7 +199,7 @@ def catalogue(record: Any, signals: Any, further: tuple[type[Effect], ...] = ())
         fields = cls.shape_fields() if cls.evaluate is None else ()
         if any(_grid(f, cls.quantities[f].unit, record, signals).size == 0 for f in fields):
             fixed = cls()
-            out[name] = [fixed.resized(0.1 * float(np.sqrt(np.mean(record.drive**2))))]
+            out[name] = [fixed.resized(0.1 * rms(record.drive))]
             continue
         found = list(ladder(cls, record, signals))
         if found:
@@ -228,13 +228,13 @@ def whole(shapes: list[Effect], fields: tuple[str, ...]) -> list[Effect]:
 
 def from_starts(cls: type[Effect], record: Any, signals: Any) -> Iterator[Effect]:
     """One effect at the starts that it gives itself."""
-    torque = float(np.sqrt(np.mean(record.drive**2))) or 1.0
+    torque = rms(record.drive) or 1.0
     return (cls.from_row((0.1 * torque, *shape)) for shape in cls.starts(_scales(record, signals)))
 
 
 def stops(record: Any, signals: Any) -> Iterator[Effect]:
     """Contacts at either end of the travel, or at both: a stop lies as far within the travel as it gives."""
-    torque = float(np.sqrt(np.mean(record.drive**2))) or 1.0
+    torque = rms(record.drive) or 1.0
     low, high = float(signals.position.min()), float(signals.position.max())
     for depth in DEPTHS * 0.5 * (high - low):
         for relaxation in RELAXATIONS:

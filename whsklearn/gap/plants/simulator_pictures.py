@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from whsklearn.gap.localisation import since_reversal, spectra
 from whsklearn.gap.plants.simulator_model import SimulatorModel
+from whsklearn.gap.record import rms
 
 Array = NDArray[Any]
 
@@ -17,7 +18,7 @@ def signals(plant: Any) -> dict[str, tuple[Array, str]]:
     """Name -> (signal at the judged samples, unit)."""
     s, k = plant.motion.signals, plant.every
     drive, rad = plant.units
-    still = 0.01 * float(np.sqrt(np.mean(s.velocity**2)))
+    still = 0.01 * rms(s.velocity)
     return {
         "time": (s.time[::k], "s"), "position": (s.position[::k], rad), "velocity": (s.velocity[::k], f"{rad}/s"),
         "reversal": (since_reversal(s.velocity, plant.record.dt, still)[::k], "s"), "drive": (s.drive[::k], drive),

@@ -9,6 +9,7 @@ import numpy as np
 from whsklearn.gap.plants import simulator_evidence as rules
 from whsklearn.gap.plants.simulator_look import columns_of, sized_by_drive
 from whsklearn.gap.plants.simulator_model import EffectTerm, SimulatorModel
+from whsklearn.gap.record import rms
 from whsklearn.gap.values import Look
 
 
@@ -86,7 +87,7 @@ def sizes(plant: Any, home: SimulatorModel, start: Any) -> list[Any]:
 
 def sized(plant: Any, model: SimulatorModel, start: Any) -> Any:
     """The size (and phase) by the sensitivity of the simulated position to it."""
-    torque = float(np.sqrt(np.mean(plant.record.drive**2))) or 1.0
+    torque = rms(plant.record.drive) or 1.0
     unit = float(np.sqrt(np.mean(np.square(columns_of(start, plant.motion.signals))))) or 1.0
     small = (0.01 * torque if start.port != "output" else 10.0 * plant.noise) / unit
     weights = np.eye(2) * small if start.phased else np.array([[small]])
