@@ -22,6 +22,7 @@ from whsklearn.gap.least_squares import Fit, jacobian, least_squares
 from whsklearn.gap.plant import ViewDefaults
 from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants import servo_screening as screening
+from whsklearn.gap.plants.servo_candidates import usable
 from whsklearn.gap.plants.servo_model import LONGEST_STEP, AxisModel, Term
 from whsklearn.gap.plants.servo_objections import unphysical
 from whsklearn.gap.plants.servo_surrogate import surrogate_record
@@ -47,6 +48,8 @@ class ObserverView(ViewDefaults):
         Largest fine step of a run (s), see `coarsened`.
     train, held : ndarray of bool, of int, shape (n_decimated,)
         Training mask; number of the held-out block or -1.
+    is_surrogate : bool
+        Whether the model itself made the record.
     ar : ndarray
         Whitening polynomial of the missing torque in force.
     tolerance : float
@@ -64,6 +67,7 @@ class ObserverView(ViewDefaults):
     tolerance: float
     quantum: float = 0.0
     step: float = LONGEST_STEP
+    is_surrogate: bool = False
     ar: Array = field(default_factory=lambda: np.array([1.0]))
 
     # --- looking ---------------------------------------------------------------------------
@@ -165,7 +169,10 @@ class ObserverView(ViewDefaults):
         self.weigh(self.rms(self.gap(model)))
         model, fit = self.fitted(model, max_iterations=4)
         first = len(model.terms) == model.n_base
-        return [screening.look_of(self, t, fit, first=first) for t in screening.screen(self, model, fit)]
+        kinds = usable([t.kind for t in model.terms])
+        if self.is_surrogate and first:  # their looks would be costly, and set no level that chance reaches
+            kinds = tuple(k for k in kinds if k.cls.port != "block")
+        return [screening.look_of(self, t, fit, first=first) for t in screening.screen(self, model, fit, kinds)]
 
     def refine(self, model: AxisModel, look: Look) -> AxisModel:
         """See `whsklearn.gap.plants.servo_screening.refine`."""
@@ -208,7 +215,7 @@ class ObserverView(ViewDefaults):
 
     def surrogate(self, model: AxisModel, rng: np.random.Generator) -> ObserverView:
         """The view of a record that the model itself made in the same experiment."""
-        return dataclasses.replace(self, record=surrogate_record(self, model, rng))
+        return dataclasses.replace(self, record=surrogate_record(self, model, rng), is_surrogate=True)
 
     def seen(self, model: AxisModel) -> tuple[Array, Array, Array, NDArray[np.bool_], NDArray[np.bool_]]:
         """(position, velocity, drive, training mask, held-out mask) at the samples of the gap."""

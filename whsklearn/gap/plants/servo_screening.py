@@ -7,6 +7,7 @@ is fitted jointly with everything else by simulation, so large effects are judge
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 from whsklearn.effects import codes as k
 from whsklearn.gap.least_squares import Fit, gain_of
 from whsklearn.gap.plants import servo_evidence as rules
-from whsklearn.gap.plants.servo_candidates import TWO_MASS, Candidate, usable
+from whsklearn.gap.plants.servo_candidates import TWO_MASS, Candidate
 from whsklearn.gap.plants.servo_model import AxisModel, Term
 from whsklearn.gap.plants.servo_scan import scan, zoom
 from whsklearn.gap.values import Look
@@ -66,12 +67,12 @@ def _signature(view: Any, model: AxisModel, residual: Array, kind: Candidate, sh
     return np.column_stack(columns)
 
 
-def screen(view: Any, model: AxisModel, fit: Fit) -> list[Start]:
+def screen(view: Any, model: AxisModel, fit: Fit, kinds: Sequence[Candidate]) -> list[Start]:
     """Every candidate at its best start, most promising first."""
     base = _sensitivities(model, fit)
     _, angle, speed = view.follow(model)
     found = []
-    for kind in usable([t.kind for t in model.terms]):
+    for kind in kinds:
         scanned = None
         starts = kind.starts(view.scene)
         if kind.scanned:
