@@ -6,6 +6,7 @@ import copy
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from whsklearn import RMILSRegressor, WienerHammersteinLags, WienerHammersteinSystem
 from whsklearn.datasets import make_wiener_hammerstein
@@ -101,10 +102,40 @@ def squared_errors(r, theta, X, y):
 def test_the_expected_output_is_the_simulation_where_the_parameters_are_known():
     model = fitted(400)
     X, _ = make_wiener_hammerstein(300, snr_db=None, random_state=5)
-    expected, simulated = model.predict(X), model.predict(X, output="simulation")
+    expected, simulated = (model.predict(X, output=output) for output in ("expected", "simulation"))
     assert np.abs(expected - simulated).max() > 0.01
     model._stream._known[1].covariance[:] *= 1e-20
-    np.testing.assert_allclose(model.predict(X), simulated, atol=1e-9)
+    np.testing.assert_allclose(model.predict(X, output="expected"), simulated, atol=1e-9)
+
+
+def test_signs_are_wrong_as_often_as_expected_and_the_simulation_is_given_where_few_are():
+    expected, found, given = 0.0, 0, set()
+    for seed in range(6):
+        X, y, truth = make_wiener_hammerstein(1000, snr_db=20, random_state=seed, return_truth=True)
+        model = RMILSRegressor(WienerHammersteinLags(), random_state=seed).partial_fit(X, y)
+        for k in range(3):
+            U, _ = make_wiener_hammerstein(400, snr_db=None, random_state=[seed, k])
+            a, b = model.parameters_["a"], model.parameters_["b"]
+            x, x_true = (lfilter(np.append(0, p), q, U[:, 0]) for p, q in ((a, b), (truth.system.a, truth.system.b)))
+            wrong = model.wrong_signs(U)
+            expected += wrong[0]
+            found += int(np.sum(np.diff(x) * np.diff(x_true) < 0))
+            output = "simulation" if wrong[0] < 0.5 else "expected"
+            np.testing.assert_array_equal(model.predict(U), model.predict(U, output=output))
+            given.add(output)
+    assert given == {"simulation", "expected"}
+    assert 0.5 * expected < found < 2.0 * expected
+
+
+def test_each_experiment_is_judged_by_itself():
+    X, y = make_wiener_hammerstein(500, snr_db=7.5, random_state=0)
+    model = RMILSRegressor(WienerHammersteinLags(), random_state=0).partial_fit(X, y)
+    U = [make_wiener_hammerstein(n, snr_db=None, random_state=n)[0] for n in (20, 1500, 30)]
+    wrong = model.wrong_signs(U)
+    np.testing.assert_allclose(wrong, [model.wrong_signs(u)[0] for u in U])
+    assert wrong.min() < 0.5 < wrong.max()
+    for together, alone in zip(model.predict(U), (model.predict(u) for u in U), strict=True):
+        np.testing.assert_allclose(together, alone, rtol=1e-12)
 
 
 def test_an_unknown_output_is_refused():

@@ -165,14 +165,19 @@ def free_run(
     return predictions(natural, s, u, np.zeros(len(u)), restart, 0, covariance)
 
 
-def wrong_signs(natural: Array, s: Structure, u: Array, restart: NDArray[np.bool_], covariance: Array) -> float:
-    """How many signs of dx the simulation of ``natural`` is expected to get wrong over a record: sum of min(p, 1 - p).
+def wrong_signs(natural: Array, s: Structure, u: Array, restart: NDArray[np.bool_], covariance: Array) -> Array:
+    """How many signs of dx the simulation of ``natural`` is expected to get wrong in each experiment.
 
-    p(t) is the probability of a positive sign under the Gaussian (natural, covariance).
+    The sum of min(p, 1 - p): p(t) is the probability of a positive sign under the Gaussian (natural, covariance).
     """
+    begins = np.flatnonzero(restart)
+    if not begins.size or not jumps(s.law.codes).any():
+        return np.zeros(begins.size)
     if s.advance:
         u, _, restart, _ = shifted(u, np.zeros(len(u)), restart, s.advance)
-    return _before_l2(natural, s, u, restart, covariance)[1] if jumps(s.law.codes).any() else 0.0
+        begins = np.flatnonzero(restart)
+    wrong: Array = np.add.reduceat(_before_l2(natural, s, u, restart, covariance)[1], begins)
+    return wrong
 
 
 def predictions(
@@ -194,8 +199,8 @@ def predictions(
 
 def _before_l2(
     natural: Array, s: Structure, u: Array, restart: NDArray[np.bool_], covariance: Array | None
-) -> tuple[Array, float]:
-    """What enters L2's denominator, and the signs that are expected to be wrong."""
+) -> tuple[Array, Array]:
+    """What enters L2's denominator, and min(p, 1 - p) of each sign."""
     a, b, w, c, _ = (natural[i] for i in s.slices())
     n1 = a.size + b.size
     spread = np.zeros((0, 0)) if covariance is None else np.ascontiguousarray(covariance[:n1, :n1])
@@ -225,7 +230,7 @@ def shifted(
 def _static_output(a, b, c, law, jumping, spread, u, restart):
     """sum c_m v(t-m), with x and v by (1) and the law; jumps smeared where (a, b) has a covariance ``spread``.
 
-    And the number of signs of dx that are expected to be wrong then.
+    And the probability that the sign of dx is the other one, of each sample.
     """
     codes, shapes, weights = law
     n, n1 = len(u), spread.shape[0]
@@ -235,7 +240,7 @@ def _static_output(a, b, c, law, jumping, spread, u, restart):
     v_past = np.zeros(c.size)
     g_past = np.zeros((b.size + 1, n1))
     g = np.zeros(n1)
-    wrong = 0.0
+    wrong = np.zeros(n)
     for t in range(n):
         if restart[t]:
             clear(u_past)
@@ -257,7 +262,7 @@ def _static_output(a, b, c, law, jumping, spread, u, restart):
             variance = _advance_gradient(g_past, g, a.size, b, u_past, x_past, spread)
             certainty = math.erf(abs(dx) / math.sqrt(2.0 * variance + 1e-300))
             if dx != 0.0:  # at rest the sign is no question
-                wrong += 0.5 * (1.0 - certainty)
+                wrong[t] = 0.5 * (1.0 - certainty)
         v = 0.0
         for k in range(codes.size):
             f = term(codes[k], shapes[k, 0], shapes[k, 1], shapes[k, 2], x, dx, math.inf)[0]

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
 
 OUTPUTS = ("expected", "simulation")
+FEW_SIGNS = 0.5  # expected to be wrong in an experiment: with fewer, all are right in six of ten cases or more
 LEARNT = ("theta", "ud", "loss", "memory_u", "memory_y", "recent_u", "recent_y", "rows", "targets", "before")
 
 
@@ -161,7 +162,9 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
         erf(dx / (sqrt(2) sd)); it has the least mean squared error (on Example 5.1, N = 1,000, 7.5 dB, about two
         thirds of the simulation's, benchmarks/accuracy.py).  The *simulation* is what `parameters_` give, with one
         sign at each sample: right to the last sample on most records when all is known well, as after 20,000 clean
-        samples, and what a simulator or an export will do.
+        samples, and what a simulator or an export will do.  `wrong_signs` tells how many signs of a record the
+        simulation is expected to get wrong; with fewer than half a sign it is more likely than not all right, and is
+        what is given by default.
 
         Parameters
         ----------
@@ -171,8 +174,8 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
             Experiments; each starts at rest.
         output : {"expected", "simulation"}, optional
             By default what is expected for an estimator that has a posterior of its parameters, as the recursive ones
-            with ``gradient="full"``, and the simulation of `parameters_` for others.  They differ for a law with
-            sign(dx) only.
+            with ``gradient="full"``, where half a sign or more of the experiment is expected to be wrong; else, and for
+            other estimators, the simulation of `parameters_`.  They differ for a law with sign(dx) only.
         return_std : bool, default=False
             Whether the standard deviation of the measured output about the free run is wanted too.  It holds what
             is not known of the parameters (the spread of the free runs of 100 draws from their Gaussian) and the
@@ -191,6 +194,7 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
             If X or a setting cannot be, or a standard deviation is asked of an estimator that has no covariance.
         """
         check_is_fitted(self, "state_")
+        by_record = output is None and self._default_output == "expected"
         output = self._default_output if output is None else output
         if output not in OUTPUTS:
             raise ValueError(f"output is {output!r}, expected one of {', '.join(map(repr, OUTPUTS))}.")
@@ -199,7 +203,7 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
         given = joined(X, groups=groups)
         with in_one_sentence(given.X):
             u: Array = validate_data(self, given.X, dtype=np.float64, reset=False)
-        y_hat, std = self._predicted(u, given.groups, output, return_std)
+        y_hat, std = self._predicted(u, given.groups, "by record" if by_record else output, return_std)
         return (given.apart(y_hat), given.apart(std)) if return_std else given.apart(y_hat)
 
     def _predicted(self, u: Array, groups: ArrayLike | None, output: str, with_std: bool) -> tuple[Array, Array]:
@@ -212,13 +216,46 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
             return rows @ self._theta(), std
         restart = starts(groups, len(u), first=True)
         natural, structure, u = self._natural(), self._structure(), writeable(u)
-        covariance = self._natural_covariance() if with_std or output == "expected" else None
-        smeared = covariance if output == "expected" else None
+        covariance = self._natural_covariance() if with_std or output != "simulation" else None
         if with_std:
             assert covariance is not None
             noise = noise_spread(self._noise_variance(), self._noise_filter(natural, structure), restart)
             std = np.hypot(draws(natural, covariance, structure, u, restart), noise)
-        return _finite(wh.free_run(natural, structure, u, restart, smeared)), std
+        if output == "simulation":
+            return _finite(wh.free_run(natural, structure, u, restart)), std
+        y_hat = wh.free_run(natural, structure, u, restart, covariance)
+        if output == "by record":
+            assert covariance is not None
+            wrong = wh.wrong_signs(natural, structure, u, restart, covariance)
+            if (wrong < FEW_SIGNS).any():
+                right = np.repeat(wrong < FEW_SIGNS, np.diff(np.append(np.flatnonzero(restart), len(u))))
+                y_hat = np.where(right, wh.free_run(natural, structure, u, restart), y_hat)
+        return _finite(y_hat), std
+
+    def wrong_signs(self, X: ArrayLike, groups: ArrayLike | None = None) -> Array:
+        """How many signs of dx a simulation of `parameters_` is expected to get wrong in each experiment of X.
+
+        The sum over the samples of min(p, 1 - p), p the probability that dx is positive by what is known of L1: zero
+        for a law without sign(dx) and for an estimator that has no covariance.  `predict` gives the simulation below
+        0.5 and the expected output from there on.
+
+        Parameters
+        ----------
+        X, groups
+            As for `predict`.
+
+        Returns
+        -------
+        ndarray of shape (n_experiments,)
+        """
+        check_is_fitted(self, "state_")
+        given = joined(X, groups=groups)
+        with in_one_sentence(given.X):
+            u: Array = writeable(validate_data(self, given.X, dtype=np.float64, reset=False))
+        restart = starts(given.groups, len(u), first=True)
+        if not self._is_wiener_hammerstein or self._default_output != "expected":
+            return np.zeros(int(restart.sum()))
+        return wh.wrong_signs(self._natural(), self._structure(), u, restart, self._natural_covariance())
 
     def _noise_variance(self) -> float:
         """Variance of the error that was minimised; NaN where it is not known."""
