@@ -7,10 +7,12 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numba
 
 import whsklearn
+from whsklearn import _numba
 from whsklearn._numba import fingerprint, imported
 
 PACKAGE = Path(whsklearn.__file__).parent
@@ -77,3 +79,16 @@ def test_a_first_run_says_once_that_it_compiles_and_no_model_is_charged_for_it(t
     (compiled, whole), (later, _) = (tuple(map(float, r.stdout.split())) for r in (first, second))
     assert 1.0 < compiled < whole
     assert later == 0.0
+
+
+def test_an_odd_kernel_of_a_tenth_of_a_second_is_not_worth_a_word(caplog):
+    def compiled(seconds):
+        listener = _numba._Compiling()
+        listener.on_start(None)
+        listener._began -= seconds
+        listener.on_end(SimpleNamespace(data={"dispatcher": SimpleNamespace(py_func=fingerprint)}))
+        return listener.seconds, len(caplog.records)
+
+    seconds, told = compiled(0.1)
+    assert (round(seconds, 1), told) == (0.1, 0)
+    assert compiled(10.0)[1] == 1
