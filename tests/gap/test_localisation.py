@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
-from whsklearn.gap.localisation import locate
+from whsklearn.gap.localisation import locate, order_spectrum
 
 RNG = np.random.default_rng(0)
 N = 8000
@@ -38,3 +39,15 @@ def test_p_values_are_level_for_dependent_samples_and_small_for_a_gap_that_follo
         hits += locate({"position": (x, "rad")}, gap, rng)[0].p_value <= 0.05
     assert hits <= 9
     assert locate({"position": (x, "rad")}, np.cos(3 * x) + 0.3 * rng.standard_normal(n), rng)[0].p_value < 0.02
+
+
+def test_a_spectrum_by_order_is_the_projection_on_each_wave():
+    rng = np.random.default_rng(4)
+    angle, orders = np.cumsum(rng.standard_normal(3000)), np.arange(0.5, 160.0, 0.1)
+    gap = 0.7 * np.cos(12.0 * angle + 0.3) + rng.standard_normal(3000)
+    found = order_spectrum(gap, angle, orders)
+    for i in (0, 1, 700, orders.size - 1):
+        direct = 2.0 * abs(np.mean(gap * np.exp(-1j * orders[i] * angle)))
+        assert abs(found[i] - direct) < 1e-10
+    assert orders[np.argmax(found)] == pytest.approx(12.0)
+    assert found.max() == pytest.approx(0.7, abs=0.1)

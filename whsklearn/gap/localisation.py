@@ -200,10 +200,12 @@ def spectrum(gap: Array, rate: float) -> tuple[Array, Array]:
 
 
 def order_spectrum(gap: Array, angle: Array, orders: Array) -> Array:
-    """Amplitude of the gap at every order of the angle (periods a turn)."""
+    """Amplitude of the gap at every order of the angle (periods a turn); orders are an even step apart, two or more."""
     out = np.empty(orders.size)
-    for i, k in enumerate(orders):
-        out[i] = 2 * np.abs(np.mean(gap * np.exp(-1j * k * angle)))
+    wave, turn = np.exp(-1j * orders[0] * angle), np.exp(-1j * (orders[1] - orders[0]) * angle)
+    for i in range(orders.size):
+        out[i] = 2 * np.abs(gap @ wave) / gap.size
+        wave *= turn  # from one order to the next: an exponential for each of a thousand took a fifth of a second
     return out
 
 

@@ -79,7 +79,7 @@ class ObserverView(ViewDefaults):
         """The same, and the twist of the coupling with its rate, shape (n, 2); a run that diverges is held finite."""
         out = model.follow(self.record.drive, self.record.position, self.filter.gains, start=self.start)
         far = LOST * (self.scene.reach + abs(self.scene.centre)), LOST * self.scene.speed
-        if all(np.all(np.abs(x) < f) for x, f in zip(out[:3], (far[0], far[0], far[1]), strict=True)):
+        if all(-f < x.min() and x.max() < f for x, f in zip(out[:3], (far[0], far[0], far[1]), strict=True)):
             return out
         held = [
             np.clip(np.nan_to_num(x, nan=0.0), -f, f) for x, f in zip(out[:3], (far[0], far[0], far[1]), strict=True)
