@@ -20,7 +20,7 @@ PAST, FEWEST, DYNAMIC = 3, 60, 0.2
 # A constant of a fifth of what a linear filter of the input leaves makes the free run of Example 5.1 three times worse,
 # one of three fifths a hundred times (tests/estimators/test_advice.py); by chance it is 1/sqrt(n) of it, or a
 # twentieth at the fewest samples, and up to twice that where what is left moves slowly.
-CONSTANT, FEWEST_FOR_A_CONSTANT, TAPS = 0.2, 400, 8
+WORTH_A_CONSTANT, FEWEST_FOR_A_CONSTANT, TAPS = 0.2, 400, 8
 # Mean over deviation up to which an input stands on no level; of another one an odd law may make a constant.
 CENTRED = 0.1
 
@@ -53,7 +53,7 @@ def of_a_constant(law: FrictionLaw, X: Array, y: Array) -> str | None:
     estimate = np.linalg.lstsq(rows, y[TAPS:], rcond=None)[0]
     left = float(np.std(y[TAPS:] - rows @ estimate))
     constant = float(estimate[0])
-    if abs(constant) <= max(CONSTANT * left, 1e-9 * float(np.abs(y).max())):
+    if abs(constant) <= max(WORTH_A_CONSTANT * left, 1e-9 * float(np.abs(y).max())):
         return None
     return (
         f"The output lies {constant:.3g} off what the input makes of it, and neither the law nor the model has a "
