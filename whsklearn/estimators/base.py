@@ -175,7 +175,8 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
         output : {"expected", "simulation"}, optional
             By default what is expected for an estimator that has a posterior of its parameters, as the recursive ones
             with ``gradient="full"``, where half a sign or more of the experiment is expected to be wrong; else, and for
-            other estimators, the simulation of `parameters_`.  They differ for a law with sign(dx) only.
+            other estimators, the simulation of `parameters_`.  They differ for a law with sign(dx) only.  The count is
+            of the whole experiment: where the first half of a record is to be told as the record is, name the output.
         return_std : bool, default=False
             Whether the standard deviation of the measured output about the free run is wanted too.  It holds what
             is not known of the parameters (the spread of the free runs of 100 draws from their Gaussian) and the
