@@ -26,15 +26,15 @@ class NoCompiler(ImportError):
 
 
 @functools.cache
-def library() -> Any:
-    """The compiled reference."""
+def library(*more: str) -> Any:
+    """The compiled reference; ``more`` flags."""
     compiler = shutil.which("gcc") or shutil.which("cc")
     if compiler is None:
         raise NoCompiler
     with tempfile.TemporaryDirectory() as folder:
         target = Path(folder, "reference.so")
         source = Path(__file__).with_name("reference.c")
-        subprocess.run([compiler, *FLAGS, str(source), "-o", str(target), "-lm"], check=True)
+        subprocess.run([compiler, *FLAGS, *more, str(source), "-o", str(target), "-lm"], check=True)
         return ctypes.CDLL(str(target))  # stays mapped when the folder goes
 
 
@@ -65,9 +65,9 @@ def c_rows(X: Array, y: Array) -> Answer:
     return theta, time.process_time() - began
 
 
-def c_rmils(u: Array, y: Array, start: Array) -> Answer:
-    """RMILS, p = 4, exact gradient, from one start."""
-    lib, theta, u = library(), start.copy(), np.ascontiguousarray(u)
+def c_rmils(u: Array, y: Array, start: Array, *, at_run_time: bool = False) -> Answer:
+    """RMILS, p = 4, exact gradient, from one start; orders fixed when it is compiled, or known at run time only."""
+    lib, theta, u = library(*["-DAT_RUN_TIME"] * at_run_time), start.copy(), np.ascontiguousarray(u)
     began = time.process_time()
     lib.rmils(_at(theta), ctypes.c_double(1.0), _at(u), _at(y), ctypes.c_long(len(y)))
     return theta, time.process_time() - began

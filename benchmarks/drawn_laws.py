@@ -2,11 +2,13 @@
 
     python benchmarks/drawn_laws.py                  # 21 systems, some two minutes
     python benchmarks/drawn_laws.py --count 7        # one a law
+    python benchmarks/drawn_laws.py --discontinuous --count 8
 
 Each system is two random stable blocks of order 1 to 4 about a law that `PEMRegressor(criterion="simulation")` is not
-told: it looks for orders and takes a cubic spline.  Noise of 10 % of the output's size is added to 5,000 samples; the
-free run is judged on 5,000 fresh ones without noise.  The floor is the noise that as many parameters must take in,
-sigma sqrt(n / N); "at the floor" is within three times that, or 1 % of the output where a kink is no spline.
+told: it looks for orders, and takes a cubic spline or a polynomial.  Noise of 10 % of the output's size is added to
+5,000 samples; the free run is judged on 5,000 fresh ones without noise.  The floor is the noise that as many parameters
+must take in, sigma sqrt(n / N); "at the floor" is within three times that, or 1 % of the output where a kink is no
+spline.
 """
 
 from __future__ import annotations
@@ -30,6 +32,11 @@ LAWS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
     "dead zone": lambda x: x - np.clip(x, -0.5, 0.5),
     "|x|": np.abs,
 }
+# no spline is these: how far from the floor does the fit end?
+DISCONTINUOUS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+    "relay": np.sign,
+    "staircase": lambda x: np.round(2 * x) / 2,
+}
 N, NOISE = 5000, 0.1
 
 
@@ -42,7 +49,7 @@ def one(seed: int, name: str) -> tuple[tuple[int, int], float, float, float]:
     )
     u = rng.standard_normal(2 * N)
     x = lfilter(b1, a1, u)
-    y = lfilter(b2, a2, LAWS[name](x / np.std(x)))
+    y = lfilter(b2, a2, (LAWS | DISCONTINUOUS)[name](x / np.std(x)))
     size = np.std(y)
     noisy = y + NOISE * size * rng.standard_normal(2 * N)
     began = time.process_time()
@@ -57,11 +64,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("--count", type=int, default=21)
     parser.add_argument("--first-seed", type=int, default=0)
+    parser.add_argument("--discontinuous", action="store_true", help="a relay and a staircase instead of the seven")
     options = parser.parse_args()
+    laws = list(DISCONTINUOUS if options.discontinuous else LAWS)
     print(f"{'law':12} {'orders':8} {'rmse %':>8} {'floor %':>8} {'CPU s':>6}")
     good = 0
     for seed in range(options.first_seed, options.first_seed + options.count):
-        name = list(LAWS)[seed % len(LAWS)]
+        name = laws[seed % len(laws)]
         orders, rmse, floor, seconds = one(seed, name)
         at_floor = rmse <= max(3 * floor, 0.01)
         good += at_floor

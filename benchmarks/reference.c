@@ -1,11 +1,17 @@
 /* The recursions of the speed table in plain C: the same arithmetic as whsklearn's kernels, the orders of Example 5.1
-   fixed when it is compiled.  `_c_reference.py` compiles it with -O3 and calls it through ctypes. */
+   fixed when it is compiled; with AT_RUN_TIME the loops of RMILS run to variables, as those of a library must.
+   `_c_reference.py` compiles it with -O3 and calls it through ctypes. */
 
 #include <math.h>
 #include <string.h>
 
+enum { ROOM_B = 2, ROOM_C = 2, ROOM_P = 4, ROOM_1 = 3, ROOM_V = 6, ROOM = 9 };  /* of Example 5.1, p = 4 */
+#ifdef AT_RUN_TIME
+int NA = 2, NB = 2, NC = 2, ND = 2, NW = 3, P = 4, N1 = 3, NV = 6, N = 9;  /* not static: anybody may change them */
+#else
 enum { NA = 2, NB = 2, NC = 2, ND = 2, NW = 3, P = 4 };
 enum { N1 = NA - 1 + NB, NV = N1 + NW, N = NV + NC - 1 + ND };
+#endif
 
 /* P = U D U', D on the diagonal, columns of U as rows below it (Bierman 1977, ch. V); returns phi' P phi + r. */
 static double measurement_update(double *ud, const double *phi, double r, double *gain, int n)
@@ -116,7 +122,7 @@ void rls_axes_abreast(double *theta, const double *rows, const double *y, long a
 
 /* State of one model: x(t-1) ..., dx/dtheta of each, v(t-1) ..., dv/dtheta of each. */
 typedef struct {
-    double x[NB], gx[NB][N1], v[NC], gv[NC][NV];
+    double x[ROOM_B], gx[ROOM_B][ROOM_1], v[ROOM_C], gv[ROOM_C][ROOM_V];
 } state;
 
 static double fast_tanh(double z)
@@ -152,7 +158,7 @@ static double predict(const double *theta, const state *s, const double *y_past,
 /* One sample on, law (4): viscous, Coulomb with tanh(kappa dx), reduced Stribeck; returns dx. */
 static double advance(const double *theta, state *s, const double *u_past, double kappa)
 {
-    double x = u_past[0], g[N1];
+    double x = u_past[0], g[ROOM_1];
     for (int m = NC - 1; m > 0; m--) {
         s->v[m] = s->v[m - 1];
         memcpy(s->gv[m], s->gv[m - 1], sizeof s->gv[m]);
@@ -194,7 +200,7 @@ static double advance(const double *theta, state *s, const double *u_past, doubl
 /* theta += gain e, halved until L1 is stable; what `_step` of subinnovations.py does. */
 static void step(double *theta, const double *gain, double e)
 {
-    double old[N], scale = 1.0;
+    double old[ROOM], scale = 1.0;
     memcpy(old, theta, sizeof old);
     for (int halving = 0; halving < 10; halving++, scale *= 0.5) {
         int ok = 1;
@@ -212,8 +218,8 @@ static void step(double *theta, const double *gain, double e)
 /* RMILS, p = 4, exact gradient, one start from theta and P0 I: forgetting from 0.95 to 1, kappa rising to 80. */
 void rmils(double *theta, double p0, const double *u, const double *y, long count)
 {
-    double ud[N * N] = {0}, psi[N], gain[N], loss = 0.0, norm = 0.0, moved = 0.0, moves = 0.0;
-    double recent_u[P + 2] = {0}, recent_y[P + 2] = {0}, forgetting = 0.95, sharpness = 1.0;
+    double ud[ROOM * ROOM] = {0}, psi[ROOM], gain[ROOM], loss = 0.0, norm = 0.0, moved = 0.0, moves = 0.0;
+    double recent_u[ROOM_P + 2] = {0}, recent_y[ROOM_P + 2] = {0}, forgetting = 0.95, sharpness = 1.0;
     state before = {0};
     for (int j = 0; j < N; j++)
         ud[j * N + j] = p0;

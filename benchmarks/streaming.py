@@ -114,8 +114,8 @@ def told(model: str, when: str, took: np.ndarray) -> list[dict[str, Any]]:
     return lines[: min(len(took), 2)]
 
 
-def table_of_latencies(n: int, repeat: int) -> list[dict[str, Any]]:
-    """Median, tail and worst call, while the memory fills and after."""
+def table_of_latencies(n: int, repeat: int, pattern: str) -> list[dict[str, Any]]:
+    """Median, tail and worst call, while the memory fills and after, of the models whose name holds ``pattern``."""
     X, y = make_wiener_hammerstein(n_samples=n, snr_db=20, random_state=0)
     columns = np.column_stack([np.roll(X[:, 0], k) for k in range(1, 10)])
     lags = WienerHammersteinLags()
@@ -127,6 +127,8 @@ def table_of_latencies(n: int, repeat: int) -> list[dict[str, Any]]:
     }
     table = []
     for name, (cls, options, inputs) in cases.items():
+        if pattern not in name:
+            continue
         latencies(cls(**options), inputs[:7000], y[:7000])  # loads what is compiled
         took = np.array([latencies(cls(**options), inputs, y) for _ in range(repeat)])
         memory = 0 if "lags" not in options else cls(**options).memory
@@ -144,9 +146,10 @@ def table_of_latencies(n: int, repeat: int) -> list[dict[str, Any]]:
 @click.option("--rows", type=float, default=1e6, help="Rows of the file.")
 @click.option("--calls", type=float, default=4e4, help="Rows that are timed one by one.")
 @click.option("--repeat", type=int, default=3, show_default=True, help="How often the same rows are timed.")
+@click.option("--of", "pattern", default="", help="Part of the names of the models whose rows are timed.")
 @click.option("--no-job", is_flag=True, help="Rows one by one alone.")
 @click.option("--json", "path", type=click.Path(path_type=Path), default=Path("reports/streaming.json"))
-def main(rows: float, calls: float, repeat: int, no_job: bool, path: Path) -> None:
+def main(rows: float, calls: float, repeat: int, pattern: str, no_job: bool, path: Path) -> None:
     """Measure, and print two tables."""
     results: dict[str, list[dict[str, Any]]] = {"job": [], "latency": []}
     if not no_job:
@@ -154,7 +157,7 @@ def main(rows: float, calls: float, repeat: int, no_job: bool, path: Path) -> No
     click.echo(
         f"\n{'one row, us':28s} {'':30s} {'median':>7s} {'99.9 %':>7s} {'99.99 %':>7s} {'worst':>7s} {'above 100':>16s}"
     )
-    results["latency"] = table_of_latencies(int(calls), repeat)
+    results["latency"] = table_of_latencies(int(calls), repeat, pattern)
     for r in results["latency"]:
         click.echo(
             f"{r['model']:28s} {r['when']:30s} {r['median']:7.1f} {r['p999']:7.0f} {r['p9999']:7.0f} {r['worst']:7.0f} "

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import gc
 import os
+import pickle
 import shutil
 import subprocess
 import sys
@@ -10,17 +12,20 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import numba
+import numpy as np
+from numba.core import event
 
 import whsklearn
 from whsklearn import _numba
-from whsklearn._numba import fingerprint, imported
+from whsklearn._numba import fingerprint, imported, part
+from whsklearn.systems.stability import is_stable
 
 PACKAGE = Path(whsklearn.__file__).parent
 SCRIPT = """
 import numpy as np
-from whsklearn.effects.terms import VISCOUS, term_values
-value = term_values(VISCOUS, 0.0, 0.0, 0.0, np.zeros(1), np.ones(1), np.inf)[0]
-print(value, sum(term_values.stats.cache_hits.values()))
+from whsklearn.effects.terms import VISCOUS, law_values
+value = law_values(np.array([VISCOUS]), np.zeros((1, 3)), np.zeros(1), np.ones(1), np.inf)[0, 0]
+print(value, sum(law_values.stats.cache_hits.values()))
 """
 
 
@@ -92,3 +97,98 @@ def test_an_odd_kernel_of_a_tenth_of_a_second_is_not_worth_a_word(caplog):
     seconds, told = compiled(0.1)
     assert (round(seconds, 1), told) == (0.1, 0)
     assert compiled(10.0)[1] == 1
+
+
+@part
+def _halved(x):
+    """A part of a kernel, which allocates."""
+    room = np.zeros(2)
+    room[1] = 0.5 * x
+    return room
+
+
+def _quartered(x):
+    return _halved(_halved(x)[1])[1]
+
+
+def test_a_part_is_compiled_within_its_kernel_alone_and_answers_python_too(tmp_path, monkeypatch):
+    monkeypatch.setattr(_numba._settings, "CACHE_DIR", str(tmp_path))
+    assert _numba.njit(_quartered)(8.0) == 2.0
+    assert len(_halved._linked.overloads) == 1
+    assert "_alone" not in vars(_halved)  # no machine code was made of it so far
+    assert _halved(8.0)[1] == 4.0
+    assert pickle.loads(pickle.dumps(is_stable)) is is_stable
+
+
+@part
+def _larger(x):
+    return max(x[0], x[1])
+
+
+def _twice_the_larger(x):
+    return _larger(x) + max(x[0], x[1])
+
+
+def test_an_operation_is_compiled_once_for_kernels_and_parts_alike(tmp_path, monkeypatch):
+    """Numba keeps its implementation by the flags of who asks; what Python calls and what kernels call differ there."""
+    monkeypatch.setattr(_numba._settings, "CACHE_DIR", str(tmp_path))
+    made = []
+
+    class Watch(event.Listener):
+        def on_start(self, e):
+            made.append(e.data["dispatcher"].py_func.__module__)
+
+        def on_end(self, _):
+            pass
+
+    with event.install_listener("numba:compile", Watch()):
+        assert _numba.njit(_twice_the_larger, error_model="numpy")(np.array([1, 3], dtype=np.float32)) == 6.0
+    assert made.count(__name__) == 2
+    assert len(made) == 3, made
+
+
+def test_loops_of_a_short_kernel_are_left_as_written(tmp_path, monkeypatch):
+    monkeypatch.setattr(_numba._settings, "CACHE_DIR", str(tmp_path))
+
+    @_numba.njit(error_model="numpy")
+    def long(x):
+        for i in range(x.size):
+            x[i] *= 3.0
+
+    @_numba.njit(error_model="numpy", short=True)
+    def short(x):
+        for i in range(x.size):
+            x[i] *= 3.0
+
+    x, y = np.linspace(0.0, 1.0, 77), np.linspace(0.0, 1.0, 77)
+    long(x)
+    short(y)
+    assert x.tobytes() == y.tobytes()
+    several = [" x double>" in code for kernel in (long, short) for code in kernel.inspect_llvm().values()]
+    assert several == [True, False]
+
+
+def test_where_numba_is_another_parts_are_compiled_in_its_own_way(monkeypatch):
+    monkeypatch.setattr(_numba, "LINKED", None)
+    half = part(_halved.py_func)
+    assert not isinstance(half, _numba.Part)
+    assert half(8.0)[1] == 4.0
+
+
+def test_the_collection_of_garbage_is_as_it_was_after_a_kernel_is_compiled(tmp_path, monkeypatch):
+    monkeypatch.setattr(_numba._settings, "CACHE_DIR", str(tmp_path))
+    before = gc.get_threshold()
+    seen = []
+
+    class Watch(event.Listener):
+        def on_start(self, _):
+            seen.append(gc.get_threshold())
+
+        def on_end(self, _):
+            pass
+
+    with event.install_listener("numba:compile", Watch()):
+        part(lambda x: x + 1)(1)
+    assert gc.get_threshold() == before
+    assert before not in seen
+    assert seen

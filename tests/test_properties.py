@@ -6,9 +6,10 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.recursion.factors import factorise
 from whsklearn import MILSRegressor, RLSRegressor, RMILSRegressor, WienerHammersteinLags
 from whsklearn.datasets import make_wiener_hammerstein
-from whsklearn.recursion.covariance import covariance, factorise, measurement_update
+from whsklearn.recursion.covariance import covariance, measurement_update
 from whsklearn.recursion.least_squares import block_update
 
 PROBLEM = {

@@ -9,6 +9,8 @@ behind ``NUMBA_CACHE_DIR``) is set while a kernel is declared and put back after
 
 from __future__ import annotations
 
+import functools
+import gc
 import hashlib
 import logging
 import os
@@ -22,6 +24,11 @@ from typing import Any
 import numba
 from numba.core import event
 
+from whsklearn._numba_pipelines import KERNEL, LINKED, SHORT
+
+# Of Python's garbage collection while a kernel is compiled, which makes millions of small objects that nobody drops
+# before its end: looking through them again and again was a tenth of the time.
+THRESHOLDS = 50_000, 50, 50
 _settings: Any = numba.config  # its attributes are made at run time
 _declare: Any = numba.njit
 _ROOT = Path(__file__).resolve().parent
@@ -40,12 +47,16 @@ class _Compiling(event.Listener):
     def on_start(self, _: Any) -> None:
         """A function begins; those that it calls are compiled inside."""
         if not self._depth:
+            self._threshold = gc.get_threshold()
+            gc.set_threshold(*THRESHOLDS)
             self._began = time.process_time()
         self._depth += 1
 
     def on_end(self, e: Any) -> None:
         """It ends."""
         self._depth -= 1
+        if not self._depth:
+            gc.set_threshold(*self._threshold)
         # a function of a user's own may stand in no module
         if self._depth or not (e.data["dispatcher"].py_func.__module__ or "").startswith("whsklearn."):
             return
@@ -64,7 +75,41 @@ def compiling_seconds() -> float:
     return _compiling.seconds
 
 
-def njit(*signature: Any, cache: bool = True, **options: Any) -> Any:
+class Part:
+    """A function that kernels call; called from Python it is a kernel of its own, which is made when that happens.
+
+    Parameters
+    ----------
+    function : function
+    **options
+        Of `numba.njit`.
+    """
+
+    def __init__(self, function: Callable[..., Any], **options: Any):
+        functools.update_wrapper(self, function)
+        self.py_func = function
+        self._options = options
+        self._linked = _declare(pipeline_class=LINKED, no_cpython_wrapper=True, no_cfunc_wrapper=True, **options)(
+            function
+        )
+
+    @property
+    def _numba_type_(self) -> Any:
+        """By which Numba knows what a kernel calls (as it knows its own functions)."""
+        return numba.types.Dispatcher(self._linked)
+
+    @functools.cached_property
+    def _alone(self) -> Any:
+        return njit(**self._options)(self.py_func)
+
+    def __call__(self, *args: Any) -> Any:
+        return self._alone(*args)
+
+    def __reduce__(self) -> str:
+        return self.py_func.__qualname__
+
+
+def njit(*signature: Any, cache: bool = True, short: bool = False, **options: Any) -> Any:
     """`numba.njit` with the cache on and keyed on all that is inlined; used in the same ways.
 
     Parameters
@@ -72,17 +117,22 @@ def njit(*signature: Any, cache: bool = True, **options: Any) -> Any:
     *signature : function, or a Numba signature
         The function itself where the decorator has no brackets.
     cache : bool
-        False for small functions that only other kernels call: they live in the caller's entry.
+        False for functions that kernels call: they are compiled within them and live in their entries (`Part`).
+    short : bool
+        True for kernels whose inner loops are short, over a handful of parameters (`_numba_pipelines`).
     **options
         Of `numba.njit`.
     """
     if len(signature) == 1 and callable(signature[0]) and hasattr(signature[0], "__code__"):
-        return njit(cache=cache, **options)(signature[0])
+        return njit(cache=cache, short=short, **options)(signature[0])
 
     def decorate(function: Callable[..., Any]) -> Any:
+        if not cache and LINKED is not None and not _settings.DISABLE_JIT:
+            return Part(function, **options)
         # nothing here is called through a C pointer (`effects.own` makes its own), and the wrapper for it is a sixth of
         # the time that compiling takes
-        declare = _declare(*signature, cache=cache, no_cfunc_wrapper=True, **options)
+        pipeline = SHORT if short else KERNEL
+        declare = _declare(*signature, cache=cache, no_cfunc_wrapper=True, pipeline_class=pipeline, **options)
         if not cache:
             return declare(function)
         before = _settings.CACHE_DIR
@@ -96,10 +146,7 @@ def njit(*signature: Any, cache: bool = True, **options: Any) -> Any:
 
 
 def part(function: Callable[..., Any]) -> Any:
-    """A function that other kernels call: compiled with them, and kept in their cache entries.
-
-    An entry of its own would cost every first run a third of what compiling it costs, and spare no later run anything.
-    """
+    """A function that kernels call, as `Part`: compiled within them, and kept in their cache entries."""
     return njit(cache=False, error_model="numpy")(function)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from click.testing import CliRunner
 
+from whsklearn.cli.comparison import MOST_OF_A_PATH
 from whsklearn.cli.simulated_example import main
 
 
@@ -25,7 +26,7 @@ def test_comparison_is_printed_and_recorded(mlflow_root):
     assert len(children) == 8
     assert {"nmse", "mu_e", "rmse", "delta"} <= set(children["RMILS (full)"].data.metrics)
     assert parent.data.metrics["nmse"] == min(r.data.metrics["nmse"] for r in children.values())
-    assert len(client.get_metric_history(children["RMILS (full)"].info.run_id, "path/b1")) == 30
+    assert len(client.get_metric_history(children["RMILS (full)"].info.run_id, "path/b1")) == MOST_OF_A_PATH
     files = {f.path for f in client.list_artifacts(parent.info.run_id)}
     assert {"table.txt", "convergence_full.png", "validation.png"} <= files
     (model,) = client.search_logged_models(

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from whsklearn.effects import terms
-from whsklearn.effects.terms import smooth_sign, tanh, term, term_values
+from whsklearn.effects.terms import law_values, smooth_sign, tanh, term
 
 SHAPES = {
     terms.VISCOUS: (0.0, 0.0, 0.0),
@@ -89,7 +89,7 @@ def test_smooth_sign_is_the_tanh_of_the_paper():
 
 def test_a_record_is_its_samples():
     x, dx = np.array(POINTS).T
-    values = term_values(terms.STRIBECK_EXP, 0.5, 1.6, 0.0, x, dx, 3.0)
+    values = law_values(np.array([terms.STRIBECK_EXP]), np.array([[0.5, 1.6, 0.0]]), x, dx, 3.0)[0]
     np.testing.assert_array_equal(
         values, [term(terms.STRIBECK_EXP, 0.5, 1.6, 0.0, p, q, 3.0)[0] for p, q in zip(x, dx, strict=True)]
     )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pickle
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from whsklearn.datasets import make_wiener_hammerstein
 from whsklearn.effects import Coulomb
 from whsklearn.effects.law import piecewise_linear_law, polynomial_law, smooth_law
 from whsklearn.metrics import nmse
+from whsklearn.recursion.memory_posterior import posterior
 
 SYSTEMS = {
     "law (4)": WienerHammersteinSystem.example(),
@@ -127,3 +130,41 @@ def test_a_known_theta_helps_as_one_more_start():
     told = RMILSRegressor(WienerHammersteinLags(), n_starts=1, theta0=truth, random_state=3).fit(X, y)
     assert told.score(X, y) >= alone.score(X, y) - 1e-9
     assert told.score(X, y) > 0.97
+
+
+@pytest.mark.parametrize("n", [60, 200, 400])
+def test_a_stream_whose_first_models_have_not_taken_over_answers_as_fit_does(n):
+    """The recursion that runs until then begins from nothing, and its parameters were told as they stood."""
+    X, y = make_wiener_hammerstein(n_samples=n, snr_db=7.462, random_state=1)
+    stream = RMILSRegressor(WienerHammersteinLags(), p=4, random_state=0)
+    for rows in np.array_split(np.arange(n), 3):
+        stream.partial_fit(X[rows], y[rows])
+    whole = RMILSRegressor(WienerHammersteinLags(), p=4, random_state=0).fit(X, y)
+    np.testing.assert_array_equal(stream.theta_, whole.theta_)
+    np.testing.assert_array_equal(stream.predict(X), whole.predict(X))
+
+
+def test_an_answer_is_worked_out_once_for_a_state(tmp_path, monkeypatch):
+    """Of a stream, of one that was loaded, and again when it has learnt or its parameters are others."""
+    asked = []
+
+    def counted(*arguments):
+        asked.append(1)
+        return posterior(*arguments)
+
+    monkeypatch.setattr("whsklearn.estimators._streams.posterior", counted)
+    X, y = make_wiener_hammerstein(600, snr_db=20, random_state=0)
+    model = RMILSRegressor(WienerHammersteinLags(), n_starts=4, memory=256, random_state=0)
+    model.partial_fit(X[:550], y[:550]).save(tmp_path / "model.whs")
+    loaded, unpickled = RMILSRegressor.load(tmp_path / "model.whs"), pickle.loads(pickle.dumps(model))
+    theta = model.theta_
+    for m in (loaded, unpickled):
+        asked.clear()
+        np.testing.assert_array_equal(m.theta_, theta)
+        assert np.isfinite([m.predict(X).sum(), m.standard_errors_.sum(), m.parameters_["b"].sum()]).all()
+        assert len(asked) == 1
+        m.partial_fit(X[550:], y[550:])
+        assert not np.array_equal(m.theta_, theta)
+        assert len(asked) == 2
+    loaded.set_params(p=2).predict(X)
+    assert len(asked) == 3

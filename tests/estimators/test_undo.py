@@ -7,9 +7,11 @@ import copy
 import numpy as np
 import pytest
 
+from whsklearn import RMILSRegressor, WienerHammersteinLags
 from whsklearn.checks import state_difference
+from whsklearn.datasets import make_wiener_hammerstein
 from whsklearn.estimators._streams import RowsStream
-from whsklearn.estimators._undo import ROWS, Undo, copied
+from whsklearn.estimators._undo import ROWS, Undo, copied, noted
 
 RNG = np.random.default_rng(0)
 U, Y = RNG.normal(size=(300, 2)), RNG.normal(size=300)
@@ -53,3 +55,22 @@ def test_a_state_that_others_put_in_its_place_is_copied_anew():
     undo.clear()
     undo.before(state, U[12:13], Y[12:13])
     assert undo.restored(STREAM)["seen"] == 12
+
+
+def test_what_a_note_does_not_copy_is_replaced_and_not_changed():
+    """Through re-runs while the memory fills, and pages that are turned; the memory itself only grows."""
+    X, y = make_wiener_hammerstein(1500, snr_db=20, random_state=0)
+    model = RMILSRegressor(lags=WienerHammersteinLags(), memory=400, n_starts=4, random_state=0)
+    model.partial_fit(X[:1], y[:1])
+    for begin in range(1, 1500, ROWS):
+        state = model.state_
+        shared = [name for name, value in noted(state).items() if value is state[name] and np.ndim(value)]
+        assert {"memory_u", "prior_information"} <= set(shared)
+        before = {name: (state[name], state[name].copy()) for name in shared}
+        fill = state["fill"]
+        for i in range(begin, min(begin + ROWS, 1500)):
+            model.partial_fit(X[i : i + 1], y[i : i + 1])
+        for name, (now, then) in before.items():
+            n = fill if name.startswith("memory_") else len(now)
+            np.testing.assert_array_equal(now[:n], then[:n], err_msg=name)
+    assert model.state_["blocks"] >= 2

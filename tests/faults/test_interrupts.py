@@ -15,6 +15,7 @@ import pytest
 from whsklearn import InverseDynamicsLags, MILSRegressor, RLSRegressor, RMILSRegressor, WienerHammersteinLags
 from whsklearn.checks import state_difference
 from whsklearn.datasets import make_wiener_hammerstein
+from whsklearn.recursion.first_block import motion
 
 # a record of a dynamic system stands in for rows here
 pytestmark = pytest.mark.filterwarnings("ignore:X has one column")
@@ -147,6 +148,32 @@ def test_lags_that_carry_a_motion_go_back_too():
         assert state_difference(model.get_state(), after.get_state()) == 0.0
 
 
+@pytest.mark.skipif(threading.current_thread() is not threading.main_thread(), reason="signals go to the main thread")
+def test_an_interrupt_in_a_long_kernel_arrives_as_one():
+    """It is pending when the kernel's answer is boxed, which made a SystemError of it."""
+    theta, dims = np.array([0.5, -0.5]), np.array([2, 1, 1, 1, 0])
+    u, restart = np.ones((3_000_000, 1)), np.zeros(3_000_000, dtype=np.bool_)
+    motion(theta, dims, u[:2], restart[:2])  # compiled, or from the cache
+
+    def ring(number, frame):
+        raise KeyboardInterrupt
+
+    def ask():
+        signal.setitimer(signal.ITIMER_REAL, 0.005)
+        while True:
+            motion(theta, dims, u, restart)
+
+    before = signal.signal(signal.SIGALRM, ring)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            ask()
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
+
+
+# Hypothesis, where it has run before in the process, times garbage collection in a callback; an interrupt there is lost
+@pytest.mark.filterwarnings("ignore:Exception ignored in.*gc_callback:pytest.PytestUnraisableExceptionWarning")
 @pytest.mark.skipif(threading.current_thread() is not threading.main_thread(), reason="signals go to the main thread")
 @pytest.mark.parametrize("name", MODELS)
 def test_interrupted_by_a_clock_again_and_again(name):

@@ -5,7 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from whsklearn.recursion.covariance import covariance, factorise, inflate, measurement_update
+from tests.recursion.factors import factorise
+from whsklearn.recursion.covariance import (
+    covariance,
+    factors_of_inverse,
+    inflate,
+    measurement_update,
+    times,
+)
 
 
 def random_covariance(n, seed, log_condition=3):
@@ -83,3 +90,20 @@ def test_p_stays_positive_where_the_plain_form_does_not():
     assert (np.diag(ud) > 0).all()
     assert np.isfinite(ud).all()
     assert lost
+
+
+@pytest.mark.parametrize("n", [1, 4, 11])
+def test_factors_of_an_information_matrix_are_those_of_its_inverse_whatever_the_units(n):
+    units = 10.0 ** np.linspace(-6, 6, n)
+    p = random_covariance(n, n) * np.outer(units, units)
+    ud, v = factors_of_inverse(np.linalg.inv(p)), np.arange(1.0, n + 1) / units
+    np.testing.assert_allclose(covariance(ud) / np.outer(units, units), random_covariance(n, n), rtol=1e-8)
+    np.testing.assert_allclose(times(ud, v) / units, p @ v / units, rtol=1e-8)
+
+
+def test_what_a_record_says_nothing_of_is_uncertain_and_not_infinite():
+    row = np.array([1.0, 2.0, 0.0])
+    p = covariance(factors_of_inverse(np.outer(row, row)))
+    assert np.isfinite(p).all()
+    assert p[2, 2] > 1e10
+    assert row @ p @ row == pytest.approx(1.0, abs=1e-2)

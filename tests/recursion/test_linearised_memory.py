@@ -69,11 +69,44 @@ def test_it_goes_on_from_a_state_as_if_it_had_read_what_came_before(record):
 
 def test_a_sign_enters_the_rows_after_it_but_for_those_of_another_experiment(record):
     rows = linearised(record, TRUTH)
-    signs = listed(rows, record, np.array([10, 138, 139, N - 1]), LAW, np.ones(N), first=1000)
-    assert signs.at.tolist() == [[1011, 1012], [1139, -1], [-1, -1], [-1, -1]]
+    signs = listed(rows, record, np.array([10, 138, 139, N - 1]), LAW, TRUTH, np.ones(N), first=1000)
+    # the last one enters rows of the next page, 1300 and 1301, which are not known yet
+    assert signs.at.tolist() == [[1011, 1012], [1139, -1], [-1, -1], [-1302, -1303]]
     np.testing.assert_array_equal(signs.rows[0], rows.psi[11:13])
     assert not signs.rows[1, 1].any()
     assert signs.height[0].tolist() == [0.0, 1.0, 0.0]  # of the three terms only Coulomb friction jumps
+
+
+def test_the_last_sign_of_a_page_enters_the_first_rows_of_the_next_one(record):
+    rows = linearised(record, TRUTH)
+    signs = listed(rows, record, np.array([10, N - 2, N - 1]), LAW, TRUTH, np.ones(N), first=0)
+    psi, restart = np.random.default_rng(0).standard_normal((4, TRUTH.size + 1)), np.zeros(4, dtype=bool)
+    met = signs.met(psi, restart, N)
+    assert met.at.tolist() == [[11, 12], [N - 1, N], [N, N + 1]]
+    np.testing.assert_array_equal(met.rows[2], psi[:2])
+    np.testing.assert_array_equal(met.rows[1], [rows.psi[N - 1], psi[0]])
+    np.testing.assert_array_equal(met.rows[0], signs.rows[0])
+    restart[1] = True
+    assert signs.met(psi, restart, N).at.tolist() == [[11, 12], [N - 1, N], [N, -1]]
+    assert signs.met(psi[:0], restart[:0], N).at.tolist() == signs.at.tolist()
+
+
+@pytest.mark.parametrize("theta", [TRUTH, np.concatenate([[0.5], [0.4, -0.3], TRUTH[3:]])])
+def test_signs_move_with_the_parameters_to_second_order(record, theta):
+    chosen = np.arange(N)
+    here = linearised(record, theta)
+    signs = listed(here, record, chosen, LAW, theta, np.ones(N), first=0)
+    errors = []
+    for size in (4e-3, 2e-3):
+        delta = np.zeros(theta.size)
+        delta[:3] = size * np.array([1.0, 0.6, -0.8])
+        there = linearised(record, theta + delta)
+        shifted = signs.shifted(delta)
+        errors.append(np.abs(shifted.dx - there.motion[:, 1]).max())
+        slope = np.abs(shifted.gradient - there.gradient).max()
+        assert slope < 0.05 * np.abs(here.gradient - there.gradient).max()
+        assert errors[-1] < 0.02 * np.abs(signs.dx + signs.gradient @ delta[:3] - there.motion[:, 1]).max()
+    assert errors[1] < 0.2 * errors[0]  # of third order
 
 
 def test_which_terms_jump():

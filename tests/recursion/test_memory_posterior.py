@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,11 +12,12 @@ from scipy.signal import lfilter
 from whsklearn import RMILSRegressor, WienerHammersteinLags, WienerHammersteinSystem
 from whsklearn.datasets import make_wiener_hammerstein
 from whsklearn.effects.law import reduced_law
-from whsklearn.recursion import multistart
+from whsklearn.recursion import memory_posterior, multistart
 from whsklearn.recursion.linearised_memory import Signs
 from whsklearn.recursion.memory_posterior import has_posterior, initial_past, moved, packed, unpacked
 from whsklearn.recursion.predictor import record_errors
 from whsklearn.recursion.reading import Reading
+from whsklearn.recursion.sign_density import posed, turn
 
 LAW = WienerHammersteinSystem.example().law
 READING = Reading(
@@ -44,7 +46,8 @@ def test_the_state_keeps_signs_as_they_are():
     state, rng = initial_past(READING), np.random.default_rng(0)
     signs = Signs(
         rng.standard_normal(5), np.array([1.0, -1, 1, 1, -1]), np.ones(5), rng.standard_normal((5, 3)),
-        rng.standard_normal((5, 3)), rng.standard_normal((5, 2, 10)), np.arange(10).reshape(5, 2),
+        rng.standard_normal((5, 3, 3)), rng.standard_normal((5, 3)), rng.standard_normal((5, 2, 10)),
+        np.arange(10).reshape(5, 2),
     )  # fmt: skip
     for a, b in zip(signs, unpacked(packed(signs, state), READING), strict=True):
         np.testing.assert_array_equal(a, b)
@@ -52,9 +55,9 @@ def test_the_state_keeps_signs_as_they_are():
 
 def test_only_a_law_that_jumps_behind_an_unknown_block_has_signs_in_doubt():
     assert has_posterior(READING)
-    assert not has_posterior(Reading(**{**vars(READING), "memory": 0}))
-    assert not has_posterior(Reading(**{**vars(READING), "codes": np.zeros(3, dtype=int)}))
-    assert not has_posterior(Reading(**{**vars(READING), "dims": np.array([1, 0, 2, 2, 3])}))
+    assert not has_posterior(replace(READING, memory=0))
+    assert not has_posterior(replace(READING, codes=np.zeros(3, dtype=int)))
+    assert not has_posterior(replace(READING, dims=np.array([1, 0, 2, 2, 3])))
 
 
 @pytest.mark.parametrize("n", [150, 700])
@@ -76,6 +79,28 @@ def test_pages_lose_next_to_nothing():
     np.testing.assert_allclose(paged.standard_errors_, errors, rtol=0.4)
 
 
+def test_pages_left_behind_give_the_squared_errors_of_other_parameters():
+    """Those at the truth, from pages that were read where the parameters were then: signs turned, nothing read again.
+
+    In some of these records a sign was missed, at 2 (0.7)^2 or six times all squared errors: without the curvature of
+    dx, with a page that begins where other parameters ended, without the rows that a page's last sign enters.
+    """
+    system, misfits = WienerHammersteinSystem.example(), []
+    truth = np.concatenate([system.a[1:], system.b, system.law.weights, system.c[1:], system.d])
+    for seed in (17, 19, 20, 28, 29):
+        X, y = make_wiener_hammerstein(6144, snr_db=40, random_state=seed)
+        model = RMILSRegressor(WienerHammersteinLags(), n_starts=8, memory=512, random_state=seed).partial_fit(X, y)
+        state, r = model.state_, model._stream.reading
+        count, delta = int(state["past_count"][0]), truth - state["past_theta"]
+        assert count == 5632
+        signs = unpacked(state, r).shifted(delta)
+        p = posed(moved(state["past_matrix"], delta), truth, r.dims, count, signs)
+        matrix, change = np.empty((10, 10)), np.zeros((len(p.rows), 10))
+        turn(np.zeros(3), p, matrix, change, np.empty(len(p.rows), dtype=np.int64))
+        misfits.append(matrix[-1, -1] / squared_errors(r, truth, X[:count], y[:count]))
+    np.testing.assert_allclose(misfits, 1.0, atol=0.01)
+
+
 def test_a_mean_that_moves_is_followed_and_one_that_does_not_fit_the_record_is_not_told():
     """Of 512 signs in doubt a first round of three told a mean 3 % worse than where it began, three errors off."""
     law = reduced_law(0.28, 0.862, 0.172)
@@ -91,6 +116,27 @@ def test_a_mean_that_moves_is_followed_and_one_that_does_not_fit_the_record_is_n
         squares = [squared_errors(stream.reading, theta, X, y) for theta in (model._natural(), live)]
         misfits.append(squares[0] / squares[1])
     assert max(misfits) < 1.02
+
+
+@pytest.mark.parametrize(
+    ("step", "rounds"),
+    [(0.0, memory_posterior.ROUNDS), (0.4, memory_posterior.MOST_ROUNDS), (2.0, memory_posterior.MOST_ROUGH + 1)],
+    ids=["a mean that stays", "one that creeps", "one that wanders"],
+)
+def test_a_mean_that_creeps_is_followed_longer_than_one_that_wanders(monkeypatch, step, rounds):
+    """Steps in standard deviations; rounds of few sweeps say where to go, the last ones have all of them."""
+    model, asked = fitted(300, memory=256), []
+
+    def sample(problem, start, rng, *, rough):
+        asked.append(rough)
+        sd = np.sqrt(np.diag(start.covariance))
+        return start._replace(mean=problem.theta + step * sd * (-1) ** len(asked))
+
+    monkeypatch.setattr(memory_posterior, "sample", sample)
+    memory_posterior.posterior(model.state_, model._stream.reading, multistart.answer(model.state_))
+    assert len(asked) == rounds
+    assert not asked[-1]
+    assert asked == sorted(asked, reverse=True)
 
 
 def squared_errors(r, theta, X, y):
@@ -114,13 +160,13 @@ def test_signs_are_wrong_as_often_as_expected_and_the_simulation_is_given_where_
         X, y, truth = make_wiener_hammerstein(1000, snr_db=20, random_state=seed, return_truth=True)
         model = RMILSRegressor(WienerHammersteinLags(), random_state=seed).partial_fit(X, y)
         for k in range(3):
-            U, _ = make_wiener_hammerstein(400, snr_db=None, random_state=[seed, k])
+            U, _ = make_wiener_hammerstein((100, 400, 3000)[k], snr_db=None, random_state=[seed, k])
             a, b = model.parameters_["a"], model.parameters_["b"]
             x, x_true = (lfilter(np.append(0, p), q, U[:, 0]) for p, q in ((a, b), (truth.system.a, truth.system.b)))
             wrong = model.wrong_signs(U)
             expected += wrong[0]
             found += int(np.sum(np.diff(x) * np.diff(x_true) < 0))
-            output = "simulation" if wrong[0] < 0.5 else "expected"
+            output = "simulation" if wrong[0] < np.log(2.0) else "expected"
             np.testing.assert_array_equal(model.predict(U), model.predict(U, output=output))
             given.add(output)
     assert given == {"simulation", "expected"}
@@ -133,7 +179,7 @@ def test_each_experiment_is_judged_by_itself():
     U = [make_wiener_hammerstein(n, snr_db=None, random_state=n)[0] for n in (20, 1500, 30)]
     wrong = model.wrong_signs(U)
     np.testing.assert_allclose(wrong, [model.wrong_signs(u)[0] for u in U])
-    assert wrong.min() < 0.5 < wrong.max()
+    assert wrong.min() < np.log(2.0) < wrong.max()
     for together, alone in zip(model.predict(U), (model.predict(u) for u in U), strict=True):
         np.testing.assert_allclose(together, alone, rtol=1e-12)
 

@@ -20,15 +20,14 @@ from whsklearn.effects import (
 )
 from whsklearn.effects.law import polynomial_law, smooth_law
 from whsklearn.effects.static import Hinge, Power, Tanh, TanhDifference
+from whsklearn.recursion.first_block import motion
 from whsklearn.recursion.predictor import (
-    motion,
     parameter_count,
     push,
     record_errors,
-    record_regressors,
     state_size,
 )
-from whsklearn.recursion.starts import random_stable
+from whsklearn.recursion.starts import random_stable, regressors
 
 EVERY_TERM = FrictionLaw(
     [
@@ -123,22 +122,14 @@ def test_with_l1_fixed_the_prediction_is_linear_in_the_products_and_d():
     law = LAWS["all"]
     dims, theta, u, y, restart = problem((2, 2, 3, 2), law, n_inputs=2)
     na, nb, nc, nd, nw = dims
-    rows = np.empty((y.size, nc * nw + nd))
-    record_regressors(theta, dims, law.codes, law.shapes, 4.0, u, y, restart, rows)
+    kappa = 0.5 / motion(theta, dims, u, restart)
+    rows = regressors(theta, (dims, law.codes, law.shapes), u, y, restart)
+    assert rows.shape == (y.size, nc * nw + nd)
     w = theta[na - 1 + nb : na - 1 + nb + nw]
     c = np.concatenate([[1.0], theta[na - 1 + nb + nw : theta.size - nd]])
     linear = np.concatenate([np.outer(c, w).ravel(), theta[theta.size - nd :]])
-    errors, _ = errors_of(theta, dims, law, 4.0, u, y, restart)
+    errors, _ = errors_of(theta, dims, law, kappa, u, y, restart)
     np.testing.assert_allclose(y - rows @ linear, errors, atol=1e-12)
-
-
-def test_motion_is_the_root_mean_square_of_dx():
-    system = WienerHammersteinSystem.example()
-    u = np.random.default_rng(2).standard_normal(200)
-    x = system.signals(u).x
-    theta = np.concatenate([system.a[1:], system.b, system.law.weights, system.c[1:], system.d])
-    got = motion(theta, np.array([2, 2, 2, 2, 3]), u[:, None], np.arange(200) == 0)
-    assert got == pytest.approx(np.sqrt(np.mean(np.diff(x, prepend=0.0) ** 2)))
 
 
 def test_push_puts_the_newest_first_one_number_an_input():

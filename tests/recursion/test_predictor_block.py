@@ -8,7 +8,7 @@ import pytest
 from tests.recursion.reruns import replay
 from whsklearn.effects.terms import ASYMMETRIC_VISCOUS, COULOMB, POSITION_FRICTION, STRIBECK_TANH, VISCOUS
 from whsklearn.recursion.memory_cost import Memory
-from whsklearn.recursion.predictor import advance, parameter_count, past_of, predict, state_size
+from whsklearn.recursion.predictor import advance, by_block, parameter_count, past_of, predict, state_size
 from whsklearn.recursion.predictor_block import LENGTH, dot, through_denominator
 from whsklearn.recursion.starts import random_start
 
@@ -29,9 +29,10 @@ def sample_by_sample(theta, dims, kappa, u, y, restart, n_inputs, history, state
         if t <= max(n - tail + 1, 0) or restart[t]:
             before = state.copy()
         psi = np.empty(theta.size)
-        errors.append(y[history + t] - predict(theta, dims, past_of(state, dims), y_past, 0, psi))
+        past, psi_blocks = past_of(state, dims), by_block(psi, dims)
+        errors.append(y[history + t] - predict(by_block(theta, dims), past, y_past, psi, psi_blocks))
         rows.append(psi)
-        advance(theta, dims, *law, kappa, past_of(state, dims), u_past, 0)
+        advance(by_block(theta, dims), *law, kappa, past, u_past)
         u_past = np.concatenate([u[history + t], u_past])[: dims[0]]
         y_past = np.concatenate([y[history + t : history + t + 1], y_past])[: max(dims[3], 1)]
     return np.array(errors), np.array(rows), state if tail == 1 else before
@@ -64,13 +65,15 @@ def test_it_is_the_predictor_sample_by_sample(n_inputs, orders, kappa, tail):
 
 
 @pytest.mark.parametrize("order", [0, 1, 2, 4])
-def test_a_denominator_undoes_its_polynomial(order):
-    rng = np.random.default_rng(order)
-    b, signal = rng.uniform(-0.3, 0.3, order), rng.normal(size=60)
-    row = signal.copy()
-    row[order:] = np.convolve(signal, np.append(1.0, b))[order : signal.size]
-    through_denominator(row, b)
-    np.testing.assert_allclose(row, signal, rtol=1e-10, atol=1e-12)
+@pytest.mark.parametrize("count", [1, 3, 4, 6])
+def test_a_denominator_undoes_its_polynomial(order, count):
+    rng, past, n = np.random.default_rng(order), max(order, 1), 60
+    b, signals = rng.uniform(-0.3, 0.3, order), rng.normal(size=(count, past + LENGTH))
+    rows, now = signals.copy(), slice(past, past + n)
+    for row, signal in zip(rows, signals, strict=True):
+        row[now] = np.convolve(signal, np.append(1.0, b))[now]
+    through_denominator(rows, b, n)
+    np.testing.assert_allclose(rows, signals, rtol=1e-10, atol=1e-12)
 
 
 def test_an_inner_product_in_any_order_is_the_same_sum():

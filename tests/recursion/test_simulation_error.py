@@ -10,8 +10,8 @@ from whsklearn.effects import Coulomb, FrictionLaw, Tanh, Viscous, cubic_spline_
 from whsklearn.recursion.best_linear import IOData, best_linear
 from whsklearn.recursion.block_split import Orders, divisions, padded
 from whsklearn.recursion.linear_filter import delayed_rows, filter_rows
-from whsklearn.recursion.simulation_error import Chain, refine, run, sensitivities
-from whsklearn.recursion.simulation_search import squared_error
+from whsklearn.recursion.simulation_error import Chain, refine, run, sensitivities, solve_law
+from whsklearn.recursion.structure_choice import squared_error
 
 RNG = np.random.default_rng(0)
 BOUNDS = np.array([0, 150, 400])
@@ -75,3 +75,18 @@ def test_dry_friction_on_dx_is_refined_with_its_scale_held():
     fitted = refine(near, data, 40, free=False)
     assert fitted.chain.b1[0, 0] == 1.0
     assert fitted.cost < 0.02 * squared_error(near, data)
+
+
+def test_a_refinement_never_ends_above_its_start():
+    """Knots that happen to stand on a kink are not given away for knots that follow x."""
+    u = RNG.standard_normal(1500)
+    x = lfilter([1.0, 0.5], [1.0, -0.6], u)
+    y = lfilter([1.0, 0.3], [1.0, -0.4], np.abs(x))
+    law = cubic_spline_law([-4.0, -0.03, -0.02, 0.0, 0.02, 0.03, 4.0], [4.0, 0.03, 0.02, 0.0, 0.02, 0.03, 4.0])
+    chain = Chain(
+        np.array([[1.0, 0.5]]), np.array([1.0, -0.6]), np.array([1.0, 0.3]), np.array([1.0, -0.4]), law, law.weights
+    )
+    data = data_of(u, y, [0, 1500])
+    given = solve_law(chain, data).cost
+    for iterations in (0, 3, 6, 40):
+        assert refine(chain, data, iterations).cost <= given * (1 + 1e-12)

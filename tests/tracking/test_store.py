@@ -48,3 +48,34 @@ def test_missing_mlflow_names_the_extra(monkeypatch):
     monkeypatch.setitem(sys.modules, "mlflow", None)
     with pytest.raises(ImportError, match=r"whsklearn\[mlflow\]"):
         open_tracker("x")
+
+
+@pytest.mark.parametrize(
+    ("said", "calls"),
+    [
+        ("(sqlite3.IntegrityError) UNIQUE constraint failed: datasets.name", 2),
+        ('duplicate key value violates unique constraint "datasets_pk"', 2),
+        ("(1062, \"Duplicate entry 'a' for key 'PRIMARY'\")", 2),
+        ("database is locked", 1),
+    ],
+)
+def test_what_another_process_wrote_meanwhile_is_found_at_a_second_try(said, calls):
+    """And nothing else is tried again: a locked database makes every try wait."""
+
+    class Client:
+        tracking_uri = "sqlite:///a.db"
+        called = 0
+
+        def log_inputs(self):
+            self.called += 1
+            if self.called == 1:
+                raise ValueError(said)
+            return "there"
+
+    client = Client()
+    if calls == 2:
+        assert store.InSentences(client).log_inputs() == "there"
+    else:
+        with pytest.raises(store.TrackingError, match="locked"):
+            store.InSentences(client).log_inputs()
+    assert client.called == calls

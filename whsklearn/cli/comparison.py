@@ -19,7 +19,7 @@ from whsklearn.metrics import mu_e, nmse, parameter_error, rmse
 from whsklearn.plot import flat_parameters, parameter_paths
 from whsklearn.tracking import Run, estimator_params
 
-MOST_OF_A_PATH = 50  # points: a picture shows no more, and each asks the default for its answer, 40 ms
+MOST_OF_A_PATH = 20  # points: each asks the default for its answer, a tenth of a second
 WARM_UP = 600  # samples: beyond the 480 at which a stream's first models take over, so that all kernels have run
 
 

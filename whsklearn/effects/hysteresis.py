@@ -11,7 +11,7 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-from whsklearn._numba import njit
+from whsklearn._numba import njit, part
 from whsklearn.effects import codes
 from whsklearn.effects.base import Effect
 from whsklearn.effects.quantity import Quantity
@@ -33,7 +33,7 @@ def dahl(z, s, path):
     return s + (z - s) * math.exp(-path)
 
 
-@njit(error_model="numpy")
+@part
 def advance_hysteresis(code, p, z, k, dx, v):
     """Move the states z[k] along a path dx travelled at velocity v; exact for a constant v."""
     if dx == 0.0:
@@ -57,7 +57,7 @@ def advance_hysteresis(code, p, z, k, dx, v):
             z[k, i] = min(g, max(-g, z[k, i] + s * r * (n + 1.0) / (2.0 * (i + 1.0))))
 
 
-@njit(error_model="numpy")
+@part
 def hysteresis_torque(code, p, z, k, v):
     """z[k], with LuGre's damping of the asperities, and its derivative by velocity."""
     if code == codes.MAXWELL_SLIP:

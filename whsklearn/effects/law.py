@@ -12,12 +12,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from whsklearn._numba import njit
 from whsklearn.effects.base import get_effect
 from whsklearn.effects.friction import Coulomb, ReducedStribeck, StaticEffect, Viscous
 from whsklearn.effects.knots import spline_terms, static_terms
 from whsklearn.effects.static import Hinge, Power, Tanh, TanhDifference
-from whsklearn.effects.terms import N_SHAPE, term
+from whsklearn.effects.terms import N_SHAPE, law_values
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -104,8 +103,8 @@ class FrictionLaw:
             sign(dx) is tanh(kappa dx).
         """
         x, dx = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(dx, dtype=float))
-        flat = _evaluate(self.codes, self.shapes, x.ravel(), dx.ravel(), float(kappa))
-        return flat.reshape(*x.shape, len(self))
+        values = law_values(self.codes, self.shapes, x.ravel(), dx.ravel(), float(kappa))
+        return np.ascontiguousarray(values.T).reshape(*x.shape, len(self))
 
     def reweighted(self, weights: Sequence[float] | NDArray[np.float64]) -> FrictionLaw:
         """The same terms with other weights.
@@ -116,15 +115,6 @@ class FrictionLaw:
             One a term, in the unit of y.
         """
         return FrictionLaw([t.resized(float(w)) for t, w in zip(self.terms, weights, strict=True)])
-
-
-@njit
-def _evaluate(codes, shapes, x, dx, kappa):
-    out = np.empty((x.size, codes.size))
-    for i in range(x.size):
-        for k in range(codes.size):
-            out[i, k] = term(codes[k], shapes[k, 0], shapes[k, 1], shapes[k, 2], x[i], dx[i], kappa)[0]
-    return out
 
 
 def reduced_law(viscous: float = 0.05, coulomb: float = 0.7, stribeck: float = 0.2) -> FrictionLaw:

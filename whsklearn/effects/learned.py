@@ -10,13 +10,13 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-from whsklearn._numba import njit
+from whsklearn._numba import part
 from whsklearn.effects import codes
 from whsklearn.effects.base import Effect
 from whsklearn.effects.quantity import Quantity
 
 
-@njit(error_model="numpy")
+@part
 def hill(z):
     """The cubic B-spline on knots -2, -1, 0, 1, 2, scaled to one at zero (de Boor 1978, ch. IX)."""
     z = abs(z)
@@ -27,7 +27,7 @@ def hill(z):
     return 1.0 - 1.5 * z * z + 0.75 * z * z * z
 
 
-@njit(error_model="numpy")
+@part
 def distance(x, centre, period):
     """x - centre, the short way round where the signal comes back after a period above zero."""
     d = x - centre
@@ -36,7 +36,7 @@ def distance(x, centre, period):
     return d
 
 
-@njit(error_model="numpy")
+@part
 def learned_torque(code, centre, width, period, q, v, s, ds, u):
     """Torque a unit of height, and its slope by velocity where a sign changes at rest."""
     if code == codes.LEARNED_SPEED:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from whsklearn._numba import njit
+from whsklearn._numba import njit, part
 from whsklearn.effects import codes
 from whsklearn.effects.drive import dead_zone, saturation, torque_ripple
 from whsklearn.effects.friction import coulomb, viscous
@@ -67,7 +67,7 @@ def motor_torque(code, p, i, t, q, v, s, ds, u):
     return 0.0, 0.0
 
 
-@njit(error_model="numpy")
+@part
 def load_torque(code, p, i, t, q, v):
     """Torque of row i that acts on the load's side (Nm), a function of the load's motion and of time."""
     w = p[i, 0]
@@ -88,7 +88,7 @@ def load_torque(code, p, i, t, q, v):
     return 0.0
 
 
-@njit(error_model="numpy")
+@part
 def reading(code, p, i, t, q):
     """What row i adds to the reading of the position q (rad); a lattice is what is left after rounding."""
     w = p[i, 0]
@@ -105,13 +105,13 @@ def reading(code, p, i, t, q):
     return 0.0
 
 
-@njit(error_model="numpy")
+@part
 def on_load(code):
     """Whether a code is a torque on the load's side."""
     return codes.GRAVITY_IMBALANCE <= code <= codes.END_STOP_LOWER
 
 
-@njit(error_model="numpy")
+@part
 def has_memory(code):
     """Whether a code is a torque with a memory of the path."""
     return codes.DAHL <= code <= codes.BOUC_WEN

@@ -60,10 +60,10 @@ __all__ = [
     "TANH_DIFFERENCE",
     "VISCOUS",
     "directed_term",
+    "law_values",
     "smooth_sign",
     "tanh",
     "term",
-    "term_values",
 ]
 
 
@@ -111,10 +111,11 @@ def term(code, s0, s1, s2, x, dx, kappa):
     return directed_term(code, s0, s1, s2, x, dx, s, ds)
 
 
-@njit(error_model="numpy")
-def term_values(code, s0, s1, s2, x, dx, kappa):
-    """The values of one term along a record."""
-    out = np.empty(x.size)
-    for i in range(x.size):
-        out[i] = term(code, s0, s1, s2, x[i], dx[i], kappa)[0]
+@njit(error_model="numpy", short=True)
+def law_values(codes, shapes, x, dx, kappa):
+    """The values of each term of a law along a record, at weight one; shape (K, n)."""
+    out = np.empty((codes.size, x.size))
+    for k in range(codes.size):
+        for i in range(x.size):
+            out[k, i] = term(codes[k], shapes[k, 0], shapes[k, 1], shapes[k, 2], x[i], dx[i], kappa)[0]
     return out

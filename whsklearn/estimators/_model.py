@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from whsklearn._numba import njit, part
+from whsklearn._numba import njit
 from whsklearn.effects import FrictionLaw
-from whsklearn.effects.terms import VISCOUS, term
-from whsklearn.recursion.delay_line import clear, push
+from whsklearn.effects.terms import VISCOUS, law_values
+from whsklearn.recursion.first_block import LARGEST, first_block
 from whsklearn.recursion.linearised_memory import jumps
 from whsklearn.systems.stability import is_stable
 
@@ -204,10 +204,23 @@ def _before_l2(
     a, b, w, c, _ = (natural[i] for i in s.slices())
     n1 = a.size + b.size
     spread = np.zeros((0, 0)) if covariance is None else np.ascontiguousarray(covariance[:n1, :n1])
-    law = s.law.codes, s.law.shapes, w
-    return _static_output(
-        np.concatenate([[1.0], a]), inside(b), np.concatenate([[1.0], c]), law, jumps(s.law.codes), spread, u, restart
-    )
+    stable = np.concatenate([a, inside(b)])
+    moved, _ = first_block(stable, s.dims, u, restart, spread)
+    x, dx = moved[:2]
+    certainty = moved[2] if len(moved) > 2 else np.ones(x.size)
+    v = np.zeros(x.size)
+    values = law_values(s.law.codes, s.law.shapes, x, dx, math.inf)
+    for weight, value, jumping in zip(w, values, jumps(s.law.codes), strict=True):
+        v += weight * (value * certainty if jumping else value)
+    v = np.clip(v, -LARGEST, LARGEST)
+    out = np.zeros(x.size)
+    begins = np.flatnonzero(restart)
+    for m, weight in enumerate(np.append(1.0, c), start=1):
+        late = np.append(np.zeros(min(m, v.size)), v[:-m])
+        for begin in begins:
+            late[begin : begin + m] = 0.0
+        out += weight * late
+    return out, np.where(dx == 0.0, 0.0, 0.5 * (1.0 - certainty))  # at rest the sign is no question
 
 
 def shifted(
@@ -226,78 +239,7 @@ def shifted(
     return u_new, y_new, restart_new, to + max(advance, 0)
 
 
-@njit(cache=True, error_model="numpy")
-def _static_output(a, b, c, law, jumping, spread, u, restart):
-    """sum c_m v(t-m), with x and v by (1) and the law; jumps smeared where (a, b) has a covariance ``spread``.
-
-    And the probability that the sign of dx is the other one, of each sample.
-    """
-    codes, shapes, weights = law
-    n, n1 = len(u), spread.shape[0]
-    out = np.zeros(n)
-    u_past = np.zeros(a.size)
-    x_past = np.zeros(b.size + 1)
-    v_past = np.zeros(c.size)
-    g_past = np.zeros((b.size + 1, n1))
-    g = np.zeros(n1)
-    wrong = np.zeros(n)
-    for t in range(n):
-        if restart[t]:
-            clear(u_past)
-            clear(x_past)
-            clear(v_past)
-            for j in range(b.size + 1):
-                clear(g_past[j])
-        for k in range(c.size):
-            out[t] += c[k] * v_past[k]
-        x = 0.0
-        for i in range(a.size):
-            x += a[i] * u_past[i]
-        for j in range(b.size):
-            x -= b[j] * x_past[j]
-        x = min(max(x, -1e30), 1e30)
-        dx = x - x_past[0]
-        certainty = 1.0
-        if n1 > 0:
-            variance = _advance_gradient(g_past, g, a.size, b, u_past, x_past, spread)
-            certainty = math.erf(abs(dx) / math.sqrt(2.0 * variance + 1e-300))
-            if dx != 0.0:  # at rest the sign is no question
-                wrong[t] = 0.5 * (1.0 - certainty)
-        v = 0.0
-        for k in range(codes.size):
-            f = term(codes[k], shapes[k, 0], shapes[k, 1], shapes[k, 2], x, dx, math.inf)[0]
-            v += weights[k] * (f * certainty if jumping[k] else f)
-        for k in range(c.size - 1, 0, -1):
-            v_past[k] = v_past[k - 1]
-        v_past[0] = min(max(v, -1e30), 1e30)
-        for j in range(b.size, 0, -1):
-            x_past[j] = x_past[j - 1]
-        x_past[0] = x
-        push(u_past, u[t])
-    return out, wrong
-
-
-@part
-def _advance_gradient(past, g, na, b, u_past, x_past, spread):
-    """One sample of the sensitivities of x to (a, b); returns the variance of dx."""
-    n1 = g.size
-    for k in range(n1):
-        g[k] = u_past[k + 1] if k < na - 1 else -x_past[k - (na - 1)]
-        for j in range(b.size):
-            g[k] -= b[j] * past[j, k]
-        g[k] = min(max(g[k], -1e60), 1e60)
-    variance = 0.0
-    for i in range(n1):
-        for j in range(n1):
-            variance += spread[i, j] * (g[i] - past[0, i]) * (g[j] - past[0, j])
-    for k in range(n1):
-        for j in range(b.size, 0, -1):
-            past[j, k] = past[j - 1, k]
-        past[0, k] = g[k]
-    return variance
-
-
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy", short=True)
 def _recursive_part(v, d, restart):
     """y(t) = v(t) - sum d_n y(t-n)."""
     y = np.zeros(v.size)

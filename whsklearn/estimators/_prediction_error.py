@@ -9,7 +9,8 @@ import numpy as np
 from whsklearn.effects import FrictionLaw, Power, Viscous
 from whsklearn.effects.terms import CONSTANT, HINGE, NATURAL_SPLINE, POWER
 from whsklearn.estimators import _model as wh
-from whsklearn.recursion.predictor import motion, record_errors
+from whsklearn.recursion.first_block import motion
+from whsklearn.recursion.predictor import record_errors
 from whsklearn.recursion.starts import least_squares_start, random_start, term_scales
 from whsklearn.systems.stability import is_stable
 

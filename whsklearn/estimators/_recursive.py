@@ -6,6 +6,7 @@ import copy
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
+from numpy import ndarray
 
 from whsklearn._inputs import starts
 from whsklearn.estimators import _model as wh
@@ -37,6 +38,8 @@ class RecursiveRegressor(AxisRegressor):
     _stochastic_gradient: ClassVar[bool] = False
 
     p: int = 1
+    _stream: Stream | None = None  # where rows go without further checks
+    _asked: FullStream | None = None  # what tells of a state that came without a stream; it keeps its last answer
 
     def fit(
         self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None, sample_weight: ArrayLike | None = None
@@ -102,13 +105,13 @@ class RecursiveRegressor(AxisRegressor):
         ValueError
             As `fit`; the state is exactly as it was then.
         """
-        stream = self.__dict__.get("_stream")
+        stream = self._stream
         if (
             type(stream) is RowsStream
+            and type(X) is ndarray
+            and type(y) is ndarray
             and groups is None
             and sample_weight is None
-            and type(X) is np.ndarray
-            and type(y) is np.ndarray
             and stream.step(self.state_, X, y)
         ):
             return self
@@ -153,7 +156,7 @@ class RecursiveRegressor(AxisRegressor):
         last = None if first else self.state_["group"]
         restart = starts(groups, len(X), first=first, last=last)
         seed = self._draw_seed() if first else self.state_["seed"]
-        stream = self.__dict__.get("_stream")
+        stream = self._stream
         if self._is_wiener_hammerstein and not first and stream is None:
             self._keep_lags()
             self._check_state(self.state_)
@@ -165,7 +168,7 @@ class RecursiveRegressor(AxisRegressor):
             restart = starts(None, len(targets), first=first)
         stream = stream or self._make_stream(rows.shape[1], seed)
         state = stream.initial() if first else self.state_
-        if not first and stream is not self.__dict__.get("_stream"):
+        if not first and stream is not self._stream:
             self._check_state(state)
         if len(targets):
             stream.run(state, np.ascontiguousarray(rows), np.ascontiguousarray(targets), restart, weights)
@@ -303,7 +306,7 @@ class RecursiveRegressor(AxisRegressor):
         state.setdefault("group", None)
         self.state_ = state
         fast = self.lags is None or self._is_wiener_hammerstein
-        self.__dict__.pop("_stream", None)
+        self._drop_stream()
         if fast:
             self._stream = stream
 
@@ -316,10 +319,17 @@ class RecursiveRegressor(AxisRegressor):
 
     def _reader(self) -> Stream:
         """The stream that can read the state."""
-        stream = self.__dict__.get("_stream")
+        stream = self._stream or self._asked
         if stream is None:
             stream = self._make_stream(self.state_["theta"].shape[-1], self.state_["seed"])
+            if isinstance(stream, FullStream):
+                self._asked = stream
         return stream
+
+    def _drop_stream(self) -> None:
+        """What was made by the parameters or for the state of before."""
+        for name in _NO_STATE:
+            self.__dict__.pop(name, None)
 
     def _theta(self) -> Array:
         return self._reader().theta(self.state_)
@@ -340,7 +350,7 @@ class RecursiveRegressor(AxisRegressor):
     def _check_state(self, state: dict[str, Any]) -> None:
         """A state fits if it has the arrays of a fresh one; only the number of models may differ."""
         super()._check_state(state)
-        self.__dict__.pop("_stream", None)
+        self._drop_stream()
         self._check_parameters()
         self._check_size(state)
         shape = np.shape(state["theta"])
@@ -385,16 +395,18 @@ class RecursiveRegressor(AxisRegressor):
 
     def set_params(self, **params: Any) -> Self:
         """Set parameters; a stream goes on with them from the next sample."""
-        self.__dict__.pop("_stream", None)
+        self._drop_stream()
         return super().set_params(**params)
 
     def __getstate__(self) -> dict[str, Any]:
         state = dict(super().__getstate__())
-        state.pop("_stream", None)
+        for name in _NO_STATE:
+            state.pop(name, None)
         return state
 
 
 LARGEST = 1e30
+_NO_STATE = "_stream", "_asked"  # of an estimator's attributes: both can be made anew
 _NO_RESTART = np.zeros(1, dtype=np.bool_)
 
 
@@ -414,6 +426,7 @@ def _plain(X: Any, y: Any, n_features: int) -> bool:
 def _usable(X: Array, y: Array) -> bool:
     """Finite and of sane size; the sum of squares is not finite if any number is not."""
     if y.size == 1:
-        return abs(y.item()) < LARGEST and max(map(abs, X.ravel().tolist())) < LARGEST and not np.isnan(X).any()
+        # plain numbers, as one call of NumPy takes longer than a row of a few; no comparison holds for NaN
+        return abs(y.item()) < LARGEST and all(abs(v) < LARGEST for v in X.ravel().tolist())
     with np.errstate(over="ignore"):
         return bool(np.dot(y, y) < 1e60) and bool(np.vdot(X, X) < 1e60)

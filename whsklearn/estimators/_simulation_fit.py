@@ -66,7 +66,7 @@ def from_record(
     Parameters
     ----------
     lags : WienerHammersteinLags or None
-        Orders and law; None searches for orders, with a cubic spline.
+        Orders and law; None searches for orders, with a cubic spline or a polynomial.
     u, y, restart : ndarray of shape (n, m), (n,), (n,)
         The record.
     start : ndarray or None

@@ -268,8 +268,8 @@ class FullStream:
     def _estimate(self, state: State) -> Gaussian:
         """The posterior where signs may be in doubt, else the model that answers and its P."""
         r = self.reading
-        if r.memory and multistart.is_silent(state) and state["fill"] >= r.first_rerun:
-            state = multistart.settled(state, r)  # the first re-run is under way: it is made at once for the answer
+        if r.memory and multistart.is_silent(state) and state["fill"] > r.size:
+            state = multistart.settled(state, r)  # made at once for the answer, which is then that of `fit`
         s = multistart.answer(state)
         # Where samples have been forgotten the recursion's own answer stands.  A page that is turned was linearised
         # where the parameters were then; after a long rest under forgetting that is far off: 4,000 samples of motion

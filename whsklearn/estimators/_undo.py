@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 # To learn 64 rows anew takes no longer than the longest re-run of a memory.
 ROWS = 64
+PLAIN = frozenset((int, float, str, type(None)))  # types of values that nothing can change
 
 
 def copied(state: State) -> State:
@@ -28,12 +29,14 @@ def copied(state: State) -> State:
     return {name: _own(value) for name, value in state.items()}
 
 
-def noted(state: State) -> State:
-    """The same, but for the memory: it only grows, up to where another one takes its place (`shift_memory`).
+# of a stream with a memory, beginnings of names: the memory only grows, up to where another one takes its place
+# (`NextMemory`), and what a re-run is given is replaced whole where it ends
+REPLACED = "memory_", "page_", "prior_", "past_", "origin"
 
-    Its copy would take half as long again as the row that waits for it.
-    """
-    return {name: value if name.startswith("memory_") else _own(value) for name, value in state.items()}
+
+def noted(state: State) -> State:
+    """The same, but for what only grows or is replaced: its copy would take as long as the row that waits for it."""
+    return {name: value if name.startswith(REPLACED) else _own(value) for name, value in state.items()}
 
 
 def emptied(state: State) -> State:
@@ -52,7 +55,7 @@ def _own(value: Any) -> Any:
     """The value, or a copy of what can be changed."""
     if isinstance(value, np.ndarray):
         return value.copy() if value.flags.writeable else value
-    return copy.copy(value)
+    return value if type(value) in PLAIN else copy.copy(value)
 
 
 class Undo:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 import os
 import warnings
 from contextlib import contextmanager
@@ -33,7 +34,10 @@ if TYPE_CHECKING:
 
 
 OUTPUTS = ("expected", "simulation")
-FEW_SIGNS = 0.5  # expected to be wrong in an experiment: with fewer, all are right in six of ten cases or more
+# Signs expected to be wrong in an experiment, up to which none of them is more likely than not: where they come by
+# chance, none is with probability exp(-m), and one half is m = ln 2.  So below it the simulation has the less median
+# error, and the expected output, which has the less mean square whatever m, above it.
+FEW_SIGNS = math.log(2.0)
 LEARNT = ("theta", "ud", "loss", "memory_u", "memory_y", "recent_u", "recent_y", "rows", "targets", "before")
 
 
@@ -163,7 +167,7 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
         thirds of the simulation's, benchmarks/accuracy.py).  The *simulation* is what `parameters_` give, with one
         sign at each sample: right to the last sample on most records when all is known well, as after 20,000 clean
         samples, and what a simulator or an export will do.  `wrong_signs` tells how many signs of a record the
-        simulation is expected to get wrong; with fewer than half a sign it is more likely than not all right, and is
+        simulation is expected to get wrong; with fewer than 0.7 (ln 2) it is more likely than not all right, and is
         what is given by default.
 
         Parameters
@@ -174,7 +178,7 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
             Experiments; each starts at rest.
         output : {"expected", "simulation"}, optional
             By default what is expected for an estimator that has a posterior of its parameters, as the recursive ones
-            with ``gradient="full"``, where half a sign or more of the experiment is expected to be wrong; else, and for
+            with ``gradient="full"``, where 0.7 signs or more of the experiment are expected to be wrong; else, and for
             other estimators, the simulation of `parameters_`.  They differ for a law with sign(dx) only.  The count is
             of the whole experiment: where the first half of a record is to be told as the record is, name the output.
         return_std : bool, default=False
@@ -238,7 +242,7 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
 
         The sum over the samples of min(p, 1 - p), p the probability that dx is positive by what is known of L1: zero
         for a law without sign(dx) and for an estimator that has no covariance.  `predict` gives the simulation below
-        0.5 and the expected output from there on.
+        0.7 (ln 2) and the expected output from there on.
 
         Parameters
         ----------

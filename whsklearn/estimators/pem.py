@@ -35,8 +35,9 @@ class PEMRegressor(ChainRegressor):
     linear approximation are divided between L1 and L2 in all ways, and the best divisions refined
     with exact sensitivities, the law solved anew at each step.  It is right for measured records, where
     noise is added to the output and no model is exact, for laws in x and for high orders; without
-    ``lags`` it looks for orders and takes a cubic spline as law.  For laws in dx it begins
-    from the answer of the other criterion.
+    ``lags`` it looks for orders, lets poles grow where the error says that one is missing, and takes a
+    cubic spline as law, or a polynomial of third degree where data held out do not tell it from the spline.
+    For laws in dx it begins from the answer of the other criterion.
 
     Parameters
     ----------

@@ -42,7 +42,7 @@ class StreamingPEMRegressor(ChainRegressor):
     Parameters
     ----------
     lags : WienerHammersteinLags, optional
-        Orders, law and delays; None searches for them and takes a cubic spline as law.
+        Orders, law and delays; None searches for them, as `PEMRegressor` does.
     n_start : int, default=5000
         Samples of the start, which takes some seconds when it is due; before it, `predict` fits what there is.
     block : int, default=1000

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 
-from whsklearn._numba import njit
+from whsklearn._numba import njit, part
 from whsklearn.effects.terms import VISCOUS, term
 
 SMALLEST_KEY = 1e-9
@@ -28,7 +28,7 @@ def auxiliary_size(dims):
     return max(dims[1], 1) + 1 + dims[2]
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def row(dims, codes, shapes, key, state, u_past, first_u, y_past, first_y, phi):
     """phi(t) of (6), from the auxiliary state, u(t-2), ... at ``first_u`` and y(t-1), ... at ``first_y``."""
     na, nb, nc, nd, nw = dims[0], dims[1], dims[2], dims[3], dims[4]
@@ -54,7 +54,7 @@ def row(dims, codes, shapes, key, state, u_past, first_u, y_past, first_y, phi):
         phi[j + i] = -y_past[first_y + i]
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def rebuild(theta, dims, codes, shapes, key, state, u_past, first):
     """Take the auxiliary state one sample on: x_hat(t), v_hat(t) with the products of theta undone."""
     na, nb, nc, nw = dims[0], dims[1], dims[2], dims[4]

@@ -53,7 +53,7 @@ class AxisFit(NamedTuple):
 
 def free_run(theta: Array, log: AxisLog) -> Array:
     """Velocity or position (n,), as the log's target."""
-    velocity, position, _ = axis_pass(
+    velocity, position = axis_pass(
         theta, log.knots, log.centre, log.u, log.bounds, np.column_stack([log.v0, log.q0]), log.dt, np.empty((0, 0, 0))
     )
     return position if log.of_position else velocity
@@ -63,7 +63,7 @@ def sensitivities(theta: Array, log: AxisLog) -> tuple[Array, Array]:
     """(run, its derivatives by theta and, last two, by v0 and q0 of the sample's piece), (n,) and (p + 2, n)."""
     rows = np.zeros((2, theta.size + 2, log.u.size))
     start = np.column_stack([log.v0, log.q0])
-    velocity, position, _ = axis_pass(theta, log.knots, log.centre, log.u, log.bounds, start, log.dt, rows)
+    velocity, position = axis_pass(theta, log.knots, log.centre, log.u, log.bounds, start, log.dt, rows)
     return (position, rows[1]) if log.of_position else (velocity, rows[0])
 
 
@@ -146,15 +146,13 @@ def _covariance(rows: Array, error: Array, free: NDArray[np.bool_], batches: int
 
 @njit(cache=True, error_model="numpy")
 def axis_pass(theta, knots, centre, u, bounds, start, dt, rows):
-    """Velocity, position, and the number of samples at rest; derivatives into rows (2, p + 2, n) if it is not empty."""
+    """Velocity and position, (2, n); derivatives into rows (2, p + 2, n) if it is not empty."""
     n_theta = 6 + knots.size
     n = n_theta + 2
     with_rows = rows.size > 0
-    velocity = np.zeros(u.size)
-    position = np.zeros(u.size)
+    motion = np.zeros((2, u.size))
     dv = np.zeros(n)
     dq = np.zeros(n)
-    rest = 0
     inertia, viscous, coulomb, offset, k1, k2 = theta[0], theta[1], theta[2], theta[3], theta[4], theta[5]
     h = dt / SUBSTEPS
     g = h / inertia
@@ -168,8 +166,8 @@ def axis_pass(theta, knots, centre, u, bounds, start, dt, rows):
         dv[n_theta] = 1.0
         dq[n_theta + 1] = 1.0
         for t in range(bounds[piece], bounds[piece + 1]):
-            velocity[t] = v
-            position[t] = q
+            motion[0, t] = v
+            motion[1, t] = q
             if with_rows:
                 for i in range(n):
                     rows[0, i, t] = dv[i]
@@ -188,7 +186,6 @@ def axis_pass(theta, knots, centre, u, bounds, start, dt, rows):
                     if with_rows:
                         dv[:] = 0.0
                     v = 0.0
-                    rest += 1
                     continue
                 s = 1.0 if z > 0.0 else -1.0
                 new = (z - s * stick) / divisor
@@ -216,4 +213,4 @@ def axis_pass(theta, knots, centre, u, bounds, start, dt, rows):
                 q += h * v
             if not abs(v) < 1e150:
                 v = 0.0
-    return velocity, position, rest
+    return motion

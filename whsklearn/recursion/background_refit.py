@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from whsklearn.recursion.gauss_newton import Prior, refine_part
-from whsklearn.recursion.memory_cost import AT, BUDGET, PHASE, UNBOUNDED, new_work
+from whsklearn.recursion.memory_cost import AT, BUDGET, PHASE, UNBOUNDED, Work, work_steps
 from whsklearn.recursion.memory_posterior import Linearisation, has_posterior
 from whsklearn.recursion.memory_refit import (
     LIVE,
@@ -26,14 +26,14 @@ from whsklearn.recursion.memory_refit import (
     inference_sharpness,
     memory_of,
 )
-from whsklearn.recursion.subinnovations import MOVING, STILL, Models, Samples, Schedule, run_windows
+from whsklearn.recursion.subinnovations import STILL, Models, Samples, Schedule, run_windows
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from whsklearn.recursion.reading import Reading, State
 
-# Readings for each sample while the memory fills: some 50 us.  All starts are then tried on the first samples, and as
+# Readings for each sample while the memory fills: some 25 us.  All starts are then tried on the first samples, and as
 # many fresh ones later as the rest pays for.  With 400 it was half of them, and 27 of 800 streams of Example 5.1 stood
 # in a wrong minimum at row 1,000; now none of 8,000 does (benchmarks/accuracy.py --section minima, from seed 1000).
 FILLING = 700
@@ -41,6 +41,7 @@ PAGE = 128  # the same for each model after that: a page is then read after a th
 COST_OF_WINDOW = 24  # readings that one sample of the recursion counts for
 RESERVED = 60  # readings of the whole record kept back for what follows the search
 PIECES = 110  # pieces of work that are no readings, beside those for each start; a sample pays for one
+BATCH = 4  # samples that the new models take at once: to begin takes as long as two of them, and nobody asks before
 NOTED = 64  # of so many rows one at most is put off, in which the estimator notes its state against interrupts
 FIRST_SPAN = 3.75  # the first re-run has every start to try; it takes over at five times its samples
 SPAN = 2.0  # ratio of the instants after that
@@ -75,25 +76,41 @@ MEMORY = (
 )  # fmt: skip
 
 
-def empty_as(state: State, name: str) -> np.ndarray:
-    """One of the memory's arrays with nothing in it."""
-    return np.full_like(state[name], name in ("memory_kept", "memory_weight"))
+class NextMemory:
+    """The memory without its oldest ``n`` samples, but for the history that the next one needs, as they come.
 
-
-def shift_memory(state: State, r: Reading, n: int, room: dict[str, np.ndarray]) -> None:
-    """Drop the oldest ``n`` samples, but for the history that the next one needs; a new block begins.
-
-    ``room`` may hold arrays of `empty_as`, made before: to make all of them takes as long as two samples.
+    In new arrays: one that only grows need not be copied before every call that might be interrupted.  To make them all
+    takes as long as two samples, to fill them at once as long as another.
     """
-    h, rest = r.history, state["fill"] - n
-    for name in MEMORY:
-        before = h if name in ("memory_u", "memory_y") else 0
-        # in a new array: one that only grows need not be copied before every call that might be interrupted
-        shifted = room.pop(name) if name in room else empty_as(state, name)
-        shifted[: before + rest] = state[name][n : n + before + rest]
-        state[name] = shifted
-    state["fill"] = rest
-    state["blocks"] += 1
+
+    def __init__(self, state: State, r: Reading, n: int):
+        self._state, self._n, self._done = state, n, 0
+        self._before = {name: r.history if name in ("memory_u", "memory_y") else 0 for name in MEMORY}
+        self._arrays: dict[str, np.ndarray] = {}
+
+    def make_room(self) -> Iterator[None]:
+        """Make the arrays, in parts."""
+        for name, h in self._before.items():
+            old = self._state[name]
+            new = np.full_like(old, name in ("memory_kept", "memory_weight"))
+            new[:h] = old[self._n : self._n + h]
+            self._arrays[name] = new
+            yield
+
+    def go_on(self) -> None:
+        """Take over what came since."""
+        n, done, rest = self._n, self._done, self._state["fill"] - self._n
+        for name, new in self._arrays.items():
+            h = self._before[name]
+            new[h + done : h + rest] = self._state[name][h + n + done : h + n + rest]
+        self._done = rest
+
+    def put(self) -> None:
+        """Let the state go on with it; a new block begins."""
+        self.go_on()
+        self._state.update(self._arrays)
+        self._state["fill"] -= self._n
+        self._state["blocks"] += 1
 
 
 class BackgroundRefit:
@@ -112,7 +129,9 @@ class BackgroundRefit:
         self.state, self.reading, self.size, self.end = state, r, size, end
         self.is_page = size == r.memory
         self.block = state["blocks"]
+        self._work: Work
         self._begun = False
+        self._searched = False
         self._put_off = False
         self._steps = self._rerun()
         self._ends: list[tuple[np.ndarray, np.ndarray]] = []
@@ -121,7 +140,7 @@ class BackgroundRefit:
         self._caught_up = 0
         self._past: dict[str, Any] | None = None
         self._given: dict[str, np.ndarray] = {}
-        self._room: dict[str, np.ndarray] = {}
+        self._next_memory = NextMemory(state, r, size) if self.is_page else None
         self._known = float(state["page_known"])
         self._pace = 1 + 4 * PIECES // (
             end - size
@@ -136,20 +155,21 @@ class BackgroundRefit:
         put_off, self._put_off = self._put_off, False
         if put_off and n_samples == 1:
             return
-        if not self._begun:  # room for it is the first piece
-            self._begin()
-            if n_samples == 1:
-                return
+        pieces = self._pace * n_samples
+        while pieces and not self._begun:  # room for it is made in the first of them
+            next(self._steps)
+            pieces -= 1
+        if not pieces:
+            return
         rate = PAGE * len(self.state["page_theta"]) if self.is_page else FILLING
+        if self._searched and self._models:
+            behind, left = self.state["fill"] - self.size - self._caught_up, self.end - self.state["fill"]
+            rate = min(rate, self._cost_of_sample * max(2 * BATCH, 2 * behind // left))  # no faster than need be
         self._work.at[BUDGET] = rate * n_samples
         for _ in range(self._pace):
             self._go_on()
             if self._work.at[BUDGET] <= 0.0:
                 break
-
-    def _begin(self) -> None:
-        self._work = new_work(self.reading.dims, self.reading.n_inputs)
-        self._begun = True
 
     def put_off(self) -> None:
         """Leave the next sample alone, which has enough to wait for; more than one at once are not."""
@@ -157,32 +177,42 @@ class BackgroundRefit:
 
     def take_over(self) -> None:
         """Finish, and let the new models go on in the place of the old; a page is turned."""
-        if not self._begun:
-            self._begin()
+        while not self._begun:
+            next(self._steps)
         self._work.at[BUDGET] = UNBOUNDED
         for _ in self._steps:
             pass
-        self._go_on()
+        if self._models:
+            self._catch_up()
         s = self.state
         if self._past is not None:
             s.update(self._past)
         if self._models:
             s.update(self._models)
-            for name, live in zip(Models._fields, self._running, strict=True):
-                s[name][: len(live)] = live
         s.update(self._given)
-        if self.is_page:
-            shift_memory(s, self.reading, self.size, self._room)
+        if self._next_memory:
+            self._next_memory.put()
         s["page_theta"] = s["theta"].copy()
 
     def _go_on(self) -> None:
         """Spend the budget, or do one piece of work that is no reading."""
-        if next(self._steps, "done") == "done" and self._models:
-            self._catch_up()
+        if self._searched:
+            came, left = self.state["fill"] - self.size, self.end - self.state["fill"]
+            if came - self._caught_up >= BATCH or left <= BATCH:
+                if self._models:
+                    self._catch_up()
+                if self._next_memory and self._work.at[BUDGET] > 0.0:
+                    self._next_memory.go_on()
+        elif next(self._steps, "done") == "done":
+            self._searched = True  # its last piece is enough for a row
 
     def _rerun(self) -> Iterator[None]:
         """Refine each model, then ask each what a page says and where it ends; yields without budget."""
         state, r, size = self.state, self.reading, self.size
+        yield  # the row that a page's end leaves with new arrays has enough to wait for
+        self._work = yield from work_steps(r.dims, r.n_inputs)
+        self._begun = True
+        yield
         limit = np.inf
         if not self.is_page:
             rows = (self.end - size) * (1.0 - 1.0 / NOTED) - PIECES
@@ -206,9 +236,9 @@ class BackgroundRefit:
         yield from self._begin_catching_up(thetas)
         yield
         yield from self._gather(refit.given)
-        for name in MEMORY if self.is_page else ():
-            self._room[name] = empty_as(state, name)
-            yield
+        if self._next_memory:
+            yield from self._next_memory.make_room()
+            self._next_memory.go_on()
 
     def _end_of_page(self, thetas: np.ndarray, refit: Refit) -> Iterator[None]:
         """The information of the page and the state at its end, a pair for each model."""
@@ -226,7 +256,9 @@ class BackgroundRefit:
             yield
             self._ends.append((information * refit.moved, end))
         yield
-        if has_posterior(r) and refit.moved:
+        if has_posterior(r) and not refit.moved:
+            self._past = {"past_origin": self._ends[0][1]}  # at rest, where nothing hangs on the parameters
+        elif has_posterior(r):
             yield
             past = Linearisation(state, r, self._parents[0], thetas[0], refit.weights)
             yield
@@ -258,7 +290,8 @@ class BackgroundRefit:
         if not self._models:
             return
         new = self._models
-        self._running = Models(*(new[name][:LIVE].copy() for name in Models._fields))
+        self._running = Models(*(new[name][:LIVE] for name in Models._fields))
+        self._cost_of_sample = COST_OF_WINDOW * len(self._running.theta)
         yield
         begun = np.flatnonzero(state["memory_restart"][:n])
         self._since = n - int(begun[-1]) if begun.size else n + h
@@ -277,7 +310,9 @@ class BackgroundRefit:
         h = r.history
         rest = state["fill"] - n
         restart, kept = state["memory_restart"][n : n + rest], state["memory_kept"][n : n + rest]
-        cost = COST_OF_WINDOW * len(self._running.theta)
+        cost = self._cost_of_sample
+        if not self._caught_up:  # its code is in no cache the first time, when what is read takes twice as long
+            self._work.at[BUDGET] *= 0.25
         while self._caught_up < rest and self._work.at[BUDGET] > 0:
             at = self._caught_up
             if restart[at]:
@@ -285,16 +320,17 @@ class BackgroundRefit:
                 for past in (self._running.before, self._recent.u, self._recent.y):
                     past[:] = 0.0
             stop = min(at + 1 + int(min(self._work.at[BUDGET] / cost, rest)), rest)
-            begun = np.flatnonzero(restart[at + 1 : stop] | (kept[at + 1 : stop] != kept[at : stop - 1]))
-            stop = at + 1 + int(begun[0]) if begun.size else stop
+            if stop > at + 1:
+                begun = np.flatnonzero(restart[at + 1 : stop] | (kept[at + 1 : stop] != kept[at : stop - 1]))
+                stop = at + 1 + int(begun[0]) if begun.size else stop
             piece = slice(h + n + at, h + n + stop)
             samples = Samples(
                 state["memory_u"][piece], state["memory_y"][piece], state["memory_weight"][n + at : n + stop]
             )
             schedule = Schedule(np.full(3, kept[at]), self._models["ceiling"], 0.0)
+            still = state["memory_still"][n + at : n + stop].view(np.uint8) * np.uint8(STILL)  # else MOVING, which is 0
             self._since = run_windows(
-                self._running, self._recent, self._since, 0, schedule, r.law, r.p, r.frozen, samples,
-                np.where(state["memory_still"][n + at : n + stop], STILL, MOVING).astype(np.uint8),
-            )  # fmt: skip
+                self._running, self._recent, self._since, 0, schedule, r.law, r.p, r.frozen, samples, still
+            )
             self._work.at[BUDGET] -= (stop - at) * cost
             self._caught_up = stop

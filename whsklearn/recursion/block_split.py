@@ -62,6 +62,22 @@ def padded(block: Ratio, n_zeros: int, n_poles: int) -> Ratio:
     return Ratio(b, np.append(block.a, np.zeros(max(n_poles + 1 - block.a.size, 0))))
 
 
+def reflections(b: Array) -> list[Array]:
+    """The numerator with one zero, or one conjugate pair, reflected at the unit circle, for each of them.
+
+    The gain at every frequency stays and only the phase changes: a zero and its image are often two minima of a fit.
+    """
+    lead = int(np.flatnonzero(b)[0]) if np.any(b) else b.size
+    groups = _groups(np.roots(b))
+    found = []
+    for i, group in enumerate(groups):
+        others = [g for k, g in enumerate(groups) if k != i]
+        image = _polynomial(np.concatenate([*others, 1.0 / np.conj(group)]))
+        gain = b[lead] * float(np.prod(np.abs(group)))
+        found.append(np.concatenate([np.zeros(lead), gain * image, np.zeros(b.size - lead - image.size)]))
+    return found
+
+
 def _groups(roots: NDArray[Any]) -> list[NDArray[np.complex128]]:
     """Real roots alone, conjugate pairs together; roots at zero, which are delays, are left out."""
     roots = roots[np.abs(roots) > 1e-9]

@@ -8,20 +8,15 @@ rows below it, so that the inner loops run along memory.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-from whsklearn._numba import njit
-from whsklearn.recursion.steps import in_one
-
-if TYPE_CHECKING:
-    from collections.abc import Generator
+from whsklearn._numba import njit, part
 
 WIND_UP = 1e3  # forgetting may take P to this many times P(0), and no further
+LEAST_PIVOT = 1e-13  # of an information matrix with a diagonal of one: some hundred roundings
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def measurement_update(ud, phi, r, gain):
     """Update U and D by one row phi whose noise has variance r; ``gain`` receives L(t).
 
@@ -49,7 +44,7 @@ def measurement_update(ud, phi, r, gain):
     return alpha
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def inflate(ud, factor, ceiling):
     """P <- P * factor, by D alone, as far as ``ceiling`` allows.
 
@@ -60,21 +55,49 @@ def inflate(ud, factor, ceiling):
             ud[j, j] = min(ud[j, j] * factor, ceiling)
 
 
-def factorise(p: np.ndarray) -> np.ndarray:
-    """U and D of a symmetric positive definite P, in one array."""
-    return in_one(factorise_steps(p))
+@njit(error_model="numpy", short=True)
+def factors_of_inverse(information):
+    """U and D of P = information^-1, for a symmetric positive semidefinite matrix of any scaling.
+
+    information = L L' gives P = L^-T L^-1, whose first factor is upper triangular: it is U sqrt(D).  Pivots of the
+    matrix with a diagonal of one are LEAST_PIVOT at least, so what a record says nothing of is uncertain, not infinite.
+    """
+    n = information.shape[0]
+    low, inverse, scale = np.zeros((n, n)), np.zeros((n, n)), np.empty(n)
+    for j in range(n):
+        scale[j] = 1.0 / np.sqrt(max(information[j, j], 1e-200))
+    for j in range(n):
+        for i in range(j + 1):
+            s = information[j, i] * scale[j] * scale[i]
+            for k in range(i):
+                s -= low[j, k] * low[i, k]
+            low[j, i] = s / low[i, i] if i < j else np.sqrt(max(s, LEAST_PIVOT))
+        for i in range(j + 1):
+            s = 1.0 if i == j else 0.0
+            for k in range(i, j):
+                s -= low[j, k] * inverse[k, i]
+            inverse[j, i] = s / low[j, j]
+    for j in range(n):
+        d = inverse[j, j] * scale[j]
+        for i in range(j):
+            inverse[j, i] *= scale[i] / d
+        inverse[j, j] = d * d
+    return inverse
 
 
-def factorise_steps(p: np.ndarray) -> Generator[None, None, np.ndarray]:
-    """`factorise` in parts."""
-    # P = U D U' with U upper: the Cholesky factor of P with both axes reversed, reversed back
-    root = np.linalg.cholesky(p[::-1, ::-1])[::-1, ::-1]
-    yield
-    scale = root.diagonal()
-    ud = (root / scale).T.copy()  # nothing is below the diagonal of the factor
-    yield
-    ud.flat[:: len(ud) + 1] = scale**2
-    return ud
+@njit(error_model="numpy", short=True)
+def times(ud, v):
+    """P v."""
+    out = np.zeros(v.size)
+    for j in range(v.size):
+        s = v[j]
+        for i in range(j):
+            s += ud[j, i] * v[i]
+        s *= ud[j, j]
+        out[j] += s
+        for i in range(j):
+            out[i] += ud[j, i] * s
+    return out
 
 
 def covariance(ud: np.ndarray) -> np.ndarray:

@@ -24,12 +24,17 @@ from whsklearn.recursion.memory_cost import (
     ITERATION,
     PHASE,
     TOTAL,
+    Memory,
+    Work,
     replay_part,
 )
+from whsklearn.recursion.predictor_block import Segment
 from whsklearn.systems.stability import is_stable
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+
+    from whsklearn.recursion.starts import Law
 
     Array = NDArray[np.float64]
 
@@ -43,13 +48,23 @@ class Prior(NamedTuple):
     information: Array
 
 
-@njit(error_model="numpy")
-def refine_part(theta, law, kappa, memory, prior, iterations, information, state, work):
+def refine_part(
+    theta: Array, law: Law, kappa: float, memory: Memory, prior: Prior, iterations: int, information: Array,
+    state: Array, work: Work,
+) -> bool:  # fmt: skip
     """Go on with Levenberg-Marquardt steps (Marquardt 1963) on ``theta``, in place, as far as the budget allows.
 
     It begins where ``work.at[PHASE]`` and ``work.at[AT]`` are 0.  True at its end, with ``work.at[COST]`` reached and
     Gauss-Newton matrix, slope (``work.slope``) and state of what was reached.
     """
+    # Plain tuples: Numba looks at named ones for twice as long, and such a call took as long as reading 150 samples.
+    plain = (work.at, tuple(work.segment), *work[2:])
+    return bool(_refine_part(theta, law, kappa, tuple(memory), tuple(prior), iterations, information, state, plain))
+
+
+@njit(error_model="numpy")
+def _refine_part(theta, law, kappa, memory, prior, iterations, information, state, work):
+    memory, prior, work = Memory(*memory), Prior(*prior), Work(work[0], Segment(*work[1]), *work[2:])
     n, at, trial = theta.size, work.at, work.trial
     na, nb = law[0][0], law[0][1]
     while at[PHASE] != DONE:

@@ -17,7 +17,7 @@ from whsklearn._numba import njit, part
 from whsklearn.recursion.covariance import inflate, measurement_update
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def _silent(recent, targets):
     """Whether all rows and targets of the window are zero."""
     for i in range(targets.size):
@@ -131,7 +131,7 @@ def one_row():
 
     It returns ``since``, or -1 with nothing changed if a shape is another, or a number not finite or absurdly large.
     """
-    return njit("int64(float64[::1], int64, float64[:, ::1], float64[::1])", error_model="numpy")(_one_row)
+    return njit("int64(float64[::1], int64, float64[:, ::1], float64[::1])", error_model="numpy", short=True)(_one_row)
 
 
 def _one_row(flat, since, rows, y):

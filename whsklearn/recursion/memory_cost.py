@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from whsklearn._numba import njit, part
+from whsklearn._numba import part
 from whsklearn.recursion.predictor import parameter_count, state_size
 from whsklearn.recursion.predictor_block import (
     LENGTH,
@@ -20,11 +20,14 @@ from whsklearn.recursion.predictor_block import (
     forget,
     keep,
     move_on,
-    new_segment,
     predict_segment,
+    segment_steps,
 )
+from whsklearn.recursion.steps import in_one
 
 if TYPE_CHECKING:
+    from collections.abc import Generator
+
     from numpy.typing import NDArray
 
     Array = NDArray[np.float64]
@@ -95,14 +98,20 @@ class Work(NamedTuple):
 
 def new_work(dims: NDArray[np.int64], n_inputs: int) -> Work:
     """Work that has not begun and has no budget."""
-    n = int(parameter_count(dims))
-    return Work(
-        np.zeros(SIZE), new_segment(dims, n_inputs), np.zeros((3, LENGTH)), np.zeros(n), np.zeros(n), np.zeros(n),
-        np.zeros((n, n)), np.zeros(int(state_size(dims))),
-    )  # fmt: skip
+    return in_one(work_steps(dims, n_inputs))
 
 
-@njit(cache=False, error_model="numpy", inline="always")
+def work_steps(dims: NDArray[np.int64], n_inputs: int) -> Generator[None, None, Work]:
+    """`new_work` in parts."""
+    segment = yield from segment_steps(dims, n_inputs)
+    yield
+    n, weighted = int(parameter_count(dims)), np.zeros((3, LENGTH))
+    yield
+    slopes = np.zeros(n), np.zeros(n), np.zeros(n)
+    return Work(np.zeros(SIZE), segment, weighted, *slopes, np.zeros((n, n)), np.zeros(int(state_size(dims))))
+
+
+@part
 def replay_part(theta, law, kappa, memory, work, information, slope, state):
     """Go on with a re-run until the budget is spent, for one segment at least; True at its end.
 
@@ -112,7 +121,7 @@ def replay_part(theta, law, kappa, memory, work, information, slope, state):
 
     It has one caller, whose code it is written into: compiled by itself as well it would take twice as long.
     """
-    at, signals, psi = work.at, work.segment.signals, work.segment.psi
+    at, signals, psi, places = work.at, work.segment.signals, work.segment.psi, work.segment.places
     fill, tail, restarts = memory.fill, memory.tail, memory.restart
     m, n = memory.u.shape[1], theta.size
     past = signals.shape[1] - LENGTH
@@ -124,14 +133,14 @@ def replay_part(theta, law, kappa, memory, work, information, slope, state):
             slope[i] = 0.0
             for j in range(n):
                 information[i, j] = 0.0
-        begin(signals, law[0], memory.origin, memory.u, memory.y, memory.history)
+        begin(signals, places, memory.origin, memory.u, memory.y, memory.history)
     handover = max(fill - tail + 1, 0)
     t = int(at[AT])
     while t < fill:
         if restarts[t]:
             forget(signals)
         if t == handover or (t > handover and restarts[t]):
-            keep(signals, law[0], m, state)
+            keep(signals, places, state)
         count = _end_of_segment(t, fill, handover, restarts) - t
         for i in range(count):
             signals[signals.shape[0] - 1, past + i] = memory.y[memory.history + t + i]
@@ -152,7 +161,7 @@ def replay_part(theta, law, kappa, memory, work, information, slope, state):
     if t < fill:
         return False
     if handover == fill:
-        keep(signals, law[0], m, state)
+        keep(signals, places, state)
     for i in range(n):
         for j in range(i):
             information[j, i] = information[i, j]

@@ -7,11 +7,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from whsklearn.recursion.covariance import factorise_steps
+from whsklearn._numba import njit
+from whsklearn.recursion.covariance import factors_of_inverse, times
+from whsklearn.recursion.first_block import motion
 from whsklearn.recursion.gauss_newton import Prior, refine_part
 from whsklearn.recursion.memory_cost import AT, BUDGET, COST, HUGE, PHASE, SPENT, UNBOUNDED, Memory, Work, new_work
-from whsklearn.recursion.predictor import motion
-from whsklearn.recursion.starts import least_squares_steps, random_start, regressors, scales_from, term_sizes_steps
+from whsklearn.recursion.starts import (
+    least_squares_steps,
+    random_start_steps,
+    regressors,
+    scales_from,
+    term_sizes_steps,
+)
 from whsklearn.recursion.steps import in_one
 from whsklearn.recursion.subinnovations import relative_sharpness
 
@@ -39,6 +46,10 @@ KEPT_SHARE = 0.62  # of the starts, that go on from the first re-run; fewer at e
 FRESH = 8  # one fresh start for so many at the beginning, at each re-run of the first half of the memory
 FRESH_IN_STREAM = 2  # the same in the background, where they take long strides and end when the time is spent
 SAMPLED = 128  # latest samples that a start and the scale of dx are taken from: a sample has no time for more
+WHOLE_ROW = 1e6  # readings: more than any row pays for
+COST_OF_BEGIN = 300  # the same for what comes before the first reading of a model, in the budget of its row
+COST_OF_RUNG = 150  # and for what is no reading on a rung of the ladder, while the many starts of a stream are tried
+COST_OF_RARE_RUNG = 350  # and later, when less of the code is in the cache and there is time to spare
 COST_OF_START = 900  # readings that drawing a start counts for, since it takes the time of two or three samples
 
 
@@ -74,6 +85,8 @@ class Refit:
         self.state, self.reading, self.size, self.work, self.limit = state, r, size, work, limit
         h = r.history
         self.latest = state["memory_u"][h : h + size][-SAMPLED:], state["memory_restart"][max(size - SAMPLED, 0) : size]
+        self._is_first = True
+        self._is_hurried = False
         self.iterations = EARLY_ITERATIONS if np.isfinite(limit) else ITERATIONS
         self._y = state["memory_y"][h : h + size]
         self.given = {name: state[name] for name in ("origin", "prior_theta", "prior_information")}
@@ -109,11 +122,16 @@ class Refit:
         begins = first_block and not self.state["prior_information"].any()
         yield
         bounded = bool(np.isfinite(self.limit))
+        self._is_hurried = bounded and begins  # every start is to be tried, and no row is left over
         count = r.n_starts if begins else self._fresh(bounded)
         scales = None
         if count:
-            rng = np.random.default_rng([r.seed, seen])
-            yield
+            sequence = np.random.SeedSequence([r.seed, seen])
+            yield from self._row()
+            bits = np.random.PCG64(sequence)
+            yield from self._row()
+            rng = np.random.Generator(bits)  # as default_rng makes it, in three pieces
+            yield from self._row()
             scales = yield from self._scales(rng)
             yield
         found: list[_Candidate | None] = []
@@ -122,6 +140,11 @@ class Refit:
             yield
             self._set_prior(scales)
             yield
+            # LAPACK is in no cache by now: the first least squares would take 100 us, which these leave half of
+            np.linalg.solve(np.eye(1), np.ones(1))
+            yield from self._row()
+            np.linalg.eigh(np.eye(2))
+            yield from self._row()
             if r.theta0 is not None:
                 found.append((yield from self.refine(0, r.theta0, climb)))
         else:
@@ -135,21 +158,48 @@ class Refit:
             if work.at[SPENT] >= self.limit:
                 break
             yield
-            theta = random_start(tuple(r.dims), rng, scales)
             # of two kinds in turn: all random, and least squares given a random L1; on 320 samples and more the latter
             # end in the right minimum no more often, and a stream has no time to spare for them
-            if i % 2 == 0 and (begins or not bounded):
-                u, restart = self.latest
-                rows = regressors(theta, r.law, u, restart=restart, y=self._y[-SAMPLED:])
-                yield
-                theta = yield from least_squares_steps(theta, r.law, rows, self._y[-SAMPLED:])
-            yield
+            theta = yield from self._drawn(rng, scales, begins, i % 2 == 0 and (begins or not bounded))
             work.at[SPENT] += COST_OF_START
             found.append((yield from self.refine(0, theta, long_strides(climb) if bounded else climb)))
         yield
         chosen = best_first(found)[: self._kept()]
         yield
         return chosen
+
+    def _drawn(
+        self, rng: np.random.Generator, scales: Array | None, begins: bool, by_least_squares: bool
+    ) -> Generator[None, None, Array]:
+        """A fresh start, in parts."""
+        r = self.reading
+        steps = random_start_steps(tuple(r.dims), rng, scales)
+        if begins:  # there are many, which keep the code at hand
+            theta = in_one(steps)
+            yield from self._row()
+        else:
+            theta = yield from self._rows(steps)
+        if by_least_squares:
+            u, restart = self.latest
+            rows = regressors(theta, r.law, u, restart=restart, y=self._y[-SAMPLED:])
+            yield from self._row()
+            theta = yield from self._rows(least_squares_steps(theta, r.law, rows, self._y[-SAMPLED:]))
+        return theta
+
+    def _row(self) -> Generator[None, None, None]:
+        """End a piece that is as much as a row pays for."""
+        self.work.at[BUDGET] -= WHOLE_ROW
+        yield
+
+    def _rows(self, steps: Generator[None, None, Array]) -> Generator[None, None, Array]:
+        """Each piece of ``steps`` is all that its row pays for."""
+        while True:
+            try:
+                next(steps)
+            except StopIteration as end:
+                yield from self._row()
+                return end.value
+            yield from self._row()
 
     def _fresh(self, bounded: bool) -> int:
         """How many fresh starts are drawn beside the models of earlier re-runs, at most."""
@@ -173,7 +223,7 @@ class Refit:
         y = self._y[-SAMPLED:]
         sizes = []
         for _ in range(9):
-            size = yield from term_sizes_steps(self.reading.law, u, y, restart, rng)
+            size = yield from self._rows(term_sizes_steps(self.reading.law, u, restart, rng))
             sizes.append(size)
             yield
         return scales_from(sizes, y)
@@ -196,15 +246,22 @@ class Refit:
         """
         state, r, work = self.state, self.reading, self.work
         theta = theta.copy()
+        work.at[BUDGET] -= COST_OF_BEGIN
         n, n_state = r.size, state["before"].shape[1]
         n1 = int(r.dims[0] - 1 + r.dims[1])
         left = self.left
         memory = memory_of(state, r, self.size, self.weights, self.given["origin"][parent], tail=r.p)
         prior = Prior(self.given["prior_theta"][parent], self.given["prior_information"][parent] * left)
-        if not np.isfinite(self.limit):
-            yield  # what follows reads the memory at once; where rows are scarce both are done in one
+        scarce = bool(np.isfinite(self.limit))  # rows: then what is short is done in one with what reads the memory
+        if not scarce:
+            yield
+        if self._is_first and work.at[BUDGET] < WHOLE_ROW:  # its code is in no cache: one segment is enough for a row
+            work.at[BUDGET] = 1.0
+        self._is_first = False
 
         def refined(kappa: float, iterations: int, information: Array, before: Array) -> Generator[None, None, float]:
+            if work.at[BUDGET] <= 0.0 and not self._is_hurried:
+                yield  # since a segment is read in any case
             work.at[AT] = work.at[PHASE] = 0
             while not refine_part(theta, r.law, kappa, memory, prior, iterations, information, before, work):
                 yield
@@ -215,11 +272,16 @@ class Refit:
             if work.at[SPENT] >= self.limit:
                 break
             kappa = relative / max(motion(theta, r.dims, *self.latest), 1e-12)
+            work.at[BUDGET] -= COST_OF_RUNG if self._is_hurried else COST_OF_RARE_RUNG
             information, before = np.zeros((n, n)), np.zeros(n_state)
             yield from refined(kappa, self.iterations, information, before)
             cost = yield from refined(np.inf, 0, np.zeros((n, n)), before)
+            if not scarce:
+                yield
             if np.isfinite(cost) and np.isfinite(information).all() and (best is None or cost < best.cost):
                 best = _Candidate(cost, theta.copy(), information, before, kappa, parent)
+            if not scarce:
+                yield
         if best is None:
             return None
         yield
@@ -237,8 +299,9 @@ class Refit:
                 break
             best = _Candidate(cost, theta.copy(), information, before, best.sharpness, parent)
             yield
-            inverse = yield from _inverse(information[n1:, n1:])
-            theta[n1:] += inverse @ work.slope[n1:]
+            factors = factors_of_inverse(np.ascontiguousarray(information[n1:, n1:]))
+            yield
+            theta[n1:] += times(factors, work.slope[n1:])
             yield
         return best
 
@@ -305,10 +368,17 @@ def left_steps(state: State, fill: int) -> Generator[None, None, Array]:
     left: Array = np.ones(fill)
     left[:-1] = state["memory_kept"][1:fill]
     yield
-    np.cumprod(left[::-1], out=left[::-1])
+    _multiply_back(left)
     yield
     left[state["memory_still"][:fill]] = 0.0
     return left
+
+
+@njit(error_model="numpy")
+def _multiply_back(left):
+    """Give each entry the product of those from it to the last; ``cumprod`` takes 50 us to begin where it is rare."""
+    for t in range(left.size - 2, -1, -1):
+        left[t] *= left[t + 1]
 
 
 def count_of(state: State, fill: int) -> float:
@@ -337,11 +407,8 @@ def adopted(chosen: list[_Candidate], count: float, known: float) -> Generator[N
     """
     live = []
     for c in chosen[:LIVE]:
-        inverse = yield from _inverse(c.information)
+        live.append(factors_of_inverse(c.information))
         yield
-        factors = yield from factorise_steps(inverse)
-        yield
-        live.append(factors)
     ud = np.array([live[min(i, len(live) - 1)] for i in range(len(chosen))])
     # far from where it was learnt the model is another one: after an idle spell P must not be wide open
     ceiling = float(max(REOPENING, known / FEWEST) * ud.diagonal(axis1=1, axis2=2).max())
@@ -355,13 +422,3 @@ def adopted(chosen: list[_Candidate], count: float, known: float) -> Generator[N
         "ud": ud,
         "ceiling": ceiling,
     }
-
-
-def _inverse(information: NDArray[np.float64]) -> Generator[None, None, NDArray[np.float64]]:
-    """Inverse of a symmetric positive definite matrix of any scaling."""
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(information), 1e-200))
-    around = np.outer(scale, scale)
-    yield
-    values, vectors = np.linalg.eigh(information * around)
-    yield
-    return (vectors / np.maximum(values, 1e-13)) @ vectors.T * around

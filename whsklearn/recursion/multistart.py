@@ -102,7 +102,7 @@ def run(
         if restart[at]:
             _begin_experiment(state)
         stop = at + 1
-        limit = min(y.size, at + _until_event(state, r))
+        limit = min(y.size, at + _until_event(state, r)) if stop < y.size else stop
         while stop < limit and not restart[stop]:
             stop += 1
         still = np.empty(stop - at, dtype=np.uint8)
@@ -140,8 +140,8 @@ def settled(state: State, r: Reading) -> State:
 
 
 def is_silent(state: State) -> bool:
-    """Whether no start has been tried yet: the first re-run has not taken over."""
-    return not state["theta"].any()
+    """Whether no start has been tried yet: the first re-run, which begins with P0, has not taken over."""
+    return not state["prior_information"].any()
 
 
 def _tend_memory(state: State, r: Reading, refit: BackgroundRefit | None, n_new: int) -> BackgroundRefit | None:

@@ -82,41 +82,52 @@ def past_of(state, dims):
     return Past(state[:nx], state[nx:v0].reshape((nx, n1)), state[v0:g0], state[g0 : g0 + nc * nv].reshape((nc, nv)))
 
 
+@part
+def by_block(theta, dims):
+    """(a, b, w, c, d) of the parameters, or of anything with an entry for each, in the same memory; as `past_of`."""
+    w0 = dims[0] - 1 + dims[1]
+    c0 = w0 + dims[4]
+    d0 = c0 + dims[2] - 1
+    return theta[: dims[0] - 1], theta[dims[0] - 1 : w0], theta[w0:c0], theta[c0:d0], theta[d0 : d0 + dims[3]]
+
+
 # Written into their callers: a call hands over some forty numbers, and a quarter of the time went there.
 @njit(cache=False, error_model="numpy", forceinline=True)
-def predict(theta, dims, past, y_past, first, psi):
-    """y_hat(t) from the past and y(t-1), ... at y_past[first], ...; psi receives its gradient."""
-    nc, nd, nv = dims[2], dims[3], past.v_by.shape[1]
-    y_hat = past.v[0]
+def predict(blocks, past, y_past, psi, psi_blocks):
+    """y_hat(t) from the past and y(t-1), ...; psi receives its gradient, and is given by blocks too."""
+    c, d = blocks[3], blocks[4]
+    psi_c, psi_d = psi_blocks[3], psi_blocks[4]
+    v, v_by = past.v, past.v_by
+    nv = v_by.shape[1]
+    y_hat = v[0]
     for k in range(nv):
-        psi[k] = past.v_by[0, k]
-    for m in range(1, nc):
-        c = theta[nv + m - 1]
-        y_hat += c * past.v[m]
-        psi[nv + m - 1] = past.v[m]
+        psi[k] = v_by[0, k]
+    for m in range(c.size):
+        y_hat += c[m] * v[m + 1]
+        psi_c[m] = v[m + 1]
         for k in range(nv):
-            psi[k] += c * past.v_by[m, k]
-    j = nv + nc - 1
-    for i in range(nd):
-        y_hat -= theta[j + i] * y_past[first + i]
-        psi[j + i] = -y_past[first + i]
+            psi[k] += c[m] * v_by[m + 1, k]
+    for i in range(d.size):
+        y_hat -= d[i] * y_past[i]
+        psi_d[i] = -y_past[i]
     return y_hat
 
 
 @njit(cache=False, error_model="numpy", forceinline=True)
-def advance(theta, dims, codes, shapes, kappa, past, u_past, first, answers=True):
-    """Take the past one sample on, from u(t-1), ... at u_past[first], ...; returns dx = x(t) - x(t-1).
+def advance(blocks, codes, shapes, kappa, past, u_past, answers=True):
+    """Take the past one sample on, from u(t-1), ...; returns dx = x(t) - x(t-1).
 
     Where v(t) will be too old for the next `predict` it need not answer: the law is the dearest part.
     """
+    a, b, w = blocks[0], blocks[1], blocks[2]
     x, x_by, v, v_by = past
-    na, nb, nw = dims[0], dims[1], dims[4]
+    na1, nb, nw = a.size, b.size, w.size
     nx, n1, nc, nv = x.size, x_by.shape[1], v.size, v_by.shape[1]
-    new = u_past[first]
-    for i in range(1, na):
-        new += theta[i - 1] * u_past[first + i]
+    new = u_past[0]
+    for i in range(na1):
+        new += a[i] * u_past[i + 1]
     for j in range(nb):
-        new -= theta[na - 1 + j] * x[j]
+        new -= b[j] * x[j]
     dx = new - x[0]
 
     for m in range(nc - 1, 0, -1):
@@ -127,18 +138,17 @@ def advance(theta, dims, codes, shapes, kappa, past, u_past, first, answers=True
     f_x = 0.0
     f_dx = 0.0
     for k in range(nw if answers else 0):
-        w = theta[n1 + k]
         f, fx, fdx = term(codes[k], shapes[k, 0], shapes[k, 1], shapes[k, 2], new, dx, kappa)
-        newest += w * f
-        f_x += w * fx
-        f_dx += w * fdx
+        newest += w[k] * f
+        f_x += w[k] * fx
+        f_dx += w[k] * fdx
         v_by[0, n1 + k] = f
     v[0] = newest
     f_x += f_dx
     for k in range(n1):
-        g = u_past[first + k + 1] if k < na - 1 else -x[k - (na - 1)]
+        g = u_past[k + 1] if k < na1 else -x[k - na1]
         for j in range(nb):
-            g -= theta[na - 1 + j] * x_by[j, k]
+            g -= b[j] * x_by[j, k]
         v_by[0, k] = f_x * g - f_dx * x_by[0, k]
         for j in range(nx - 1, 0, -1):
             x_by[j, k] = x_by[j - 1, k]
@@ -149,7 +159,7 @@ def advance(theta, dims, codes, shapes, kappa, past, u_past, first, answers=True
     return dx
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy", short=True)
 def record_errors(theta, dims, codes, shapes, kappa, u, y, restart, errors, jacobian):
     """Prediction errors over a record and, where ``jacobian`` has rows, psi for every sample.
 
@@ -162,83 +172,20 @@ def record_errors(theta, dims, codes, shapes, kappa, u, y, restart, errors, jaco
     u_past = np.zeros(dims[0])
     y_past = np.zeros(max(nd, 1))
     psi = np.empty(n)
+    blocks, psi_blocks = by_block(theta, dims), by_block(psi, dims)
     keep = jacobian.shape[0] > 0
     for t in range(len(u)):
         if restart[t]:
             clear(state)
             clear(u_past)
             clear(y_past)
-        errors[t] = y[t] - predict(theta, dims, past, y_past, 0, psi)
+        errors[t] = y[t] - predict(blocks, past, y_past, psi, psi_blocks)
         if keep:
             for k in range(n):
                 jacobian[t, k] = psi[k]
-        advance(theta, dims, codes, shapes, kappa, past, u_past, 0)
+        advance(blocks, codes, shapes, kappa, past, u_past)
         push(u_past, u[t])
         for i in range(nd - 1, 0, -1):
             y_past[i] = y_past[i - 1]
         y_past[0] = y[t]
     return errors
-
-
-@njit(cache=True, error_model="numpy")
-def record_regressors(theta, dims, codes, shapes, kappa, u, y, restart, rows):
-    """Rows of the model that is linear once L1 is fixed: f_k(t-m) for m = 1..n_c, then -y(t-n)."""
-    na, nb, nc, nd, nw = dims[0], dims[1], dims[2], dims[3], dims[4]
-    b0 = na - 1
-    u_past = np.zeros(na)
-    x_past = np.zeros(max(nb, 1))
-    f = np.zeros((nc, nw))
-    since = 0
-    for t in range(len(u)):
-        if restart[t]:
-            clear(u_past)
-            clear(x_past)
-            for m in range(nc):
-                clear(f[m])
-            since = 0
-        for m in range(nc):
-            for k in range(nw):
-                rows[t, m * nw + k] = f[m, k]
-        for i in range(nd):
-            rows[t, nc * nw + i] = -y[t - 1 - i] if i < since else 0.0
-        x = u_past[0]
-        for i in range(1, na):
-            x += theta[i - 1] * u_past[i]
-        for j in range(nb):
-            x -= theta[b0 + j] * x_past[j]
-        dx = x - x_past[0]
-        for m in range(nc - 1, 0, -1):
-            for k in range(nw):
-                f[m, k] = f[m - 1, k]
-        for k in range(nw):
-            f[0, k] = term(codes[k], shapes[k, 0], shapes[k, 1], shapes[k, 2], x, dx, kappa)[0]
-        for j in range(max(nb, 1) - 1, 0, -1):
-            x_past[j] = x_past[j - 1]
-        x_past[0] = x
-        push(u_past, u[t])
-        since += 1
-
-
-@njit(cache=True, error_model="numpy")
-def motion(theta, dims, u, restart):
-    """Root mean square of dx = x(t) - x(t-1), which sets the scale of kappa."""
-    na, nb = dims[0], dims[1]
-    u_past = np.zeros(na)
-    x_past = np.zeros(max(nb, 1))
-    power = 0.0
-    for t in range(len(u)):
-        if restart[t]:
-            clear(u_past)
-            clear(x_past)
-        x = u_past[0]
-        for i in range(1, na):
-            x += theta[i - 1] * u_past[i]
-        for j in range(nb):
-            x -= theta[na - 1 + j] * x_past[j]
-        dx = x - x_past[0]
-        power += dx * dx
-        for j in range(max(nb, 1) - 1, 0, -1):
-            x_past[j] = x_past[j - 1]
-        x_past[0] = x
-        push(u_past, u[t])
-    return np.sqrt(power / max(len(u), 1))

@@ -13,9 +13,14 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from whsklearn._numba import njit, part
+from whsklearn.effects.codes import COULOMB, STRIBECK_TANH, VISCOUS
+from whsklearn.effects.friction import coulomb, reduced_stribeck, viscous
+from whsklearn.effects.signs import smooth_sign
 from whsklearn.effects.terms import term
 
 if TYPE_CHECKING:
+    from collections.abc import Generator
+
     from numpy.typing import NDArray
 
     Array = NDArray[np.float64]
@@ -34,64 +39,49 @@ class Segment(NamedTuple):
         d y_hat / d theta, and below it the prediction error.
     slopes : ndarray of shape (2, LENGTH)
         f_x + f_dx and -f_dx.
+    places : ndarray of int64, shape (2, n_state)
+        Row and column of ``signals`` at which each number of the flat state of `predictor` stands.
     """
 
     signals: Array
     psi: Array
     slopes: Array
+    places: NDArray[np.int64]
 
 
-def new_segment(dims: NDArray[np.int64], n_inputs: int) -> Segment:
-    """A segment with nothing before it."""
-    na, nb, nc, nd, nw = (int(i) for i in dims)
+def segment_steps(dims: NDArray[np.int64], n_inputs: int) -> Generator[None, None, Segment]:
+    """A segment with nothing before it, in parts."""
+    na, nb, nc, nd, nw = dims.tolist()
     n1, past = na - 1 + nb, max(na // n_inputs, nb, nc, nd, 1)
+    rows, columns = [], []
+    for first, lags, n in ((n_inputs, max(nb, 1), n1), (n_inputs + 1 + n1, nc, n1 + nw)):
+        rows += [first] * lags + [first + 1 + k for _ in range(lags) for k in range(n)]
+        columns += [past - 1 - j for j in range(lags)] + [past - 1 - j for j in range(lags) for _ in range(n)]
+    yield
+    places = np.array([rows, columns])
+    yield
     signals = np.zeros((n_inputs + 3 + 2 * n1 + nw, past + LENGTH))
-    return Segment(signals, np.zeros((n1 + nw + nc - 1 + nd + 1, LENGTH)), np.zeros((2, LENGTH)))
+    yield
+    return Segment(signals, np.zeros((n1 + nw + nc - 1 + nd + 1, LENGTH)), np.zeros((2, LENGTH)), places)
 
 
 @part
-def begin(signals, dims, state, u, y, history):
-    """The past of every signal: of u and y their first ``history`` samples, else the flat state of `predictor`."""
-    na, nb, nc, nd, nw = dims[0], dims[1], dims[2], dims[3], dims[4]
-    m, n1, nx, last = u.shape[1], na - 1 + nb, max(nb, 1), signals.shape[1] - LENGTH - 1
-    nv = n1 + nw
-    x0, v0 = m, m + 1 + n1
-    y0 = v0 + 1 + nv
-    for i in range(na):
-        signals[i % m, last - i // m] = u[history - 1 - i // m, i % m]
-    at = 0
-    for j in range(nx):
-        signals[x0, last - j] = state[at]
-        at += 1
-    for j in range(nx):
-        for k in range(n1):
-            signals[x0 + 1 + k, last - j] = state[at]
-            at += 1
-    for j in range(nc):
-        signals[v0, last - j] = state[at]
-        at += 1
-    for j in range(nc):
-        for k in range(nv):
-            signals[v0 + 1 + k, last - j] = state[at]
-            at += 1
-    for i in range(nd):
-        signals[y0, last - i] = y[history - 1 - i]
+def begin(signals, places, state, u, y, history):
+    """The past of every signal: of u and y their last samples of ``history``, else the flat state of `predictor`."""
+    past, m = signals.shape[1] - LENGTH, u.shape[1]
+    for i in range(min(past, history)):
+        for k in range(m):
+            signals[k, past - 1 - i] = u[history - 1 - i, k]
+        signals[signals.shape[0] - 1, past - 1 - i] = y[history - 1 - i]
+    for k in range(state.size):
+        signals[places[0, k], places[1, k]] = state[k]
 
 
 @part
-def keep(signals, dims, m, state):
-    """The flat state from the past of x, v and their gradients; ``m`` inputs."""
-    na, nb, nc, nw = dims[0], dims[1], dims[2], dims[4]
-    n1, nx, last = na - 1 + nb, max(nb, 1), signals.shape[1] - LENGTH - 1
-    at = 0
-    for first, lags, n in ((m, nx, n1), (m + 1 + n1, nc, n1 + nw)):
-        for j in range(lags):
-            state[at] = signals[first, last - j]
-            at += 1
-        for j in range(lags):
-            for k in range(n):
-                state[at] = signals[first + 1 + k, last - j]
-                at += 1
+def keep(signals, places, state):
+    """The flat state from the past of x, v and their gradients."""
+    for k in range(state.size):
+        state[k] = signals[places[0, k], places[1, k]]
 
 
 @part
@@ -173,13 +163,14 @@ def _filter_input(theta, dims, signals, m, n):
             put(out, delayed(signals, 0, 1, n))
             for i in range(1, na):
                 add(out, theta[i - 1], delayed(signals, i % m, 1 + i // m, n))
+            through_denominator(signals[m : m + 1], b, n)
         elif k < na:
             put(out, delayed(signals, k % m, 1 + k // m, n))
         else:
             x = delayed(signals, m, 1 + k - na, n)
             for i in range(n):
                 out[i] = -x[i]
-        through_denominator(delayed(signals, m + k, nb, nb + n), b)
+    through_denominator(signals[m + 1 : m + na + nb], b, n)
 
 
 @part
@@ -194,13 +185,21 @@ def _apply_law(theta, law, kappa, signals, m, slopes, n):
         v[i] = by_now[i] = by_old[i] = 0.0
     for k in range(codes.size):
         w, code, s0, s1, s2 = theta[n1 + k], codes[k], shapes[k, 0], shapes[k, 1], shapes[k, 2]
-        value = delayed(signals, v0 + 1 + n1 + k, 0, n)
-        for i in range(n):
-            f, f_x, f_dx = term(code, s0, s1, s2, now[i], now[i] - old[i], kappa)
-            value[i] = f
-            v[i] += w * f
-            by_now[i] += w * (f_x + f_dx)
-            by_old[i] -= w * f_dx
+        out = delayed(signals, v0 + 1 + n1 + k, 0, n), v, by_now, by_old
+        # the laws of the paper; a loop whose term the compiler knows takes two thirds of the time
+        if code == VISCOUS:
+            for i in range(n):
+                _add_term(viscous(now[i] - old[i]), w, i, out)
+        elif code == COULOMB:
+            for i in range(n):
+                s, ds = smooth_sign(now[i] - old[i], kappa)
+                _add_term(coulomb(s, ds), w, i, out)
+        elif code == STRIBECK_TANH:
+            for i in range(n):
+                _add_term(reduced_stribeck(s0, now[i] - old[i]), w, i, out)
+        else:
+            for i in range(n):
+                _add_term(term(code, s0, s1, s2, now[i], now[i] - old[i], kappa), w, i, out)
     for k in range(n1):
         out, g, g_old = (
             delayed(signals, v0 + 1 + k, 0, n),
@@ -212,21 +211,43 @@ def _apply_law(theta, law, kappa, signals, m, slopes, n):
 
 
 @part
-def through_denominator(row, b):
-    """row(t) -= sum b_j row(t-j), in place; the row begins with as many past samples as b has."""
-    nb = b.size
-    if nb == 2:  # the paper's order, with the past in registers
-        older, old, b1, b2 = row[0], row[1], b[0], b[1]
-        for i in range(2, row.size):
-            new = (row[i] - b2 * older) - b1 * old
-            row[i] = new
-            older, old = old, new
-        return
-    for i in range(nb, row.size):
-        s = row[i]
-        for j in range(nb - 1, -1, -1):
-            s -= b[j] * row[i - 1 - j]
-        row[i] = s
+def _add_term(term_there, w, i, out):
+    """Keep a term's value f at sample i, and add w f to v and its slopes by x(t) and by x(t-1) to theirs."""
+    f, f_x, f_dx = term_there
+    value, v, by_now, by_old = out
+    value[i] = f
+    v[i] += w * f
+    by_now[i] += w * (f_x + f_dx)
+    by_old[i] -= w * f_dx
+
+
+@part
+def through_denominator(rows, b, n):
+    """row(t) -= sum b_j row(t-j) over ``n`` samples, in place; each row begins with its past."""
+    nb, first, k = b.size, rows.shape[1] - LENGTH, 0
+    # the paper's order, with the past in registers, and three rows at once, as each sum waits for the one before it
+    while nb == 2 and k + 3 <= rows.shape[0]:
+        p, q, r = rows[k], rows[k + 1], rows[k + 2]
+        p2, p1, q2, q1, r2, r1 = p[first - 2], p[first - 1], q[first - 2], q[first - 1], r[first - 2], r[first - 1]
+        b1, b2 = b[0], b[1]
+        for i in range(first, first + n):
+            p0, q0, r0 = (p[i] - b2 * p2) - b1 * p1, (q[i] - b2 * q2) - b1 * q1, (r[i] - b2 * r2) - b1 * r1
+            p[i], q[i], r[i] = p0, q0, r0
+            p2, p1, q2, q1, r2, r1 = p1, p0, q1, q0, r1, r0
+        k += 3
+    for row in rows[k:]:
+        if nb == 2:
+            older, old, b1, b2 = row[first - 2], row[first - 1], b[0], b[1]
+            for i in range(first, first + n):
+                new = (row[i] - b2 * older) - b1 * old
+                row[i] = new
+                older, old = old, new
+            continue
+        for i in range(first, first + n):
+            s = row[i]
+            for j in range(nb - 1, -1, -1):
+                s -= b[j] * row[i - 1 - j]
+            row[i] = s
 
 
 @njit(cache=False, error_model="numpy", fastmath={"reassoc", "contract"})

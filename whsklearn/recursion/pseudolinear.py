@@ -34,7 +34,7 @@ class Published(NamedTuple):
     power: Array
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy", short=True)
 def run_pseudolinear(model, recent, since, forgetting, ceiling, law, p, mode, samples):
     """Take theta, P and the auxiliary model through samples; all state arrays change in place.
 

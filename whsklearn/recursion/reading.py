@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from whsklearn.recursion.predictor import parameter_count
@@ -60,27 +61,28 @@ class Reading:
     n_inputs: int = 1
     theta0: NDArray[np.float64] | None = None
 
-    @property
+    # worked out once: a row asks for them a dozen times, and a number of NumPy's takes ten times as long as Python's
+    @cached_property
     def size(self) -> int:
         """Number of parameters."""
         return int(parameter_count(self.dims))
 
-    @property
+    @cached_property
     def history(self) -> int:
         """Samples that must be known before a window."""
         return int(max(self.dims[0] // self.n_inputs, self.dims[3], 1))
 
-    @property
+    @cached_property
     def first_rerun(self) -> int:
         """Samples before the first re-run of the memory."""
         return min(max(FIRST_RERUN, 4 * self.size), self.memory)
 
-    @property
+    @cached_property
     def page_end(self) -> int:
         """Samples in memory at which a re-run page is turned: half a page after it was full."""
         return self.memory + max(self.memory // 2, 1)
 
-    @property
+    @cached_property
     def law(self) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
         """Dims, codes and shapes, as the kernels take them."""
         return self.dims, self.codes, self.shapes

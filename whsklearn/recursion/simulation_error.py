@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 PLACE_AT = (4, 9, 17, 33)  # iterations after which knots follow x; between them the cost is one function
+DEARER = 1.05  # what knots that follow x may cost for the moment
 SHARPNESS = 100.0  # of a smoothed sign: kappa rms(dx); at the end 1 sample in 80 lies within it
 
 
@@ -81,6 +82,11 @@ class Fitted(NamedTuple):
     error: Array
     cost: float
 
+    @property
+    def n_parameters(self) -> int:
+        """Numbers of the chain, less the two gains that the law has as well."""
+        return self.chain.linear_part.size + len(self.chain.law) - 2
+
 
 def first_block(chain: Chain, data: IOData) -> Array:
     """x, shape (n,)."""
@@ -93,9 +99,8 @@ def first_block(chain: Chain, data: IOData) -> Array:
 def run(chain: Chain, data: IOData) -> Signals:
     """Simulate the chain from rest."""
     x = first_block(chain, data)
-    columns, by_x, by_dx = law_columns(
-        chain.law.codes, chain.law.shapes, chain.weights, x, data.bounds, _kappa(x, data)
-    )
+    rows = law_columns(chain.law.codes, chain.law.shapes, chain.weights, x, data.bounds, _kappa(x, data))
+    columns, by_x, by_dx = rows[:-2], rows[-2], rows[-1]
     v = chain.weights @ columns
     return Signals(x, v, filter_rows(chain.b2, chain.a2, v[None, :], data.bounds)[0], columns, by_x, by_dx)
 
@@ -105,7 +110,7 @@ def solve_law(chain: Chain, data: IOData) -> Fitted:
     x = first_block(chain, data)
     if not np.isfinite(x).all():
         return Fitted(chain, data.y, np.inf)
-    columns = law_columns(chain.law.codes, chain.law.shapes, chain.weights, x, data.bounds, _kappa(x, data))[0]
+    columns = law_columns(chain.law.codes, chain.law.shapes, chain.weights, x, data.bounds, _kappa(x, data))[:-2]
     basis = orthonormal(columns[:, data.counts])
     rows = filter_rows(chain.b2, chain.a2, basis @ columns, data.bounds) * data.scale
     target = data.y * data.scale
@@ -159,7 +164,10 @@ def refine(chain: Chain, data: IOData, iterations: int, *, free: bool = True) ->
         Whether the scale of x is free: knots of the law then follow x, which is given unit deviation.  Else b1[0]
         and b2[0] stay as they are, as laws such as tanh(dx) need it.
     """
-    best = solve_law(normalised(chain, data) if free else chain, data)
+    best = least = solve_law(chain, data)
+    if free:
+        anew = solve_law(normalised(chain, data), data)
+        best = anew if not best.cost * DEARER < anew.cost else best
     held = [] if free else [0, chain.b1.size + chain.a1.size - 1]
     damping = 1e-2
     for i in range(iterations):
@@ -167,7 +175,8 @@ def refine(chain: Chain, data: IOData, iterations: int, *, free: bool = True) ->
             break
         if free and i in PLACE_AT:
             anew = solve_law(normalised(best.chain, data), data)
-            best = anew if anew.cost < 1.05 * best.cost else best  # a little worse for the moment is the price
+            least = min(least, best, key=lambda f: f.cost)  # knots on a kink are not always found again
+            best = anew if anew.cost < DEARER * best.cost else best
         rows = sensitivities(best.chain, data)[1] * data.scale
         n = best.chain.linear_part.size
         rows[held] = 0.0
@@ -184,7 +193,7 @@ def refine(chain: Chain, data: IOData, iterations: int, *, free: bool = True) ->
             damping *= 4
         if not accepted or (gain < 1e-7 and i > max(PLACE_AT[:2])):
             break
-    return best
+    return min(best, least, key=lambda f: f.cost)
 
 
 def _with_unit_scale(information: Array) -> Array:
@@ -221,10 +230,9 @@ def orthonormal(columns: Array) -> Array:
 
 @njit(cache=True, error_model="numpy")
 def law_columns(codes, shapes, weights, x, bounds, kappa):
-    """Every term at weight one (k, n), and the slopes of the weighted law by x and by dx (n,)."""
-    columns = np.zeros((codes.size, x.size))
-    by_x = np.zeros(x.size)
-    by_dx = np.zeros(x.size)
+    """Every term at weight one, then the slopes of the weighted law by x and by dx, (k + 2, n)."""
+    out = np.zeros((codes.size + 2, x.size))
+    columns, by_x, by_dx = out[:-2], out[-2], out[-1]
     for e in range(bounds.size - 1):
         before = 0.0
         for t in range(bounds[e], bounds[e + 1]):
@@ -236,4 +244,4 @@ def law_columns(codes, shapes, weights, x, bounds, kappa):
                 by_x[t] += weights[k] * slope
                 by_dx[t] += weights[k] * slope_dx
             before = x[t]
-    return columns, by_x, by_dx
+    return out

@@ -11,10 +11,12 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from whsklearn.effects import FrictionLaw
-from whsklearn.effects.knots import spline_terms
+from whsklearn.effects.knots import spline_terms, static_terms
 from whsklearn.recursion.best_linear import IOData, Ratio, best_linear
 from whsklearn.recursion.block_split import Orders, divisions, padded
-from whsklearn.recursion.simulation_error import Chain, Fitted, refine, run, solve_law
+from whsklearn.recursion.simulation_error import Chain, Fitted, refine, solve_law
+from whsklearn.recursion.structure_choice import simplest, squared_error
+from whsklearn.recursion.wrong_minimum import improved
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -24,7 +26,6 @@ LINEAR, SHORT, LONG = 10_000, 5_000, 10_000  # samples for the linear model, the
 KEPT = 8  # divisions of each order that are refined
 RUNGS = ((6, SHORT, 12), (14, SHORT, 3), (40, LONG, 1))  # iterations, samples, how many go on
 FINE_KNOTS, FINE_FROM = 20, 3_000  # a finer law where samples abound
-SIMPLER = 1.03  # a simpler structure is taken within 3 % of the least held-out error
 HOLDOUT = 0.25
 
 
@@ -78,28 +79,23 @@ def search(data: IOData, law: FrictionLaw, structures: tuple[Structure, ...] = U
     law : FrictionLaw
         A law in x; its knots are placed anew.
     structures : tuple of Structure
-        Simplest first.
+        Simplest first.  Where there are several the blocks may grow beyond them, and a polynomial is taken for the law
+        where held-out data do not tell it from the law.
     """
     if len(structures) == 1:
         return finish(halving(data, law, structures[0]).chain, data)
-    cut = int((1 - HOLDOUT) * data.y.size)
-    later = data._replace(counts=data.counts & (np.arange(data.y.size) >= cut))
-    found = [halving(data.head(cut), law, s) for s in structures]
-    errors = [squared_error(f.chain, later) for f in found]
-    least = min(errors)
-    chosen = next(f for f, e in zip(found, errors, strict=True) if e <= SIMPLER**2 * least or e == least)
+    early = data.head(int((1 - HOLDOUT) * data.y.size))
+    later = data._replace(counts=data.counts & (np.arange(data.y.size) >= early.y.size))
+    found = [halving(early, law, s) for s in structures]
+    best, short = min(found, key=lambda f: squared_error(f.chain, later)), early.head(LONG)
+    chosen = simplest([*found, improved(best, short)], later)
+    plain = FrictionLaw(static_terms("polynomial") or ())
+    chosen = simplest([refine(chosen.chain._replace(law=plain, weights=plain.weights), short, 30), chosen], later)
     return finish(chosen.chain, data)
 
 
-def squared_error(chain: Chain, data: IOData) -> float:
-    """Sum of squared free-run errors over the samples that count."""
-    error = (data.y - run(chain, data).y) * data.scale
-    total = float(error @ error)
-    return total if np.isfinite(total) else np.inf
-
-
 def halving(data: IOData, law: FrictionLaw, structure: Structure) -> Fitted:
-    """The best of many divisions after ever longer refinements of ever fewer."""
+    """The best of many divisions after ever longer refinements of ever fewer, the last on `LONG` samples."""
     pool = starts(data, law, structure)
     for iterations, samples, kept in RUNGS:
         pool = best_in_turn([refine(f.chain, data.head(samples), iterations) for f in pool], kept)

@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from whsklearn.recursion.predictor import motion, record_regressors
+from whsklearn._numba import njit
+from whsklearn.effects.terms import law_values
+from whsklearn.recursion.first_block import KNOWN, first_block
 from whsklearn.recursion.steps import in_one
 
 if TYPE_CHECKING:
@@ -25,25 +27,27 @@ if TYPE_CHECKING:
 
 def random_stable(order: int, rng: np.random.Generator) -> NDArray[np.float64]:
     """A stable denominator from uniform reflection coefficients (Levinson recursion)."""
-    b = np.zeros(0)
-    for r in rng.uniform(-0.9, 0.9, order):
-        b = np.append(b + r * b[::-1], r)
-    return b
+    b: list[float] = []  # arrays would take five times as long, while a sample waits
+    for r in rng.uniform(-0.9, 0.9, order).tolist():
+        b = [x + r * y for x, y in zip(b, b[::-1], strict=True)] + [r]
+    return np.array(b)
 
 
 def random_start(dims: tuple[int, ...], rng: np.random.Generator, scales: Array | None = None) -> Array:
     """theta with stable blocks; weights of the order of ``scales``, or of one where nothing is known."""
+    return in_one(random_start_steps(dims, rng, scales))
+
+
+def random_start_steps(
+    dims: tuple[int, ...], rng: np.random.Generator, scales: Array | None = None
+) -> Generator[None, None, Array]:
+    """`random_start` in two parts."""
     na, nb, nc, nd, nw = dims
     weights = rng.normal(0.0, 0.5, nw)
-    return np.concatenate(
-        [
-            rng.normal(0.0, 1.5, na - 1),
-            random_stable(nb, rng),
-            weights if scales is None else weights * scales,
-            rng.normal(0.0, 0.5, nc - 1),
-            random_stable(nd, rng),
-        ]
-    )
+    a, b = rng.normal(0.0, 1.5, na - 1), random_stable(nb, rng)
+    yield
+    w = weights if scales is None else weights * scales
+    return np.concatenate([a, b, w, rng.normal(0.0, 0.5, nc - 1), random_stable(nd, rng)])
 
 
 def term_scales(law: Law, u: Array, y: Array, restart: NDArray[np.bool_], rng: np.random.Generator) -> Array:
@@ -51,24 +55,23 @@ def term_scales(law: Law, u: Array, y: Array, restart: NDArray[np.bool_], rng: n
 
     With them a start and a prior do not depend on the units of the log.
     """
-    return scales_from([term_sizes(law, u, y, restart, rng) for _ in range(9)], y)
+    return scales_from([term_sizes(law, u, restart, rng) for _ in range(9)], y)
 
 
-def term_sizes(law: Law, u: Array, y: Array, restart: NDArray[np.bool_], rng: np.random.Generator) -> Array:
+def term_sizes(law: Law, u: Array, restart: NDArray[np.bool_], rng: np.random.Generator) -> Array:
     """Root mean square of each term behind one random L1."""
-    return in_one(term_sizes_steps(law, u, y, restart, rng))
+    return in_one(term_sizes_steps(law, u, restart, rng))
 
 
 def term_sizes_steps(
-    law: Law, u: Array, y: Array, restart: NDArray[np.bool_], rng: np.random.Generator
+    law: Law, u: Array, restart: NDArray[np.bool_], rng: np.random.Generator
 ) -> Generator[None, None, Array]:
     """`term_sizes` in two parts."""
     dims = tuple(int(d) for d in law[0])
     start = random_start(dims, rng)
     yield
-    rows = np.empty((y.size, dims[2] * dims[4] + dims[3]))
-    record_regressors(start, *law, np.inf, u, y, restart, rows)
-    return np.sqrt(np.mean(rows[:, : dims[4]] ** 2, axis=0))
+    x, dx = first_block(start, law[0], u, restart, KNOWN)[0]
+    return np.sqrt(np.mean(law_values(law[1], law[2], x, dx, np.inf) ** 2, axis=1))
 
 
 def scales_from(sizes: list[Array], y: Array) -> Array:
@@ -78,11 +81,28 @@ def scales_from(sizes: list[Array], y: Array) -> Array:
 
 
 def regressors(theta: Array, law: Law, u: Array, y: Array, restart: NDArray[np.bool_]) -> Array:
-    """Rows of what is linear once L1 of ``theta`` is fixed."""
+    """Rows of what is linear once L1 of ``theta`` is fixed: f_k(t-m) for m = 1..n_c, then -y(t-n)."""
     dims, codes, shapes = law
-    kappa = 0.5 / max(float(motion(theta, dims, u, restart)), 1e-12)
-    rows = np.empty((y.size, int(dims[2] * dims[4] + dims[3])))
-    record_regressors(theta, dims, codes, shapes, kappa, u, y, restart, rows)
+    (x, dx), motion = first_block(theta, dims, u, restart, KNOWN)
+    f = law_values(codes, shapes, x, dx, 0.5 / max(motion, 1e-12))
+    return lagged(f, y, restart, int(dims[2]), int(dims[3]))
+
+
+@njit(error_model="numpy", short=True)
+def lagged(f, y, restart, nc, nd):
+    """f(t-1), .. f(t-n_c), -y(t-1), .. -y(t-n_d) of every sample, zero where that is before its experiment."""
+    nw, n = f.shape
+    rows = np.zeros((n, nc * nw + nd))
+    since = 0
+    for t in range(n):
+        if restart[t]:
+            since = 0
+        for m in range(min(nc, since)):
+            for k in range(nw):
+                rows[t, m * nw + k] = f[k, t - 1 - m]
+        for i in range(min(nd, since)):
+            rows[t, nc * nw + i] = -y[t - 1 - i]
+        since += 1
     return rows
 
 

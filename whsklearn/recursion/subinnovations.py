@@ -15,11 +15,13 @@ import numpy as np
 
 from whsklearn._numba import njit, part
 from whsklearn.recursion.covariance import inflate, measurement_update
-from whsklearn.recursion.predictor import advance, past_of, predict
+from whsklearn.recursion.predictor import advance, by_block, past_of, predict
 from whsklearn.systems.stability import is_stable
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+
+    from whsklearn.recursion.starts import Law
 
     Array = NDArray[np.float64]
 
@@ -37,7 +39,7 @@ def relative_sharpness(seen, sharpest):
     return min(max((seen / 32.0) ** 1.75, 1.0), sharpest)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy", short=True)
 def mark_still(repeats, recent_u, recent_y, known, kept, u, y, still):
     """Mark samples that are MOVING, IDLE or STILL; ``repeats`` counts how often the last input and sample repeat.
 
@@ -118,8 +120,10 @@ class Schedule(NamedTuple):
     sharpest: float
 
 
-@njit(cache=True, error_model="numpy")
-def run_windows(models, recent, since, seen, schedule, law, p, frozen, samples, still):
+def run_windows(
+    models: Models, recent: Samples, since: int, seen: int, schedule: Schedule, law: Law, p: int, frozen: bool,
+    samples: Samples, still: NDArray[np.uint8],
+) -> int:  # fmt: skip
     """Take every model through the samples; all state arrays change in place.
 
     Parameters
@@ -149,6 +153,15 @@ def run_windows(models, recent, since, seen, schedule, law, p, frozen, samples, 
     int
         ``since`` after the last sample.
     """
+    # plain tuples: Numba looks at named ones for twice as long, which was a third of a row
+    return _run_windows(
+        tuple(models), tuple(recent), since, seen, tuple(schedule), law, p, frozen, tuple(samples), still
+    )
+
+
+@njit(error_model="numpy", short=True)
+def _run_windows(models, recent, since, seen, schedule, law, p, frozen, samples, still):
+    models, recent, schedule, samples = Models(*models), Samples(*recent), Schedule(*schedule), Samples(*samples)
     count = samples.y.size
     line = Samples(
         _newest_first(samples.u.ravel(), recent.u, samples.u.shape[1]),
@@ -188,7 +201,7 @@ def _keep(recent, line):
         recent[k] = line[k]
 
 
-@njit(cache=False, error_model="numpy", inline="always")
+@part
 def _run_model(model, line, since, seen, schedule, law, p, frozen, still):
     """Take one model through the samples; returns the forgetting factor after the last of them.
 
@@ -199,12 +212,12 @@ def _run_model(model, line, since, seen, schedule, law, p, frozen, still):
     dims, codes, shapes = law
     n, count = theta.size, still.size
     m = recent_u.size // recent_y.size
-    na, nb, nc = dims[0], dims[1], dims[2]
+    nc = dims[2]
     work = np.empty(before.size)
     past = past_of(work, dims)
     psi, gain, start, old = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
-    b = theta[na - 1 : na - 1 + nb]
-    at = start if frozen else theta
+    blocks, psi_blocks = by_block(start if frozen else theta, dims), by_block(psi, dims)
+    b = by_block(theta, dims)[1]
     rate = schedule.forgetting[0]
     for t in range(count):
         newest = count - 1 - t
@@ -237,7 +250,7 @@ def _run_model(model, line, since, seen, schedule, law, p, frozen, still):
             dx = 0.0
             for k in range(run_up, now, -1):
                 answers = frozen or onwards or k <= now + nc
-                dx = advance(at, dims, codes, shapes, sharpness[0], past, recent_u, (newest + k + 1) * m, answers)
+                dx = advance(blocks, codes, shapes, sharpness[0], past, recent_u[(newest + k + 1) * m :], answers)
             if onwards:
                 for k in range(work.size):
                     before[k] = work[k]
@@ -248,7 +261,7 @@ def _run_model(model, line, since, seen, schedule, law, p, frozen, still):
             weight = recent_weight[newest + now]
             if weight == 0.0:
                 continue
-            e = recent_y[newest + now] - predict(at, dims, past, recent_y, newest + now + 1, psi)
+            e = recent_y[newest + now] - predict(blocks, past, recent_y[newest + now + 1 :], psi, psi_blocks)
             if frozen:
                 for k in range(n):
                     e -= psi[k] * (theta[k] - start[k])

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from whsklearn._numba import njit
+from whsklearn._numba import njit, part
 from whsklearn.effects import codes
 from whsklearn.effects.drive import dead_zone, lagged, saturation
 from whsklearn.systems._servo_torques import DELAY, LAG, LIMIT
@@ -23,7 +23,7 @@ class Chain(NamedTuple):
     limit: Any
 
 
-@njit(error_model="numpy")
+@part
 def chain_of(plant):
     """Drive and effects of the drive: delays, lags and dead zones add up, of limits the lowest counts."""
     delay, limit = plant.parts[DELAY], plant.parts[LIMIT]
@@ -41,7 +41,7 @@ def chain_of(plant):
     return Chain(delay, plant.parts[LAG], second, width, limit)
 
 
-@njit(error_model="numpy")
+@part
 def hold_weights(delay, substeps, linear):
     """For every fine step of a sample: the sample (from now) that acts, and its weight beside the one after it.
 

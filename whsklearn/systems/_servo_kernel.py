@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from whsklearn._numba import njit
+from whsklearn._numba import njit, part
 from whsklearn.effects import codes
 from whsklearn.effects.hysteresis import N_STATES
 from whsklearn.effects.sensor import quantized
@@ -69,7 +69,7 @@ class How(NamedTuple):
     linear: bool = False
 
 
-@njit(error_model="numpy")
+@part
 def control(c, memory, reference, k, y, sample_time):
     """PID with feed-forward, saturation and conditional integration; memory = [integral, derivative, last input]."""
     kp, ki, kd, kv, ka, limit, on_measurement, filter_time = c
@@ -87,7 +87,7 @@ def control(c, memory, reference, k, y, sample_time):
     return min(limit, max(-limit, rest + memory[0]))
 
 
-@njit(error_model="numpy")
+@part
 def returned(state, measured, k, on_load, side):
     """The state with the encoder's side at the measurement; the twist as given, or as it was."""
     x, v, q, w = state
@@ -99,7 +99,7 @@ def returned(state, measured, k, on_load, side):
     return x, v, x - twist, v - slip
 
 
-@njit(error_model="numpy")
+@part
 def lattice_of(plant):
     """Step of the encoder's lattice, the coarsest counts; and whether the encoder has lost the sign."""
     step, folded = plant.parts[RESOLUTION], False

@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from whsklearn._numba import njit
+from whsklearn._numba import njit, part
 from whsklearn.effects import codes
 from whsklearn.effects.hysteresis import AHEAD
 from whsklearn.effects.signs import smooth_sign
@@ -44,7 +44,7 @@ class Body(NamedTuple):
     kappa: Any
 
 
-@njit(error_model="numpy")
+@part
 def body_of(plant):
     """The inertias and the coupling between them, from the parts and the effects of the transmission."""
     parts = plant.parts

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from whsklearn._numba import njit
+from whsklearn._numba import njit, part
 from whsklearn.effects import codes
 from whsklearn.effects.hysteresis import AHEAD, advance_hysteresis, hysteresis_torque
 from whsklearn.effects.own import WHICH
@@ -56,7 +56,7 @@ class Ends(NamedTuple):
     inertia: Any
 
 
-@njit(error_model="numpy")
+@part
 def kind_of(code):
     """Which of `Ends` a code belongs to; 6 where it is no torque and no reading."""
     if code == codes.CHANGE_INERTIA:
@@ -76,7 +76,7 @@ def kind_of(code):
     return 6
 
 
-@njit(error_model="numpy")
+@part
 def arranged(effects, p):
     """Copies of codes (n,) and numbers (n, 8) with the rows in the order of `Ends`, and where each kind ends."""
     n = effects.size

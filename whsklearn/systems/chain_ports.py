@@ -69,7 +69,7 @@ def occupied(codes):
     return drive, between, sensor, law
 
 
-@njit(error_model="numpy", forceinline=True)
+@njit(cache=False, error_model="numpy", forceinline=True)
 def driven(codes, rows, memory, u, t, x, dt):
     """u_eff(t) of the command up to t; ``memory`` of shape (n_effects, n_states) holds what a lag remembers."""
     w = u[t]
@@ -102,7 +102,7 @@ def driven(codes, rows, memory, u, t, x, dt):
     return w
 
 
-@njit(error_model="numpy", forceinline=True)
+@njit(cache=False, error_model="numpy", forceinline=True)
 def transmitted(codes, rows, memory, x, dt):
     """x behind the transmission."""
     for j in range(codes.size):
@@ -129,7 +129,7 @@ def coupled(frequency, ratio, memory, j, x, dt):
     return out
 
 
-@njit(error_model="numpy", forceinline=True)
+@njit(cache=False, error_model="numpy", forceinline=True)
 def added(codes, rows, memory, own, u, x, dx, ddx, t, dt, kappa, v):
     """What friction, position and time effects add to v(t); ``ddx`` is the change of dx."""
     total = 0.0
@@ -154,7 +154,7 @@ def added(codes, rows, memory, own, u, x, dx, ddx, t, dt, kappa, v):
     return total
 
 
-@njit(error_model="numpy", forceinline=True)
+@njit(cache=False, error_model="numpy", forceinline=True)
 def sensed(codes, rows, own, q, t, dt):
     """Reading of the true output q."""
     y = q
@@ -172,7 +172,7 @@ def sensed(codes, rows, own, q, t, dt):
     return y
 
 
-@njit(error_model="numpy", forceinline=True)
+@njit(cache=False, error_model="numpy", forceinline=True)
 def unsensed(codes, rows, own, y, expected, t, dt):
     """The output q that a reading y stands for, the ``expected`` sign where a folded reading leaves the choice."""
     q = y

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from whsklearn._numba import njit
+from whsklearn._numba import njit, part
 
 HAT_U, HAT_X, HAT_DX, HAT_T, LAG_U, LAG_V, PRODUCT, HAT_Q, TONE_U = 300, 301, 302, 303, 304, 305, 306, 307, 308
 SATURATION_X, DEAD_ZONE_X = 309, 310  # of L1's output, where a law in x is looked for
@@ -14,7 +14,7 @@ def hat(value, centre, width):
     return max(0.0, 1.0 - abs(value - centre) / width)
 
 
-@njit(error_model="numpy")
+@part
 def probe(code, centre, width, x, dx, u, t, v, s):
     """A function of weight one at the law's port; s stands for sign(dx)."""
     if code == HAT_X:

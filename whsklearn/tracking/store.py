@@ -124,7 +124,12 @@ class InSentences:
         def call(*args: Any, **kwargs: Any) -> Any:
             try:
                 with quiet(logging.CRITICAL):  # what fails is said below, in a sentence and not in a traceback
-                    return value(*args, **kwargs)
+                    try:
+                        return value(*args, **kwargs)
+                    except Exception as error:
+                        if not _was_there_meanwhile(error):
+                            raise
+                        return value(*args, **kwargs)  # it finds what it was about to write
             except Exception as error:
                 raise TrackingError(
                     f"The record at {public(self._client.tracking_uri)} cannot be written ({sentence(error)}); what "
@@ -137,6 +142,11 @@ class InSentences:
 def public(uri: str) -> str:
     """The address without its password."""
     return re.sub(r"//[^@/]*@", "//", uri)
+
+
+def _was_there_meanwhile(error: Exception) -> bool:
+    """Whether another process wrote the same row between a look and a write; MLflow leaves that to the caller."""
+    return any(word in str(error).lower() for word in ("unique constraint", "duplicate"))  # SQLite, PostgreSQL; MySQL
 
 
 def sentence(error: BaseException) -> str:

@@ -1,0 +1,91 @@
+"""How dx bends with (a, b): its second derivatives, from the gradients that are there already.
+
+With x = A/B u each gradient G_k = d dx / d theta_k obeys B(q) G_k = (the same for A and B) and so
+
+    d^2 dx / d theta_k d b_j = -F_k(t - j) - [theta_k is a b_i] F_j(t - i),        B(q) F_k = G_k,
+
+and nothing else is bent: dx is linear in a.  A sign that is passed on from page to page is asked at
+parameters that its page did not know.  On 20,000 samples of Example 5.1 the first page lies 0.005 from
+the truth, where the gradient alone misses dx by up to 8e-5 and the posterior knows it to 1e-4: the sign
+of one of 512 samples came out wrong, and with it 15 units of log density at the truth.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from whsklearn._numba import njit
+
+if TYPE_CHECKING:
+    from collections.abc import Generator
+
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+PIECE = 512  # samples that are filtered between two rows
+
+
+@njit(error_model="numpy", short=True)
+def filter_gradients(gradient, restart, b, begin, stop, out):
+    """F of the samples from ``begin`` to ``stop``, from rest where an experiment begins; those before are there."""
+    since = 0
+    for t in range(begin - 1, max(begin - 1 - b.size, -1), -1):
+        since += 1
+        if restart[t]:
+            break
+    for t in range(begin, stop):
+        if restart[t]:
+            since = 0
+        for k in range(gradient.shape[1]):
+            value = gradient[t, k]
+            for j in range(min(b.size, since)):
+                value -= b[j] * out[t - 1 - j, k]
+            out[t, k] = value
+        since += 1
+
+
+def curvature_steps(
+    gradient: Array, restart: NDArray[np.bool_], experiment: NDArray[np.int64], b: Array, chosen: NDArray[np.intp]
+) -> Generator[None, None, Array]:
+    """Second derivatives of dx by (a, b) of some samples, in parts.
+
+    Before the first sample nothing is known of F: in a page that does not begin at rest the curvature of its first
+    samples is too small.
+
+    Parameters
+    ----------
+    gradient : ndarray of shape (n, n_1)
+        d dx / d(a, b) of all samples.
+    restart : ndarray of shape (n,)
+        Where an experiment begins.
+    experiment : ndarray of shape (n,)
+        Which one each sample is of.
+    b : ndarray
+        Denominator of L1 without its leading one; the last of (a, b).
+    chosen : ndarray of int, shape (E,)
+        Which samples.
+
+    Returns
+    -------
+    ndarray of shape (E, n_1, n_1)
+    """
+    n1 = gradient.shape[1]
+    bent = np.zeros((chosen.size, n1, n1))
+    yield
+    filtered = np.empty_like(gradient)
+    yield
+    for begin in range(0, len(gradient), PIECE):
+        filter_gradients(gradient, restart, b, begin, min(begin + PIECE, len(gradient)), filtered)
+        yield
+    for j in range(b.size):
+        before = chosen - 1 - j
+        there = before >= 0
+        there &= experiment[before] == experiment[chosen]
+        term = filtered[before] * there[:, None]
+        bent[:, :, n1 - b.size + j] -= term
+        bent[:, n1 - b.size + j, :] -= term
+        yield
+    return bent

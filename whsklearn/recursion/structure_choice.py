@@ -1,0 +1,57 @@
+"""Which of several fitted chains to believe, by data that none of them has seen."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.stats import chi2
+
+from whsklearn.recursion.simulation_error import Chain, Fitted, run
+
+if TYPE_CHECKING:
+    from whsklearn.recursion.best_linear import IOData
+
+SIMPLER = 1.03  # a simpler model has at most 3 % more error on held-out data than the best
+BATCHES, DEVIATIONS = 60, 2.0  # and at most two standard errors more, of the difference
+CHANCE = 1e-3  # that further parameters gain so much in the data of the fit where they mean nothing
+
+
+def squared_error(chain: Chain, data: IOData) -> float:
+    """Sum of squared free-run errors over the samples that count."""
+    error = (data.y - run(chain, data).y) * data.scale
+    total = float(error @ error)
+    return total if np.isfinite(total) else np.inf
+
+
+def simplest(candidates: list[Fitted], later: IOData) -> Fitted:
+    """The first that the data do not tell from the one that is best on data which none of them has seen.
+
+    They do where it is better there by 3 %, or by two standard errors, or at all, if in the data of the fit its further
+    parameters gain more than chance would give them (likelihood ratio).
+
+    Parameters
+    ----------
+    candidates : list of Fitted
+        Fits to the same data, the simplest first.
+    later : IOData
+        The record, of which only samples count that the fits have not seen.
+    """
+    with np.errstate(over="ignore", invalid="ignore"):
+        squares = [((later.y - run(f.chain, later).y) * later.scale)[later.counts] ** 2 for f in candidates]
+        # over batches, since what a free run leaves is not white
+        sums = np.array([[part.sum() for part in np.array_split(s, min(BATCHES, s.size))] for s in squares])
+    sums[~np.isfinite(sums)] = np.inf
+    k = int(np.argmin(sums.sum(axis=1)))
+    best = candidates[k]
+    noise = best.cost / max(float(np.count_nonzero(best.error)) - best.n_parameters, 1.0)
+    for fitted, of in zip(candidates[:k], sums, strict=False):
+        if not np.isfinite(of).all():
+            continue
+        worse, further = of - sums[k], best.n_parameters - fitted.n_parameters
+        told = worse.sum() > min(DEVIATIONS * np.sqrt(len(worse)) * np.std(worse), (SIMPLER**2 - 1.0) * sums[k].sum())
+        if further > 0:
+            told |= (fitted.cost - best.cost) / noise > chi2.isf(CHANCE, further)
+        if not told:
+            return fitted
+    return best
