@@ -73,7 +73,7 @@ def sample(problem: Problem, start: Gaussian, rng: np.random.Generator, *, rough
         As `frozen` gives it.
     rng : numpy.random.Generator
     rough : bool, default=False
-        Fewer sweeps: the mean to a fifth of a deviation, in a quarter of the time.
+        Fewer sweeps, for a mean that only says where to go on from.
     """
     n1 = problem.gradient.shape[1]
     if not n1 or not problem.dx.size:
