@@ -107,3 +107,8 @@ def test_what_a_record_says_nothing_of_is_uncertain_and_not_infinite():
     assert np.isfinite(p).all()
     assert p[2, 2] > 1e10
     assert row @ p @ row == pytest.approx(1.0, abs=1e-2)
+
+
+def test_the_least_pivot_bends_nothing_that_the_record_tells():
+    p = random_covariance(4, 4, log_condition=8)
+    np.testing.assert_allclose(covariance(factors_of_inverse(np.linalg.inv(p))), p, rtol=1e-4, atol=1e-12)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from whsklearn._threads import one_blas_thread
 from whsklearn.effects import FrictionLaw, Hinge, NaturalSpline, Power, StaticEffect, as_law
 from whsklearn.estimators import _model as wh
 from whsklearn.lags.wiener_hammerstein import WienerHammersteinLags
@@ -53,6 +54,7 @@ def law_of(lags: WienerHammersteinLags | None) -> FrictionLaw:
     return as_law("cubic_spline" if lags is None else lags.law)
 
 
+@one_blas_thread
 def from_record(
     lags: WienerHammersteinLags | None,
     u: Array,

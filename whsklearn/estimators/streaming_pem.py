@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from whsklearn._inputs import starts
+from whsklearn._threads import one_blas_thread
 from whsklearn.effects import as_law
 from whsklearn.estimators._chain import ChainRegressor
 from whsklearn.estimators._records import Given, checked_weights, joined
@@ -195,6 +196,7 @@ class StreamingPEMRegressor(ChainRegressor):
         """Samples of an experiment's start that do not count."""
         return min(SKIP, int(self.n_start) // 10)
 
+    @one_blas_thread
     def _begin(self, state: dict[str, Any]) -> None:
         """The batch fit of the start, and its information."""
         begun = self._started(state)
@@ -218,6 +220,7 @@ class StreamingPEMRegressor(ChainRegressor):
         found = model.state_
         return {"theta": found["theta"], "lags": found["lags"], "spread": found["covariance"], "noise": found["noise"]}
 
+    @one_blas_thread
     def _block(self, state: dict[str, Any]) -> None:
         """The last ``block`` samples of the buffer."""
         m = state["u"].shape[1]

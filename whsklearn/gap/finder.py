@@ -8,8 +8,8 @@ from typing import Any, Self
 
 import numpy as np
 from sklearn.base import BaseEstimator
-from threadpoolctl import threadpool_limits
 
+from whsklearn._threads import one_blas_thread
 from whsklearn.gap.conclude import conclude
 from whsklearn.gap.diagnosis import Diagnosis
 from whsklearn.gap.evidence import DEFAULT_TOLERANCE
@@ -102,6 +102,7 @@ class GapFinder(BaseEstimator):
         self.progress = progress
         self.on_round = on_round
 
+    @one_blas_thread
     def fit(self, log: Any, y: Any = None, **columns: str | None) -> Self:
         """Diagnose one log.
 
@@ -117,16 +118,7 @@ class GapFinder(BaseEstimator):
         ------
         ValueError
             If a column is not there, or the model is of no known kind.
-
-        Notes
-        -----
-        The matrices are narrow, so linear algebra keeps to one thread: with two it takes three times the CPU, and sums
-        in another order, so that a search would end in other digits on another machine.
         """
-        with threadpool_limits(1, user_api="blas"):
-            return self._fit(log, y, columns)
-
-    def _fit(self, log: Any, y: Any, columns: dict[str, str | None]) -> Self:
         began = time.perf_counter()
         rng = np.random.default_rng(self.random_state)
         self._say("check")

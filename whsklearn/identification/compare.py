@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from whsklearn._numba import compiling_seconds
+from whsklearn._threads import one_blas_thread
 from whsklearn.identification.axis_fit import fit_free_law_axis, fit_rigid_axis
 from whsklearn.identification.chain_fit import fit_chain
 from whsklearn.identification.linear_fit import fit_arx, fit_output_error
@@ -141,6 +142,7 @@ class Identification:
         return self.recommended.model
 
 
+@one_blas_thread
 def identify(
     u: ArrayLike,
     y: ArrayLike,
