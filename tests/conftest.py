@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from hypothesis import settings
+from threadpoolctl import threadpool_limits
 
 # The first example compiles for seconds, so a time for each would fail by chance; pytest-timeout ends what hangs.
 settings.register_profile("whsklearn", deadline=None)
@@ -18,6 +19,15 @@ os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")  # mlflow reads it at 
 os.environ.setdefault("MPLBACKEND", "Agg")
 
 ROOT = Path(__file__).resolve().parents[1]
+
+
+@pytest.fixture(scope="session", autouse=True)
+def one_thread_a_worker() -> Iterator[None]:
+    """As many workers as cores: further threads of BLAS would only wait for each other."""
+    import scipy.linalg  # noqa: F401  (it has a BLAS of its own)
+
+    with threadpool_limits(1, user_api="blas"):
+        yield
 
 
 @pytest.fixture(scope="session")

@@ -55,6 +55,25 @@ def test_turned_signs_give_the_squared_errors_of_the_parameters_moved(problem, r
     assert compared >= 5
 
 
+def test_turned_signs_give_the_rows_that_they_enter(problem, record):
+    """All derivatives of them, written out over the record: v(t) passes through 1 + c_2 / q, from rest at a restart."""
+    delta = np.array([0.3, 0.02, -0.03])
+    rows = linearised(record, TRUTH)
+    dx = rows.motion[:, 1] + (rows.gradient + 0.5 * curvature(record) @ delta) @ delta
+    jump = np.sign(dx) - np.sign(rows.motion[:, 1])
+    jump[N - 2 :] = 0.0  # not among the signs of the problem
+    assert np.count_nonzero(jump) > 10
+    (coulomb, c2), psi = TRUTH[[4, 6]], rows.psi.copy()
+    for begin, end in ((0, 140), (140, N)):
+        lag1, lag2 = (np.append(np.zeros(k), jump[begin:end])[: end - begin] for k in (1, 2))
+        psi[begin:end, 4] += lag1 + c2 * lag2
+        psi[begin:end, 6] += coulomb * lag2
+        psi[begin:end, n] -= coulomb * (lag1 + c2 * lag2)
+    matrix, change, touched = scratch(problem)
+    turn(delta, problem, matrix, change, touched)
+    np.testing.assert_allclose(matrix, psi.T @ psi, rtol=1e-9, atol=1e-9)
+
+
 def test_the_profile_is_least_squares_of_the_rest(problem):
     delta = np.array([0.01, 0.001, -0.001])
     matrix, change, touched = scratch(problem)

@@ -38,8 +38,9 @@ def test_the_simplest_of_equals(later):
     assert simplest(candidates, later) is candidates[0]
 
 
-@pytest.mark.parametrize("k", [0.96, np.inf])
+@pytest.mark.parametrize("k", [0.96, 0.985, np.inf])
 def test_what_is_worse_on_the_held_out_data_is_not_taken(later, k):
+    """By more than 3 % of the error, by less but three standard errors, or altogether."""
     candidates = [gain(k, ERROR), gain(1.0, 0.9999 * ERROR, 2)]
     assert simplest(candidates, later) is candidates[1]
 

@@ -7,6 +7,7 @@ import pytest
 from scipy.signal import lfilter
 
 from whsklearn.effects import as_law
+from whsklearn.recursion import wrong_minimum
 from whsklearn.recursion.simulation_error import Chain, refine
 from whsklearn.recursion.simulation_search import record
 from whsklearn.recursion.wrong_minimum import improved
@@ -42,6 +43,20 @@ def start(b1, a1, b2, a2):
 def test_it_ends_at_the_noise(wrong):
     data, noise = saturated()
     assert improved(refine(wrong, data, 40), data).cost < 1.05 * noise
+
+
+def test_a_zero_crosses_the_circle_without_a_further_pole(monkeypatch):
+    monkeypatch.setattr(wrong_minimum, "missing_poles", lambda *_: [])
+    data, noise = saturated()
+    fitted = refine(start(B1, A1, np.array([1.0, -0.5, 0.1]), A2), data, 40)
+    assert fitted.cost > 2.0 * noise
+    assert improved(fitted, data).cost < 1.05 * noise
+
+
+def test_what_is_right_stays():
+    data, _ = saturated()
+    fitted = refine(start(B1, A1, B2, A2), data, 40)
+    assert improved(fitted, data) is fitted
 
 
 def test_it_never_ends_worse():

@@ -62,7 +62,6 @@ def missing_poles(fitted: Fitted, data: IOData, largest: int, kept: int) -> list
     slopes = sensitivities(chain, data)[1] * data.scale
     slopes /= np.maximum(np.linalg.norm(slopes, axis=1), 1e-300)[:, None]
     basis = orth(slopes.T, rcond=UNTOLD).T
-    left = fitted.error - basis.T @ (basis @ fitted.error)
     grid = denominators()
     # twice a chi-squared of two degrees of freedom exceeds this once in 1/CHANCE grids
     least = 2.0 * np.log(2 * len(grid) / CHANCE) * fitted.cost / max(int(data.counts.sum()), 1)
@@ -74,7 +73,7 @@ def missing_poles(fitted: Fitted, data: IOData, largest: int, kept: int) -> list
             rows = delayed_rows(filter_rows(np.ones(1), a, signal[None, :], data.bounds)[0], a.size, data.bounds)[1:]
             if block == 0:
                 rows = filter_rows(chain.b2, chain.a2, rows * signals.by_x, data.bounds)
-            gain = _explained(rows * data.scale, basis, left)
+            gain = _explained(rows * data.scale, basis, fitted.error)
             if gain > least:
                 found[block].append(Promise(gain, with_pole(chain, block, a)))
     best = [p for of_block in found for p in sorted(of_block, key=lambda p: -p.gain)[:kept]]
@@ -88,8 +87,8 @@ def with_pole(chain: Chain, block: int, a: Array) -> Chain:
     return chain._replace(b2=np.convolve(chain.b2, a), a2=np.convolve(chain.a2, a))
 
 
-def _explained(rows: Array, basis: Array, left: Array) -> float:
-    """How much of the squares of ``left`` the rows explain beyond the basis."""
+def _explained(rows: Array, basis: Array, error: Array) -> float:
+    """How much of the squares of the error the rows explain beyond the basis."""
     size = np.linalg.norm(rows, axis=1)
     rows = rows - (rows @ basis.T) @ basis
     new = np.linalg.norm(rows, axis=1)
@@ -98,4 +97,4 @@ def _explained(rows: Array, basis: Array, left: Array) -> float:
         return 0.0
     rows = rows / np.linalg.norm(rows, axis=1)[:, None]
     q, r = np.linalg.qr(rows.T)
-    return float(np.sum((q[:, np.abs(np.diag(r)) > 1e-6].T @ left) ** 2))
+    return float(np.sum((q[:, np.abs(np.diag(r)) > 1e-6].T @ error) ** 2))
