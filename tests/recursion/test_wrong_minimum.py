@@ -17,11 +17,11 @@ A1, A2 = np.poly([0.9 * np.exp(0.5j), 0.9 * np.exp(-0.5j)]).real, np.poly([0.7, 
 B1, B2 = np.array([1.0, 0.6, 0.0]), np.array([1.0, -2.2, 0.6])
 
 
-def saturated(noise=0.05, n=3000):
+def saturated(noise=0.05, n=3000, b1=B1, b2=B2):
     rng = np.random.default_rng(3)
     u = rng.standard_normal(n)
-    x = lfilter(B1, A1, u)
-    clean = lfilter(B2, A2, np.tanh(1.5 * x / np.std(x)))
+    x = lfilter(b1, A1, u)
+    clean = lfilter(b2, A2, np.tanh(1.5 * x / np.std(x)))
     y = clean + noise * np.std(clean) * rng.standard_normal(n)
     data = record(u[:, None], y, np.arange(n) == 0)
     return data, (noise * np.std(clean)) ** 2 * data.counts.sum()
@@ -45,10 +45,18 @@ def test_it_ends_at_the_noise(wrong):
     assert improved(refine(wrong, data, 40), data).cost < 1.05 * noise
 
 
-def test_a_zero_crosses_the_circle_without_a_further_pole(monkeypatch):
+@pytest.mark.parametrize(
+    ("true", "wrong"),
+    [(([0.0, -0.6], [1.88, 0.32]), ([0.0, -0.6], [0.25 + 0.2j, 0.25 - 0.2j])),
+     (([1.67, -0.15], [-1.47, 0.57]), ([0.67, 0.4], [2.37, 0.05]))],
+    ids=["of the first block", "of the second"],
+)  # fmt: skip
+def test_a_zero_crosses_the_circle_without_a_further_pole(monkeypatch, true, wrong):
+    """The one that has to cross is not the one that began on the wrong side."""
     monkeypatch.setattr(wrong_minimum, "missing_poles", lambda *_: [])
-    data, noise = saturated()
-    fitted = refine(start(B1, A1, np.array([1.0, -0.5, 0.1]), A2), data, 40)
+    (b1, b2), (c1, c2) = ([np.poly(zeros).real for zeros in blocks] for blocks in (true, wrong))
+    data, noise = saturated(b1=b1, b2=b2)
+    fitted = refine(start(c1, A1, c2, A2), data, 40)
     assert fitted.cost > 2.0 * noise
     assert improved(fitted, data).cost < 1.05 * noise
 
