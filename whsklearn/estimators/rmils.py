@@ -58,7 +58,7 @@ class RMILSRegressor(MILSRegressor):
     -----
     Where the law jumps with sign(dx), ``theta_`` and ``standard_errors_`` are mean and standard
     deviation of the posterior over the samples whose sign is in doubt, and `predict` gives the
-    output that is expected over them.  They are worked out when they are asked for, in 5 to 50 ms,
+    output that is expected over them.  They are worked out when they are asked for, in 20 to 110 ms,
     and kept until the next sample; `partial_fit` does not wait for them.
 
     References
