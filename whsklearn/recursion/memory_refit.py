@@ -116,10 +116,10 @@ class Refit:
         if not self.moved:
             return []
         r, work = self.reading, self.work
-        first_block = not self.state["blocks"]
+        first_page = not self.state["blocks"]
         seen = self.state["seen"] - self.state["fill"] + self.size
         climb = climb_to(relative_sharpness(seen, LADDER[-1]))
-        begins = first_block and not self.state["prior_information"].any()
+        begins = first_page and not self.state["prior_information"].any()
         yield
         bounded = bool(np.isfinite(self.limit))
         self._is_hurried = bounded and begins  # every start is to be tried, and no row is left over
@@ -150,7 +150,7 @@ class Refit:
         else:
             # few models are worth the whole climb: a blunt rung may end on a lower step of the staircase.  A page is
             # not: the posterior takes the mean over the steps in any case
-            rungs = climb if first_block and len(thetas) <= 2 and self.size < r.memory else climb[-2:]
+            rungs = climb if first_page and len(thetas) <= 2 and self.size < r.memory else climb[-2:]
             for s, theta in enumerate(thetas):
                 yield
                 found.append((yield from self.refine(s, theta, rungs)))

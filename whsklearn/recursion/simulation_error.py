@@ -88,8 +88,8 @@ class Fitted(NamedTuple):
         return self.chain.linear_part.size + len(self.chain.law) - 2
 
 
-def first_block(chain: Chain, data: IOData) -> Array:
-    """x, shape (n,)."""
+def before_law(chain: Chain, data: IOData) -> Array:
+    """x, which enters the law, of shape (n,)."""
     x = np.zeros(data.y.size)
     for b, u in zip(chain.b1, data.u, strict=True):
         x += filter_rows(b, chain.a1, u[None, :], data.bounds)[0]
@@ -98,7 +98,7 @@ def first_block(chain: Chain, data: IOData) -> Array:
 
 def run(chain: Chain, data: IOData) -> Signals:
     """Simulate the chain from rest."""
-    x = first_block(chain, data)
+    x = before_law(chain, data)
     rows = law_columns(chain.law.codes, chain.law.shapes, chain.weights, x, data.bounds, _kappa(x, data))
     columns, by_x, by_dx = rows[:-2], rows[-2], rows[-1]
     v = chain.weights @ columns
@@ -107,7 +107,7 @@ def run(chain: Chain, data: IOData) -> Signals:
 
 def solve_law(chain: Chain, data: IOData) -> Fitted:
     """The same blocks with the best weights of the law, by linear least squares."""
-    x = first_block(chain, data)
+    x = before_law(chain, data)
     if not np.isfinite(x).all():
         return Fitted(chain, data.y, np.inf)
     columns = law_columns(chain.law.codes, chain.law.shapes, chain.weights, x, data.bounds, _kappa(x, data))[:-2]
@@ -205,7 +205,7 @@ def _with_unit_scale(information: Array) -> Array:
 
 def normalised(chain: Chain, data: IOData) -> Chain:
     """x of unit deviation, b2 of unit length and knots placed for x; the weights are to be solved anew."""
-    x = first_block(chain, data)[data.counts]
+    x = before_law(chain, data)[data.counts]
     scale = float(np.std(x))
     if not np.isfinite(scale) or scale == 0.0:
         return chain
