@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 
 from tests.recursion.axis_log import TRUTH, axis_log, slow_drive
-from whsklearn.identification.axis_fit import fit_free_law_axis, inverse_start
+from whsklearn.identification.axis_fit import (
+    fit_free_law_axis,
+    fit_hanging_axis,
+    gravity_of,
+    inverse_start,
+    sine_and_cosine,
+)
 from whsklearn.identification.view import view
 from whsklearn.recursion.axis_free_run import free_run
 
@@ -31,3 +37,27 @@ def test_a_free_law_bends_at_speeds_of_the_record_and_stays_straight_where_frict
     assert len(hinges) == 4
     assert max(t.knot for t in hinges) < np.abs(VELOCITY).max()
     assert max(abs(t.magnitude) for t in hinges) < 0.1 * TRUTH[1]
+
+
+def test_a_pendulum_is_found_with_intervals_that_hold_it():
+    truth = np.array([0.05, 0.1, 0.2, 0.02, 1.5, 0.4])
+    u = 2.0 * slow_drive(6000, 3)
+    log = axis_log(u)._replace(hangs=True, of_position=True)
+    y = free_run(truth, log) + 1e-4 * np.random.default_rng(0).standard_normal(u.size)
+    model = fit_hanging_axis(view(u, y, 0.005, "output"))
+    gravity = model.effects[1]
+    assert model.logged == "position"
+    assert model.inertia == pytest.approx(truth[0], rel=0.03)
+    assert sine_and_cosine(gravity) == pytest.approx(truth[4:], rel=0.03)
+    for name, true in (
+        ("gravity_imbalance", np.hypot(1.5, 0.4)),
+        ("gravity_imbalance__phase", np.arctan2(-1.5, 0.4)),
+        ("coulomb", 0.2),
+    ):
+        assert abs(model.parameters[name] - true) < 4 * model.standard_errors[name] < 0.2, name
+
+
+def test_sine_and_cosine_are_one_wave_with_a_phase():
+    gravity, q = gravity_of(-0.3, 0.7), np.linspace(-3, 3, 50)
+    np.testing.assert_allclose(gravity.value(position=q), -0.3 * np.sin(q) + 0.7 * np.cos(q), atol=1e-12)
+    assert sine_and_cosine(gravity) == pytest.approx((-0.3, 0.7))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from whsklearn.identification.view import derivative, noise_floor, view
+from whsklearn.identification.view import derivative, held_out_from, noise_floor, view
 
 RNG = np.random.default_rng(0)
 U = RNG.standard_normal(2000)
@@ -45,3 +45,11 @@ def test_the_noise_of_a_slow_output_is_seen(sigma):
 def test_settings_that_cannot_be_are_refused(change, said):
     with pytest.raises(ValueError, match=said):
         view(U, VELOCITY, **{"dt": 0.01, "logged": "auto"} | change)
+
+
+def test_the_last_30_percent_are_held_out_and_more_where_they_stand():
+    assert held_out_from(POSITION) == held_out_from(U) == 1400
+    rising = np.clip(np.linspace(0.0, 4.0, 1000), 0.0, 1.0)  # at rest from sample 250 on
+    cut = held_out_from(rising + 1e-4 * RNG.standard_normal(1000))
+    assert np.ptp(rising[cut:]) == pytest.approx(0.3, abs=0.01)
+    assert held_out_from(np.append(1.0, np.zeros(199))) == 60  # what is fitted needs some samples

@@ -6,19 +6,37 @@ import numpy as np
 import pytest
 
 from tests.recursion.axis_log import TRUTH, axis_log, slow_drive
-from whsklearn.recursion.axis_free_run import free_run, sensitivities
+from whsklearn.recursion.axis_free_run import fit_axis, free_run, sensitivities
 
 
+@pytest.mark.parametrize("hangs", [False, True])
 @pytest.mark.parametrize("of_position", [False, True])
-def test_the_free_run_of_an_axis_has_exact_sensitivities(of_position):
+def test_the_free_run_of_an_axis_has_exact_sensitivities(of_position, hangs):
     theta = np.array([0.05, 0.12, 0.1, 0.01, 0.05, 0.02, 0.1])
-    log = axis_log(slow_drive(400, 2), 0.01, (0.3,))._replace(of_position=of_position, v0=np.array([0.1]))
+    log = axis_log(slow_drive(400, 2), 0.01, (0.3,))._replace(of_position=of_position, hangs=hangs, v0=np.array([0.1]))
     rows = sensitivities(theta, log)[1]
     for i in range(theta.size):
         step = np.zeros(theta.size)
         step[i] = 1e-6
         differences = (free_run(theta + step, log) - free_run(theta - step, log)) / 2e-6
         np.testing.assert_allclose(rows[i], differences, atol=1e-5 * np.abs(differences).max())
+
+
+def test_a_pendulum_keeps_its_energy():
+    """J v^2 / 2 - k1 cos q of a free swing of 1 rad, by the symplectic steps of the run."""
+    theta = np.array([0.05, 0.0, 0.0, 0.0, 2.0, 0.0])
+    log = axis_log(np.zeros(4000), 0.001)._replace(hangs=True, q0=np.array([1.0]))
+    v, q = free_run(theta, log), free_run(theta, log._replace(of_position=True))
+    energy = 0.5 * theta[0] * v**2 - theta[4] * np.cos(q)
+    assert np.ptp(q) == pytest.approx(2.0, rel=1e-3)
+    np.testing.assert_allclose(energy, energy[0], atol=5e-3 * theta[4])
+
+
+def test_a_start_that_runs_away_has_no_fit_and_says_nothing():
+    """A spring that pushes: e^(20 t) in the position, whose sensitivities have squares that are no numbers."""
+    log = axis_log(slow_drive(6000, 2), 0.01)._replace(of_position=True)
+    fitted = fit_axis(np.array([0.05, 0.1, 0.0, 0.0, -20.0, 0.0]), log, np.ones(6, dtype=bool))
+    assert fitted.cost == np.inf
 
 
 def test_below_its_dry_friction_an_axis_stands():

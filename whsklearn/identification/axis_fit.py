@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from whsklearn.effects import Coulomb, FrictionLaw, InputOffset, SpeedHinge, Viscous
+from whsklearn.effects import Coulomb, FrictionLaw, GravityImbalance, InputOffset, SpeedHinge, Viscous
 from whsklearn.identification.view import derivative
 from whsklearn.models import AxisModel
 from whsklearn.recursion.axis_free_run import AxisLog, fit_axis
@@ -14,11 +15,14 @@ from whsklearn.recursion.axis_free_run import AxisLog, fit_axis
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from whsklearn.effects import Effect
     from whsklearn.identification.view import View
 
     Array = NDArray[np.float64]
 
 KNOTS = (0.1, 0.3, 0.6, 0.85)  # quantiles of speed at which a free law may bend
+PIECE = 2.0  # s of a free run whose place is to be known
+LEAST_PIECE = 100  # samples of it
 
 
 def fit_rigid_axis(log: View) -> AxisModel:
@@ -32,16 +36,24 @@ def fit_free_law_axis(log: View) -> AxisModel:
     return _fit(log, np.unique(np.quantile(speed[speed > 0.02 * speed.max()], KNOTS)))
 
 
-def _fit(log: View, knots: Array) -> AxisModel:
+def fit_hanging_axis(log: View) -> AxisModel:
+    """The rigid axis with gravity; the output is its position in radians, which gravity keeps from drifting away."""
+    return _fit(replace(log, logged="position", target=derivative(log.y, log.dt)[0]), np.empty(0), hangs=True)
+
+
+def _fit(log: View, knots: Array, *, hangs: bool = False) -> AxisModel:
     n = log.u.size
+    # where gravity pulls, the place counts, and a free run is off it after some seconds
+    begins = np.arange(0, n, max(round(PIECE / log.dt), LEAST_PIECE)) if hangs else np.zeros(1, dtype=np.int64)
     data = AxisLog(
-        log.u, log.target, np.arange(n) >= 0, np.array([0, n]), log.target[:1].copy(), np.zeros(1), log.dt, knots
-    )
-    free = np.r_[np.ones(4, bool), np.zeros(2, bool), np.ones(knots.size, bool)]
-    start = inverse_start(log)
+        log.u, log.target, np.arange(n) >= 0, np.append(begins, n), log.target[begins], log.y[begins] * hangs, log.dt,
+        knots, hangs=hangs,
+    )  # fmt: skip
+    free = np.r_[np.ones(4, bool), np.full(2, hangs), np.ones(knots.size, bool)]
+    start = inverse_start(log, hangs=hangs)
     found = []
     for factor in (1.0, 0.3, 3.0):  # a smoothed or noisy velocity bends the start; the least error decides
-        theta = np.concatenate([start, np.zeros(2 + knots.size)])
+        theta = np.concatenate([start, np.zeros(6 - start.size + knots.size)])
         theta[0] *= factor
         found.append(fit_axis(theta, data, free))
     best = min(found, key=lambda f: f.cost)
@@ -49,19 +61,44 @@ def _fit(log: View, knots: Array) -> AxisModel:
     law = FrictionLaw(
         [Viscous(theta[1]), Coulomb(theta[2]), *(SpeedHinge(w, k) for w, k in zip(theta[6:], knots, strict=True))]
     )
-    named = dict(zip(("inertia", *law.labels), np.r_[errors[:3], errors[6:]].tolist(), strict=True))
+    effects: list[Effect] = [InputOffset(float(theta[3]))]
+    named = dict(
+        zip(("inertia", *law.labels, "input_offset"), np.r_[errors[:3], errors[6:], errors[3]].tolist(), strict=True)
+    )
+    if hangs:
+        gravity = gravity_of(*theta[4:6])
+        effects.append(gravity)
+        named |= _gravity_errors(theta[4:6], best.covariance[4:6, 4:6])
     return AxisModel(
         float(theta[0]),
         law,
-        (InputOffset(float(theta[3])),),
+        tuple(effects),
         dt=log.dt,
         logged="position" if log.logged == "position" else "velocity",
-        standard_errors=named | {"input_offset": float(errors[3])},
+        standard_errors=named,
     )
 
 
-def inverse_start(log: View) -> Array:
-    """Inertia, viscous, Coulomb, offset from u = J a + B v + C sign(v) + o; least squares.
+def gravity_of(sine: float, cosine: float) -> GravityImbalance:
+    """k1 sin q + k2 cos q as A cos(q + phi)."""
+    return GravityImbalance(float(np.hypot(sine, cosine)), phase=float(np.arctan2(-sine, cosine)))
+
+
+def _gravity_errors(forces: Array, covariance: Array) -> dict[str, float]:
+    """Standard errors of amplitude and phase, to first order."""
+    (sine, cosine), amplitude = forces, max(np.hypot(*forces), 1e-300)
+    slopes = np.array([[sine, cosine], [-cosine / amplitude, sine / amplitude]]) / amplitude
+    errors = np.sqrt(np.maximum(np.diag(slopes @ covariance @ slopes.T), 0.0))
+    return dict(zip(("gravity_imbalance", "gravity_imbalance__phase"), errors.tolist(), strict=True))
+
+
+def sine_and_cosine(gravity: GravityImbalance) -> tuple[float, float]:
+    """The reverse of `gravity_of`."""
+    return -gravity.amplitude * np.sin(gravity.phase), gravity.amplitude * np.cos(gravity.phase)
+
+
+def inverse_start(log: View, *, hangs: bool = False) -> Array:
+    """Inertia, viscous, Coulomb, offset from u = J a + B v + C sign(v) + o, and k1 sin q + k2 cos q; least squares.
 
     Raises
     ------
@@ -73,7 +110,10 @@ def inverse_start(log: View) -> Array:
     else:
         velocity, acceleration = log.target, derivative(log.target, log.dt)[0]
     moving = np.abs(velocity) > 0.02 * np.abs(velocity).max()
-    columns = np.column_stack([acceleration, velocity, np.sign(velocity), np.ones_like(velocity)])[moving]
+    columns = np.column_stack([acceleration, velocity, np.sign(velocity), np.ones_like(velocity)])
+    if hangs:
+        columns = np.column_stack([columns, np.sin(log.y), np.cos(log.y)])
+    columns = columns[moving]
     scale = np.maximum(np.abs(columns).max(axis=0), 1e-300)
     theta = np.linalg.lstsq(columns / scale, log.u[moving], rcond=None)[0] / scale
     if not theta[0] > 0:

@@ -12,10 +12,10 @@ import numpy as np
 
 from whsklearn._numba import compiling_seconds
 from whsklearn._threads import one_blas_thread
-from whsklearn.identification.axis_fit import fit_free_law_axis, fit_rigid_axis
+from whsklearn.identification.axis_fit import fit_free_law_axis, fit_hanging_axis, fit_rigid_axis
 from whsklearn.identification.chain_fit import fit_chain
 from whsklearn.identification.linear_fit import fit_arx, fit_output_error
-from whsklearn.identification.view import HOLDOUT, View, view
+from whsklearn.identification.view import View, held_out_from, smooth, view
 from whsklearn.identification.windows import horizons, lead, window_errors
 
 if TYPE_CHECKING:
@@ -29,6 +29,7 @@ AS_GOOD = 1.075  # a simpler structure is taken within 7.5 % of the least error:
 AT_FLOOR = 1.3  # times the noise; no structure can be better, and that of thirty numbers takes most of the time
 ORDERS = (1, 2, 3, 4)
 CHAIN_FROM = 300  # samples below which some thirty numbers of a chain cannot be told
+ANGLES = ("", "as logged", "rad")  # units of an output that gravity may turn
 EXPLAINS = 0.9  # of the trivial model's error; a best model above that says nothing about the record
 
 
@@ -195,12 +196,13 @@ def identify(
     ('output_error', {'order': 2})
     """
     whole = view(u, y, dt, logged)
-    cut = int((1 - HOLDOUT) * whole.u.size)
+    cut = held_out_from(whole.y)
     fitting, held_out = whole.part(0, cut), whole.part(cut, whole.u.size)
     trivial = Compared("constant velocity" if whole.logged == "position" else "constant output", "trivial", {}, "-")
     _score(trivial, held_out)
     tried: list[Compared] = []
-    for compared, fit in candidates(cut):
+    angle = whole.logged != "velocity" and smooth(whole.y) and (units or {}).get("output", "") in ANGLES
+    for compared, fit in candidates(cut, angle=angle):
         if compared.kind == "wiener_hammerstein" and min(c.score for c in tried) < AT_FLOOR:
             compared.failure = "left out, as a simpler structure is at the noise floor"
         else:
@@ -210,7 +212,7 @@ def identify(
         tried.append(compared)
     tried.sort(key=lambda c: (c.size, c.score))
     chosen, reason = recommend(tried, trivial)
-    fit_again = {c.name: f for c, f in candidates(cut)}[chosen.name]
+    fit_again = {c.name: f for c, f in candidates(cut, angle=angle)}[chosen.name]
     if progress:
         progress(f"{chosen.name}, on the whole record")
     chosen.model = _fitted(replace(chosen), fit_again, whole, units or {}).model or chosen.model
@@ -223,8 +225,8 @@ def identify(
     return Identification(tried, chosen, trivial, reason, whole.floor, whole, judged)
 
 
-def candidates(n: int) -> Iterator[tuple[Compared, Callable[[View], Any]]]:
-    """Every structure and how it is fitted."""
+def candidates(n: int, *, angle: bool) -> Iterator[tuple[Compared, Callable[[View], Any]]]:
+    """Every structure for ``n`` samples and how it is fitted; gravity where the output may be an ``angle``."""
     for order in ORDERS:
         yield (
             Compared(f"ARX, order {order}", "arx", {"order": order}, "prediction"),
@@ -240,6 +242,9 @@ def candidates(n: int) -> Iterator[tuple[Compared, Callable[[View], Any]]]:
         Compared("axis, free law over speed", "axis", {"law": ["viscous", "coulomb", "speed_hinge"]}, "simulation"),
         fit_free_law_axis,
     )
+    if angle:
+        law = {"law": ["viscous", "coulomb"], "effects": ["gravity_imbalance"]}
+        yield Compared("axis with gravity", "axis", law, "simulation"), fit_hanging_axis
     if n >= CHAIN_FROM:
         yield Compared("Wiener-Hammerstein", "wiener_hammerstein", {}, "simulation"), fit_chain
 

@@ -74,8 +74,13 @@ def _units(model: Any) -> dict[str, str]:
     per_speed = f"{drive}/({speed})"
     hinges = {name: per_speed for name in model.parameters if name.startswith("speed_hinge")}
     knots = {name: speed for name in hinges if name.endswith("__knot")}
-    return {"inertia": f"{drive} s/({speed})", "viscous": per_speed, "coulomb": drive, "input_offset": drive} | (
-        hinges | knots
+    return (
+        {"inertia": f"{drive} s/({speed})", "viscous": per_speed, "coulomb": drive, "input_offset": drive}
+        | {
+            "gravity_imbalance": drive,
+            "gravity_imbalance__phase": "rad",
+        }
+        | (hinges | knots)
     )
 
 

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 HOLDOUT = 0.3
+LEAST_MOTION = 0.1  # of the range: four of eight pendulum logs (xl330) end at rest, with a hundredth of it
+LEAST_FITTED = 60  # samples
 SMOOTHING = 0.03  # s over which a parabola is laid for the velocity of a logged position
 INTEGRATES = 0.1  # a time constant above that share of the record is an integrator to anyone who reads the log
 
@@ -104,6 +106,19 @@ def integrates(u: Array, y: Array) -> bool:
 def smooth(y: Array) -> bool:
     """Whether y is slow against its sampling, as the position of anything with mass is."""
     return bool(np.std(np.diff(y, 2)) < 0.1 * np.std(y))
+
+
+def held_out_from(y: Array) -> int:
+    """The first sample that is held out: after 70 % of the record, or earlier where what follows hardly moves.
+
+    An axis that stands says nothing of a model; held out is then what follows from where 30 % of the range are to come.
+    """
+    cut, whole = int((1 - HOLDOUT) * y.size), np.ptp(y)
+    if np.ptp(y[cut:]) >= LEAST_MOTION * whole:
+        return cut
+    back = y[::-1]
+    range_left = np.maximum.accumulate(back) - np.minimum.accumulate(back)
+    return max(y.size - 1 - int(np.argmax(range_left >= HOLDOUT * whole)), min(LEAST_FITTED, cut))
 
 
 def noise_floor(y: Array) -> float:

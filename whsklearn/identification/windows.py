@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from whsklearn.effects import SpeedHinge
+from whsklearn.effects import GravityImbalance, SpeedHinge
+from whsklearn.identification.axis_fit import sine_and_cosine
 from whsklearn.identification.view import smooth
 from whsklearn.models import AxisModel, ChainModel, LinearModel
 from whsklearn.recursion.axis_free_run import AxisLog, fit_state, free_run
@@ -58,27 +59,31 @@ def _steady(log: View, start: int, horizon: int, before: int) -> Array:
 
 def _axis_errors(model: AxisModel, log: View, begins: NDArray[np.int64], horizon: int, before: int) -> Array:
     """State by Gauss-Newton over the lead."""
-    theta, knots = axis_theta(model)
+    theta, knots, hangs = axis_theta(model)
     span = before + horizon
     take = (begins[:, None] - before + np.arange(span)).ravel()
     at = np.arange(begins.size + 1) * span
     counts = np.tile(np.arange(span) < before, begins.size)
-    position = log.logged == "position"
+    position = model.logged == "position"
     y = log.y[take]
     first = y.reshape(-1, span)
     slope = (first[:, min(before, 9)] - first[:, 0]) / (min(before, 9) * log.dt) if position else first[:, 0]
-    data = AxisLog(log.u[take], y, counts, at, slope.copy(), first[:, 0].copy(), log.dt, knots, 0.0, position)
+    data = AxisLog(
+        log.u[take], y, counts, at, slope.copy(), first[:, 0].copy(), log.dt, knots, of_position=position, hangs=hangs
+    )
     v0, q0 = fit_state(theta, data)
     run = free_run(theta, data._replace(v0=v0, q0=q0))
     return (y - run).reshape(-1, span)[:, before:]
 
 
-def axis_theta(model: AxisModel) -> tuple[Array, Array]:
-    """The kernel's parameters of an axis that `axis_fit` made."""
+def axis_theta(model: AxisModel) -> tuple[Array, Array, bool]:
+    """The kernel's parameters of an axis that `axis_fit` made, its knots, and whether it hangs."""
     p = model.parameters
     hinges = [t for t in model.law.terms if isinstance(t, SpeedHinge)]
-    theta = [model.inertia, p["viscous"], p["coulomb"], model.effects[0].magnitude, 0.0, 0.0]
-    return np.array(theta + [t.magnitude for t in hinges]), np.array([t.knot for t in hinges])
+    gravity = [e for e in model.effects if isinstance(e, GravityImbalance)]
+    forces = sine_and_cosine(gravity[0]) if gravity else (0.0, 0.0)
+    theta = [model.inertia, p["viscous"], p["coulomb"], model.effects[0].magnitude, *forces]
+    return np.array(theta + [t.magnitude for t in hinges]), np.array([t.knot for t in hinges]), bool(gravity)
 
 
 def _response_errors(

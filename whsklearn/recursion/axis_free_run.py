@@ -1,12 +1,14 @@
 """Free run of an axis as physics, with exact sensitivities.
 
-J dv/dt = u - o - k1 e - k2 e^2 - B v - C sign(v) - sum w_k sign(v) max(|v| - knot_k, 0), e = q - centre,
-u held between samples.  Viscous and dry friction are implicit (a proximal step), so standstill
-is exact: where the drive cannot break the dry friction, v = 0 and everything before is forgotten.
+J dv/dt = u - o - k1 f1(e) - k2 f2(e) - B v - C sign(v) - sum w_k sign(v) max(|v| - knot_k, 0), e = q - centre,
+with e and e^2 for f1 and f2, or sin e and cos e for a body that hangs; u held between samples.
+Viscous and dry friction are implicit (a proximal step), so standstill is exact: where the drive
+cannot break the dry friction, v = 0 and everything before is forgotten.
 """
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -20,14 +22,15 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 SUBSTEPS = 4
-NAMES = ("inertia", "viscous", "coulomb", "offset", "stiffness", "stiffness_2")  # then a weight a knot, then v0, q0
+LARGEST = 1e100  # of an error or a sensitivity: its square is a number
 
 
 class AxisLog(NamedTuple):
     """Drive and motion of an axis, and where its pieces begin; a piece has an initial state of its own.
 
-    ``v0`` and ``q0`` are those states, ``knots`` (> 0) the kinks over speed, ``centre`` where the position
-    forces are zero.  ``target`` is the velocity, or the position if ``of_position``.
+    ``v0`` and ``q0`` are those states, ``knots`` (> 0) the kinks over speed, ``centre`` where e = 0.
+    ``target`` is the velocity, or the position if ``of_position``; where the axis ``hangs``, the position
+    forces are gravity's.  theta holds inertia, viscous, Coulomb, offset, k1, k2, a weight a knot.
     """
 
     u: Array
@@ -40,6 +43,7 @@ class AxisLog(NamedTuple):
     knots: Array
     centre: float = 0.0
     of_position: bool = False
+    hangs: bool = False
 
 
 class AxisFit(NamedTuple):
@@ -53,17 +57,14 @@ class AxisFit(NamedTuple):
 
 def free_run(theta: Array, log: AxisLog) -> Array:
     """Velocity or position (n,), as the log's target."""
-    velocity, position = axis_pass(
-        theta, log.knots, log.centre, log.u, log.bounds, np.column_stack([log.v0, log.q0]), log.dt, np.empty((0, 0, 0))
-    )
+    velocity, position = _pass(theta, log, np.empty((0, 0, 0)))
     return position if log.of_position else velocity
 
 
 def sensitivities(theta: Array, log: AxisLog) -> tuple[Array, Array]:
     """(run, its derivatives by theta and, last two, by v0 and q0 of the sample's piece), (n,) and (p + 2, n)."""
     rows = np.zeros((2, theta.size + 2, log.u.size))
-    start = np.column_stack([log.v0, log.q0])
-    velocity, position = axis_pass(theta, log.knots, log.centre, log.u, log.bounds, start, log.dt, rows)
+    velocity, position = _pass(theta, log, rows)
     return (position, rows[1]) if log.of_position else (velocity, rows[0])
 
 
@@ -84,14 +85,21 @@ def fit_axis(
         At most so many.
     prior : ndarray of shape (p,), optional
         Inverse variances, in units of the noise's, that hold theta at its start.
+
+    Returns
+    -------
+    AxisFit
+        Of infinite cost where the run runs away, and says nothing.
     """
     weight = np.zeros(theta.size) if prior is None else prior
     begin, damping = theta.copy(), 1e-2
     run, rows = sensitivities(theta, log)
     error = (log.target - run) * log.counts
-    cost = float(error @ error)
+    cost = _squares(error)
     for _ in range(iterations):
         moving = rows[: theta.size][free] * log.counts
+        if not (np.isfinite(cost) and np.abs(moving).max(initial=0.0) < LARGEST):
+            return AxisFit(theta, np.full((theta.size, theta.size), np.inf), error, np.inf)
         information = moving @ moving.T + np.diag(weight[free])
         gradient = moving @ error - weight[free] * (theta - begin)[free]
         information[np.diag_indices_from(information)] += 1e-300
@@ -102,8 +110,8 @@ def fit_axis(
             trial[0] = max(trial[0], 0.05 * theta[0])
             trial[1:3] = np.maximum(trial[1:3], 0.0)  # friction brakes
             left = (log.target - free_run(trial, log)) * log.counts
-            new = float(left @ left + weight @ (trial - begin) ** 2)
-            if np.isfinite(new) and new < cost:
+            new = _squares(left) + float(weight @ (trial - begin) ** 2)
+            if new < cost:
                 accepted, gain, theta, cost, damping = True, 1 - new / cost, trial, new, damping / 8
                 break
             damping *= 4
@@ -114,6 +122,11 @@ def fit_axis(
         if gain < 1e-8:
             break
     return AxisFit(theta, _covariance(rows[: theta.size] * log.counts, error, free), error, float(error @ error))
+
+
+def _squares(error: Array) -> float:
+    """Their sum; infinite where the run has run away."""
+    return float(error @ error) if np.abs(error).max(initial=0.0) < LARGEST else np.inf
 
 
 def fit_state(theta: Array, log: AxisLog, passes: int = 4) -> tuple[Array, Array]:
@@ -144,8 +157,14 @@ def _covariance(rows: Array, error: Array, free: NDArray[np.bool_], batches: int
     return (inverse @ (scores @ scores.T) @ inverse) / np.outer(scale, scale)
 
 
+def _pass(theta: Array, log: AxisLog, rows: Array) -> Array:
+    start = np.column_stack([log.v0, log.q0])
+    motion: Array = axis_pass(theta, log.knots, log.centre, log.hangs, log.u, log.bounds, start, log.dt, rows)
+    return motion
+
+
 @njit(cache=True, error_model="numpy")
-def axis_pass(theta, knots, centre, u, bounds, start, dt, rows):
+def axis_pass(theta, knots, centre, hangs, u, bounds, start, dt, rows):
     """Velocity and position, (2, n); derivatives into rows (2, p + 2, n) if it is not empty."""
     n_theta = 6 + knots.size
     n = n_theta + 2
@@ -174,7 +193,9 @@ def axis_pass(theta, knots, centre, u, bounds, start, dt, rows):
                     rows[1, i, t] = dq[i]
             for _ in range(SUBSTEPS):
                 e = q - centre
-                force = u[t] - offset - k1 * e - k2 * e * e
+                f1 = math.sin(e) if hangs else e
+                f2 = math.cos(e) if hangs else e * e
+                force = u[t] - offset - k1 * f1 - k2 * f2
                 slope_v = 0.0
                 side = 1.0 if v > 0.0 else -1.0
                 for k in range(knots.size):
@@ -190,7 +211,7 @@ def axis_pass(theta, knots, centre, u, bounds, start, dt, rows):
                 s = 1.0 if z > 0.0 else -1.0
                 new = (z - s * stick) / divisor
                 if with_rows:
-                    slope_q = -k1 - 2.0 * k2 * e
+                    slope_q = -k1 * f2 + k2 * f1 if hangs else -k1 - 2.0 * k2 * e
                     for i in range(n):
                         d = dv[i] + g * (slope_v * dv[i] + slope_q * dq[i])
                         if i == 0:
@@ -202,9 +223,9 @@ def axis_pass(theta, knots, centre, u, bounds, start, dt, rows):
                         elif i == 3:
                             d -= g
                         elif i == 4:
-                            d -= g * e
+                            d -= g * f1
                         elif i == 5:
-                            d -= g * e * e
+                            d -= g * f2
                         elif i < n_theta and abs(v) > knots[i - 6]:
                             d -= g * (v - side * knots[i - 6])
                         dv[i] = d / divisor
