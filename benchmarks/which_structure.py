@@ -1,15 +1,16 @@
-"""Does `identify` recommend the right structure?  Drawn axes and chains, the library's servo, EMPS and KR300.
+"""Does `identify` recommend the right structure?  Drawn axes and chains, the library's servo, EMPS, KR300, XL330.
 
     python benchmarks/which_structure.py [--count 20] [--seed 0] [--data FOLDER]
 
 The generator is ours, so its rate is a regression test, not a result; the real records have no class but one that
-is known of the rig: both are axes.
+is known of the rig: all are axes, the XL330 with gravity.
 """
 
 from __future__ import annotations
 
 import argparse
 import os
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ from scipy.signal import lfilter
 
 from whsklearn.datasets import make_servo_log
 from whsklearn.identification import Identification, identify
+from whsklearn.logs import LogWarning, load_log
 from whsklearn.recursion.axis_free_run import AxisLog, free_run
 
 LAWS = {
@@ -107,6 +109,11 @@ def main() -> None:
         a, b = (pd.read_csv(folder / "kr300" / f"kr300_axis1_{k}.csv") for k in "AB")
         drive, out = "motor_torque_Nm", "motor_position_deg"
         told("KR300", identify(a[drive], a[out], dt=4e-3, test=(b[drive], b[out])), "axis")
+    for path in sorted((folder / "xl330").glob("*.csv")):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", LogWarning)  # uneven stamps, signed numbers as unsigned ones
+            log = load_log(path, time="timestamp", drive="load", output="position")
+        told(f"XL330 {path.stem[-8:]}", identify(log.X[:, 0], log.y, dt=1.0 / log.sample_rate), "axis")
 
 
 if __name__ == "__main__":

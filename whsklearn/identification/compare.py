@@ -17,6 +17,7 @@ from whsklearn.identification.chain_fit import fit_chain
 from whsklearn.identification.linear_fit import fit_arx, fit_output_error
 from whsklearn.identification.view import View, held_out_from, smooth, view
 from whsklearn.identification.windows import horizons, lead, window_errors
+from whsklearn.logs.units import UNKNOWN
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -29,7 +30,7 @@ AS_GOOD = 1.075  # a simpler structure is taken within 7.5 % of the least error:
 AT_FLOOR = 1.3  # times the noise; no structure can be better, and that of thirty numbers takes most of the time
 ORDERS = (1, 2, 3, 4)
 CHAIN_FROM = 300  # samples below which some thirty numbers of a chain cannot be told
-ANGLES = ("", "as logged", "rad")  # units of an output that gravity may turn
+ANGLES = ("", UNKNOWN, "rad")  # units of an output that gravity may turn
 EXPLAINS = 0.9  # of the trivial model's error; a best model above that says nothing about the record
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from whsklearn.identification.windows import horizons, lead, window_errors
+from whsklearn.logs.units import UNKNOWN
 from whsklearn.models import AxisModel, ChainModel, LinearModel
 
 if TYPE_CHECKING:
@@ -106,7 +107,7 @@ def _characteristic(ax: Axes, found: Identification) -> None:
         speed = np.linspace(-1, 1, 801) * np.abs(found.train.target).max()
         ax.plot(speed, model.law(0.0, speed))
         out = model.units.get("output", "")
-        unit = out if model.logged == "velocity" or not out else f"{out}/s"
+        unit = out if model.logged == "velocity" or out in ("", UNKNOWN) else f"{out}/s"
         ax.set(
             xlabel=f"velocity ({unit})" if unit else "velocity", ylabel=_axis_label("input", found), title="Friction"
         )

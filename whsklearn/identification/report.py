@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from whsklearn.logs.units import UNKNOWN
 from whsklearn.models import AxisModel, save_model
 from whsklearn.state.files import atomic_write
 
@@ -68,7 +69,7 @@ def parameters(found: Identification) -> list[dict[str, Any]]:
 def _units(model: Any) -> dict[str, str]:
     """Units of an axis' parameters, from those of the log."""
     drive, out = model.units.get("input", ""), model.units.get("output", "")
-    if not isinstance(model, AxisModel) or not drive or not out:
+    if not isinstance(model, AxisModel) or {drive, out} & {"", UNKNOWN}:
         return {}
     speed = out if model.logged == "velocity" else f"{out}/s"
     per_speed = f"{drive}/({speed})"

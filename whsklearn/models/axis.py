@@ -74,7 +74,13 @@ class AxisModel(IdentifiedModel):
     def parameters(self) -> dict[str, float]:
         """``inertia``, the law's weights, the effects' sizes and shapes."""
         axis = self.system()
-        parts = ("drive__", "transmission__", "sensor__", "controller__")
+        parts = (
+            "drive__",
+            "transmission__",
+            "sensor__",
+            "controller__",
+            "smoothing",
+        )  # of the simulator, not of the axis
         return {k: float(v) for k, v in axis.parameters.items() if not k.startswith(parts)}
 
     def simulate(self, u: ArrayLike) -> NDArray[np.float64]:
