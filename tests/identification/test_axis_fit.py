@@ -7,6 +7,7 @@ import pytest
 
 from tests.recursion.axis_log import TRUTH, axis_log, slow_drive
 from whsklearn.identification.axis_fit import (
+    _gravity_errors,
     fit_free_law_axis,
     fit_hanging_axis,
     gravity_of,
@@ -61,3 +62,11 @@ def test_sine_and_cosine_are_one_wave_with_a_phase():
     gravity, q = gravity_of(-0.3, 0.7), np.linspace(-3, 3, 50)
     np.testing.assert_allclose(gravity.value(position=q), -0.3 * np.sin(q) + 0.7 * np.cos(q), atol=1e-12)
     assert sine_and_cosine(gravity) == pytest.approx((-0.3, 0.7))
+
+
+def test_standard_errors_of_the_wave_are_those_of_its_draws():
+    forces, covariance = np.array([-0.3, 0.7]), 1e-4 * np.array([[2.0, 0.6], [0.6, 1.0]])
+    draws = np.random.default_rng(0).multivariate_normal(forces, covariance, 4000)
+    waves = [gravity_of(*d) for d in draws]
+    spread = np.std([w.amplitude for w in waves]), np.std([w.phase for w in waves])
+    assert tuple(_gravity_errors(forces, covariance).values()) == pytest.approx(spread, rel=0.05)
