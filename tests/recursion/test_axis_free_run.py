@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.recursion.axis_log import TRUTH, axis_log, slow_drive
-from whsklearn.recursion.axis_free_run import fit_axis, free_run, sensitivities
+from whsklearn.recursion.axis_free_run import fit_axis, fit_state, free_run, sensitivities
 
 
 @pytest.mark.parametrize("hangs", [False, True])
@@ -42,3 +42,20 @@ def test_a_start_that_runs_away_has_no_fit_and_says_nothing():
 def test_below_its_dry_friction_an_axis_stands():
     assert not free_run(TRUTH, axis_log(np.full(200, 0.25))).any()
     assert free_run(TRUTH, axis_log(np.full(200, 0.35)))[-1] > 0
+
+
+def test_the_state_before_a_window_is_found_from_the_wrong_side_of_standstill_too():
+    """And is never worse than the one that it began with: steps that are too long are shortened."""
+    u, theta = slow_drive(6000, 5), np.array([0.05, 0.1, 0.3, 0.02, 0.0, 0.0])
+    whole = axis_log(u)._replace(of_position=True)
+    q, v = free_run(theta, whole), free_run(theta, whole._replace(of_position=False))
+    at = np.arange(0, 6001, 60)
+    rng = np.random.default_rng(0)
+    log = whole._replace(target=q, bounds=at, v0=v[at[:-1]] + 0.5 * rng.standard_normal(100), q0=q[at[:-1]] + 0.1)
+
+    def errors(v0, q0):
+        return np.add.reduceat((q - free_run(theta, log._replace(v0=v0, q0=q0))) ** 2, at[:-1])
+
+    before, after = errors(log.v0, log.q0), errors(*fit_state(theta, log))
+    assert (after <= before).all()
+    assert np.mean(after < 1e-9) > 0.95
