@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from tests.recursion.windows import LINEAR, example_problem, run
+from tests.recursion.windows import LINEAR, example_problem, one_sample_on, run
 from whsklearn.recursion.covariance import covariance
 from whsklearn.recursion.least_squares import block_update
-from whsklearn.recursion.predictor import advance, by_block, past_of, predict, state_size
+from whsklearn.recursion.predictor import by_block, past_of, predict, state_size
 
 
 def test_frozen_and_sub_innovations_agree_where_no_row_depends_on_theta(linear):
@@ -27,18 +27,18 @@ def test_the_frozen_window_is_the_literal_block_update():
     for t in range(len(y)):
         u_pad, y_pad = np.r_[X[t], u_pad[:-1]], np.r_[y[t], y_pad[:-1]]
         window, work, rows, targets = min(p, t + 1), state.copy(), [], []
+        blocks = by_block(theta, dims)
         for i in range(window):
             now = window - 1 - i
             if i:
-                advance(by_block(theta, dims), law.codes, law.shapes, kappa, past_of(work, dims), u_pad[now + 2 :])
+                one_sample_on(blocks, law.codes, law.shapes, kappa, past_of(work, dims), u_pad[now + 2 :])
             psi = np.empty(9)
-            e = y_pad[now] - predict(
-                by_block(theta, dims), past_of(work, dims), y_pad[now + 1 :], psi, by_block(psi, dims)
-            )
+            e = y_pad[now] - predict(blocks, past_of(work, dims), 0, y_pad[now + 1 :], psi, by_block(psi, dims))
             rows.append(psi)
             targets.append(e + psi @ theta)
         theta, P = block_update(theta, P, np.array(rows).T, np.array(targets), float(p))
         if t + 1 >= p:
-            advance(by_block(theta, dims), law.codes, law.shapes, kappa, past_of(state, dims), u_pad[p:])
+            blocks = by_block(theta, dims)
+            one_sample_on(blocks, law.codes, law.shapes, kappa, past_of(state, dims), u_pad[p:])
     np.testing.assert_allclose(got["theta"][0], theta, rtol=1e-9)
     np.testing.assert_allclose(covariance(got["ud"][0]), P, rtol=1e-8)

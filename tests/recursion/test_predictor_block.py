@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from tests.recursion.reruns import replay
+from tests.recursion.windows import one_sample_on
 from whsklearn.effects.terms import ASYMMETRIC_VISCOUS, COULOMB, POSITION_FRICTION, STRIBECK_TANH, VISCOUS
 from whsklearn.recursion.memory_cost import Memory
-from whsklearn.recursion.predictor import advance, by_block, parameter_count, past_of, predict, state_size
+from whsklearn.recursion.predictor import by_block, parameter_count, past_of, predict, state_size
 from whsklearn.recursion.predictor_block import LENGTH, dot, through_denominator
 from whsklearn.recursion.starts import random_start
 
@@ -30,9 +31,9 @@ def sample_by_sample(theta, dims, kappa, u, y, restart, n_inputs, history, state
             before = state.copy()
         psi = np.empty(theta.size)
         past, psi_blocks = past_of(state, dims), by_block(psi, dims)
-        errors.append(y[history + t] - predict(by_block(theta, dims), past, y_past, psi, psi_blocks))
+        errors.append(y[history + t] - predict(by_block(theta, dims), past, 0, y_past, psi, psi_blocks))
         rows.append(psi)
-        advance(by_block(theta, dims), *law, kappa, past, u_past)
+        one_sample_on(by_block(theta, dims), *law, kappa, past, u_past)
         u_past = np.concatenate([u[history + t], u_past])[: dims[0]]
         y_past = np.concatenate([y[history + t : history + t + 1], y_past])[: max(dims[3], 1)]
     return np.array(errors), np.array(rows), state if tail == 1 else before

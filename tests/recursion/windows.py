@@ -7,7 +7,7 @@ import numpy as np
 from whsklearn import WienerHammersteinSystem
 from whsklearn.datasets import make_wiener_hammerstein
 from whsklearn.effects.law import polynomial_law
-from whsklearn.recursion.predictor import state_size
+from whsklearn.recursion.predictor import advance, copy_past, respond, state_size, with_room
 from whsklearn.recursion.subinnovations import (
     Models,
     Samples,
@@ -16,6 +16,15 @@ from whsklearn.recursion.subinnovations import (
 )
 
 LINEAR = polynomial_law([0.0, 1.0, 0.5])  # with n_a = 1, n_b = 0, n_c = 1 the model is linear in its parameters
+
+
+def one_sample_on(blocks, codes, shapes, kappa, past, u_past):
+    """The past one sample later."""
+    line = with_room(past, 1)
+    copy_past(past, 0, line, 1, past)
+    advance(blocks, line, 0, u_past)
+    respond(blocks, codes, shapes, kappa, line, 0)
+    copy_past(line, 0, past, 0, past)
 
 
 def run(

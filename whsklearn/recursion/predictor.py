@@ -28,7 +28,7 @@ import numpy as np
 from numba.extending import register_jitable  # type: ignore[import-untyped]
 
 from whsklearn._numba import njit, part
-from whsklearn.effects.terms import term
+from whsklearn.effects.terms import directed_term, smooth_sign
 from whsklearn.recursion.delay_line import clear, push
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 
 class Past(NamedTuple):
-    """What must be known of the past, newest first.
+    """What must be known of the past, newest first; a line has rows before it for the samples to come (`with_room`).
 
     Attributes
     ----------
@@ -83,6 +83,26 @@ def past_of(state, dims):
 
 
 @part
+def with_room(past, n):
+    """Rows for ``n`` samples and for the past behind them: time goes on by a row, and nothing has to be shifted."""
+    nx, nc = n + past.x.size, n + past.v.size
+    return Past(np.zeros(nx), np.zeros((nx, past.x_by.shape[1])), np.zeros(nc), np.zeros((nc, past.v_by.shape[1])))
+
+
+@part
+def copy_past(source, at, target, to, past):
+    """As many rows as ``past`` has, from ``at`` on to ``to`` on; the oldest first, since they may overlap."""
+    for j in range(past.x.size - 1, -1, -1):
+        target.x[to + j] = source.x[at + j]
+        for k in range(past.x_by.shape[1]):
+            target.x_by[to + j, k] = source.x_by[at + j, k]
+    for j in range(past.v.size - 1, -1, -1):
+        target.v[to + j] = source.v[at + j]
+        for k in range(past.v_by.shape[1]):
+            target.v_by[to + j, k] = source.v_by[at + j, k]
+
+
+@part
 def by_block(theta, dims):
     """(a, b, w, c, d) of the parameters, or of anything with an entry for each, in the same memory; as `past_of`."""
     w0 = dims[0] - 1 + dims[1]
@@ -91,22 +111,28 @@ def by_block(theta, dims):
     return theta[: dims[0] - 1], theta[dims[0] - 1 : w0], theta[w0:c0], theta[c0:d0], theta[d0 : d0 + dims[3]]
 
 
-# Written into their callers: a call hands over some forty numbers, and a quarter of the time went there.
+# Written into their callers: a call hands over some forty numbers, and a quarter of the time went there.  By max(at, 0)
+# the compiler knows that a row is not negative, and need not look after that at each number: a tenth.
 @njit(cache=False, error_model="numpy", forceinline=True)
-def predict(blocks, past, y_past, psi, psi_blocks):
-    """y_hat(t) from the past and y(t-1), ...; psi receives its gradient, and is given by blocks too."""
+def predict(blocks, line, at, y_past, psi, psi_blocks):
+    """y_hat of the sample whose past begins at row ``at``, from it and y(t-1), ...; psi receives its gradient.
+
+    psi is given by blocks too.
+    """
+    at = max(at, 0)
     c, d = blocks[3], blocks[4]
     psi_c, psi_d = psi_blocks[3], psi_blocks[4]
-    v, v_by = past.v, past.v_by
+    v, v_by = line.v, line.v_by
     nv = v_by.shape[1]
-    y_hat = v[0]
+    y_hat = v[at]
     for k in range(nv):
-        psi[k] = v_by[0, k]
+        psi[k] = v_by[at, k]
     for m in range(c.size):
-        y_hat += c[m] * v[m + 1]
-        psi_c[m] = v[m + 1]
+        older = at + 1 + m
+        y_hat += c[m] * v[older]
+        psi_c[m] = v[older]
         for k in range(nv):
-            psi[k] += c[m] * v_by[m + 1, k]
+            psi[k] += c[m] * v_by[older, k]
     for i in range(d.size):
         y_hat -= d[i] * y_past[i]
         psi_d[i] = -y_past[i]
@@ -114,49 +140,48 @@ def predict(blocks, past, y_past, psi, psi_blocks):
 
 
 @njit(cache=False, error_model="numpy", forceinline=True)
-def advance(blocks, codes, shapes, kappa, past, u_past, answers=True):
-    """Take the past one sample on, from u(t-1), ...; returns dx = x(t) - x(t-1).
-
-    Where v(t) will be too old for the next `predict` it need not answer: the law is the dearest part.
-    """
-    a, b, w = blocks[0], blocks[1], blocks[2]
-    x, x_by, v, v_by = past
-    na1, nb, nw = a.size, b.size, w.size
-    nx, n1, nc, nv = x.size, x_by.shape[1], v.size, v_by.shape[1]
+def advance(blocks, line, at, u_past):
+    """x and its gradient in row ``at``, from the older ones behind it and u(t-1), ..."""
+    at = max(at, 0)
+    a, b = blocks[0], blocks[1]
+    x, x_by = line.x, line.x_by
+    na1, nb, last = a.size, b.size, at + 1
     new = u_past[0]
     for i in range(na1):
         new += a[i] * u_past[i + 1]
     for j in range(nb):
-        new -= b[j] * x[j]
-    dx = new - x[0]
+        new -= b[j] * x[last + j]
+    x[at] = new
+    for k in range(x_by.shape[1]):
+        g = u_past[k + 1] if k < na1 else -x[last + k - na1]
+        for j in range(nb):
+            g -= b[j] * x_by[last + j, k]
+        x_by[at, k] = g
 
-    for m in range(nc - 1, 0, -1):
-        v[m] = v[m - 1]
-        for k in range(nv):
-            v_by[m, k] = v_by[m - 1, k]
+
+@njit(cache=False, error_model="numpy", forceinline=True)
+def respond(blocks, codes, shapes, kappa, line, at):
+    """v and its gradient in row ``at``, from x there and in the row behind it: the law, which is the dearest part."""
+    at = max(at, 0)
+    w = blocks[2]
+    x, x_by, v, v_by = line
+    n1 = x_by.shape[1]
+    now = x[at]
+    dx = now - x[at + 1]
     newest = 0.0
     f_x = 0.0
     f_dx = 0.0
-    for k in range(nw if answers else 0):
-        f, fx, fdx = term(codes[k], shapes[k, 0], shapes[k, 1], shapes[k, 2], new, dx, kappa)
+    s, ds = smooth_sign(dx, kappa)
+    for k in range(w.size):
+        f, fx, fdx = directed_term(codes[k], shapes[k, 0], shapes[k, 1], shapes[k, 2], now, dx, s, ds)
         newest += w[k] * f
         f_x += w[k] * fx
         f_dx += w[k] * fdx
-        v_by[0, n1 + k] = f
-    v[0] = newest
+        v_by[at, n1 + k] = f
+    v[at] = newest
     f_x += f_dx
     for k in range(n1):
-        g = u_past[k + 1] if k < na1 else -x[k - na1]
-        for j in range(nb):
-            g -= b[j] * x_by[j, k]
-        v_by[0, k] = f_x * g - f_dx * x_by[0, k]
-        for j in range(nx - 1, 0, -1):
-            x_by[j, k] = x_by[j - 1, k]
-        x_by[0, k] = g
-    for j in range(nx - 1, 0, -1):
-        x[j] = x[j - 1]
-    x[0] = new
-    return dx
+        v_by[at, k] = f_x * x_by[at, k] - f_dx * x_by[at + 1, k]
 
 
 @njit(error_model="numpy", short=True)
@@ -166,8 +191,8 @@ def record_errors(theta, dims, codes, shapes, kappa, u, y, restart, errors, jaco
     ``restart[t]`` is True where an experiment begins, with nothing known of its past.
     """
     n = parameter_count(dims)
-    state = np.zeros(state_size(dims))
-    past = past_of(state, dims)
+    past = past_of(np.zeros(state_size(dims)), dims)
+    line = with_room(past, 1)
     nd = dims[3]
     u_past = np.zeros(dims[0])
     y_past = np.zeros(max(nd, 1))
@@ -176,14 +201,16 @@ def record_errors(theta, dims, codes, shapes, kappa, u, y, restart, errors, jaco
     keep = jacobian.shape[0] > 0
     for t in range(len(u)):
         if restart[t]:
-            clear(state)
+            copy_past(past, 0, line, 1, past)
             clear(u_past)
             clear(y_past)
-        errors[t] = y[t] - predict(blocks, past, y_past, psi, psi_blocks)
+        errors[t] = y[t] - predict(blocks, line, 1, y_past, psi, psi_blocks)
         if keep:
             for k in range(n):
                 jacobian[t, k] = psi[k]
-        advance(blocks, codes, shapes, kappa, past, u_past)
+        advance(blocks, line, 0, u_past)
+        respond(blocks, codes, shapes, kappa, line, 0)
+        copy_past(line, 0, line, 1, past)
         push(u_past, u[t])
         for i in range(nd - 1, 0, -1):
             y_past[i] = y_past[i - 1]

@@ -15,7 +15,7 @@ import numpy as np
 
 from whsklearn._numba import njit, part
 from whsklearn.recursion.covariance import inflate, measurement_update
-from whsklearn.recursion.predictor import advance, by_block, past_of, predict
+from whsklearn.recursion.predictor import advance, by_block, copy_past, past_of, predict, respond, with_room
 from whsklearn.systems.stability import is_stable
 
 if TYPE_CHECKING:
@@ -202,19 +202,19 @@ def _keep(recent, line):
 
 
 @part
-def _run_model(model, line, since, seen, schedule, law, p, frozen, still):
+def _run_model(model, samples, since, seen, schedule, law, p, frozen, still):
     """Take one model through the samples; returns the forgetting factor after the last of them.
 
     Its one caller is where it is written into: compiled by itself as well, a first fit takes a second longer.
     """
     theta, ud, before, loss, motion, sharpness = model
-    recent_u, recent_y, recent_weight = line
+    recent_u, recent_y, recent_weight = samples
     dims, codes, shapes = law
     n, count = theta.size, still.size
     m = recent_u.size // recent_y.size
     nc = dims[2]
-    work = np.empty(before.size)
-    past = past_of(work, dims)
+    past = past_of(before, dims)
+    line = with_room(past, p)
     psi, gain, start, old = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
     blocks, psi_blocks = by_block(start if frozen else theta, dims), by_block(psi, dims)
     b = by_block(theta, dims)[1]
@@ -231,6 +231,7 @@ def _run_model(model, line, since, seen, schedule, law, p, frozen, still):
                 inflate(ud, 1.0 / rate, schedule.ceiling)
         for k in range(n):
             start[k] = theta[k]
+        copy_past(past, 0, line, min(p, since), past)
         for i in range(window + 1):
             # newest sample of the run-up has index window-1-i among the recent; a frozen one goes on where it was
             now = window - 1 - i
@@ -244,24 +245,21 @@ def _run_model(model, line, since, seen, schedule, law, p, frozen, still):
                     start[k] = theta[k]
             if frozen and 0 < i < window:
                 run_up = now + 1
-            else:
-                for k in range(work.size):
-                    work[k] = before[k]
-            dx = 0.0
             for k in range(run_up, now, -1):
-                answers = frozen or onwards or k <= now + nc
-                dx = advance(blocks, codes, shapes, sharpness[0], past, recent_u[(newest + k + 1) * m :], answers)
+                advance(blocks, line, k, recent_u[(newest + k + 1) * m :])
+            for k in range(min(run_up, now + nc), now, -1):
+                respond(blocks, codes, shapes, sharpness[0], line, k)
             if onwards:
-                for k in range(work.size):
-                    before[k] = work[k]
+                copy_past(line, p - 1, past, 0, past)
                 if learns:
+                    dx = line.x[p - 1] - line.x[p]
                     motion[0] = LOSS_FORGETTING * motion[0] + dx * dx
                     motion[1] = LOSS_FORGETTING * motion[1] + 1.0
                 break
             weight = recent_weight[newest + now]
             if weight == 0.0:
                 continue
-            e = recent_y[newest + now] - predict(blocks, past, recent_y[newest + now + 1 :], psi, psi_blocks)
+            e = recent_y[newest + now] - predict(blocks, line, now + 1, recent_y[newest + now + 1 :], psi, psi_blocks)
             if frozen:
                 for k in range(n):
                     e -= psi[k] * (theta[k] - start[k])
