@@ -36,9 +36,9 @@ def measurement_update(ud, phi, r, gain):
         gain[j] = g
         shift = -f / before
         for i in range(j):
-            u = ud[j, i]
-            ud[j, i] = u + shift * gain[i]
-            gain[i] += g * u
+            u, s = ud[j, i], gain[i]
+            ud[j, i] = u + shift * s
+            gain[i] = s + g * u
     for j in range(n):
         gain[j] /= alpha
     return alpha
