@@ -102,9 +102,8 @@ def run(
         if restart[at]:
             _begin_experiment(state)
         stop = at + 1
-        limit = min(y.size, at + _until_event(state, r)) if stop < y.size else stop
-        while stop < limit and not restart[stop]:
-            stop += 1
+        if stop < y.size:
+            stop = _first(restart, stop, min(y.size, at + _until_event(state, r)))
         still = np.empty(stop - at, dtype=np.uint8)
         mark_still(
             state["repeats"], state["recent_u"], state["recent_y"], state["known"], r.forgetting, u[at:stop],
@@ -123,6 +122,12 @@ def run(
             page = _tend_memory(state, r, page, stop - at)
         at = stop
     return page
+
+
+def _first(marked: NDArray[np.bool_], start: int, stop: int) -> int:
+    """Index of the first that is marked from ``start`` on, ``stop`` if none is before it."""
+    found = start + int(marked[start:stop].argmax()) if start < stop else stop
+    return found if found < stop and marked[found] else stop
 
 
 def consolidate(state: State, r: Reading, page: BackgroundRefit | None = None) -> None:
