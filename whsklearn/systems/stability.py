@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from whsklearn._numba import part
+from whsklearn._numba import njit, part
 
 
-@part
+@njit(cache=False, error_model="numpy", forceinline=True)
 def is_stable(b, radius):
     """Whether 1 + b_1 q^-1 + ... has all its roots inside ``radius`` (Schur-Cohn step-down)."""
     n = b.size
