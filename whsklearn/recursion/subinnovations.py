@@ -169,12 +169,13 @@ def _run_windows(models, recent, since, seen, schedule, law, p, frozen, samples,
         _newest_first(samples.weight, recent.weight, 1),
     )
     rate = schedule.forgetting[0]
+    room = with_room(past_of(models.before[0], law[0]), p)  # for every model in turn
     for s in range(models.theta.shape[0]):
         model = Models(
             models.theta[s], models.ud[s], models.before[s], models.loss[s], models.motion[s],
             models.sharpness[s : s + 1],
         )  # fmt: skip
-        rate = _run_model(model, line, since, seen, schedule, law, p, frozen, still)
+        rate = _run_model(model, room, line, since, seen, schedule, law, p, frozen, still)
     schedule.forgetting[0] = rate
     _keep(recent.u, line.u)
     _keep(recent.y, line.y)
@@ -202,7 +203,7 @@ def _keep(recent, line):
 
 
 @part
-def _run_model(model, samples, since, seen, schedule, law, p, frozen, still):
+def _run_model(model, line, samples, since, seen, schedule, law, p, frozen, still):
     """Take one model through the samples; returns the forgetting factor after the last of them.
 
     Its one caller is where it is written into: compiled by itself as well, a first fit takes a second longer.
@@ -214,7 +215,6 @@ def _run_model(model, samples, since, seen, schedule, law, p, frozen, still):
     m = recent_u.size // recent_y.size
     nc = dims[2]
     past = past_of(before, dims)
-    line = with_room(past, p)
     psi, gain, start, old = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
     blocks, psi_blocks = by_block(start if frozen else theta, dims), by_block(psi, dims)
     b = by_block(theta, dims)[1]
