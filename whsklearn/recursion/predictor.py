@@ -36,6 +36,8 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
+ROWS = 64  # of a line along a record, before it begins anew
+
 
 class Past(NamedTuple):
     """What must be known of the past, newest first; a line has rows before it for the samples to come (`with_room`).
@@ -192,7 +194,7 @@ def record_errors(theta, dims, codes, shapes, kappa, u, y, restart, errors, jaco
     """
     n = parameter_count(dims)
     past = past_of(np.zeros(state_size(dims)), dims)
-    line = with_room(past, 1)
+    line, at = with_room(past, ROWS), ROWS
     nd = dims[3]
     u_past = np.zeros(dims[0])
     y_past = np.zeros(max(nd, 1))
@@ -201,16 +203,20 @@ def record_errors(theta, dims, codes, shapes, kappa, u, y, restart, errors, jaco
     keep = jacobian.shape[0] > 0
     for t in range(len(u)):
         if restart[t]:
-            copy_past(past, 0, line, 1, past)
+            at = ROWS
+            copy_past(past, 0, line, at, past)
             clear(u_past)
             clear(y_past)
-        errors[t] = y[t] - predict(blocks, line, 1, y_past, psi, psi_blocks)
+        errors[t] = y[t] - predict(blocks, line, at, y_past, psi, psi_blocks)
         if keep:
             for k in range(n):
                 jacobian[t, k] = psi[k]
-        advance(blocks, line, 0, u_past)
-        respond(blocks, codes, shapes, kappa, line, 0)
-        copy_past(line, 0, line, 1, past)
+        if at == 0:
+            at = ROWS
+            copy_past(line, 0, line, at, past)
+        at -= 1
+        advance(blocks, line, at, u_past)
+        respond(blocks, codes, shapes, kappa, line, at)
         push(u_past, u[t])
         for i in range(nd - 1, 0, -1):
             y_past[i] = y_past[i - 1]
