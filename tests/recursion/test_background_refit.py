@@ -90,9 +90,13 @@ def test_a_row_that_is_put_off_does_no_work_and_several_rows_at_once_do(monkeypa
     assert counts[0] == 0 < counts[1] < counts[2]
 
 
-def test_the_work_is_done_before_a_filling_memory_s_models_take_over():
-    """Else the row in which they do waits for the rest: with 32 starts, one row in 64 put off."""
-    r = reading(memory=4096, n_starts=32, forgetting=1.0)
+@pytest.mark.parametrize(("memory", "ends"), [(4096, 3), (512, 2), (640, 2), (768, 3)])
+def test_the_work_is_done_before_a_filling_memory_s_models_take_over(memory, ends):
+    """Else the row in which they do waits for the rest: with 32 starts, one row in 64 put off.
+
+    A short memory's first page begins with as many models as the first samples left.
+    """
+    r = reading(memory=memory, n_starts=32, forgetting=1.0)
     X, y = make_wiener_hammerstein(2000, snr_db=20, random_state=0)
     state, page, left = multistart.initial_state(r), None, []
     nothing = np.zeros(1, dtype=bool)
@@ -102,7 +106,7 @@ def test_the_work_is_done_before_a_filling_memory_s_models_take_over():
         if page is not None and i % 64 == 1:
             page.put_off()
         page = multistart.run(state, r, X[i : i + 1], y[i : i + 1], nothing, page)
-    assert len(left) == 3
+    assert len(left) == ends
     assert all(rows <= 1 and steps == "done" for rows, steps in left), left
 
 

@@ -41,6 +41,7 @@ PAGE = 128  # the same for each model after that: a page is then read after a th
 COST_OF_WINDOW = 24  # readings that one sample of the recursion counts for
 RESERVED = 60  # readings of the whole record kept back for what follows the search
 PIECES = 110  # pieces of work that are no readings, beside those for each start; a sample pays for one
+PIECES_A_MODEL = 16  # of a page, which begins with all that were kept while the memory filled: 19 of 32 in 512 samples
 BATCH = 4  # samples that the new models take at once: to begin takes as long as two of them, and nobody asks before
 NOTED = 64  # of so many rows one at most is put off, in which the estimator notes its state against interrupts
 FIRST_SPAN = 3.75  # the first re-run has every start to try; it takes over at five times its samples
@@ -142,9 +143,8 @@ class BackgroundRefit:
         self._given: dict[str, np.ndarray] = {}
         self._next_memory = NextMemory(state, r, size) if self.is_page else None
         self._known = float(state["page_known"])
-        self._pace = 1 + 4 * PIECES // (
-            end - size
-        )  # pieces a sample: a short page has not much more samples than pieces
+        pieces = 4 * PIECES + self.is_page * PIECES_A_MODEL * len(state["page_theta"])
+        self._pace = 1 + pieces // (end - size)  # a sample: a short page has not much more samples than pieces
 
     def is_of(self, state: State, size: int) -> bool:
         """Whether this is the re-run of so many samples of the memory that the state holds now."""
