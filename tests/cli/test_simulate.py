@@ -8,7 +8,8 @@ import pytest
 from click.testing import CliRunner
 
 from whsklearn.cli.simulate import main
-from whsklearn.models import LinearModel, save_model
+from whsklearn.effects import GravityImbalance, as_law
+from whsklearn.models import AxisModel, LinearModel, save_model
 
 
 @pytest.fixture
@@ -38,6 +39,16 @@ def test_it_writes_drive_output_and_measurement_and_judges_what_was_asked_for(fi
     spoilt.to_csv(files / "log.csv", index=False)
     assert float(run(files).output.split("RMSE ")[1].split()[0]) > 0.1
     assert float(run(files, "--skip", "60").output.split("RMSE ")[1].split()[0]) < 1e-6
+
+
+def test_an_axis_with_gravity_starts_where_the_log_does(files):
+    gravity = (GravityImbalance(1.5, phase=-1.0),)
+    model = AxisModel(0.05, as_law("viscous").reweighted([0.3]), gravity, dt=0.01, logged="position")
+    save_model(model, files / "model.json")
+    log = pd.read_csv(files / "log.csv")
+    log["position_rad"] = model.simulate(log.torque_nm, start=0.7)
+    log.to_csv(files / "log.csv", index=False)
+    assert float(run(files).output.split("RMSE ")[1].split()[0]) < 1e-6
 
 
 def test_a_log_at_another_rate_is_refused(files):

@@ -46,9 +46,8 @@ def main(**options: Any) -> None:
             f"The model has a sample every {model.dt:.6g} s, the log every {1 / log.sample_rate:.6g} s; give a log at "
             "the model's rate."
         )
-    y = np.asarray(model.simulate(log.X[:, 0]))
-    if getattr(model, "logged", "") == "position":
-        y = y + log.y[0]  # a model of the position starts at rest in 0
+    start = float(log.y[0]) if model.logged == "position" else 0.0
+    y = np.asarray(model.simulate(log.X[:, 0], start=start))
     table = pd.DataFrame({"time": log.time, "drive": log.X[:, 0], "simulated": y, "measured": log.y})
     table.to_csv(out, index=False)
     kept = slice(min(options["skip"], y.size - 2), None)

@@ -74,22 +74,19 @@ class AxisModel(IdentifiedModel):
     def parameters(self) -> dict[str, float]:
         """``inertia``, the law's weights, the effects' sizes and shapes."""
         axis = self.system()
-        parts = (
-            "drive__",
-            "transmission__",
-            "sensor__",
-            "controller__",
-            "smoothing",
-        )  # of the simulator, not of the axis
-        return {k: float(v) for k, v in axis.parameters.items() if not k.startswith(parts)}
+        # of the simulator, not of the axis
+        left_out = ("drive__", "transmission__", "sensor__", "controller__", "smoothing")
+        return {k: float(v) for k, v in axis.parameters.items() if not k.startswith(left_out)}
 
-    def simulate(self, u: ArrayLike) -> NDArray[np.float64]:
-        """Output from the drive alone, from standstill at zero; see `IdentifiedModel.simulate`.
+    def simulate(self, u: ArrayLike, *, start: float = 0.0) -> NDArray[np.float64]:
+        """Output from the drive alone, from standstill; see `IdentifiedModel.simulate`.
 
         Parameters
         ----------
         u : array-like of shape (n,)
             Drive in the unit of the log.
+        start : float, default=0.0
+            Position before the first sample, in the unit of the log; effects of the position act there.
         """
-        record = self.system().simulate_drive(as_input(u))
+        record = self.system().simulate_drive(as_input(u), initial_position=start)
         return record.position if self.logged == "position" else record.velocity

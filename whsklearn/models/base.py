@@ -67,13 +67,15 @@ class IdentifiedModel:
         """Units of `parameters`; those without one are left out."""
         return {}
 
-    def simulate(self, u: ArrayLike) -> NDArray[np.float64]:
+    def simulate(self, u: ArrayLike, *, start: float = 0.0) -> NDArray[np.float64]:
         """Output (n,) in the logged unit, from the input (n,) alone, at rest before its first sample.
 
         Parameters
         ----------
         u : array-like of shape (n,)
             Input in the unit of the log.
+        start : float, default=0.0
+            Where it rests, if the output is a position: gravity and cogging are another there.
         """
         raise NotImplementedError
 

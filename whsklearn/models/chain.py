@@ -104,6 +104,8 @@ class ChainModel(IdentifiedModel):
         ----------
         u : array-like of shape (n,)
             Input in the unit of the log.
+        start : float, default=0.0
+            Position before the first sample, if the output is one.
         """
         from scipy.signal import lfilter
 
@@ -114,7 +116,7 @@ class ChainModel(IdentifiedModel):
         v = self.law(x, np.diff(x, prepend=0.0))
         return x, v, lfilter(self.b2, self.f2, v)
 
-    def simulate(self, u: ArrayLike) -> NDArray[np.float64]:
+    def simulate(self, u: ArrayLike, *, start: float = 0.0) -> NDArray[np.float64]:
         """Output from the input alone; see `IdentifiedModel.simulate`.
 
         Parameters
@@ -123,4 +125,4 @@ class ChainModel(IdentifiedModel):
             Input in the unit of the log.
         """
         y = self.signals(u)[2]
-        return np.cumsum(y) * self.dt if self.logged == "position" else y
+        return start + np.cumsum(y) * self.dt if self.logged == "position" else y

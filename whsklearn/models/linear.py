@@ -62,15 +62,17 @@ class LinearModel(IdentifiedModel):
         b, f = np.array(self.numerator), np.array(self.denominator[1:])
         return {**numbered("b", b), **numbered("f", f, 1), "offset": float(self.offset)}
 
-    def simulate(self, u: ArrayLike) -> NDArray[np.float64]:
+    def simulate(self, u: ArrayLike, *, start: float = 0.0) -> NDArray[np.float64]:
         """Output from the input alone; see `IdentifiedModel.simulate`.
 
         Parameters
         ----------
         u : array-like of shape (n,)
             Input in the unit of the log.
+        start : float, default=0.0
+            Position before the first sample, if the output is one.
         """
         from scipy.signal import lfilter
 
         y = lfilter(self.numerator, self.denominator, as_input(u)) + self.offset
-        return np.cumsum(y) * self.dt if self.logged == "position" else y
+        return start + np.cumsum(y) * self.dt if self.logged == "position" else y
