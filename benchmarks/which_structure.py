@@ -1,14 +1,16 @@
 """Does `identify` recommend the right structure?  Drawn axes and chains, the library's servo, EMPS, KR300, XL330.
 
-    python benchmarks/which_structure.py [--count 20] [--seed 0] [--data FOLDER]
+    python benchmarks/which_structure.py [--count 20] [--mujoco 20] [--seed 0] [--data FOLDER]
 
-The generator is ours, so its rate is a regression test, not a result; the real records have no class but one that
-is known of the rig: all are axes, the XL330 with gravity.
+The generator of the first is ours, so its rate is a regression test, not a result; axes with and without gravity are
+simulated by MuJoCo as well; the real records have no class but one that is known of the rig: all are axes, the XL330
+with gravity.
 """
 
 from __future__ import annotations
 
 import argparse
+import importlib.util
 import os
 import warnings
 from pathlib import Path
@@ -67,6 +69,53 @@ def drawn_chain(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, float
     return u, y + 0.02 * rng.standard_normal(n), 0.001, "linear" if name == "linear" else "wiener_hammerstein"
 
 
+def mujoco_axis(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, float, dict[str, float]]:
+    """A hinge of MuJoCo under a slow random torque, with a pendulum's weight or without; drive, position, dt, truth."""
+    import mujoco
+
+    dt, n, substeps = 0.002, 6000, 4
+    mass, arm = rng.uniform(0.2, 1.0), rng.uniform(0.08, 0.3)
+    weight = 9.81 * mass * arm * (rng.random() < 0.6)
+    scale = max(weight, 0.5)
+    truth = {
+        "inertia": mass * arm**2 + 0.005,
+        "viscous": scale * rng.uniform(0.03, 0.3),
+        "coulomb": scale * rng.uniform(0.03, 0.2),
+        "gravity_imbalance": weight,
+    }
+    model = mujoco.MjModel.from_xml_string(
+        f"""<mujoco><option timestep="{dt / substeps}" gravity="0 0 {-9.81 * bool(weight)}" integrator="implicitfast"/>
+        <worldbody><body><joint name="hinge" axis="0 1 0" damping="{truth["viscous"]}" frictionloss="{truth["coulomb"]}"
+        armature="0.005"/><inertial pos="0 0 {-arm}" mass="{mass}" diaginertia="1e-9 1e-9 1e-9"/></body></worldbody>
+        <actuator><motor joint="hinge"/></actuator></mujoco>"""
+    )
+    data = mujoco.MjData(model)
+    u = lfilter([1.0], [1.0, -0.95], lfilter([1.0], [1.0, -0.9], rng.standard_normal(n)))
+    u *= scale * rng.uniform(0.5, 1.2) / np.std(u)
+    q = np.empty(n)
+    for t in range(n):
+        q[t], data.ctrl[0] = data.qpos[0], u[t]
+        mujoco.mj_step(model, data, substeps)
+    count = 2 * np.pi / rng.choice([1024, 4096, 16384])
+    return u, count * np.round(q / count), dt, truth
+
+
+def of_mujoco(count: int, seed: int) -> None:
+    """Is the axis found, with gravity where there is gravity, and how far off are its numbers?"""
+    right, off = 0, []
+    for i in range(count):
+        u, q, dt, truth = mujoco_axis(np.random.default_rng([seed, i, 7]))
+        found = identify(u, q, dt=dt)
+        name = "axis with gravity" if truth["gravity_imbalance"] else "axis, viscous and Coulomb"
+        same = found.recommended.name == name
+        right += same
+        if same:
+            off.append([abs(found.model.parameters[k] / v - 1) for k, v in truth.items() if k != "gravity_imbalance"])
+        print(f"MuJoCo {i:<17}{name:28}{found.recommended.name:28}{'' if same else 'WRONG'}", flush=True)
+    worst = ", ".join(f"{100 * v:.1f}" for v in np.median(off, axis=0))
+    print(f"MuJoCo: right structure {right} of {count}; inertia, viscous, Coulomb off by {worst} % (median)")
+
+
 def told(name: str, found: Identification, expected: str) -> tuple[bool, bool]:
     """One line a record: (right class, never worse than ARX)."""
     arx = min(c.score for c in found.models if c.kind == "arx")
@@ -85,6 +134,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--count", type=int, default=20)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--mujoco", type=int, default=20, help="axes simulated by MuJoCo")
     parser.add_argument("--data")
     options = parser.parse_args()
     results = []
@@ -94,6 +144,8 @@ def main() -> None:
         results.append(told(f"drawn {i}", identify(u, y, dt=dt), expected))
     right, no_worse = np.sum(results, axis=0)
     print(f"right class {right} of {len(results)}, no worse than ARX {no_worse} of {len(results)}\n")
+    if importlib.util.find_spec("mujoco"):
+        of_mujoco(options.mujoco, options.seed)
     servo = make_servo_log([], random_state=0)
     u, q = servo["torque_nm"].to_numpy(), servo["position_rad"].to_numpy()
     found = identify(u, np.gradient(q, 1e-3), dt=1e-3)

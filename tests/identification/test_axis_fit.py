@@ -70,3 +70,10 @@ def test_standard_errors_of_the_wave_are_those_of_its_draws():
     waves = [gravity_of(*d) for d in draws]
     spread = np.std([w.amplitude for w in waves]), np.std([w.phase for w in waves])
     assert tuple(_gravity_errors(forces, covariance).values()) == pytest.approx(spread, rel=0.05)
+
+
+def test_gravity_that_is_next_to_nothing_is_refused():
+    u = slow_drive(4000, 3)
+    y = free_run(TRUTH, axis_log(u)._replace(of_position=True)) + 1e-5 * np.random.default_rng(0).standard_normal(4000)
+    with pytest.raises(ValueError, match="% of the drive, so the axis without it is the same"):
+        fit_hanging_axis(view(u, y, 0.005, "position"))

@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 KNOTS = (0.1, 0.3, 0.6, 0.85)  # quantiles of speed at which a free law may bend
 PIECE = 2.0  # s of a free run whose place is to be known
 LEAST_PIECE = 100  # samples of it
+# Of the drive's rms: what is fitted where there is no gravity, and held-out data happen to like, is up to 0.2 %
+# (benchmarks/which_structure.py, axes of MuJoCo)
+LEAST_GRAVITY = 0.01
 
 
 def fit_rigid_axis(log: View) -> AxisModel:
@@ -37,8 +40,18 @@ def fit_free_law_axis(log: View) -> AxisModel:
 
 
 def fit_hanging_axis(log: View) -> AxisModel:
-    """The rigid axis with gravity; the output is its position in radians, which gravity keeps from drifting away."""
-    return _fit(replace(log, logged="position", target=derivative(log.y, log.dt)[0]), np.empty(0), hangs=True)
+    """The rigid axis with gravity; the output is its position in radians, which gravity keeps from drifting away.
+
+    Raises
+    ------
+    ValueError
+        If gravity is next to nothing, or as `inverse_start`.
+    """
+    model = _fit(replace(log, logged="position", target=derivative(log.y, log.dt)[0]), np.empty(0), hangs=True)
+    share = model.parameters["gravity_imbalance"] / np.std(log.u)
+    if share < LEAST_GRAVITY:
+        raise ValueError(f"Gravity would be {100 * share:.2g} % of the drive, so the axis without it is the same.")
+    return model
 
 
 def _fit(log: View, knots: Array, *, hangs: bool = False) -> AxisModel:
