@@ -144,13 +144,18 @@ def main() -> None:
         results.append(told(f"drawn {i}", identify(u, y, dt=dt), expected))
     right, no_worse = np.sum(results, axis=0)
     print(f"right class {right} of {len(results)}, no worse than ARX {no_worse} of {len(results)}\n")
-    if importlib.util.find_spec("mujoco"):
+    if options.mujoco and importlib.util.find_spec("mujoco"):
         of_mujoco(options.mujoco, options.seed)
     servo = make_servo_log([], random_state=0)
     u, q = servo["torque_nm"].to_numpy(), servo["position_rad"].to_numpy()
     found = identify(u, np.gradient(q, 1e-3), dt=1e-3)
     told("library servo, velocity", found, "axis")
-    print(f"    free-run NMSE of the held-out velocity {found.recommended.test['nmse']:.3g}")
+    linear = min(c.test["nmse"] for c in found.models if c.kind in ("arx", "output_error"))
+    noise = found.floor**2 / np.var(found.test.y)
+    nmse = found.recommended.test["nmse"]
+    print(
+        f"    NMSE of the held-out velocity {nmse:.3g}, of the best linear model {linear:.3g}, of the noise {noise:.3g}"
+    )
     beside = Path(__file__).resolve().parents[2] / "shared" / "data"
     folder = Path(options.data or os.environ.get("WHSKLEARN_DATA") or beside)
     if (folder / "emps").is_dir():

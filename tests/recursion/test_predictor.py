@@ -22,6 +22,7 @@ from whsklearn.effects.law import polynomial_law, smooth_law
 from whsklearn.effects.static import Hinge, Power, Tanh, TanhDifference
 from whsklearn.recursion.first_block import motion
 from whsklearn.recursion.predictor import (
+    ROWS,
     parameter_count,
     push,
     record_errors,
@@ -142,3 +143,29 @@ def test_push_puts_the_newest_first_one_number_an_input():
 def test_the_state_does_not_depend_on_the_length_of_the_record():
     dims = np.array([2, 2, 2, 2, 3], dtype=np.int64)
     assert state_size(dims) == 2 * (1 + 3) + 2 * (1 + 3 + 3)
+
+
+def test_blocks_that_are_longer_than_a_line_are_filters_too():
+    """The past of such a block overlaps with where it is put when a line begins anew."""
+    rng = np.random.default_rng(0)
+    law, nc, u = FrictionLaw([Power(1.0, 1)]), ROWS + 30, rng.standard_normal((400, 1))
+    c = rng.standard_normal(nc - 1)
+    theta = np.concatenate([[1.0], c])
+    y_hat = np.convolve(np.append([0.0, 0.0, 1.0], c), u[:, 0])[:400]  # each block answers a sample later
+    restart = np.arange(400) == 0
+    errors, psi = errors_of(theta, np.array([1, 0, nc, 0, 1]), law, 1.0, u, np.zeros(400), restart, gradient=True)
+    np.testing.assert_allclose(errors, -y_hat, atol=1e-12)
+    for m in (1, ROWS, nc - 1):  # d y_hat / d c is x(t - m - 1)
+        np.testing.assert_allclose(psi[m + 2 :, m], u[: 398 - m, 0], atol=1e-12)
+
+
+def test_a_restart_after_some_lines_knows_nothing_of_them():
+    dims, theta, u, y, _ = problem((2, 2, 3, 2), LAWS["reduced"], n=400)
+    cut = 3 * ROWS + 7
+    restart = np.isin(np.arange(400), (0, cut))
+    whole = errors_of(theta, dims, LAWS["reduced"], 5.0, u, y, restart)[0]
+    parts = [
+        errors_of(theta, dims, LAWS["reduced"], 5.0, u[s], y[s], np.arange(y[s].size) == 0)[0]
+        for s in (slice(0, cut), slice(cut, None))
+    ]
+    np.testing.assert_array_equal(whole, np.concatenate(parts))

@@ -75,14 +75,9 @@ def _units(model: Any) -> dict[str, str]:
     per_speed = f"{drive}/({speed})"
     hinges = {name: per_speed for name in model.parameters if name.startswith("speed_hinge")}
     knots = {name: speed for name in hinges if name.endswith("__knot")}
-    return (
-        {"inertia": f"{drive} s/({speed})", "viscous": per_speed, "coulomb": drive, "input_offset": drive}
-        | {
-            "gravity_imbalance": drive,
-            "gravity_imbalance__phase": "rad",
-        }
-        | (hinges | knots)
-    )
+    torques = dict.fromkeys(("coulomb", "input_offset", "gravity_imbalance"), drive)
+    others = {"inertia": f"{drive} s/({speed})", "viscous": per_speed, "gravity_imbalance__phase": "rad"}
+    return torques | others | hinges | knots
 
 
 def _entry(c: Compared) -> dict[str, Any]:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 HOLDOUT = 0.3
-LEAST_MOTION = 0.1  # of the range: four of eight pendulum logs (xl330) end at rest, with a hundredth of it
+LEAST_MOTION = 0.1  # of the range: of eight XL330 logs (benchmarks/which_structure.py) four end at rest, in 0.01 of it
 LEAST_FITTED = 60  # samples
 SMOOTHING = 0.03  # s over which a parabola is laid for the velocity of a logged position
 INTEGRATES = 0.1  # a time constant above that share of the record is an integrator to anyone who reads the log
