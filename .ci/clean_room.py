@@ -131,7 +131,9 @@ def stories(python: Path, folder: Path) -> list[tuple[str, Callable[[], str]]]:
         if shutil.which("cc") is None:
             return "written; no C compiler here"
         main = '#include "model.h"\n#include <stdio.h>\nint main(void)'
-        main += '{printf("%.6f", model_torque(0.0, 0.0) - model_torque(0.2617994, 0.0)); return 0;}'  # half a period
+        main += (
+            '{printf("%.6f", model_torque(0.0, 0.0) - model_torque(15.0, 0.0)); return 0;}'  # half a period, in degrees
+        )
         (source / "main.c").write_text(main)
         subprocess.run("cc -std=c99 -Wall -Werror model.c main.c -o try -lm".split(), cwd=source, check=True)
         told = float(subprocess.run([source / "try"], capture_output=True, text=True, check=True).stdout)

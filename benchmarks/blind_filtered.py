@@ -9,7 +9,7 @@ named right by effect, wrong names given with confidence, and names in records w
 from __future__ import annotations
 
 import time
-from collections import defaultdict
+from typing import Any
 
 import click
 import numpy as np
@@ -19,6 +19,20 @@ from benchmarks.blind_logs import filtered_chain
 from whsklearn.gap import GapFinder
 
 
+def diagnose(effect: str, seed: int) -> dict[str, Any]:
+    """One row of the table; ``effect`` as in `filtered_chain.record`."""
+    case = filtered_chain.record(effect, seed)
+    began = time.process_time()
+    d = GapFinder("wiener-hammerstein").fit(case.frame, **filtered_chain.COLUMNS).diagnosis_
+    names = [e.name for e in d.effects]
+    return {
+        "effect": effect, "truth": case.truth, "seed": seed, "verdict": d.verdict, "names": "+".join(names),
+        "closure": round(d.closure, 3), "seconds": round(time.process_time() - began, 1),
+        "right": d.verdict == "named" and names[:1] == [case.truth] if case.truth else not names,
+        "wrong": d.verdict == "named" and not {case.truth}.issuperset(names),
+    }  # fmt: skip
+
+
 @click.command(help=__doc__)
 @click.option("--seeds", default=3, help="Records of every effect.")
 @click.option("--first-seed", default=0)
@@ -26,29 +40,24 @@ from whsklearn.gap import GapFinder
 def main(seeds: int, first_seed: int, only: str) -> None:
     """Draw, diagnose, print."""
     rows = []
-    for truth in (*filtered_chain.EFFECTS, ""):
-        if only and (truth or "none") not in only.split(","):
+    for effect in (*filtered_chain.EFFECTS, *filtered_chain.PORTS, ""):
+        if only and (effect or "none") not in only.split(","):
             continue
         for seed in range(first_seed, first_seed + seeds):
-            case = filtered_chain.record(truth, seed)
-            began = time.process_time()
-            d = GapFinder("wiener-hammerstein").fit(case.frame, **filtered_chain.COLUMNS).diagnosis_
-            names = [e.name for e in d.effects]
-            rows.append((truth, d.verdict, names, time.process_time() - began))
+            rows.append(diagnose(effect, seed))
+            r = rows[-1]
             click.echo(
-                f"{truth or 'none':<22}{seed:<4}{d.verdict:<14}{'+'.join(names) or '-':<44}{d.closure:7.3f}"
-                f"{rows[-1][3]:7.1f} s"
+                f"{effect or 'none':<22}{seed:<4}{r['verdict']:<14}{r['names'] or '-':<44}{r['closure']:7.3f}"
+                f"{r['seconds']:7.1f} s"
             )
-    hits = defaultdict(list)
-    for truth, verdict, names, _ in rows:
-        hits[truth].append(verdict == "named" and names[:1] == [truth] if truth else not names)
-    for truth, right in hits.items():
+    for effect in dict.fromkeys(r["effect"] for r in rows):
+        right = [r["right"] for r in rows if r["effect"] == effect]
         p, low, high = wilson(sum(right), len(right))
-        what = "named right" if truth else "nothing named"
+        what = "named right" if effect else "nothing named"
         interval = f"[{100 * low:.0f}, {100 * high:.0f}]"
-        click.echo(f"{truth or 'none':<22}{what:<14}{sum(right):>3}/{len(right):<3}{100 * p:6.0f} %  {interval}")
-    wrong = sum(v == "named" and t not in n for t, v, n, _ in rows)
-    click.echo(f"confident wrong names: {wrong} of {len(rows)}; median {np.median([r[3] for r in rows]):.1f} s of CPU")
+        click.echo(f"{effect or 'none':<22}{what:<14}{sum(right):>3}/{len(right):<3}{100 * p:6.0f} %  {interval}")
+    seconds = np.median([r["seconds"] for r in rows])
+    click.echo(f"confident wrong names: {sum(r['wrong'] for r in rows)} of {len(rows)}; median {seconds:.1f} s of CPU")
 
 
 if __name__ == "__main__":

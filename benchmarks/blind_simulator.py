@@ -191,6 +191,23 @@ def _drawn(kind: str, size: float, y: np.ndarray, rng: np.random.Generator) -> A
     return get_effect(kind)(*fields[kind])
 
 
+def diagnose(kind: str, seed: int) -> dict[str, Any]:
+    """One row of the table; ``kind`` is one of `KINDS` or ``none``."""
+    record, rig, _ = make_case(kind, seed)
+    began = time.process_time()
+    finder = GapFinder(rig).fit(record)
+    names = [e.name for e in finder.effects_]
+    truth = {kind, *get_effect(kind).aliases} if kind in KINDS else set()
+    if kind == "cable_spring" and not rig.closed:  # the rig has a spring of its own: what is left is its centre
+        truth = {kind, "input_offset"}
+    return {
+        "kind": kind, "seed": seed, "loop": "closed" if rig.closed else "open", "verdict": finder.verdict_,
+        "names": "+".join(names), "right": bool(names) and names[0] in truth,
+        "wrong": finder.verdict_ == "named" and not truth.issuperset(names),
+        "closure": finder.diagnosis_.closure, "seconds": time.process_time() - began,
+    }  # fmt: skip
+
+
 @click.command(help=__doc__)
 @click.option("--cases", default=40, help="Logs with a hidden effect, spread over the effects.")
 @click.option("--empties", default=40, help="Logs with nothing missing.")
@@ -201,33 +218,26 @@ def main(cases: int, empties: int, seeds: int, only: str) -> None:
     plan += [("none", seeds + i) for i in range(empties)]
     rows = []
     for kind, seed in tqdm([p for p in plan if not only or p[0] in only.split(",")]):
-        record, rig, _ = make_case(kind, seed)
-        began = time.process_time()
-        finder = GapFinder(rig).fit(record)
-        names = [e.name for e in finder.effects_]
-        aliases = get_effect(kind).aliases if kind in KINDS else ()
-        if kind == "cable_spring" and not rig.closed:  # the rig has a spring of its own: what is left is its centre
-            aliases = ("input_offset",)
-        right = bool(names) and names[0] in (kind, *aliases)
-        rows.append((kind, finder.verdict_, names, right, finder.diagnosis_.closure, time.process_time() - began))
-        loop = "closed" if rig.closed else "open"
+        r = diagnose(kind, seed)
+        rows.append(r)
         tqdm.write(
-            f"{kind:<20}{seed:<4}{loop:<8}{finder.verdict_:<14}{'+'.join(names) or '-':<44}"
-            f"{rows[-1][4]:8.3f}{rows[-1][5]:8.1f} s"
+            f"{kind:<20}{seed:<4}{r['loop']:<8}{r['verdict']:<14}{r['names'] or '-':<44}"
+            f"{r['closure']:8.3f}{r['seconds']:8.1f} s"
         )
-    hidden, empty = [r for r in rows if r[0] != "none"], [r for r in rows if r[0] == "none"]
+    hidden, empty = [r for r in rows if r["kind"] != "none"], [r for r in rows if r["kind"] == "none"]
     for label, hits, goal in (
-        ("named right, or its alias", [r[3] and r[1] == "named" for r in hidden], ">= 36 of 40"),
-        ("first name right, whatever the verdict", [r[3] for r in hidden], ""),
-        ("confident wrong", [r[1] == "named" and not r[3] for r in rows], "0"),
-        ("empty log, a name given", [bool(r[2]) for r in empty], "0 of 40"),
+        ("named right, or its alias", [r["right"] and r["verdict"] == "named" for r in hidden], ">= 36 of 40"),
+        ("first name right, whatever the verdict", [r["right"] for r in hidden], ""),
+        ("confident wrong", [r["wrong"] for r in rows], "0"),
+        ("empty log, a name given", [bool(r["names"]) for r in empty], "0 of 40"),
     ):
         p, low, high = wilson(sum(hits), len(hits))
         click.echo(
             f"{label:<42}{sum(hits):>4}/{len(hits):<4}{100 * p:6.1f} %  [{100 * low:.1f}, {100 * high:.1f}]  {goal}"
         )
-    click.echo(f"verdicts of empty logs: {dict(Counter(r[1] for r in empty))}")
-    click.echo(f"CPU seconds a log: median {np.median([r[5] for r in rows]):.1f}, worst {max(r[5] for r in rows):.1f}")
+    click.echo(f"verdicts of empty logs: {dict(Counter(r['verdict'] for r in empty))}")
+    seconds = [r["seconds"] for r in rows]
+    click.echo(f"CPU seconds a log: median {np.median(seconds):.1f}, worst {max(seconds):.1f}")
 
 
 if __name__ == "__main__":

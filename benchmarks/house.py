@@ -5,6 +5,10 @@
 Read off the syntax trees of ``whsklearn/``; nothing is imported. A module is one that holds a class or a function; its
 tests stand in the file of its name below ``tests/``. A function's lines are all of it, docstring included. A public
 class is one that a package's ``__all__`` names, each module's own class of such a name counted.
+
+A *named number* is a name that a module or a class body binds to a value with a number in it: a literal, a sum or
+product with one, a tuple, dictionary or call that holds one. Each name counts once, however many numbers it holds.
+Numeric defaults of parameters are counted apart; those of 0 and 1 are not.
 """
 
 from __future__ import annotations
@@ -78,6 +82,48 @@ def public_classes(found: dict[Path, ast.Module]) -> list[str]:
     return [ast.get_docstring(n) or "" for n in classes]
 
 
+def numeric(node: ast.expr) -> bool:
+    """Whether an expression holds a number: a literal, or a sum, container or call with one."""
+    if isinstance(node, ast.Constant):
+        return type(node.value) in (int, float)
+    if isinstance(node, ast.UnaryOp):
+        return numeric(node.operand)
+    if isinstance(node, ast.BinOp):
+        return numeric(node.left) or numeric(node.right)
+    if isinstance(node, ast.Tuple | ast.List | ast.Set):
+        return any(map(numeric, node.elts))
+    if isinstance(node, ast.Dict):
+        return any(map(numeric, node.values))
+    return isinstance(node, ast.Call) and any(map(numeric, (*node.args, *(k.value for k in node.keywords))))
+
+
+def bound(node: ast.stmt) -> Iterator[tuple[str, ast.expr]]:
+    """(name, value) of an assignment; of a tuple's, one by one."""
+    if isinstance(node, ast.AnnAssign) and node.value is not None:
+        yield ast.unparse(node.target), node.value
+    elif isinstance(node, ast.Assign):
+        target = node.targets[0]
+        if isinstance(target, ast.Tuple) and isinstance(node.value, ast.Tuple):
+            yield from ((ast.unparse(t), v) for t, v in zip(target.elts, node.value.elts, strict=True))
+        else:
+            yield ast.unparse(target), node.value
+
+
+def named_numbers(folder: Path) -> tuple[int, int, int]:
+    """(names of modules, of class bodies, numeric defaults of parameters but 0 and 1) of all files of a folder."""
+    modules = classes = defaults = 0
+    for path in folder.rglob("*.py"):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        modules += sum(numeric(value) for node in tree.body for _, value in bound(node))
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ClassDef):
+                classes += sum(numeric(value) for part in node.body for _, value in bound(part))
+            elif isinstance(node, FUNCTIONS):
+                given = (d for d in (*node.args.defaults, *node.args.kw_defaults) if d is not None and numeric(d))
+                defaults += sum(ast.unparse(d) not in ("0", "1", "0.0", "1.0") for d in given)
+    return modules, classes, defaults
+
+
 def mirrored(path: Path) -> bool:
     """Whether the module's tests stand where its name says."""
     module = path.relative_to(LIBRARY)
@@ -110,6 +156,15 @@ def rows() -> Iterator[tuple[str, str]]:
     for name in ("whsklearn", "whsklearn/gap"):
         total, code, told, comments = lines_of(ROOT / name)
         yield f"lines of {name}/", f"{total}: {code} code, {told} docstrings, {comments} with a comment"
+    gap = LIBRARY / "gap"
+    lines = sorted(len(p.read_text(encoding="utf-8").splitlines()) for p in gap.rglob("*.py"))
+    yield "files of whsklearn/gap/, longest", f"{len(lines)}, {lines[-1]} lines"
+    modules, classes, defaults = named_numbers(gap)
+    total = modules + classes
+    yield (
+        "named numbers of whsklearn/gap/",
+        f"{total} ({modules} of modules, {classes} of classes), {defaults} defaults",
+    )
 
 
 @click.command(help=__doc__)

@@ -181,6 +181,7 @@ FILES: dict[str, tuple[str, Maker, list[str]]] = {
         [],
     ),
     "amperes and other names": ("a.csv", lambda f: csv(renamed(f)), []),
+    "amperes and a torque constant": ("a.csv", lambda f: csv(renamed(f)), ["--torque-constant", "0.12+-0.01"]),
     "empty file": ("a.csv", lambda f: b"", []),
     "header only": ("a.csv", lambda f: ",".join(COLUMNS).encode() + b"\n", []),
     "zero bytes at the end": ("a.csv", lambda f: csv(f) + bytes(4096), []),

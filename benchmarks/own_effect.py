@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 import tempfile
+import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
@@ -58,9 +59,13 @@ def diagnose(share: float, seed: int) -> dict[str, Any]:
     """One servo log: verdict, names, relative errors of torque and width, whether the report holds the magnet."""
     hidden, kind = (("magnet",), "foreign") if share else ((), "none")
     case = servo.make_case(kind, seed, effects=hidden, size=share or 0.05, noise=servo.NOISES[seed % 3], seconds=20.0)
-    finder = GapFinder("servo").fit(case.frame, **servo.COLUMNS)
     numbers = case.parameters
-    return figures_of(finder, {"torque": numbers["x_bump"], "width": numbers["x_bump_width"]} if share else {})
+    return figures_of(
+        GapFinder("servo"),
+        case.frame,
+        servo.COLUMNS,
+        {"torque": numbers["x_bump"], "width": numbers["x_bump_width"]} if share else {},
+    )
 
 
 def diagnose_chain(share: float, seed: int) -> dict[str, Any]:
@@ -68,26 +73,30 @@ def diagnose_chain(share: float, seed: int) -> dict[str, Any]:
     hidden, kind = (("magnet",), "foreign") if share else ((), "none")
     noise = wiener_hammerstein.NOISES[seed % 3]
     case = wiener_hammerstein.make_case(kind, seed, effects=hidden, size=share or 0.05, noise=noise, n=1500)
-    finder = GapFinder("wiener-hammerstein").fit(case.frame, **wiener_hammerstein.COLUMNS)
     numbers = case.parameters[0] if share else {}
-    return figures_of(finder, {"torque": numbers["size"], "width": numbers["shape"]} if share else {})
+    truth = {"torque": numbers["size"], "width": numbers["shape"]} if share else {}
+    return figures_of(GapFinder("wiener-hammerstein"), case.frame, wiener_hammerstein.COLUMNS, truth)
 
 
 def diagnose_simulator(share: float, seed: int) -> dict[str, Any]:
     """One log under a simulator of the user's own."""
     record, rig, hidden = make_case(OWN if share else "none", seed, share=share or None)
-    finder = GapFinder(rig).fit(record)
-    return figures_of(finder, {"torque": hidden.torque, "width": hidden.width} if share else {})
+    return figures_of(GapFinder(rig), record, {}, {"torque": hidden.torque, "width": hidden.width} if share else {})
 
 
-def figures_of(finder: GapFinder, truth: dict[str, float]) -> dict[str, Any]:
-    """One row: ``kept`` says whether the repaired model simulates the magnet and the page shows it.
+def figures_of(finder: GapFinder, log: Any, columns: dict[str, str], truth: dict[str, float]) -> dict[str, Any]:
+    """One row, ``seconds`` of CPU for the diagnosis.
+
+    ``kept`` says whether the repaired model simulates the magnet and the page shows it.
 
     The model is that of ``repaired.json``, or the simulator itself, of which there is no such file.
     """
+    began = time.process_time()
+    finder.fit(log, **columns)
+    seconds = time.process_time() - began
     found = next((e.effect for e in finder.effects_ if e.name == "magnet"), None)
     row: dict[str, Any] = {"verdict": finder.verdict_, "names": [e.name for e in finder.effects_],
-                           "closure": finder.diagnosis_.closure, "kept": False}  # fmt: skip
+                           "closure": finder.diagnosis_.closure, "kept": False, "seconds": seconds}  # fmt: skip
     if found is not None and truth:
         with tempfile.TemporaryDirectory() as folder:
             page = finder.report(folder).read_text(encoding="utf-8")

@@ -68,7 +68,11 @@ def groups_of(name):
 
 def attributes(model):
     """All that a call could leave behind, but for the compiled stream's settings."""
-    return {k: copy.deepcopy(v) for k, v in vars(model).items() if k != "_stream" and not hasattr(v, "get_params")}
+    return {
+        k: copy.deepcopy(v)
+        for k, v in vars(model).items()
+        if k not in ("_stream", "_own_lock") and not hasattr(v, "get_params")
+    }
 
 
 def assert_untouched(model, before):

@@ -81,8 +81,9 @@ def test_scikit_learn(estimator, check):
 def test_no_estimator_is_left_out():
     names = (getattr(whsklearn, name) for name in whsklearn.__all__)
     public = {v for v in names if isinstance(v, type) and issubclass(v, BaseEstimator)}
-    checked = {type(e) for e in ON_ROWS + DYNAMIC} | {WienerHammersteinLags, whsklearn.InverseDynamicsLags}
-    assert public == checked, "test it here; InverseDynamicsLags is in test_inverse_dynamics.py"
+    lags = {WienerHammersteinLags, whsklearn.InverseDynamicsLags, whsklearn.RigidBodyLags}
+    checked = {type(e) for e in ON_ROWS + DYNAMIC} | lags
+    assert public == checked, "test it here; lags of a motion have tests of their own in tests/lags"
 
 
 def test_an_expected_failure_that_passes_fails(request: pytest.FixtureRequest):

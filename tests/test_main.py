@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import threading
 
@@ -46,3 +47,12 @@ def test_a_record_that_waits_for_a_server_holds_nobody_up(monkeypatch):
     finally:
         over.set()
         thread.join()
+
+
+def test_a_terminal_without_umlauts_ends_no_job(monkeypatch):
+    bytes_out = io.BytesIO()
+    monkeypatch.setattr(program.sys, "stdout", io.TextIOWrapper(bytes_out, "ascii"))
+    monkeypatch.setattr(program, "main", lambda **options: print("Größe 30°", flush=True))
+    with pytest.raises(SystemExit):
+        program.run()
+    assert bytes_out.getvalue() == b"Gr??e 30?\n"

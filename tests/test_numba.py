@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import gc
 import os
 import pickle
@@ -13,6 +14,7 @@ from types import SimpleNamespace
 
 import numba
 import numpy as np
+import pytest
 from numba.core import event
 
 import whsklearn
@@ -192,3 +194,59 @@ def test_the_collection_of_garbage_is_as_it_was_after_a_kernel_is_compiled(tmp_p
     assert gc.get_threshold() == before
     assert before not in seen
     assert seen
+
+
+def without_rights():
+    """In a child: permissions hold for root too, as for the user of a container."""
+    if os.getuid() == 0:
+        libc = ctypes.CDLL(None)
+        for right in (1, 2):  # CAP_DAC_OVERRIDE and CAP_DAC_READ_SEARCH leave the bounding set
+            libc.prctl(24, right, 0, 0, 0)
+
+
+@pytest.fixture
+def read_only_package(tmp_path):
+    """A copy of the package where nothing can be written, nor in the home."""
+    for name in ("site", "home", "temporary"):
+        (tmp_path / name).mkdir()
+    shutil.copytree(PACKAGE, tmp_path / "site" / "whsklearn", ignore=shutil.ignore_patterns("__pycache__"))
+    folders = [tmp_path / "home", tmp_path / "site", *(d for d in (tmp_path / "site").rglob("*") if d.is_dir())]
+    for folder in folders:
+        folder.chmod(0o555)
+    yield tmp_path
+    for folder in folders:
+        folder.chmod(0o755)
+
+
+def run_read_only(at, **more):
+    environment = {k: v for k, v in os.environ.items() if not k.startswith(("NUMBA_", "PYTHONPATH", "XDG_"))}
+    environment |= {"HOME": str(at / "home"), "TMPDIR": str(at / "temporary")} | more
+    probe = subprocess.run(
+        [sys.executable, "-c", f"open({str(at / 'home' / 'x')!r}, 'w')"], preexec_fn=without_rights, capture_output=True
+    )
+    if probe.returncode == 0:
+        pytest.skip("permissions do not hold for this user, and it may not give up its rights")
+    return subprocess.run(
+        [sys.executable, "-c", SCRIPT], cwd=at / "site", env=environment, preexec_fn=without_rights,
+        capture_output=True, text=True,
+    )  # fmt: skip
+
+
+def test_where_package_and_home_are_read_only_the_temporary_folder_keeps_the_kernels(read_only_package):
+    first = run_read_only(read_only_package)
+    assert first.returncode == 0, first.stderr
+    assert first.stdout.split() == ["1.0", "0"]
+    (own,) = (read_only_package / "temporary").iterdir()
+    assert own.stat().st_mode & 0o777 == 0o700  # what is in a cache is run
+    assert run_read_only(read_only_package).stdout.split() == ["1.0", "1"]
+
+
+def test_where_nothing_can_be_written_kernels_are_compiled_and_not_kept(read_only_package, tmp_path):
+    elsewhere = str(tmp_path / "home")
+    own = tmp_path / "temporary" / f"whsklearn-{os.getuid()}"
+    own.mkdir()
+    own.chmod(0o777)  # anybody could have put code there
+    done = run_read_only(read_only_package, NUMBA_CACHE_DIR=elsewhere)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split() == ["1.0", "0"]
+    assert list(own.iterdir()) == []

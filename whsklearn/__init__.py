@@ -13,13 +13,16 @@ if TYPE_CHECKING:
         StreamingPEMRegressor,
     )
     from whsklearn.lags.inverse_dynamics import InverseDynamicsLags
+    from whsklearn.lags.rigid_body import RigidBodyLags
     from whsklearn.lags.wiener_hammerstein import WienerHammersteinLags
+    from whsklearn.systems.arm import Arm
     from whsklearn.systems.servo import ServoAxis
     from whsklearn.systems.wiener_hammerstein import WienerHammersteinSystem
 
 __version__ = "0.1.0"
 
 __all__ = [
+    "Arm",
     "DifferentialEvolutionRegressor",
     "InverseDynamicsLags",
     "MILSRegressor",
@@ -27,6 +30,7 @@ __all__ = [
     "PEMRegressor",
     "RLSRegressor",
     "RMILSRegressor",
+    "RigidBodyLags",
     "ServoAxis",
     "StreamingPEMRegressor",
     "WienerHammersteinLags",
@@ -37,6 +41,8 @@ __all__ = [
 _ELSEWHERE = {
     "InverseDynamicsLags": "whsklearn.lags.inverse_dynamics",
     "WienerHammersteinLags": "whsklearn.lags.wiener_hammerstein",
+    "Arm": "whsklearn.systems.arm",
+    "RigidBodyLags": "whsklearn.lags.rigid_body",
     "ServoAxis": "whsklearn.systems.servo",
     "WienerHammersteinSystem": "whsklearn.systems.wiener_hammerstein",
 }

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+import multiprocessing
 import os
 import sys
 import threading
@@ -12,14 +14,19 @@ from whsklearn.cli import main
 def run() -> None:
     """The command; a record that still waits for a server that does not answer holds nobody up at its end."""
     status: int | str | None = 0
+    for stream in (sys.stdout, sys.stderr):  # what a terminal has no sign for becomes "?", and the job goes on
+        if isinstance(stream, io.TextIOWrapper) and stream.encoding.lower() not in ("utf-8", "utf8"):
+            stream.reconfigure(errors="replace")
     try:
         main(prog_name="whsklearn")
     except SystemExit as end:
         status = end.code
-    beside = sys.modules.get("whsklearn.tracking.beside")  # not imported for this: without it there is no such thread
-    if beside is not None and any(thread.name.startswith(beside.THREAD) for thread in threading.enumerate()):
+    store = sys.modules.get("whsklearn.tracking.store")  # not imported for this: without it there is no such thread
+    if store is not None and any(thread.name.startswith(store.THREAD) for thread in threading.enumerate()):
         sys.stdout.flush()
         sys.stderr.flush()
+        for worker in multiprocessing.active_children():  # of a search; nobody else will end them
+            worker.terminate()
         os._exit(status if isinstance(status, int) else 1)  # else the interpreter waits for MLflow's own threads
     sys.exit(status)
 

@@ -9,14 +9,17 @@ behind ``NUMBA_CACHE_DIR``) is set while a kernel is declared and put back after
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import gc
 import hashlib
 import logging
 import os
 import re
+import stat
+import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -42,6 +45,7 @@ class _Compiling(event.Listener):
 
     def __init__(self) -> None:
         self.seconds, self.told = 0.0, False
+        self.kept = True  # for the next process
         self._depth, self._began = 0, 0.0
 
     def on_start(self, _: Any) -> None:
@@ -63,7 +67,12 @@ class _Compiling(event.Listener):
         self.seconds += time.process_time() - self._began
         if self.seconds > self.WORTH_A_WORD and not self.told:
             self.told = True
-            logging.getLogger("whsklearn").warning("compiling once on this machine, some 5 to 30 s; later runs load it")
+            logging.getLogger("whsklearn").warning(
+                "compiling once on this machine, some 5 to 30 s; later runs load it"
+                if self.kept
+                else "compiling, some 5 to 30 s in every process, as no folder can be written to that would keep it; "
+                "set NUMBA_CACHE_DIR to one"
+            )
 
 
 _compiling = _Compiling()
@@ -132,11 +141,14 @@ def njit(*signature: Any, cache: bool = True, short: bool = False, **options: An
         # nothing here is called through a C pointer (`effects.own` makes its own), and the wrapper for it is a sixth of
         # the time that compiling takes
         pipeline = SHORT if short else KERNEL
-        declare = _declare(*signature, cache=cache, no_cfunc_wrapper=True, pipeline_class=pipeline, **options)
-        if not cache:
+        folder = _folder(Path(function.__code__.co_filename)) if cache else None
+        declare = _declare(
+            *signature, cache=folder is not None, no_cfunc_wrapper=True, pipeline_class=pipeline, **options
+        )
+        if folder is None:
             return declare(function)
         before = _settings.CACHE_DIR
-        _settings.CACHE_DIR = str(_folder(Path(function.__code__.co_filename)))
+        _settings.CACHE_DIR = str(folder)
         try:
             return declare(function)
         finally:
@@ -185,14 +197,49 @@ def _file(module: str) -> Path | None:
     return file if file is not None and file.is_file() else None
 
 
-def _folder(path: Path) -> Path:
-    """Where the kernels of a file are cached: beside it, or where the user says, or in the user's cache."""
-    chosen = _settings.CACHE_DIR
-    beside = path.parent / "__pycache__"
-    if chosen:
-        base = Path(chosen)
-    elif os.access(beside if beside.is_dir() else path.parent, os.W_OK):
-        base = beside
+def _folder(path: Path) -> Path | None:
+    """Where the kernels of a file are cached: where the user says, else beside it, or in the user's cache.
+
+    The temporary folder where none of these can be written to, as in a container; None where that cannot either.
+    """
+    for base in _bases(path.parent / "__pycache__"):
+        if _writable(base):
+            return base / fingerprint(path.resolve())
+    _compiling.kept = False
+    return None
+
+
+def _bases(beside: Path) -> Iterator[Path]:
+    """Folders to try, the best first."""
+    if _settings.CACHE_DIR:
+        yield Path(_settings.CACHE_DIR)
     else:
-        base = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "whsklearn"
-    return base / fingerprint(path.resolve())
+        yield beside
+        with contextlib.suppress(RuntimeError):  # no home at all
+            yield Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "whsklearn"
+    with contextlib.suppress(FileNotFoundError):  # no temporary folder either
+        yield _own_temporary_folder()
+
+
+@cache
+def _own_temporary_folder() -> Path:
+    """One that only this user can write to: what is in a cache is run as code."""
+    user = os.getuid() if hasattr(os, "getuid") else ""
+    folder = Path(tempfile.gettempdir(), f"whsklearn-{user}")
+    with contextlib.suppress(OSError):
+        folder.mkdir(mode=0o700, exist_ok=True)
+        found = folder.lstat()
+        if stat.S_ISDIR(found.st_mode) and (user == "" or (found.st_uid == user and not found.st_mode & 0o022)):
+            return folder
+    raise FileNotFoundError(f"{folder} is not this user's own.")
+
+
+@cache
+def _writable(folder: Path) -> bool:
+    """Whether files can be made in a folder, by making one, which is what Numba will do."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError:
+        return False
+    return True

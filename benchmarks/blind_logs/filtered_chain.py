@@ -2,6 +2,7 @@
 
 Blocks are `scipy.signal.lfilter` on whole signals, the play is a scan over turning points, the coupling two masses in
 continuous time (`scipy.integrate.solve_ivp` on the held input), noise is white and added to the output or inside L2.
+`PORTS` are effects at a place where a catalogue may not look: their key is how they are drawn, their value the name.
 Nothing of the library and nothing of `benchmarks.blind_logs.wiener_hammerstein` is used.
 """
 
@@ -15,6 +16,12 @@ from scipy.integrate import solve_ivp
 from scipy.signal import butter, lfilter
 
 EFFECTS = ("backlash", "disturbance_tone", "sensor_rectification", "flexible_coupling", "dead_zone", "saturation")
+PORTS = {
+    "input_delay": "input_delay",
+    "input_play": "backlash",
+    "output_coupling": "flexible_coupling",
+    "folded_below_noise": "sensor_rectification",
+}
 COLUMNS = {"input": "u", "output": "y"}
 
 
@@ -64,8 +71,15 @@ def coupled(x: np.ndarray, frequency: float, damping: float) -> np.ndarray:
     return out
 
 
+def delayed(u: np.ndarray, samples: float) -> np.ndarray:
+    """u some samples later, by the phases of its spectrum (zeros before it begins)."""
+    spectrum = np.fft.rfft(np.concatenate([np.zeros(64), u]))
+    turn = np.exp(-2j * np.pi * np.fft.rfftfreq(u.size + 64) * samples)
+    return np.fft.irfft(spectrum * turn, u.size + 64)[64:]
+
+
 def record(effect: str, seed: int, *, n: int = 2000, snr_db: float = 30.0) -> Record:
-    """A record with one hidden effect ('' for none)."""
+    """A record with one hidden effect: '' for none, one of `EFFECTS` or a key of `PORTS`."""
     rng = np.random.default_rng([seed, 4711])
     a, b, c, d = blocks(rng)
     u = lfilter(*butter(2, 0.7), rng.normal(size=n))
@@ -78,6 +92,12 @@ def record(effect: str, seed: int, *, n: int = 2000, snr_db: float = 30.0) -> Re
     elif effect == "saturation":
         numbers["limit"] = 1.4
         driven = np.clip(u, -1.4, 1.4)
+    elif effect == "input_delay":
+        numbers["samples"] = float(rng.uniform(1.5, 5.0))
+        driven = delayed(u, numbers["samples"])
+    elif effect == "input_play":
+        numbers["gap"] = float(rng.uniform(0.2, 0.5) * u.std())
+        driven = played(u, numbers["gap"])
     x = lfilter(a, b, driven)
     if effect == "backlash":
         numbers["gap"] = float(rng.uniform(0.2, 0.5) * x.std())
@@ -87,6 +107,9 @@ def record(effect: str, seed: int, *, n: int = 2000, snr_db: float = 30.0) -> Re
         x = coupled(x, numbers["frequency"], numbers["damping_ratio"])
     v = friction(np.diff(x, prepend=0.0))
     clean = lfilter(c, d, v)
+    if effect == "output_coupling":
+        numbers = {"frequency": float(rng.uniform(0.12, 0.3)), "damping_ratio": float(rng.uniform(0.02, 0.1))}
+        clean = coupled(clean, numbers["frequency"], numbers["damping_ratio"])
     sigma = clean.std() * 10.0 ** (-snr_db / 20.0)
     y = clean + lfilter([1.0], d, sigma * rng.normal(size=n))
     if effect == "disturbance_tone":
@@ -95,4 +118,7 @@ def record(effect: str, seed: int, *, n: int = 2000, snr_db: float = 30.0) -> Re
     elif effect == "sensor_rectification":
         y = np.abs(y)
         numbers["fraction"] = 1.0
-    return Record(pd.DataFrame({"u": u, "y": y}), effect, numbers)
+    elif effect == "folded_below_noise":
+        y = np.abs(clean) + sigma * rng.normal(size=n)
+        numbers["fraction"] = 1.0
+    return Record(pd.DataFrame({"u": u, "y": y}), PORTS.get(effect, effect), numbers)

@@ -21,6 +21,7 @@ EFFECTS = (
 INVISIBLE = ("output_offset", "output_drift")
 FOREIGN = ("theta_v", "dead_velocity", "square_beat", "warm_spring", "angle_inertia", "sine_drag")
 LEARNABLE = ("bump", "patch", "hump", "bend")  # outside the catalogue too: drawn by name, never by chance
+OUTSIDE = (*FOREIGN, *LEARNABLE, "magnet")
 NOISES = (2e-5, 1e-4, 4e-4)
 
 
@@ -323,7 +324,7 @@ def make_case(
     """One record drawn by its seed.
 
     kind: ``named`` (one effect, drawn unless ``effects`` gives it), ``pair``, ``none``,
-    ``coloured`` (torque noise of 0.5 to 100 ms, no effect), ``foreign`` (outside the catalogue).
+    ``coloured`` (torque noise of 0.5 to 100 ms, no effect unless given), ``foreign`` (outside the catalogue).
     """
     rng = np.random.default_rng([seed, 4711])
     rig = _rig(rng, seconds, noise, excitation, rate)
@@ -334,7 +335,7 @@ def make_case(
         effects = tuple(map(str, drawn_names))
     drawn: dict[str, float] = {}
     for name in effects:
-        drawn.update((_draw_foreign if kind == "foreign" else _draw)(name, size, rig, rng))
+        drawn.update((_draw_foreign if name in OUTSIDE else _draw)(name, size, rig, rng))
     p = rig.p.copy()
     for slot, value in drawn.items():
         p[SLOT[slot]] = value
@@ -346,7 +347,7 @@ def make_case(
         for i in range(1, u.size):
             x[i] = pole * x[i - 1] + w[i]
         rig.disturbance = size * _rms(u) * x / _rms(x)
-        drawn = {"noise_seconds": tau}
+        drawn["noise_seconds"] = tau
     u, y = rig.run(p)
     frame = pd.DataFrame({
         "time_s": np.arange(u.size) / rig.rate, "reference_rad": rig.r[0], "torque_nm": u, "position_rad": y,

@@ -64,7 +64,7 @@ ax.legend(title="magnet")
 # Searched and named
 # ------------------
 log = make_servo_log([Magnet(0.15, 0.25)], duration=8.0, random_state=3)
-finder = GapFinder("servo", n_surrogates=0, random_state=0).fit(log)
+finder = GapFinder("servo", random_state=0).fit(log)
 print(finder.diagnosis_.sentence)
 for effect in finder.effects_:
     print(effect.name, {k: round(v, 3) for k, v in effect.parameters.items()})

@@ -37,7 +37,7 @@ log = record_frame(axis.simulate(reference, random_state=0))
 # %%
 # The diagnosis
 # -------------
-finder = GapFinder("servo", law="viscous,coulomb", n_surrogates=1, random_state=0)
+finder = GapFinder("servo", law="viscous,coulomb", random_state=0)
 finder.fit(log, time="time_s", drive="torque_nm", position="position_rad")
 print(finder.diagnosis_.sentence)
 for effect in finder.effects_:

@@ -7,14 +7,17 @@ import signal
 import time
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 from click.testing import CliRunner
 from sklearn.base import BaseEstimator, RegressorMixin
 
 from tests.cli.fleet_folder import MODEL, source
-from whsklearn.cli.fleet import main, run_here, run_on_cluster, to_table
-from whsklearn.cli.fleet_axis import axes_of, identify_axes, outliers
+from whsklearn.cli.fleet import main, run_here, run_on_cluster, summary, to_table
+from whsklearn.cli.fleet_axis import axes_of, digest_of, identify_axes, outliers
+from whsklearn.cli.fleet_kept import Kept
+from whsklearn.cli.stream import build_model
 
 pytest.importorskip("pyarrow", reason="needs the extra parquet")
 QUICK = ["--no-track", "--estimator", "rls", "--in-process", "--workers", "1", "--time", "t"]
@@ -23,7 +26,7 @@ QUICK = ["--no-track", "--estimator", "rls", "--in-process", "--workers", "1", "
 def test_the_job_writes_one_row_an_axis_and_names_the_odd_ones(fleet, tmp_path):
     out = tmp_path / "fleet.parquet"
     done = CliRunner().invoke(main, [str(fleet), "--out", str(out), *QUICK])
-    assert done.exit_code == 0, done.output
+    assert done.exit_code == 3, done.output  # the table is whole, and an axis failed
     table = pd.read_parquet(out)
     assert list(table["axis"]) == axes_of(fleet, "axis")
     good = table[table["axis"] != "broken"]
@@ -32,8 +35,9 @@ def test_the_job_writes_one_row_an_axis_and_names_the_odd_ones(fleet, tmp_path):
     assert good["nmse"].max() < 0.05
     assert good.set_index("axis").loc["ax05", "coulomb"] == pytest.approx(1.4, abs=0.25)
     assert "cannot be read" in table.set_index("axis").loc["broken", "failure"]
-    assert {"broken", "ax05"} <= set(outliers(table)["axis"])
-    assert "broken" in done.output
+    assert "ax05" in set(outliers(table)["axis"])
+    assert "broken" not in set(outliers(table)["axis"])
+    assert "broken: part-0.parquet cannot be read" in " ".join(done.output.split())
 
 
 def test_the_fleet_is_recorded_with_a_child_for_each_outlier(fleet, mlflow_root):
@@ -41,14 +45,74 @@ def test_the_fleet_is_recorded_with_a_child_for_each_outlier(fleet, mlflow_root)
 
     args = [a for a in QUICK if a != "--no-track"]
     done = CliRunner().invoke(main, [str(fleet), "--out", str(mlflow_root / "fleet.parquet"), *args])
-    assert done.exit_code == 0, done.output
+    assert done.exit_code == 3, done.output
     client = mlflow.MlflowClient(os.environ["MLFLOW_TRACKING_URI"])
     runs = client.search_runs([client.get_experiment_by_name("fleet").experiment_id])
     (parent,) = [r for r in runs if "mlflow.parentRunId" not in r.data.tags]
     children = {r.info.run_name for r in runs if r is not parent}
     assert {"axis ax05", "axis broken"} <= children
     assert parent.data.metrics["failed"] == 1.0
-    assert parent.data.metrics["outliers"] == len(children)
+    assert parent.data.metrics["outliers"] == len(children) - 1
+
+
+def test_a_fleet_that_is_stopped_keeps_what_is_finished_and_goes_on_from_there(fleet, tmp_path, monkeypatch):
+    out, given = tmp_path / "fleet.parquet", []
+
+    def here(model, batches, source, test_share, workers):
+        for names in batches:
+            if given and stops:
+                os.kill(os.getpid(), signal.SIGTERM)
+            given.extend(names)
+            yield identify_axes(model, names, source, test_share)
+
+    monkeypatch.setattr("whsklearn.cli.fleet.run_here", here)
+    arguments = [str(fleet), "--out", str(out), "--batch", "4", *QUICK]
+    stops = True
+    stopped = CliRunner().invoke(main, arguments)
+    assert stopped.exit_code == 143, stopped.output
+    assert "4 axes are kept" in stopped.output
+    assert not out.exists()
+    assert len(pd.read_parquet(tmp_path / "fleet.parquet.part")) == 4
+    first, stops = list(given), False
+    os.utime(next((fleet / f"axis={first[0]}").glob("*.parquet")))  # whose log is another one now
+    given.clear()
+    done = CliRunner().invoke(main, arguments)
+    assert done.exit_code == 3, done.output
+    assert "Going on with 3 of 9 axes" in done.output
+    assert sorted(given) == sorted({first[0], *axes_of(fleet, "axis")} - set(first[1:]))
+    assert [p.name for p in tmp_path.iterdir()] == ["fleet.parquet"]
+    at_once = to_table(identify_axes(build_model("rls", "2,2,2,2", "reduced", 4, 1.0, 0), axes_of(fleet, "axis"),
+                                     source(fleet), 0.25), axes_of(fleet, "axis"))  # fmt: skip
+    pd.testing.assert_frame_equal(pd.read_parquet(out).drop(columns="seconds"), at_once.drop(columns="seconds"))
+
+
+def test_what_is_kept_of_other_settings_is_not_taken(fleet, tmp_path):
+    row = {"axis": "ax00", "rows": 1, "failure": "", "digest": digest_of(fleet, "axis", "ax00")}
+    kept = Kept(tmp_path / "t", "p=4", fleet, "axis")
+    kept.add([row])
+    kept.write()
+    assert Kept(tmp_path / "t", "p=4", fleet, "axis").rows(["ax00", "ax01"]) == [row]
+    assert Kept(tmp_path / "t", "p=8", fleet, "axis").rows(["ax00", "ax01"]) == []
+    kept.path.write_text("no table")
+    assert Kept(tmp_path / "t", "p=4", fleet, "axis").rows(["ax00"]) == []
+
+
+def test_failures_do_not_crowd_outliers_out_and_no_reason_is_cut():
+    reason = "part-0.parquet cannot be read: " + "a long reason with many words " * 8
+    names = [f"ax{i:03d}" for i in range(300)]
+    rng = np.random.default_rng(0)
+    rows = [
+        {"axis": n, "rows": 9, "failure": "" if i < 150 else reason + "end", "seconds": 0.1}
+        | ({"nmse": 0.01, "coulomb": 9.0 if i == 7 else rng.normal(1.0, 0.1)} if i < 150 else {})
+        for i, n in enumerate(names)
+    ]
+    found = to_table(rows, names)
+    text = summary(found, outliers(found), found[found["failure"] != ""], Path("fleet.parquet"), 1.0)
+    assert "ax007: NMSE 0.01; coulomb +" in text
+    assert "and 140 more: part-0.parquet" in " ".join(text.split())
+    assert " ".join(text.split()).endswith(reason + "end")
+    assert max(map(len, text.splitlines())) <= 100
+    assert len(text.splitlines()) < 15  # one reason, once
 
 
 def test_processes_and_one_process_give_the_same(fleet):

@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 import json
+import os
+import subprocess
+import sys
 
+import numpy as np
+import pandas as pd
 import pytest
 from click.testing import CliRunner
 
@@ -41,6 +46,16 @@ def test_short_log_is_a_data_problem(log, tmp_path):
     result = run(short, "--report", tmp_path, "--no-track")
     assert result.exit_code == 3, result.output
     assert json.loads((tmp_path / "gap.json").read_text(encoding="utf-8"))["verdict"] == "data_problem"
+
+
+def test_a_record_that_holes_cut_to_pieces_is_told_by_its_holes(log, tmp_path):
+    head, *rows = log.read_text().splitlines()
+    kept = [r for i, r in enumerate(rows) if i % 100 > 7]
+    (tmp_path / "holes.csv").write_text("\n".join([head, *kept]) + "\n")
+    result = run(tmp_path / "holes.csv", "--report", tmp_path / "r", "--no-track")
+    assert result.exit_code == 3
+    assert f"{len(rows) // 100 - 1} holes cut its" in result.output.replace("\n", " ")
+    assert "Record too short" not in result.output
 
 
 @pytest.mark.parametrize(
@@ -82,7 +97,42 @@ def test_columns_that_name_themselves_are_taken_and_said(log, tmp_path):
     text = log.read_text().splitlines()
     text[0] = text[0].replace("torque_nm", "motor_current_a").replace("position_rad", "joint_angle")
     (tmp_path / "other.csv").write_text("\n".join(text[:200]))
-    done = run(tmp_path / "other.csv", "--no-track", "--report", tmp_path / "r")
+    asked = run(tmp_path / "other.csv", "--no-track", "--report", tmp_path / "r")
+    assert asked.exit_code == 2
+    assert "is a current and no torque. For results in Nm add --torque-constant" in asked.output
+    done = run(tmp_path / "other.csv", "--torque-constant", "0.1+-0.01", "--no-track", "--report", tmp_path / "r")
     assert "'motor_current_a' is taken for the drive" in done.output
     assert "'joint_angle' is taken for the position" in done.output
     assert done.exit_code == 3  # 200 samples are too few
+
+
+def test_a_path_with_an_umlaut_keeps_its_report_where_the_locale_has_none(log, tmp_path):
+    """LC_ALL=POSIX, and neither Python's coercion nor its UTF-8 mode, as some services force it."""
+    folder = tmp_path / "Prüfstand"
+    folder.mkdir()
+    (folder / "Größe.csv").write_text("\n".join(log.read_text().splitlines()[:100]), encoding="utf-8")
+    locale = {"LC_ALL": "POSIX", "PYTHONCOERCECLOCALE": "0", "PYTHONUTF8": "0"}
+    command = [sys.executable, "-m", "whsklearn", "gap", "Prüfstand/Größe.csv", "--report", "Prüfstand", "--no-track"]
+    done = subprocess.run(command, cwd=tmp_path, env={**os.environ, **locale}, capture_output=True)
+    assert done.returncode == 3, done.stderr
+    assert json.loads((folder / "gap.json").read_text(encoding="utf-8"))["verdict"] == "data_problem"
+    assert "Größe.csv" in (folder / "gap.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("what", ["copy", "part", "other units"])
+def test_a_test_on_what_was_fitted_is_refused_and_writes_nothing(log, tmp_path, what):
+    frame = pd.read_csv(log)
+    if what == "part":
+        frame = frame.iloc[500:3500]
+    if what == "other units":
+        frame = pd.DataFrame({
+            "time_ms": 1e3 * frame["time_s"], "torque_mnm": 1e3 * frame["torque_nm"],
+            "position_deg": np.rad2deg(frame["position_rad"]),
+        })  # fmt: skip
+    frame.to_csv(tmp_path / "another_name.csv", index=False)
+    result = run(log, "--test", tmp_path / "another_name.csv", "--report", tmp_path / "r", "--no-track")
+    assert result.exit_code != 0
+    assert "another_name.csv from" in result.output
+    assert "tests nothing" in result.output
+    assert "Traceback" not in result.output
+    assert not list((tmp_path / "r").glob("*"))

@@ -35,3 +35,44 @@ def test_a_linear_log_gives_a_linear_model_its_numbers_and_a_page(tmp_path):
 def test_columns_must_be_named():
     with pytest.raises(ValueError, match="Give --input and --output"):
         log_of("log.csv", {"columns": None, "input_column": "u", "output_column": None})
+
+
+def test_a_log_with_a_hole_is_used_on_both_sides_of_it(tmp_path):
+    rng = np.random.default_rng(0)
+    u = rng.normal(size=240)
+    y = lfilter([0.0, 0.5, 0.2], [1.0, -1.2, 0.5], u) + 0.01 * rng.normal(size=240)
+    frame = pd.DataFrame({"time_s": 0.01 * np.arange(240), "u": u, "y": y}).drop(index=range(90, 105))
+    frame.to_csv(tmp_path / "log.csv", index=False)
+    arguments = [tmp_path / "log.csv", "--time", "time_s", "--input", "u", "--output", "y", "--no-track"]
+    done = CliRunner().invoke(main, [str(a) for a in [*arguments, "--out", tmp_path / "out"]])
+    assert done.exit_code == 0, done.output
+    found = json.loads((tmp_path / "out" / "identify.json").read_text())
+    assert found["rows"] == {"used": 225, "given": 225, "segments": 2}
+    page = (tmp_path / "out" / "identify.html").read_text()
+    assert page.index("225 of 225 in 2 segments") < page.index("<table>")
+
+
+def test_a_child_run_a_structure_and_the_model_itself_are_recorded(tmp_path, mlflow_root):
+    import mlflow
+
+    u = np.random.default_rng(0).normal(size=150)
+    y = lfilter([0.0, 0.5, 0.2], [1.0, -1.2, 0.5], u) + 0.01 * np.random.default_rng(1).normal(size=150)
+    pd.DataFrame({"u": u, "y": y}).to_csv(tmp_path / "log.csv", index=False)
+    arguments = [tmp_path / "log.csv", "--input", "u", "--output", "y", "--out", tmp_path / "out"]
+    done = CliRunner().invoke(main, [str(a) for a in arguments])
+    assert done.exit_code == 0, done.output
+    assert "experiment identify: sqlite:///" in done.output
+    client = mlflow.MlflowClient()
+    runs = client.search_runs([client.get_experiment_by_name("identify").experiment_id])
+    (parent,) = [r for r in runs if "mlflow.parentRunId" not in r.data.tags]
+    found = json.loads((tmp_path / "out" / "identify.json").read_text())
+    children = {r.info.run_name: r for r in runs if r is not parent}
+    assert set(children) == {m["name"] for m in found["models"]}
+    for m in found["models"]:
+        assert children[m["name"]].data.metrics["nmse"] == pytest.approx(m["test"]["nmse"])
+    assert children[found["recommended_name"]].data.metrics["nmse"] == parent.data.metrics["nmse"]
+    kept = {a.path for a in client.list_artifacts(parent.info.run_id)}
+    assert kept >= {"identify.html", "identify.json", "model.json"}
+    (model,) = client.search_logged_models([parent.info.experiment_id])
+    served = mlflow.pyfunc.load_model(model.model_uri)
+    np.testing.assert_allclose(served.predict(u[:, None]), load_model(tmp_path / "out" / "model.json").simulate(u))

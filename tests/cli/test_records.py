@@ -7,6 +7,7 @@ import pytest
 from sklearn.utils import Bunch
 
 from whsklearn.cli import records
+from whsklearn.logs.errors import LogError
 
 
 def log(n, groups=None):
@@ -39,3 +40,16 @@ def test_a_log_of_usual_length_is_left_as_it_is():
     whole = log(500)
     assert records.liveliest(whole) is whole
     assert records.segments(whole) == [whole]
+
+
+def test_what_was_fitted_is_no_test_in_any_unit():
+    rng = np.random.default_rng(0)
+    first, other = log(800), log(800)
+    for part in (first, other):
+        part.units = {"drive": "Nm", "position": "rad"}
+        part.X = part.X + 1e-3 * rng.standard_normal(part.X.shape)
+    copy = Bunch(**{**first, "name": "b", "units": {"drive": "mNm", "position": "deg"}})
+    copy.X, copy.y = 1e3 * first.X, np.rad2deg(first.y)
+    records.refuse_fitted(first, other)
+    with pytest.raises(LogError, match=r"b from 0 to 7\.99 s is a from 0 to 7.99 s, sample by sample"):
+        records.refuse_fitted(first, copy)

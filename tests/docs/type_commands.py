@@ -23,7 +23,7 @@ import pandas as pd
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = "README index your_log units odd_files reading_the_report when_it_says_unknown faq user_guide which_model"
 PAGES += " identify choosing tuning your_effect your_simulator export streaming fleets tracking comparison measured"
-PAGES += " reproduction"
+PAGES += " reproduction your_robot"
 FENCED = re.compile(r"^```(\w*)\n(.*?)^```", re.DOTALL | re.MULTILINE)
 PLACEHOLDER = re.compile(r"\b(LOG|MODEL\.json|FORMAT|PATH|DIR|COMMAND|TRAIN|NAME)\b")
 LEFT_OUT = {
@@ -59,8 +59,12 @@ def commands() -> list[tuple[str, str]]:
 
 def furnish(folder: Path) -> None:
     """The files that the pages name: logs of an axis that cogs, a record of a chain, a fleet, an effect."""
-    from whsklearn.datasets import make_servo_log, make_wiener_hammerstein
+    from whsklearn.datasets import default_arm, make_arm_log, make_servo_log, make_wiener_hammerstein
     from whsklearn.effects import Cogging
+    from whsklearn.export import export_model
+
+    make_arm_log(duration=12.0).to_csv(folder / "arm.csv", index=False)
+    export_model(default_arm(), to="mjcf", out=folder / "arm.xml")
 
     for name, seed in (("axis.csv", 0), ("second.csv", 1)):
         table = pd.DataFrame(make_servo_log([Cogging(0.2, 12.0)], duration=20.0, random_state=seed))

@@ -93,6 +93,7 @@ def test_a_row_by_itself_and_rows_in_one_call_give_the_same_bits(p):
                 state = copy.deepcopy(state)
             if t == 35:  # an array that was put in another's place
                 state["theta"] = state["theta"].copy()
+            fast.pack(state)
             assert fast.step(state, rows[t : t + 1], y[t : t + 1])
     slow.run(other, rows, y, began)
     for name, value in other.items():
@@ -102,6 +103,8 @@ def test_a_row_by_itself_and_rows_in_one_call_give_the_same_bits(p):
 def test_a_row_that_needs_a_check_changes_nothing():
     stream = RowsStream(2, 1, 1e6, 1.0, np.zeros(2), True, False)
     state = stream.initial()
+    assert not stream.step(state, np.ones((1, 2)), np.ones(1))  # before `pack`
+    stream.pack(state)
     assert stream.step(state, np.ones((1, 2)), np.ones(1))
     before = copy.deepcopy(state)
     locked = np.ones((1, 2))

@@ -12,12 +12,15 @@ import pytest
 
 REPLAY = """
 #include "model.h"
-void replay(const {real} *u, {real} *y, long n)
+void replay(const {real} *u, {real} *y, int *held, long n)
 {{
     model_state s;
     long i;
     model_init(&s);
-    for (i = 0; i < n; ++i) y[i] = model_step(&s, u[i]);
+    for (i = 0; i < n; ++i) {{
+        y[i] = model_step(&s, u[i]);
+        held[i] = s.held;
+    }}
 }}
 """
 FLAGS = ["-std=c99", "-O1", "-Wall", "-Wextra", "-Werror", "-pedantic", "-shared", "-fPIC"]
@@ -33,9 +36,9 @@ def compiler():
 
 @pytest.fixture
 def replay(compiler, tmp_path):
-    """Compile what was written into ``tmp_path`` and replay a drive."""
+    """Compile what was written into ``tmp_path`` and replay a drive; ``replay.flags`` tells which of it was held."""
 
-    def run(u, real="double"):
+    def both(u, real="double"):
         Path(tmp_path, "replay.c").write_text(REPLAY.format(real=real))
         subprocess.run([compiler, *FLAGS, "model.c", "replay.c", "-o", "model.so", "-lm"], cwd=tmp_path, check=True)
         kind = ctypes.c_double if real == "double" else ctypes.c_float
@@ -43,10 +46,16 @@ def replay(compiler, tmp_path):
         y = np.empty_like(u)
         pointer = ctypes.POINTER(kind)
         library = ctypes.CDLL(str(tmp_path / "model.so"))
-        library.replay.argtypes = [pointer, pointer, ctypes.c_long]
-        library.replay(u.ctypes.data_as(pointer), y.ctypes.data_as(pointer), u.size)
-        return y.astype(float)
+        held = np.empty(u.size, dtype=ctypes.c_int)
+        numbers = held.ctypes.data_as(ctypes.POINTER(ctypes.c_int))
+        library.replay.argtypes = [pointer, pointer, type(numbers), ctypes.c_long]
+        library.replay(u.ctypes.data_as(pointer), y.ctypes.data_as(pointer), numbers, u.size)
+        return y.astype(float), held.astype(bool)
 
+    def run(u, real="double"):
+        return both(u, real)[0]
+
+    run.flags = lambda u, real="double": both(u, real)[1]
     return run
 
 

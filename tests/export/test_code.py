@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import ctypes
+import re
 import subprocess
 
 import numpy as np
 import pytest
 
 from whsklearn import ServoAxis, WienerHammersteinSystem
-from whsklearn.effects import Cogging, DisturbanceTone, GravityImbalance, Stribeck
+from whsklearn.effects import Cogging, DisturbanceTone, GravityImbalance, InputDelay, Stribeck
 from whsklearn.export import export_model
 
 FLAGS = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-shared", "-fPIC"]
@@ -38,3 +39,37 @@ def test_what_cannot_be_a_compensator_is_refused(tmp_path):
         export_model(ServoAxis(), to="docx", out=tmp_path)
     with pytest.raises(ValueError, match="cannot be exported"):
         export_model(3.0, to="c", out=tmp_path)
+
+
+BAD = {100: float("nan"), 101: float("inf"), 400: float("-inf"), 401: 1e35}
+
+
+@pytest.mark.parametrize("real", ["double", "float"])
+@pytest.mark.parametrize(
+    "model",
+    [ServoAxis(effects=[InputDelay(0.004), Cogging(0.1, 12.0)]), WienerHammersteinSystem.example()],
+    ids=["axis", "chain"],
+)
+def test_a_drive_that_is_no_number_is_held_and_does_no_harm(replay, drive, tmp_path, model, real):
+    export_model(model, to="c", out=tmp_path, real=real)
+    broken, mended = drive[:1000].copy(), drive[:1000].copy()
+    for at, value in BAD.items():
+        broken[at], mended[at] = value, mended[at - 1]
+    held = np.array([not abs(u) < 1e9 for u in broken])
+    np.testing.assert_array_equal(replay(broken, real), replay(mended, real))
+    np.testing.assert_array_equal(replay.flags(broken, real), held)
+
+
+def test_a_drive_that_begins_with_no_number_begins_at_zero(replay, drive, tmp_path):
+    export_model(ServoAxis(effects=[InputDelay(0.004)]), to="c", out=tmp_path)
+    broken = np.r_[np.nan, drive[:200]]
+    np.testing.assert_array_equal(replay(broken), replay(np.nan_to_num(broken)))
+
+
+def test_the_function_block_acts_on_what_it_holds(tmp_path):
+    for k, model in enumerate((ServoAxis(effects=[InputDelay(0.004)]), WienerHammersteinSystem.example())):
+        text = export_model(model, to="st", out=tmp_path / str(k)).paths[0].read_text()
+        body = text[text.index("END_IF;", text.index("held :=")) :]
+        assert re.search(r"held : BOOL", text)
+        assert not re.search(r"\bdrive\b", body), "a drive that was not checked gets in"
+        assert re.search(r"\bacting\b", body)

@@ -80,7 +80,7 @@ def test_threads_and_time_leave_no_trace_in_the_file(frame, tmp_path):
     texts = []
     for threads in (1, 2):
         with threadpool_limits(threads, user_api="blas"):
-            finder = GapFinder("servo", n_surrogates=1, progress=progress).fit(frame, position="position_rad")
+            finder = GapFinder("servo", progress=progress).fit(frame, position="position_rad")
         finder.report(tmp_path)
         texts.append((tmp_path / "gap.json").read_bytes())
     assert texts[0] == texts[1]

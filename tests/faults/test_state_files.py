@@ -111,6 +111,7 @@ FORGED = {
     "NaN": lambda: forge({"forgetting": float("nan")}),
     "newer": lambda: forge({"smoothing": 3}),
     "newer lags": lambda: forge(lags={"smoothing": 3}),
+    "a count beyond every stream": lambda: forge(state={"seen": 2**63}),
     "fill": lambda: forge(state={"fill": 10**9}),
     "count below zero": lambda: forge(state={"seen": -5}),
     "no count": lambda: forge(state={"seen": None}),

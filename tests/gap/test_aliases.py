@@ -9,8 +9,6 @@ import pytest
 
 from whsklearn.gap.aliases import rivals_of
 from whsklearn.gap.evidence import bootstrap_share
-from whsklearn.gap.plants import servo_free_run
-from whsklearn.gap.plants.servo import ServoPlant
 from whsklearn.gap.values import ModelErrors
 
 RNG = np.random.default_rng(0)
@@ -49,28 +47,3 @@ def test_a_rival_far_behind_is_named_where_the_plant_cannot_tell_it_apart(doubtf
         taken=[play], rivals=[[play, weighed("coupling", 900.0)]], views=[view], model=SimpleNamespace(n_base=0)
     )
     assert rivals_of(plant, found, np.random.default_rng(0))[0] == [["coupling"] if doubtful else []]
-
-
-@pytest.mark.parametrize(
-    ("names", "evidence", "runs", "doubtful"),
-    [
-        (("backlash", "flexible_coupling"), 970.0, 1.02, True),
-        (("backlash", "flexible_coupling"), 970.0, 1.5, False),
-        (("backlash", "flexible_coupling"), 700.0, 1.02, False),
-        (("coulomb", "stribeck"), 970.0, 1.02, False),
-    ],
-    ids=["runs as well", "runs worse once it is fitted", "far behind", "not of a transmission"],
-)
-def test_play_and_coupling_are_told_apart_by_the_free_run_of_both(monkeypatch, names, evidence, runs, doubtful):
-    monkeypatch.setattr(servo_free_run, "train_error", lambda view, m, h: {names[0]: 1.0, names[1]: runs}[m.terms[0]])
-
-    def model(name):
-        return SimpleNamespace(terms=(name,), with_terms=lambda terms: model(terms[0]))
-
-    plant = object.__new__(ServoPlant)
-    plant.observer = SimpleNamespace(fit=lambda m: m)
-    taken, rival = (
-        SimpleNamespace(name=n, delta_bic=e, fitted=SimpleNamespace(model=model(n)))
-        for n, e in zip(names, (1000.0, evidence), strict=True)
-    )
-    assert plant.doubtful(model(names[0]), 0, taken, rival) == doubtful

@@ -29,3 +29,12 @@ def test_a_name_that_is_markup_is_text():
 )
 def test_numbers_have_four_digits(value, text):
     assert significant(value) == text
+
+
+def test_the_first_card_says_how_many_rows_were_used():
+    rows = {"used": 6000, "given": 11900, "segments": 2}
+    page = render(Diagnosis("no_gap", "Nothing is missing.", rows=rows))
+    cards = page[page.index('class="tile"') :]
+    assert cards.index("rows used") < cards.index("before")
+    assert "<b>50 %</b>6000 of 11900, one of 2 segments" in cards
+    assert "rows used" not in render(Diagnosis("no_gap", "Nothing is missing."))

@@ -14,7 +14,7 @@ SHORT = {"seconds": 16.0, "rate": 500.0, "noise": 1e-4}
 
 def test_a_friction_that_drifts_moves_with_time():
     case = make_case("named", 41, effects=("friction_drift",), size=0.1, **SHORT)
-    d = GapFinder("servo", n_surrogates=0).fit(case.frame, **COLUMNS).diagnosis_
+    d = GapFinder("servo").fit(case.frame, **COLUMNS).diagnosis_
     first = d.drifting[0]
     assert (first["name"], first["follows"]) == ("coulomb", "time")
     assert first["taken"] > 0.5
@@ -23,7 +23,7 @@ def test_a_friction_that_drifts_moves_with_time():
 
 def test_constants_stay_constant_where_nothing_is_missing():
     case = make_case("none", 42, **SHORT)
-    d = GapFinder("servo", n_surrogates=0).fit(case.frame, **COLUMNS).diagnosis_
+    d = GapFinder("servo").fit(case.frame, **COLUMNS).diagnosis_
     assert all(r["taken"] < 0.1 and r["spread"] < 0.02 for r in d.drifting)
     assert sentence(d.drifting) == ""
 

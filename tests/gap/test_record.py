@@ -5,6 +5,7 @@ from __future__ import annotations
 from types import SimpleNamespace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from whsklearn.gap.plants.servo_sensors import coarse_encoder
@@ -81,3 +82,30 @@ def test_lattice_is_found_and_not_invented():
     x = np.cumsum(RNG.standard_normal(5000)) * 0.01
     assert lattice(np.round(x / 0.004) * 0.004) == pytest.approx(0.004, rel=1e-6)
     assert lattice(x) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("columns", "scale", "units"),
+    [
+        (("t_ms", "torque_mnm", "angle_deg"), (1e3, 1e3, 180 / np.pi), ("Nm", "rad")),
+        (("t_s", "force_kn", "travel_mm"), (1.0, 1e-3, 1e3), ("N", "m")),
+        (("t_us", "current_ma", "angle_turns"), (1e6, 1e3, 0.5 / np.pi), ("A", "rad")),
+        (("t", "u", "q"), (1.0, 1.0, 1.0), ("Nm", "rad")),
+    ],
+)
+def test_a_record_is_in_si_whatever_the_columns_are_in(columns, scale, units):
+    frame = pd.DataFrame({c: s * x for c, s, x in zip(columns, scale, (T, np.sin(T), PATH), strict=True)})
+    names = dict(zip(("time", "drive", "position"), columns, strict=True))
+    record = ServoRecord.from_frame(frame, **names, reference=columns[2])
+    assert record.units == units
+    np.testing.assert_allclose(record.time, T, rtol=1e-12, atol=1e-15)
+    np.testing.assert_allclose(record.drive, np.sin(T), rtol=1e-12)
+    np.testing.assert_allclose(record.position, PATH, rtol=1e-12, atol=1e-15)
+    np.testing.assert_allclose(record.reference, PATH, rtol=1e-12, atol=1e-15)
+
+
+def test_a_step_of_the_encoder_goes_with_the_position():
+    record = ServoRecord(T, PATH, PATH, units=("Nm", "counts/4096"), resolution=1.0)
+    assert record.resolution == pytest.approx(2 * np.pi / 4096)
+    assert record.told(record.resolution, "rad") == "0.00153 rad"  # a count is no unit to speak in
+    assert ServoRecord(T, PATH, PATH, units=("Nm", "deg")).told(np.pi, "rad/s") == "180 deg/s"

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import html
 import json
+import sys
 
 import pytest
 from jinja2 import UndefinedError
 
 from whsklearn import ServoAxis
+from whsklearn.datasets import make_servo_log
 from whsklearn.effects import Cogging
-from whsklearn.gap import Diagnosis, NamedEffect
+from whsklearn.gap import Diagnosis, GapFinder, NamedEffect
 from whsklearn.gap.report import write_report
 from whsklearn.models import load_model
 
@@ -50,3 +53,13 @@ def test_what_cannot_be_drawn_leaves_the_earlier_report_whole(tmp_path):
     with pytest.raises(UndefinedError):
         write_report(broken, tmp_path, ServoAxis())
     assert {p.name: p.read_bytes() for p in tmp_path.iterdir()} == before
+
+
+def test_without_matplotlib_all_is_written_but_the_pictures(tmp_path, monkeypatch):
+    drawn = GapFinder("servo").fit(make_servo_log([], duration=6.0, random_state=0))
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    with pytest.warns(UserWarning, match=r"no pictures.*pip install 'whsklearn\[plot\]'"):
+        page = drawn.report(tmp_path)
+    assert {"gap.html", "gap.json", "run.json", "repaired.json"} == {p.name for p in tmp_path.iterdir()}
+    assert "whsklearn[plot]" in html.unescape(page.read_text(encoding="utf-8"))
+    assert "data:image" not in page.read_text(encoding="utf-8")

@@ -6,15 +6,21 @@ import numpy as np
 import pytest
 
 from tests.recursion.axis_log import TRUTH, axis_log, slow_drive
+from whsklearn import ServoAxis
+from whsklearn.datasets import make_servo_log
+from whsklearn.effects import Cogging, as_law
 from whsklearn.identification.axis_fit import (
     _gravity_errors,
     fit_free_law_axis,
     fit_hanging_axis,
+    fit_rigid_axis,
     gravity_of,
     inverse_start,
     sine_and_cosine,
+    white,
 )
 from whsklearn.identification.view import view
+from whsklearn.identification.windows import residual
 from whsklearn.recursion.axis_free_run import free_run
 
 U = slow_drive(3000, 1)
@@ -77,3 +83,36 @@ def test_gravity_that_is_next_to_nothing_is_refused():
     y = free_run(TRUTH, axis_log(u)._replace(of_position=True)) + 1e-5 * np.random.default_rng(0).standard_normal(4000)
     with pytest.raises(ValueError, match="% of the drive, so the axis without it is the same"):
         fit_hanging_axis(view(u, y, 0.005, "position"))
+
+
+def cogged(seed, size):
+    """An axis in closed loop whose cogging no model here knows."""
+    rng = np.random.default_rng(seed)
+    cogging = Cogging(size, float(rng.integers(4, 20)), float(rng.uniform(-3, 3)))
+    axis = ServoAxis(inertia=0.05, law=as_law("viscous,coulomb").reweighted([0.12, 0.3]), sample_rate=500.0)
+    amplitude = float(rng.uniform(0.5, 2.0))
+    log = make_servo_log([cogging], axis=axis, duration=10.0, amplitude=amplitude, random_state=seed)
+    return view(log["torque_nm"], log["position_rad"], 0.002, "position")
+
+
+@pytest.mark.parametrize("size", [0.03, 0.1])
+def test_the_truth_is_in_the_intervals_where_cogging_is_missing(size):
+    """95 % nominal; of 20 seeds 17 at least, which a coverage of 95 % misses in one of 60 such tests."""
+    truth = {"inertia": 0.05, "viscous": 0.12, "coulomb": 0.3}
+    held = dict.fromkeys(truth, 0)
+    for seed in range(20):
+        record = cogged(seed, size)
+        model = fit_rigid_axis(record)
+        assert not white(residual(model, record), record)
+        for name, value in truth.items():
+            held[name] += abs(model.parameters[name] - value) < 1.96 * model.standard_errors[name]
+    assert min(held.values()) >= 17, held
+
+
+def test_white_noise_alone_leaves_the_intervals_narrow():
+    """A record of an axis that the model can be, its velocity logged with white noise."""
+    noise = 0.01 * np.std(VELOCITY) * np.random.default_rng(0).standard_normal(VELOCITY.size)
+    record = view(U, VELOCITY + noise, 0.005, "velocity")
+    model = fit_rigid_axis(record)
+    assert white(residual(model, record), record)
+    assert abs(model.inertia - TRUTH[0]) < 3 * model.standard_errors["inertia"] < 0.03 * TRUTH[0]

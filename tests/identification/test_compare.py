@@ -71,3 +71,37 @@ def test_an_output_that_does_not_follow_is_told():
 def test_what_cannot_be_identified_is_refused(u, y, message):
     with pytest.raises(ValueError, match=message):
         identify(u, y)
+
+
+def test_what_is_not_known_of_the_torque_constant_enters_the_intervals(axis_record):
+    u, velocity, _ = axis_record
+    y = velocity[:2000] + 1e-2 * np.random.default_rng(3).standard_normal(2000)
+    plain, scaled = (identify(u[:2000], y, dt=0.005, logged="velocity", drive_error=e).model for e in (0.0, 0.1))
+    for name in ("inertia", "viscous", "coulomb"):
+        expected = np.hypot(plain.standard_errors[name], 0.1 * plain.parameters[name])
+        assert scaled.standard_errors[name] == pytest.approx(expected)
+
+
+def test_all_segments_of_a_record_with_holes_are_used(axis_record):
+    u, _, position = axis_record
+    noise = np.random.default_rng(5)
+    y = position + 1e-5 * noise.standard_normal(position.size)
+    kept = np.ones(u.size, dtype=bool)
+    for hole in (slice(700, 760), slice(1500, 1560), slice(1580, 1600), slice(2600, 2660)):
+        kept[hole] = False
+    groups = np.cumsum(np.diff(np.r_[1, kept.astype(int)]) == 1)
+    found = identify(u[kept], y[kept], dt=0.005, groups=groups[kept])
+    assert found.train.logged == "position"
+    assert found.rows_used == f"{kept.sum() - 20} of {kept.sum()} in 4 segments"  # 20 between two are too few
+    assert isinstance(found.model, AxisModel), found.reason
+    whole = identify(u, y, dt=0.005).model
+    for name, true in (("inertia", 0.05), ("coulomb", 0.3)):
+        assert found.model.parameters[name] == pytest.approx(true, rel=0.02)
+        assert found.model.standard_errors[name] < 1.5 * whole.standard_errors[name]  # 95 % of its samples
+    assert "of the error" in found.reason
+
+
+def test_groups_of_another_length_are_refused(axis_record):
+    u, velocity, _ = axis_record
+    with pytest.raises(ValueError, match="expected one for each"):
+        identify(u[:500], velocity[:500], dt=0.005, groups=np.zeros(499))

@@ -47,3 +47,11 @@ def test_a_broken_line_and_a_file_without_vectors_are_one_sentence(tmp_path):
     (tmp_path / "log.json").write_text('{"rate": 100, "vectors": [1, 2]}')
     with pytest.raises(LogError, match="holds no vectors of 3 numbers"):
         open_json(tmp_path / "log.json")
+
+
+@pytest.mark.parametrize("depth", [900, 100_000])
+def test_what_is_nested_without_end_is_no_log(tmp_path, depth):
+    """The one within what Python's parser takes, the other beyond it."""
+    (tmp_path / "log.json").write_text('{"a":' * depth + "1" + "}" * depth)
+    with pytest.raises(LogError, match=r"nested too deeply|no vectors"):
+        load_log(tmp_path / "log.json", drive="a", position="b")

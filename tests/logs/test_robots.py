@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from tests.logs.rig import TABLE, same
-from whsklearn.logs import load_log
+from whsklearn.logs import LogError, load_log
 
 
 def test_mcap_with_json_joint_states(tmp_path):
@@ -78,3 +78,15 @@ def test_a_lerobot_folder_is_one_segment_an_episode(tmp_path):
     assert np.bincount(log.groups).tolist() == [90, 90]
     assert log.sample_rate == pytest.approx(30)
     assert np.allclose(log.command[:90], np.sin(np.arange(90) / 30))
+
+
+def test_a_message_nested_without_end_is_a_damaged_recording(tmp_path):
+    writer_module = pytest.importorskip("mcap.writer")
+    with (tmp_path / "axis.mcap").open("wb") as stream:
+        writer = writer_module.Writer(stream)
+        writer.start()
+        channel = writer.register_channel("/deep", "json", writer.register_schema("Deep", "jsonschema", b"{}"))
+        writer.add_message(channel, 1, b"[" * 100_000 + b"]" * 100_000, 1)
+        writer.finish()
+    with pytest.raises(LogError, match="nested too deeply"):
+        load_log(tmp_path / "axis.mcap", drive="a", position="b")

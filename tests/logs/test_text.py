@@ -7,7 +7,7 @@ import gzip
 import pytest
 
 from tests.logs.rig import NAMES, text
-from whsklearn.logs import LogError, load_log
+from whsklearn.logs import ColumnError, LogError, load_log
 
 
 def test_gzip_comments_amid_the_data_and_a_half_written_last_row(tmp_path):
@@ -15,9 +15,9 @@ def test_gzip_comments_amid_the_data_and_a_half_written_last_row(tmp_path):
     lines.insert(100, "# emergency stop tested")
     with gzip.open(tmp_path / "axis.csv.gz", "wt") as file:
         file.write("\n".join([*lines, "1.5,0.2"]))
-    with pytest.warns(UserWarning, match="no value at row 300"):
-        log = load_log(tmp_path / "axis.csv.gz", **NAMES)
+    log = load_log(tmp_path / "axis.csv.gz", **NAMES)
     assert len(log.y) == 300
+    assert any("last row is cut" in n for n in log.notes)
 
 
 def test_a_tail_of_zero_bytes_is_left_out_and_zeros_amid_the_data_are_refused(tmp_path):
@@ -41,10 +41,37 @@ def test_a_tail_of_zero_bytes_is_left_out_and_zeros_amid_the_data_are_refused(tm
         (b"# only a remark\n", "comments only"),
         (b"Dear Ann,\nhere is\nthe log,\nas agreed.\nYours\n", "is no table of numbers: line 1 is 'Dear Ann,'"),
         (b"\x7fELF\x02\x01\x01" + bytes(range(256)) * 20, "binary file that begins with"),
-        (b"time_s,torque_nm,position_rad\n0,0,1\n0,01,1,2\n0,02,1,3\n", "cells of the first|no readable CSV"),
+        (
+            b"time_s,torque_nm,position_rad\n0,0,1\n0,01,1,2\n0,02,1,3\n",
+            "cells of the first|line 3 has 4 cells where 3 are usual",
+        ),
     ],
 )
 def test_what_is_no_table_is_refused_in_a_sentence(tmp_path, content, message):
     (tmp_path / "axis.csv").write_bytes(content)
     with pytest.raises(LogError, match=message):
         load_log(tmp_path / "axis.csv", **NAMES)
+
+
+def test_a_last_number_that_is_cut_is_no_value_and_a_whole_last_row_without_a_line_end_is_one(tmp_path):
+    (tmp_path / "cut.csv").write_text(text()[:-6])
+    (tmp_path / "whole.csv").write_text(text()[:-1])
+    assert len(load_log(tmp_path / "cut.csv", **NAMES).y) == 299
+    assert len(load_log(tmp_path / "whole.csv", **NAMES).y) == 300
+
+
+def test_blank_lines_and_names_beyond_the_first_bytes_are_passed(tmp_path):
+    (tmp_path / "blank.csv").write_text("\n" * 100_000 + text())
+    assert len(load_log(tmp_path / "blank.csv", **NAMES).y) == 300
+    (tmp_path / "long.csv").write_text("# " + "x" * 5_000_000 + "\n" + text())
+    assert len(load_log(tmp_path / "long.csv", **NAMES).y) == 300
+    (tmp_path / "lines.csv").write_text("# remark on the rig\n" * 250_000 + text())
+    assert len(load_log(tmp_path / "lines.csv", **NAMES).y) == 300
+
+
+def test_a_header_that_does_not_fit_its_rows_is_told_as_it_is(tmp_path):
+    rows = text(head=None).splitlines()
+    (tmp_path / "wide.csv").write_text("time_s,torque_nm,position_rad\n" + "\n".join(f"{r},7" for r in rows) + "\n")
+    with pytest.raises(ColumnError, match="the header line has 3 names where the rows have 4 cells"):
+        load_log(tmp_path / "wide.csv", **NAMES)
+    assert len(load_log(tmp_path / "wide.csv", time=0, drive=1, position=2).y) == 300

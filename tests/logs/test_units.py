@@ -6,7 +6,16 @@ import math
 
 import pytest
 
-from whsklearn.logs.units import factor_of, stated, symbol_of, turn_of
+from whsklearn.logs.units import (
+    factor_between,
+    factor_of,
+    inertia_unit,
+    readable,
+    respelled,
+    stated,
+    symbol_of,
+    turn_of,
+)
 
 
 @pytest.mark.parametrize(
@@ -35,3 +44,48 @@ def test_roles_are_checked():
         stated({"torque": "Nm"})
     with pytest.raises(ValueError, match="unit of time"):
         stated({"time": "deg"})
+
+
+@pytest.mark.parametrize(("a", "b"), [("Nm", "mNm"), ("rad", "deg"), ("rad/s", "rpm"), ("mA", "A"), ("m", "mm")])
+def test_there_and_back_is_one(a, b):
+    assert factor_between(a, b) * factor_between(b, a) == pytest.approx(1.0)
+    assert factor_between(a, b) * factor_of(b)[0] == pytest.approx(factor_of(a)[0])
+
+
+@pytest.mark.parametrize(("a", "b"), [("A", "Nm"), ("rad", "m"), ("N", "Nm"), ("counts", "rad")])
+def test_what_measures_something_else_is_refused(a, b):
+    with pytest.raises(ValueError, match=f"{a} cannot be brought to {b}"):
+        factor_between(a, b)
+
+
+@pytest.mark.parametrize("unstated", ["", "as logged"])
+def test_a_unit_that_nothing_tells_is_taken_for_si(unstated):
+    assert factor_between("mNm", unstated) == pytest.approx(1e-3)
+    assert factor_between(unstated, "mNm") == pytest.approx(1e3)
+
+
+@pytest.mark.parametrize(
+    ("unit", "told", "factor"),
+    [
+        ("Nm s/rad", "mNm s/deg", 1e-3 / math.radians(1)),
+        ("Nm s2/rad2", "mNm s2/deg2", 1e-3 / math.radians(1) ** 2),
+        ("Nm/rad3", "mNm/deg3", 1e-3 / math.radians(1) ** 3),
+        ("rad/Nm", "deg/mNm", math.radians(1) * 1e3),
+        ("rad/s", "deg/s", math.radians(1)),
+        ("kg m²", "kg m²", 1.0),
+        ("s", "s", 1.0),
+        ("1", "1", 1.0),
+    ],
+)
+def test_a_compound_unit_is_brought_over_symbol_by_symbol(unit, told, factor):
+    assert respelled(unit, {"Nm": "mNm", "rad": "deg"}) == (pytest.approx(factor), told)
+
+
+def test_inertia_has_a_name_where_the_drive_is_a_torque_or_a_force():
+    assert [inertia_unit(*u) for u in (("Nm", "rad"), ("N", "m"), ("V", "rad"))] == ["kg m²", "kg", "V s²/rad"]
+    assert respelled(inertia_unit("A", "rad"), {"A": "mA", "rad": "deg"})[1] == "mA s²/deg"
+
+
+@pytest.mark.parametrize(("logged", "told"), [("deg", "deg"), ("counts/16384", "rad"), ("mm/s", "mm"), ("", "rad")])
+def test_people_are_told_of_motions_and_not_of_counts(logged, told):
+    assert readable(logged, "rad") == told

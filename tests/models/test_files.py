@@ -3,12 +3,23 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from whsklearn.effects import Coulomb, FrictionLaw, InputOffset, Power, Viscous
+from whsklearn.effects import (
+    Coulomb,
+    FrictionLaw,
+    GravityImbalance,
+    InputOffset,
+    NaturalSpline,
+    Power,
+    SpeedHinge,
+    Viscous,
+)
 from whsklearn.models import AxisModel, ChainModel, LinearModel, load_model, save_model
+from whsklearn.models.files import model_document, model_from
 
 U = np.sin(np.arange(200) / 7)
 MODELS = {
@@ -16,7 +27,7 @@ MODELS = {
         [0.0, 0.4], [1.0, -0.6], 0.1, criterion="prediction", dt=0.01, units={"input": "V", "output": "m/s"}
     ),
     "output_error": LinearModel([0.2, 0.4], [1.0, -0.6], dt=0.01, logged="position"),
-    "wiener_hammerstein": ChainModel(
+    "wiener-hammerstein": ChainModel(
         [0.3, 0.1],
         [1.0, -0.5],
         FrictionLaw([Power(1.0, 1), Power(0.2, 3)]),
@@ -44,7 +55,7 @@ def test_a_model_comes_back_as_it_was(kind, tmp_path):
     ("change", "message"),
     [
         ({"format": "other"}, "identify or gap wrote"),
-        ({"version": 2}, "upgrade"),
+        ({"version": 3}, "upgrade"),
         ({"version": True}, "upgrade"),
         ({"kind": "oracle"}, "expected one of"),
         ({"dt": -1.0}, "above zero"),
@@ -75,3 +86,100 @@ def test_a_position_is_the_integral_of_the_velocity():
 def test_an_axis_says_what_it_answers_with():
     with pytest.raises(ValueError, match="say which"):
         AxisModel(0.05, FrictionLaw([Viscous(0.1)]))
+
+
+def test_a_document_that_is_nested_without_end_is_refused(tmp_path):
+    path = tmp_path / "model.json"
+    path.write_text("[" * 100_000 + "]" * 100_000)
+    with pytest.raises(ValueError, match="nested too deeply"):
+        load_model(path)
+
+
+DEG = np.pi / 180
+LAW = FrictionLaw([Viscous(0.12), Coulomb(0.3), SpeedHinge(0.05, 0.5)])
+GRAVITY = (InputOffset(0.05), GravityImbalance(0.2, phase=0.3))
+NAMED = {"inertia": 1e-3, "viscous": 2e-3, "gravity_imbalance__phase": 0.1}
+TRUTH = AxisModel(0.05, LAW, GRAVITY, dt=0.01, logged="position", standard_errors=NAMED)
+
+
+def test_a_file_says_the_unit_of_every_number_and_column(tmp_path):
+    for model in (*MODELS.values(), TRUTH, replace(TRUTH, units={"input": "mA", "output": "mm"})):
+        save_model(model, tmp_path / "model.json")
+        written = json.loads((tmp_path / "model.json").read_text())
+        assert set(written["parameter_units"]) == set(written["parameters"])
+        assert all(written["parameter_units"].values())
+        assert set(written["units"]) == {"time", "input", "output"}
+        assert all(written["units"].values())
+    assert written["parameter_units"] | {} == {
+        "inertia": "A s²/m", "viscous": "A s/m", "coulomb": "A", "speed_hinge": "A s/m", "speed_hinge__knot": "m/s",
+        "input_offset": "A", "gravity_imbalance": "A", "gravity_imbalance__phase": "rad",
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("logged", ["position", "velocity"])
+def test_a_model_takes_and_gives_its_columns_and_holds_si(logged):
+    out = {"position": "deg", "velocity": "rpm"}[logged]
+    scale = {"deg": 1 / DEG, "rpm": 30 / np.pi}[out]
+    truth = replace(TRUTH, logged=logged)
+    model = replace(truth, units={"input": "mNm", "output": out})
+    np.testing.assert_allclose(model.simulate(1e3 * U, start=scale * 0.2), scale * truth.simulate(U, start=0.2))
+    assert model.parameters == truth.parameters
+
+
+@pytest.mark.parametrize(
+    ("units", "by", "turn"),
+    [
+        ({"input": "mNm", "output": "deg"}, 1e-3, DEG),
+        ({"input": "mNm", "output": "rad"}, 1e-3, 1.0),  # of gap
+        ({"input": "Nm", "output": "deg"}, 1.0, DEG),
+        ({}, 1.0, 1.0),
+    ],
+)
+def test_a_file_of_version_1_is_brought_to_si(units, by, turn):
+    """Its numbers are in the units of its columns; the same axis must come out whatever these are."""
+    law = FrictionLaw([Viscous(0.12 / by * turn), Coulomb(0.3 / by), SpeedHinge(0.05 / by * turn, 0.5 / turn)])
+    effects = (InputOffset(0.05 / by), GravityImbalance(0.2 / by, phase=0.3))
+    errors = {"inertia": 1e-3 / by * turn, "viscous": 2e-3 / by * turn, "gravity_imbalance__phase": 0.1}
+    old = AxisModel(0.05 / by * turn, law, effects, dt=0.01, logged="position", standard_errors=errors)
+    written = model_document(old) | {"version": 1, "units": units}
+    del written["parameter_units"]
+    model = model_from(written)
+    assert model.parameters == pytest.approx(TRUTH.parameters, rel=1e-12)
+    assert model.standard_errors == pytest.approx(NAMED, rel=1e-12)
+    np.testing.assert_allclose(model.simulate(U / by), TRUTH.simulate(U) / turn, rtol=1e-9, atol=1e-12)
+
+
+def test_the_old_spelling_of_a_kind_is_read():
+    written = model_document(MODELS["wiener-hammerstein"]) | {"version": 1, "kind": "wiener_hammerstein"}
+    assert model_from(written) == MODELS["wiener-hammerstein"]
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("Nm", 1e3), ("mNm", 1.0), ("as logged", 1.0)])
+def test_a_column_is_brought_to_the_models(unit, factor):
+    model = replace(TRUTH, units={"input": "mNm", "output": "deg"})
+    assert model.column_factor("input", unit) == pytest.approx(factor)
+    with pytest.raises(ValueError, match=r"in A, that of the model in mNm.*--unit drive=UNIT"):
+        model.column_factor("input", "A")
+
+
+V1_CHAIN = FrictionLaw([Power(0.3, 0), Power(1.0, 1), Power(0.2, 3), NaturalSpline(0.1, -0.5, 0.2, 0.6), Coulomb(0.1)])
+
+
+@pytest.mark.parametrize(
+    "old",
+    [
+        LinearModel([0.0, 0.4], [1.0, -0.6], 0.1, dt=0.01, logged="position", standard_errors={"b1": 0.1}),
+        ChainModel([0.3, 0.1], [1.0, -0.5], V1_CHAIN, [1.0], [1.0, 0.3], dt=0.01, standard_errors={"x3": 0.1}),
+    ],
+)
+def test_a_response_of_version_1_answers_in_its_columns_as_it_did(old):
+    """Its numbers were in mNm and deg; brought to SI they say the same of the same columns."""
+    columns = {"input": "mNm", "output": "deg"}
+    written = model_document(old) | {"version": 1, "units": columns}
+    model = model_from(written)
+    np.testing.assert_allclose(model.simulate(U, start=0.5), old.simulate(U, start=0.5), rtol=1e-9, atol=1e-12)
+    assert model.units == columns
+    (name, error), (_, before) = *model.standard_errors.items(), *old.standard_errors.items()
+    assert error / model.parameters[name] == pytest.approx(before / old.parameters[name])
+    si = replace(model, units={})
+    np.testing.assert_allclose(si.simulate(1e-3 * U), DEG * old.simulate(U), rtol=1e-9, atol=1e-12)

@@ -9,11 +9,13 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from sklearn.linear_model import Ridge
 from sklearn.model_selection import GridSearchCV, TimeSeriesSplit
 
 from whsklearn import tracking
+from whsklearn.models import LinearModel, save_model
 from whsklearn.tracking import open_tracker
 
 
@@ -123,8 +125,43 @@ def test_model_comes_back_by_its_alias(tracker):
         assert run.tracker.client.get_run(run.id).info.status == "RUNNING"
     again = mlflow.sklearn.load_model("models:/axis@champion")
     np.testing.assert_array_equal(again.predict(X), model.predict(X))
-    signature = mlflow.models.get_model_info("models:/axis@champion").signature
-    assert signature.inputs.inputs[0].shape == (-1, 1)
+    assert len(mlflow.models.get_model_info("models:/axis@champion").signature.inputs.inputs) == 1
+
+
+BODIES = [
+    {"dataframe_split": {"columns": ["u"], "data": [[1], [0.5]]}},
+    {"dataframe_records": [{"u": 1}, {"u": 0.5}]},
+    {"inputs": [[1], [0.5]]},
+    {"inputs": [1, 0.5]},
+    {"instances": [[1], [0.5]]},
+]
+
+
+@pytest.mark.filterwarnings("ignore:X has feature names", "ignore:.*Any type hint", "ignore:.*(py|P)ydantic.*")
+@pytest.mark.parametrize("kind", ["an estimator", "a model file"])
+def test_a_served_model_takes_numbers_of_any_kind(kind, tracker, tmp_path):
+    import mlflow
+    from mlflow.pyfunc.scoring_server import infer_and_parse_data
+
+    X = np.linspace(-1, 1, 30)[:, None]
+    model = LinearModel([0.0, 0.5], [1.0, -0.5]) if kind == "a model file" else Ridge(alpha=1e-9).fit(X, 2 * X[:, 0])
+    with tracker.run("model") as run:
+        if kind == "a model file":
+            save_model(model, tmp_path / "model.json")
+            address = run.log_file_model(tmp_path / "model.json", X)
+        else:
+            address = run.log_model(model, X)
+    served = mlflow.pyfunc.load_model(address)
+    rows = np.array([[1.0], [0.5]])
+    wanted = [0.0, 0.5] if kind == "a model file" else [2.0, 1.0]
+    assert list(served.input_example.columns) == ["u"]
+    given = [rows, rows.astype(np.float32), rows.tolist(), pd.DataFrame({"u": np.float32([1.0, 0.5])})]
+    given += [infer_and_parse_data(body, served.metadata.get_input_schema()) for body in BODIES]
+    for x in given:
+        x = x[0] if isinstance(x, tuple) else x
+        np.testing.assert_allclose(np.ravel(served.predict(x)), wanted, rtol=1e-6)
+    whole = np.ravel(served.predict([[2], [1]]))
+    np.testing.assert_allclose(whole, 2 * np.array(wanted), rtol=1e-6)
 
 
 def test_globals_of_mlflow_are_left_alone(tracker, monkeypatch):
@@ -200,3 +237,13 @@ def test_an_address_of_the_environment_is_not_pinned_by_a_logged_model(mlflow_ro
         run.log_model(RLSRegressor().fit(X, y), X)
     monkeypatch.setenv("MLFLOW_TRACKING_URI", "sqlite:///elsewhere.db")
     assert mlflow.get_tracking_uri() == "sqlite:///elsewhere.db"
+
+
+def test_a_name_with_bytes_that_the_locale_has_no_character_for_is_recorded(tracker):
+    name = "Größe".encode().decode("ascii", "surrogateescape")
+    with tracker.run(name, tags={"data": name}) as run:
+        run.log_params({"log_file": name})
+        run.log_tags({"best": name})
+    (found,) = runs(tracker).values()
+    assert (found.info.run_name, found.data.tags["data"], found.data.tags["best"]) == ("Größe",) * 3
+    assert found.data.params["log_file"] == "Größe"

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import socket
 import sys
+import threading
 import time
+from types import SimpleNamespace
 
 import pytest
 
@@ -14,13 +16,15 @@ from whsklearn.tracking import TrackingError, open_tracker, store
 
 def test_default_store_keeps_all_beneath_mlruns(migrated_database, tmp_path, monkeypatch):
     monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
-    monkeypatch.setattr(store, "initialise", lambda path: path.write_bytes(migrated_database.read_bytes()))
+    monkeypatch.setattr(
+        store, "initialise", lambda path: path.exists() or path.write_bytes(migrated_database.read_bytes())
+    )
     (tmp_path / "mlruns").mkdir()
     tracker = open_tracker("here", root=tmp_path)
     with tracker.run("one") as run:
         run.log_text("hello", "note.txt")
     assert len(list((tmp_path / "mlruns" / "artifacts").rglob("note.txt"))) == 1
-    assert tracking.latest_experiment(tmp_path) == tracker.experiment_id
+    assert tracking.experiments(tmp_path) == [("here", tracker.experiment_id)]
 
 
 def test_server_that_is_down_is_told_at_once(monkeypatch):
@@ -42,6 +46,13 @@ def test_refused_store_is_told_in_one_sentence(monkeypatch, tmp_path):
     with pytest.raises(TrackingError, match="cannot be opened") as caught:
         open_tracker("x")
     assert "\n" not in str(caught.value)
+
+
+def test_a_folder_that_takes_no_store_names_the_way_out(monkeypatch, tmp_path):
+    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
+    (tmp_path / "mlruns").write_text("a file, where the folder of the store would be")
+    with pytest.raises(TrackingError, match=r"MLFLOW_TRACKING_URI to keep it elsewhere, or .* --no-track"):
+        open_tracker("x", root=tmp_path)
 
 
 def test_missing_mlflow_names_the_extra(monkeypatch):
@@ -79,3 +90,47 @@ def test_what_another_process_wrote_meanwhile_is_found_at_a_second_try(said, cal
         with pytest.raises(store.TrackingError, match="locked"):
             store.InSentences(client).log_inputs()
     assert client.called == calls
+
+
+def test_patience_ends_with_a_server_that_does_not_answer(monkeypatch):
+    monkeypatch.setattr(store, "PATIENCE_SECONDS", 0.3)
+    patience = store.Patience("http://127.0.0.1:1")
+    held = threading.Event()
+    assert patience.wait(lambda: "an answer") == "an answer"
+    with pytest.raises(ZeroDivisionError):
+        patience.wait(lambda: 1 / 0)
+    with pytest.raises(TimeoutError, match="no answer within"):
+        patience.wait(held.wait, fair=0.0)
+    calls = []
+    with pytest.raises(TimeoutError):  # and nothing is tried again
+        patience.wait(lambda: calls.append(1))
+    held.set()
+    assert calls == []
+
+
+def test_a_server_that_is_always_slow_uses_up_patience_and_one_that_is_slow_now_and_then_does_not(monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr(store, "time", SimpleNamespace(monotonic=lambda: now[0]))
+    monkeypatch.delenv("MLFLOW_HTTP_REQUEST_TIMEOUT", raising=False)
+
+    def late():
+        now[0] += 1.0  # half a second more than is fair
+
+    often, seldom = store.Patience("http://a"), store.Patience("http://a")
+    for _ in range(12):
+        often.wait(late)
+    assert often.left == pytest.approx(0.0)
+    for _ in range(100):
+        now[0] += 60.0
+        seldom.wait(late)
+    assert seldom.left == pytest.approx(store.PATIENCE_SECONDS - 0.5)
+
+
+def test_a_store_in_a_file_is_waited_for_as_long_as_it_takes(monkeypatch):
+    monkeypatch.setattr(store, "PATIENCE_SECONDS", 0.0)
+    assert store.Patience("sqlite:///a.db").wait(lambda: time.sleep(0.05) or "written", fair=0.0) == "written"
+
+
+def test_patience_is_mlflows_own_timeout_where_one_is_set(monkeypatch):
+    monkeypatch.setenv("MLFLOW_HTTP_REQUEST_TIMEOUT", "30")
+    assert store.Patience("https://far.example").most == 30.0

@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+import click
 import numpy as np
 from numpy.typing import NDArray
 from sklearn.base import clone
@@ -17,7 +18,7 @@ from tqdm import tqdm
 from whsklearn.cli.job import table, wrapped
 from whsklearn.metrics import mu_e, nmse, parameter_error, rmse
 from whsklearn.plot import flat_parameters, parameter_paths
-from whsklearn.tracking import Run, estimator_params
+from whsklearn.tracking import Run, TrackingError, estimator_params
 
 MOST_OF_A_PATH = 20  # points: each asks the default for its answer, a tenth of a second
 WARM_UP = 600  # samples: beyond the 480 at which a stream's first models take over, so that all kernels have run
@@ -114,7 +115,7 @@ def compare(
 ) -> list[Outcome]:
     """Fit, judge and record every candidate; one that fails is told and leaves the others alone."""
     compile_once(candidates, train)
-    outcomes = []
+    outcomes: list[Outcome] = []
     bar = tqdm(candidates, desc="fitting", unit="model")
     for candidate in bar:
         bar.set_postfix_str(f"{candidate.name} {candidate.reading}")
@@ -126,6 +127,9 @@ def compare(
                 _record(outcome, run, train)
         except ValueError as error:
             outcome.failure = str(error).splitlines()[0]
+        except TrackingError:  # without a record the rest is not waited for; what is done is told
+            click.echo(f"\n{results_table([*outcomes, outcome], f'As far as it was recorded, on {train.name}')}")
+            raise
         outcomes.append(outcome)
     if all(o.failure for o in outcomes):
         raise ValueError(f"No candidate could be fitted to {train.name}; the first said: {outcomes[0].failure}")

@@ -1,14 +1,25 @@
-"""Write a model for another tool: MuJoCo, URDF, Isaac Lab, C99, Structured Text, FMI."""
+"""Write a model for another tool: MuJoCo, URDF, Isaac Lab, C99, Structured Text, FMI, tables for drives."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import click
 
-from whsklearn.cli.job import guarded, wrapped
+from whsklearn.cli.job import guarded, table, wrapped
 
-FORMAT_NAMES = ("mjcf", "urdf", "isaac", "c", "st", "fmu")  # as in `whsklearn.export.FORMATS`, which takes a second
+FORMAT_NAMES = (
+    "mjcf",
+    "urdf",
+    "isaac",
+    "c",
+    "st",
+    "table",
+    "fmu",
+)  # as in `whsklearn.export.FORMATS`, which takes a second
+
+POSITIVE = click.FloatRange(min=0, min_open=True)
 
 
 @click.command(context_settings={"show_default": True, "max_content_width": 100})
@@ -18,25 +29,29 @@ FORMAT_NAMES = ("mjcf", "urdf", "isaac", "c", "st", "fmu")  # as in `whsklearn.e
 @click.option("--effects", type=click.Path(exists=True, dir_okay=False), help="A Python file with effects of your own.")
 @click.option("--what", type=click.Choice(["model", "compensator"]), default="model", help="Of c and st.")
 @click.option("--real", type=click.Choice(["double", "float"]), default="double", help="Numbers of the C code.")
-def main(model: str, to: str, out: str, what: str, real: str, effects: str | None) -> None:
+@click.option("--rated-torque", type=POSITIVE, help="Nm; of table: for TF5200 and ServoOne.")
+@click.option("--torque-constant", type=POSITIVE, help="Nm/A; of table: for ServoOne's cogging table.")
+@click.option("--speed", type=POSITIVE, default=10.0, help="Highest speed of friction tables, rad/s or m/s.")
+def main(model: str, to: str, out: str, effects: str | None, **options: Any) -> None:
     """Write MODEL (model.json of identify, repaired.json of gap) for another tool.
 
     What the format cannot hold is listed with its size, and stands as a comment in the file.
 
     Example: whsklearn export model.json --to mjcf --out axis.xml
     """
-    guarded(write, model=Path(model), to=to, out=out, what=what, real=real, effects=effects)
+    guarded(write, model=Path(model), to=to, out=out, effects=effects, **options)
 
 
-def write(model: Path, to: str, out: str, what: str, real: str, effects: str | None = None) -> None:
+def write(model: Path, to: str, out: str, effects: str | None = None, **options: Any) -> None:
     """Export, and say what the format cannot hold and where the files are."""
     from whsklearn.cli.own_effects import load_effects
-    from whsklearn.export import FORMATS, export_model
+    from whsklearn.export import FORMATS, Ratings, export_model
 
     if effects is not None:
         load_effects(effects)
     try:
-        done = export_model(model, to=to, out=out, what=what, real=real)
+        ratings = Ratings(options["rated_torque"], options["torque_constant"], options["speed"])
+        done = export_model(model, to=to, out=out, what=options["what"], real=options["real"], ratings=ratings)
     except RuntimeError as error:  # a compiler that is not there or fails
         raise click.ClickException(str(error)) from error
     if done.losses:
@@ -45,6 +60,10 @@ def write(model: Path, to: str, out: str, what: str, real: str, effects: str | N
             click.echo(wrapped(f"  {loss}"))
     else:
         click.echo("The format holds all of the model.")
+    if done.left:
+        rows = [(r.name, r.before, r.after, f"{100 * r.after / r.before:.3g} %") for r in done.left]
+        title = "Torque (rms) that each table is for, and what a replay against the model says it leaves"
+        click.echo(table(["table", "without", "with", "left"], rows, title=title))
     click.echo(f"Written: {', '.join(map(str, done.paths))}")
 
 

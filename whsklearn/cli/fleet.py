@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-import io
+import textwrap
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,14 +12,16 @@ from typing import TYPE_CHECKING, Any
 import click
 from tqdm import tqdm
 
-from whsklearn.cli.job import job, say_where, table, tracker_for, writable_file
+from whsklearn.cli import WIDTH
+from whsklearn.cli.job import UNUSABLE, cell, job, say_where, tracker_for, wrapped, writable_file
 from whsklearn.cli.stream import ESTIMATORS, build_model
 
 if TYPE_CHECKING:
     from whsklearn.cli.fleet_axis import Row
     from whsklearn.tracking import Run
 
-MOST_CHILDREN = 50
+MOST_CHILDREN = 50  # of each kind
+SHOWN = 10
 
 
 @job
@@ -46,10 +48,13 @@ def main(
 ) -> None:  # fmt: skip
     """Identify every axis of FOLDER, a Parquet folder partitioned by axis, and write one table of all.
 
+    Stopped, it keeps what was finished in OUT.part, and the same command goes on from there.  Exit status: 3 where
+    axes failed, after the table of all is written.
+
     Example: whsklearn fleet logs/ --input torque_nm --output velocity_rad_s --out fleet.parquet
     """
     from whsklearn.cli.fleet_axis import axes_of, outliers
-    from whsklearn.state import atomic_write
+    from whsklearn.cli.fleet_kept import Kept, write_table
     from whsklearn.tracking import estimator_params
 
     writable_file(out)
@@ -57,30 +62,36 @@ def main(
     model = build_model(estimator, orders, law, p, forgetting, seed)
     source: dict[str, Any] = {"folder": str(folder.resolve()), "axis": axis, "inputs": list(inputs), "output": output}
     source["time_column"] = time_column
-    batches = [names[i : i + batch] for i in range(0, len(names), batch)]
     began = time.perf_counter()
-    with tqdm(total=len(names), unit="axis", desc="fleet") as bar:
-        rows: list[Row] = []
+    kept = Kept(out, f"{model!r} {source} {test_share!r}", folder, axis)
+    rows = kept.rows(names)
+    if rows:
+        click.echo(f"Going on with {len(rows)} of {len(names)} axes from {kept.path}.", err=True)
+    todo = sorted(set(names) - {row["axis"] for row in rows})
+    batches = [todo[i : i + batch] for i in range(0, len(todo), batch)]
+    with tqdm(total=len(names), initial=len(rows), unit="axis", desc="fleet") as bar, kept:
         results = (
             run_here(model, batches, source, test_share, workers)
             if in_process
             else run_on_cluster(model, batches, source, test_share, scheduler, workers)
         )
-        for done in results:
+        for done in results if batches else ():
             rows += done
+            kept.add(done)
             bar.update(len(done))
     seconds = time.perf_counter() - began
     found = to_table(rows, names)
-    buffer = io.BytesIO()
-    found.to_parquet(buffer, index=False)
-    atomic_write(out, buffer.getvalue())
-    apart = outliers(found)
+    write_table(found, out)
+    kept.remove()
+    apart, failed = outliers(found), found[found["failure"] != ""]
     params = estimator_params(model) | {"axes": len(found), "workers": workers}
+    click.echo(summary(found, apart, failed, out, seconds))
     tracker = tracker_for("fleet", track)
     with tracker.run(folder.name) as run:
-        record(run, found, apart, out, params, seconds)
-    click.echo(summary(found, apart, out, seconds))
+        record(run, found, apart, failed, out, params, seconds)
     say_where(tracker)
+    if len(failed):
+        raise SystemExit(UNUSABLE)
 
 
 def run_here(
@@ -124,7 +135,7 @@ def to_table(rows: list[Row], names: list[str]) -> Any:
     """One row an axis, in the order of names, whatever order the work was done in."""
     import pandas as pd
 
-    found = pd.DataFrame(rows).drop_duplicates("axis").set_index("axis")
+    found = pd.DataFrame(rows).drop(columns="digest", errors="ignore").drop_duplicates("axis").set_index("axis")
     lost = sorted(set(names) - set(found.index))
     if lost:
         raise ValueError(f"{len(lost)} axes came back without a result, the first {lost[0]}; run again.")
@@ -133,36 +144,52 @@ def to_table(rows: list[Row], names: list[str]) -> Any:
     return found.loc[names].reset_index()
 
 
-def record(run: Run, found: Any, apart: Any, out: Path, params: dict[str, Any], seconds: float) -> None:
-    """One run for the fleet, a child for each outlier."""
+def record(run: Run, found: Any, apart: Any, failed: Any, out: Path, params: dict[str, Any], seconds: float) -> None:
+    """One run for the fleet, a child for each outlier and for each axis that failed."""
     run.log_params(params)
     quantiles = found[["nmse", "rmse"]].astype(float).quantile([0.5, 0.95])
     metrics = {f"{c}_{round(100 * q)}": quantiles.at[q, c] for q in (0.5, 0.95) for c in ("nmse", "rmse")}
-    counts = {"failed": float((found["failure"] != "").sum()), "outliers": float(len(apart)), "seconds": seconds}
+    counts = {"failed": float(len(failed)), "outliers": float(len(apart)), "seconds": seconds}
     run.log_metrics({k: float(v) for k, v in metrics.items() if v == v} | counts)
     run.log_artifact(out)
-    for _, row in apart.head(MOST_CHILDREN).iterrows():
-        with run.child(
-            f"axis {row['axis']}", tags={"axis": str(row["axis"]), "status": "outlier", "why": row["why"]}
-        ) as child:
-            values = row.drop(["axis", "failure", "why"]).astype(float)
-            child.log_metrics({k: float(v) for k, v in values.items() if v == v})
+    for status, rows in (("outlier", apart), ("failed", failed.assign(why=failed["failure"]))):
+        for _, row in rows.head(MOST_CHILDREN).iterrows():
+            tags = {"axis": str(row["axis"]), "status": status, "why": row["why"]}
+            with run.child(f"axis {row['axis']}", tags=tags) as child:
+                values = row.drop(["axis", "failure", "why"]).astype(float)
+                child.log_metrics({k: float(v) for k, v in values.items() if v == v})
 
 
-def summary(found: Any, apart: Any, out: Path, seconds: float) -> str:
-    """What a person wants to read at the end."""
-    failed = int((found["failure"] != "").sum())
-    lines = [
+def summary(found: Any, apart: Any, failed: Any, out: Path, seconds: float) -> str:
+    """What a person wants to read at the end: outliers first, then failures by their reason."""
+    text = (
         f"{len(found)} axes, {int(found['rows'].sum())} rows in {seconds:.1f} s "
-        f"({1e3 * found['seconds'].sum() / len(found):.1f} ms of work an axis); {failed} failed; table in {out}.",
-    ]
+        f"({1e3 * found['seconds'].sum() / len(found):.1f} ms of work an axis); {len(apart)} stand apart, "
+        f"{len(failed)} failed; table in {out}."
+    )
+    lines = [wrapped(text)]
     if len(apart):
-        shown = [
-            [r["axis"], r["nmse"] if r["nmse"] == r["nmse"] else None, r["why"][:60]]
-            for _, r in apart.head(10).iterrows()
-        ]
-        lines += ["", table(["outlier", "nmse", "why"], shown)]
+        lines += ["", "Outliers, the worst first: what lies how many robust standard deviations from the median"]
+        lines += [_entry(f"{r['axis']}: NMSE {cell(r['nmse'])};", r["why"]) for _, r in apart.head(SHOWN).iterrows()]
+        lines += _and_more(len(apart))
+    if len(failed):
+        reasons = failed.groupby("failure", sort=False)["axis"].apply(list)
+        ordered = sorted(reasons.items(), key=lambda item: -len(item[1]))
+        lines += ["", "Failed"]
+        for reason, axes in ordered[:SHOWN]:
+            who = ", ".join(axes[:SHOWN]) + (f" and {len(axes) - SHOWN} more" if len(axes) > SHOWN else "")
+            lines.append(_entry(f"{who}:", reason))
+        lines += _and_more(len(ordered))
     return "\n".join(lines)
+
+
+def _entry(who: str, what: str) -> str:
+    """An entry of a list in lines of 100 columns, nothing cut."""
+    return textwrap.fill(f"{who} {what}", WIDTH, initial_indent="  ", subsequent_indent="    ")
+
+
+def _and_more(count: int) -> list[str]:
+    return [f"  ... and {count - SHOWN} more; see the table."] if count > SHOWN else []
 
 
 if __name__ == "__main__":

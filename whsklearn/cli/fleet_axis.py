@@ -89,19 +89,26 @@ def identify_axes(model: Any, names: list[str], source: dict[str, Any], test_sha
     done = []
     for name in names:
         began = time.perf_counter()
-        row: Row = {"axis": name, "rows": 0, "failure": ""}
+        folder = Path(source["folder"])
+        row: Row = {"axis": name, "rows": 0, "failure": "", "digest": digest_of(folder, source["axis"], name)}
         try:
-            X, y = read_axis(**(source | {"name": name, "folder": Path(source["folder"])}))
+            X, y = read_axis(**(source | {"name": name, "folder": folder}))
             row["rows"] = len(y)
             row |= identify_axis(model, X, y, test_share)
         except (ValueError, ArithmeticError, np.linalg.LinAlgError) as error:
-            row["failure"] = str(error).splitlines()[0][:500]
+            row["failure"] = str(error).splitlines()[0]
         done.append(row | {"seconds": time.perf_counter() - began})
     return done
 
 
+def digest_of(folder: Path, axis: str, name: str) -> str:
+    """What tells whether an axis's files are those of before: sizes and times of change."""
+    stats = [f.stat() for f in sorted((folder / f"{axis}={name}").glob("*.parquet"))]
+    return ",".join(f"{s.st_size}:{s.st_mtime_ns}" for s in stats)
+
+
 def outliers(table: Any, limit: float = 6.0) -> Any:
-    """Rows of a result table that failed or stand apart, the worst first, with what stands apart in ``why``.
+    """Rows of a result table that stand apart, the worst first, with what stands apart in ``why``; none that failed.
 
     A column stands apart by its distance from the fleet's median in units of the scaled median absolute deviation,
     nmse on a logarithmic scale and upwards only.
@@ -122,9 +129,6 @@ def outliers(table: Any, limit: float = 6.0) -> Any:
         index=table.index,
         dtype=object,
     )
-    why = why.where(table["failure"] == "", "failed: " + table["failure"].astype(object))
-    worst = (
-        size.max(axis=1).where(table["failure"] == "", np.inf) if len(size.columns) else pd.Series(np.inf, table.index)
-    )
-    found = table.assign(why=why, worst=worst)[why != ""]
+    worst = size.max(axis=1) if len(size.columns) else pd.Series(0.0, table.index)
+    found = table.assign(why=why, worst=worst)[(why != "") & (table["failure"] == "")]
     return found.sort_values("worst", ascending=False).drop(columns="worst")

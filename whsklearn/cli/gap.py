@@ -6,6 +6,7 @@ missing) into the report folder and records the diagnosis in MLflow: a parent ru
 
 from __future__ import annotations
 
+import warnings
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,7 +15,16 @@ import click
 from tqdm import tqdm
 
 from whsklearn.cli.job import UNUSABLE, job, say_where, tracker_for, wrapped, writable_folder
-from whsklearn.cli.records import liveliest, note, read, reading_options, roles_of, segments
+from whsklearn.cli.records import (
+    liveliest,
+    note,
+    note_assumed,
+    read,
+    reading_options,
+    refuse_fitted,
+    roles_of,
+    segments,
+)
 
 if TYPE_CHECKING:
     from sklearn.utils import Bunch
@@ -68,12 +78,19 @@ def orders_of(_context: Any, _option: Any, text: str | None) -> tuple[int, int, 
 @click.option(
     "--tolerance", type=float, default=0.004, help="Smallest effect worth a name, share of the rms drive or output."
 )
+@click.option(
+    "--alpha",
+    type=click.FloatRange(0.0, 1.0, min_open=True, max_open=True),
+    default=0.01,
+    help="Probability of a false name where nothing is missing (an axis with a logged drive).",
+)
 @click.option("--max-effects", type=click.IntRange(min=1, max=5), default=3, help="Effects added at the most.")
 @click.option(
     "--effects", type=click.Path(exists=True, dir_okay=False), help="A Python file with effects of your own to search."
 )
 @click.option("--simulator", type=click.Path(exists=True, dir_okay=False), help="A MuJoCo model.xml or an FMU.")
 @click.option("--joint", help="Joint of the simulator.")
+@click.option("--actuator", help="Actuator of that joint whose control was logged, where it has several.")
 @click.option("--test", "second", type=click.Path(exists=True), help="Another log of the axis, to test the result on.")
 @click.option("--report", "report", type=click.Path(file_okay=False), default="gap", help="Folder for the report.")
 def main(**options: Any) -> None:
@@ -94,22 +111,49 @@ def main(**options: Any) -> None:
 
         load_effects(options["effects"])
     try:
-        log, *others = segments(read_log(options))
+        whole = read_log(options)
+        log, *others = segments(whole)
+        note_assumed(log)
+        if options["kind"] == "servo":
+            in_pieces(log, others)
         log = liveliest(log)
-        second = (
-            liveliest(segments(read_log({**options, "log_file": options["second"]}))[0]) if options["second"] else None
-        )
+        log.rows = {"used": int(log.y.size), "given": int(whole.y.size), "segments": len(others) + 1}
+        second = liveliest(segments(read_log(options, options["second"]))[0]) if options["second"] else None
     except ColumnError:
         raise
     except LogError as error:
         data_problem(error, folder)
         raise
-    if second is None and others and options["kind"] == "servo":
+    if second is not None:
+        refuse_fitted(log, second)
+    elif others and options["kind"] == "servo":
         second = liveliest(others[0])
         second.name = f"the next segment of {log.name}"
     finder = diagnose(options, log, second, folder)
     if finder.verdict_ == "data_problem":
         raise SystemExit(UNUSABLE)
+
+
+def in_pieces(log: Bunch, others: list[Bunch]) -> None:
+    """Refuse a log of which holes leave no segment long enough.
+
+    Raises
+    ------
+    LogError
+        With how many holes there are, and what is left between them.
+    """
+    from whsklearn.gap.evidence import FEWEST_SAMPLES, SHORTEST_RECORD
+    from whsklearn.logs.errors import LogError
+
+    span = log.time[-1] - log.time[0]
+    if not others or (log.y.size >= FEWEST_SAMPLES and span >= SHORTEST_RECORD):
+        return
+    rows = log.y.size + sum(o.y.size for o in others)
+    raise LogError(
+        f"{log.name}: {len(others)} holes cut its {rows} samples into {len(others) + 1} segments. The longest has "
+        f"{log.y.size} samples over {span:.3g} s, where {FEWEST_SAMPLES} samples and {SHORTEST_RECORD:g} s are needed. "
+        "Log at a lower rate, or over a line that loses no samples."
+    )
 
 
 def diagnose(options: dict[str, Any], log: Bunch, second: Bunch | None, folder: Path) -> GapFinder:
@@ -118,6 +162,7 @@ def diagnose(options: dict[str, Any], log: Bunch, second: Bunch | None, folder: 
     `second` is another record of the axis, of which nothing is fitted: a log of its own or another segment.
     """
     from whsklearn.gap import GapFinder
+    from whsklearn.gap.drive_error import with_drive_error
     from whsklearn.gap.finder import STEPS
     from whsklearn.logs.slips import slips_in
 
@@ -127,8 +172,6 @@ def diagnose(options: dict[str, Any], log: Bunch, second: Bunch | None, folder: 
         log.notes = (*log.notes, str(slip))
     tracker = tracker_for("close_gap", options["track"], data=Path(options["log_file"]).stem)
     with tracker.run(f"gap of {Path(options['log_file']).name}") as parent:
-        parent.log_params({k: v for k, v in options.items() if v not in (None, (), False)})
-        parent.log_input(log.X, log.y, Path(options["log_file"]).stem)
         bar = tqdm(total=len(STEPS), leave=False)
 
         def progress(step: str) -> None:
@@ -142,21 +185,30 @@ def diagnose(options: dict[str, Any], log: Bunch, second: Bunch | None, folder: 
             direct=options["direct"],
             max_effects=options["max_effects"],
             tolerance=options["tolerance"],
+            alpha=options["alpha"],
             random_state=options["seed"],
             progress=progress,
         )
         with bar:
             finder.fit(record, **columns)
+        with_drive_error(finder.diagnosis_, log.drive_error)
         d = finder.diagnosis_
-        d.file, d.units = log.name, dict(log.units)
+        d.rows = log.get("rows", {})
+        d.file, d.units = log.name, dict(log.units) | d.units
         d.origin, d.notes = origin(log), [*log.notes, *d.notes]
         if second is not None and d.verdict != "data_problem":
             test(options, finder, second)
-        page = finder.report(folder)
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always")
+            page = finder.report(folder)
+        for warning in said:
+            note(str(warning.message))
         click.echo(wrapped(f"{d.verdict}: {d.sentence}"))
         if d.interrupted:
             click.echo("Interrupted: the report holds the rounds that were finished.")
         click.echo(f"Report: {page}")
+        parent.log_params({k: v for k, v in options.items() if v not in (None, (), False)})
+        parent.log_input(log.X, log.y, Path(options["log_file"]).stem)
         track(parent, finder, folder)
     say_where(tracker)
     return finder
@@ -173,7 +225,8 @@ def test(options: dict[str, Any], finder: GapFinder, second: Bunch) -> None:
     except ValueError as error:
         text = f"The result was not tested on {second.name}: {error}"
     else:
-        told = ", ".join(f"{r['before']:.3g} to {r['after']:.3g} over {r['horizon']:g} s" for r in d.test)
+        unit = d.pictures["units"][1]
+        told = ", ".join(f"{r['before']:.3g} to {r['after']:.3g} {unit} over {r['horizon']:g} s" for r in d.test)
         text = f"On {second.name}, of which nothing was fitted, the free run's RMSE goes from {told}."
     d.notes.insert(0, text)
     tqdm.write(wrapped(text))
@@ -191,12 +244,13 @@ def origin(log: Bunch) -> str:
     )
 
 
-def read_log(options: dict[str, Any]) -> Bunch:
-    """The columns that the options name, or that name themselves."""
+def read_log(options: dict[str, Any], second: str | None = None) -> Bunch:
+    """The columns that the options name, or that name themselves; of a ``second`` log those that it has."""
     from whsklearn.logs import open_source
     from whsklearn.logs.roles import by_number
 
-    source = open_source(options["log_file"])
+    file = second or options["log_file"]
+    source = open_source(file)
     servo = options["kind"] == "servo"
     if options["columns"]:
         given: dict[str, str | None] = {**by_number(options["columns"], chain=not servo)}
@@ -205,6 +259,8 @@ def read_log(options: dict[str, Any]) -> Bunch:
         given["time"] = options["time_column"]
     else:
         given = {"drive": options["input_column"], "position": options["output_column"], "time": options["time_column"]}
+    if second:  # it may have other units, and so other names
+        given = {r: c if c in source.names else None for r, c in given.items()}
     needed = [r for r in ("drive", "position") if servo]
     if given.get("command"):
         needed.remove("drive")
@@ -212,34 +268,39 @@ def read_log(options: dict[str, Any]) -> Bunch:
         needed.remove("position")
     if servo and options["rate"] is None and not options["columns"] and source.header and not _own_clock(source):
         needed.append("time")
-    return read(options["log_file"], options, **roles_of(source, given, tuple(needed), USUAL))
+    return read(file, options, **roles_of(source, given, tuple(needed), USUAL, options))
 
 
 def _own_clock(source: Any) -> bool:
-    """Whether the format brings stamps of its own, so that no column of time is needed."""
-    return Path(source.name).suffix.lower() in (".mcap", ".bag", ".mf4", ".mdf", ".tdms", "")
+    """Whether the file brings stamps or a rate of its own, so that no column of time is needed."""
+    return (
+        source.clocked
+        or source.sample_rate
+        or Path(source.name).suffix.lower() in (".mcap", ".bag", ".mf4", ".mdf", ".tdms", "")
+    )
 
 
 def as_record(options: dict[str, Any], log: Bunch) -> tuple[Any, dict[str, Any]]:
-    """The log as the kind of model takes it, motions in rad or m, and the names of its columns."""
+    """The log as the kind of model takes it, an axis in SI, and the names of its columns."""
     import pandas as pd
 
     from whsklearn.gap.following_error import following_error
     from whsklearn.gap.record import ServoRecord
-    from whsklearn.logs.units import UNKNOWN, factor_of
+    from whsklearn.logs.units import UNKNOWN, factor_between, factor_of
 
     if options["kind"] != "servo":
-        frame = pd.DataFrame({"time": log.time, "u": log.X[:, 0], "y": log.y})
-        return frame, {"input": "u", "output": "y", "time": "time"}
-    factor, unit = factor_of(log.units["position"])
-    unit = "rad" if unit == UNKNOWN else unit
-    position = log.y * factor
-    reference = None if log.reference is None else log.reference * factor
-    drive, drive_unit = log.X[:, 0], log.units.get("drive", UNKNOWN)
+        u, y = (f"{name} [{log.units.get(role, '')}]" for name, role in (("u", "drive"), ("y", "position")))
+        frame = pd.DataFrame({"time": log.time, u: log.X[:, 0], y: log.y})
+        return frame, {"input": u, "output": y, "time": "time"}
+    drive_unit, unit = log.units.get("drive", UNKNOWN), log.units["position"]
+    drive, reference = log.X[:, 0], log.reference
+    if reference is not None:
+        reference = reference * factor_between(log.units.get("reference", unit), unit)
     if log.command is not None:
-        reference = log.command * factor_of(log.units.get("command", log.units["position"]))[0]
-        drive, delay = following_error(reference, position, 1.0 / log.sample_rate)
-        drive_unit = unit
+        reference = log.command * factor_between(log.units.get("command", unit), unit)
+        by = factor_of(unit)[0]
+        drive, delay = following_error(reference * by, log.y * by, 1.0 / log.sample_rate)
+        drive, drive_unit = drive / by, unit
         late = f", the command taken {delay:.3g} s later," if delay else ""
         text = (
             f"No drive is logged: command minus position{late} stands for it. Sizes are per unit of the loop's gain: "
@@ -248,10 +309,10 @@ def as_record(options: dict[str, Any], log: Bunch) -> tuple[Any, dict[str, Any]]
         )
         note(text)
         log.notes = (*log.notes, text)
+    units = "drive" if drive_unit == UNKNOWN else drive_unit, "rad" if unit == UNKNOWN else unit
     return ServoRecord(
-        log.time, drive, position, reference, ("drive" if drive_unit == UNKNOWN else drive_unit, unit),
-        resolution=factor if log.units["position"].startswith("counts") else 0.0,
-        error_for_drive=log.command is not None,
+        log.time, drive, log.y, reference, units, resolution=1.0 if unit.startswith("counts") else 0.0,
+        error_for_drive=log.command is not None, logged=(drive_unit, unit),
     ), {}  # fmt: skip
 
 
@@ -264,16 +325,17 @@ def simulator_of(options: dict[str, Any]) -> Any:
         return simulators.FMUSimulator(path)
     if not options["joint"]:
         raise ValueError("--simulator needs --joint, the name of the joint that was logged.")
-    return simulators.MuJoCoSimulator(path, joint=options["joint"])
+    return simulators.MuJoCoSimulator(path, joint=options["joint"], actuator=options["actuator"])
 
 
 def data_problem(error: LogError, folder: Path) -> None:
     """A report that says why the log cannot be used."""
+    from whsklearn._inputs import readable
     from whsklearn.gap.data_check import Problem
     from whsklearn.gap.finder import data_problem as unusable
     from whsklearn.gap.report import write_report
 
-    write_report(unusable([Problem("data-unreadable", "The log cannot be used", str(error))]), folder)
+    write_report(unusable([Problem("data-unreadable", "The log cannot be used", readable(str(error)))]), folder)
 
 
 def track(parent: Any, finder: GapFinder, folder: Path) -> None:

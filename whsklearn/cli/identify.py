@@ -13,12 +13,13 @@ import click
 from tqdm import tqdm
 
 from whsklearn.cli.job import job, say_where, table, tracker_for, wrapped, writable_folder
-from whsklearn.cli.records import longest, read, reading_options
+from whsklearn.cli.records import logged_option, longest, note_assumed, read, reading_options, refuse_fitted
 
 if TYPE_CHECKING:
     from sklearn.utils import Bunch
 
     from whsklearn.identification import Identification
+    from whsklearn.tracking import Run
 
 
 @job
@@ -27,29 +28,38 @@ if TYPE_CHECKING:
 @click.option("--output", "output_column", help="Column that answers.")
 @click.option("--time", "time_column", help="Column of time stamps; without it (or --rate) a sample is 1 s.")
 @reading_options
+@click.option(
+    "--robot", type=click.Path(exists=True, dir_okay=False), help="URDF, MJCF or model.json: a log of an arm."
+)
+@click.option("--joints", help='Of the robot: "NAME:POSITION,DRIVE;...", columns of each; by their names if left out.')
+@click.option("--gains", help='Of the robot: "NAME:NM_PER_AMPERE;...", where drives are currents.')
 @click.option("--test", type=click.Path(exists=True), help="Another log to report on.")
 @click.option("--skip", type=click.IntRange(min=0), default=0, help="First samples of the test that do not count.")
-@click.option(
-    "--logged",
-    type=click.Choice(["auto", "output", "velocity", "position"]),
-    default="auto",
-    help="What the output is; a position is fitted by its velocity.",
-)
+@logged_option
 @click.option("--out", default="model", type=click.Path(file_okay=False), help="Folder for what is found.")
 def main(**options: Any) -> None:
     """Find the model that the log TRAIN asks for: linear, Wiener-Hammerstein or physics.
 
     \b
     whsklearn identify axis.csv --input torque_nm --output position_rad --time time_s --out model
+    whsklearn identify arm.csv --robot arm.urdf --joints "shoulder:q1,i1;elbow:q2,i2" --out model
     """  # noqa: D301 - click reads the backspace
+    if options["robot"]:
+        from whsklearn.cli import arm
+
+        arm.identify(options)
+        return
     from whsklearn.identification import identify
-    from whsklearn.identification.report import write
+    from whsklearn.identification.report import on_intervals, write
 
     train = log_of(options["train"], options)
-    test = log_of(options["test"], options) if options["test"] else None
+    test = longest(log_of(options["test"], options)) if options["test"] else None
+    note_assumed(train)
+    if test is not None:
+        refuse_fitted(train, test)
     writable_folder(options["out"])
     name = Path(options["train"]).stem
-    timed = options["time_column"] or options["rate"]
+    timed = train.units["time"] != "samples"
     tracker = tracker_for("identify", options["track"], data=name)
     with tqdm(desc="fitting", unit="model") as bar:
 
@@ -61,24 +71,49 @@ def main(**options: Any) -> None:
             train.X[:, 0],
             train.y,
             dt=1.0 / train.sample_rate if timed else 1.0,
-            test=None if test is None else (test.X[:, 0], test.y),
+            test=None if test is None else as_train(test, train),
             skip=options["skip"],
             logged=options["logged"],
-            units={"input": train.units["drive"], "output": train.units["position"]},
+            units={
+                "input": train.units["drive"],
+                "output": train.units["position"],
+                "time": train.units["time"],
+            },
+            drive_error=train.drive_error,
+            groups=train.groups,
             progress=progress,
         )
     page = write(found, options["out"])
-    click.echo(f"\n{comparison(found)}\n\n{wrapped(found.reason)}\n\n{numbers(found)}\n\nThe page is {page}.")
+    told = wrapped(on_intervals(found))
+    click.echo(f"\n{comparison(found)}\n\n{wrapped(found.reason)}\n\n{numbers(found)}\n")
+    click.echo(f"{told}\n\nThe page is {page}." if told else f"The page is {page}.")
     with tracker.run(f"identify {name}") as run:
         run.log_params({k: v for k, v in options.items() if v not in (None, (), False)})
         run.log_tags({"recommended": found.recommended.name})
-        run.log_metrics(found.recommended.test)
-        run.log_text(comparison(found), "table.txt")
+        track(run, found, page.parent)
     say_where(tracker)
 
 
+def track(run: Run, found: Identification, folder: Path) -> None:
+    """The recommended model with its files on the run, a child run for each structure."""
+    from whsklearn.identification.report import MODEL_FILE
+
+    run.log_metrics({**found.recommended.test, "size": float(found.recommended.size)})
+    run.log_text(comparison(found), "table.txt")
+    for name in ("identify.html", "identify.json", MODEL_FILE):
+        run.log_artifact(folder / name)
+    for c in found.models:
+        tags = {"kind": c.kind, "recommended": c.name if c is found.recommended else "", "failure": c.failure}
+        with run.child(c.name, tags=tags) as child:
+            child.log_params({**c.structure, "criterion": c.criterion})
+            child.log_metrics({**c.test, **{f"train_{k}": v for k, v in c.train.items()}})
+            child.log_metrics({f"window_{n}": e for n, e in c.windows.items() if e == e})
+            child.log_metrics({"size": float(c.size), "fit_seconds": c.seconds})
+    run.log_file_model(folder / MODEL_FILE, found.train.u[:, None])
+
+
 def log_of(path: str, options: dict[str, Any]) -> Bunch:
-    """The columns of a log; its longest segment if it has gaps."""
+    """The columns of a log, in segments where it has holes."""
     from whsklearn.logs.errors import ColumnError
     from whsklearn.logs.roles import by_number
 
@@ -89,7 +124,20 @@ def log_of(path: str, options: dict[str, Any]) -> Bunch:
         columns |= {"time": options["time_column"]}
     else:
         raise ColumnError("Give --input and --output, the names of the columns that drive and that answer.")
-    return longest(read(path, options, **columns))
+    return read(path, options, **columns)
+
+
+def as_train(test: Bunch, train: Bunch) -> tuple[Any, Any]:
+    """Drive and output of a test log in the units of the first."""
+    from whsklearn.logs.units import factor_between
+
+    out = []
+    for role, signal in (("drive", test.X[:, 0]), ("position", test.y)):
+        try:
+            out.append(signal * factor_between(test.units[role], train.units[role]))
+        except ValueError as error:
+            raise ValueError(f"The two logs have another {role}: {error}; give a log of the same columns.") from None
+    return out[0], out[1]
 
 
 def comparison(found: Identification) -> str:
@@ -99,7 +147,9 @@ def comparison(found: Identification) -> str:
         windows = [c.windows.get(h) for h in found.trivial.windows]
         rows.append([c.name, c.size or None, *windows, c.test.get("nmse"), c.test.get("rmse"), c.seconds])
     lengths = [f"{h * found.train.dt:.3g} s" for h in found.trivial.windows]
-    title = "Root mean square error over held-out windows, and of the free run on the test"
+    unit = found.model.units.get("output", "")
+    told = f" ({unit})" if unit else ""
+    title = f"Root mean square error{told} over held-out windows, and of the free run on the test"
     return table(["structure", "numbers", *lengths, "NMSE", "RMSE", "CPU s"], rows, title=title)
 
 

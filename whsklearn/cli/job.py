@@ -154,9 +154,9 @@ def tracker_for(experiment: str, track: bool, **tags: str) -> Tracker:
 
 
 def say_where(tracker: Tracker) -> None:
-    """Tell where the runs can be seen."""
+    """Tell where the runs are, and what shows them."""
     if tracker.client is not None:
-        click.echo("\nRecorded in MLflow; `whsklearn ui` shows the runs.")
+        click.echo(f"\nRecorded in MLflow, experiment {tracker.experiment}: {tracker.place}\n`whsklearn ui` shows it.")
 
 
 def wrapped(text: str) -> str:

@@ -21,16 +21,27 @@ _SIGNALS = ("X", "y", "time", "reference", "command", "groups", "frame")
 
 
 def reading_options(function: Callable[..., Any]) -> Callable[..., Any]:
-    """``--columns``, ``--unit``, ``--rate`` and ``--invert-drive``: how a log is to be taken."""
+    """``--columns``, ``--unit``, ``--rate``, ``--torque-constant``, ``--invert-drive``: how a log is to be taken."""
     options = [
         click.option("--columns", help="Columns by number from 0 or name: time,drive,position; two: no time."),
         click.option("--unit", "units", multiple=True, metavar="ROLE=UNIT", help="Such as position=deg; repeatable."),
         click.option("--rate", type=click.FloatRange(min=0, min_open=True), help="Samples a second, without --time."),
+        click.option(
+            "--torque-constant", metavar="K+-S", help="Nm/A of a drive in amperes, and its standard deviation."
+        ),
         click.option("--invert-drive", is_flag=True, help="Change the sign of the drive."),
     ]
     for option in reversed(options):
         function = option(function)
     return function
+
+
+logged_option = click.option(
+    "--logged",
+    type=click.Choice(["auto", "output", "velocity", "position"]),
+    default="auto",
+    help="What the output is; a position is fitted by its velocity.",
+)
 
 
 def log_options(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -40,6 +51,7 @@ def log_options(function: Callable[..., Any]) -> Callable[..., Any]:
         click.option("--input", "input_column", help="Column of the log that drives the axis."),
         click.option("--output", "output_column", help="Column of the log that answers."),
         click.option("--time", "time_column", help="Column of time stamps; if given, the sampling is checked."),
+        logged_option,
     ]
     function = reading_options(function)
     for option in reversed(options):
@@ -59,17 +71,23 @@ def units_of(given: tuple[str, ...]) -> dict[str, str]:
 
 
 def roles_of(
-    source: Source, given: Mapping[str, str | None], needed: tuple[str, ...], usual: Mapping[str, str]
+    source: Source,
+    given: Mapping[str, str | None],
+    needed: tuple[str, ...],
+    usual: Mapping[str, str],
+    options: Mapping[str, Any],
 ) -> dict[str, str]:
     """The column of every role: as given, by its usual name, or the one whose name says so, with a note.
 
     Raises
     ------
     ColumnError
-        If a needed role has none, or several columns say so.
+        If a needed role has none, several columns say so, or a drive that nobody named is a current or an effort.
     """
+    from whsklearn.logs.current import doubt, is_current
     from whsklearn.logs.errors import ColumnError
     from whsklearn.logs.roles import guess
+    from whsklearn.logs.units import unit_of
 
     roles = {r: source.resolve(c, r) for r, c in given.items() if c is not None}
     for role in needed:
@@ -87,6 +105,10 @@ def roles_of(
                 f"{source.name} has no column that is surely the {role}; it has: {', '.join(source.names[:30])}. "
                 f"Name it with --{role}{instead.get(role, '')}, or by number with --columns."
             )
+        if role == "drive" and found != usual.get(role) and not units_of(options.get("units", ())).get("drive"):
+            unit = source.units.get(found) or unit_of(found)
+            if (text := doubt(found, unit)) and not (options.get("torque_constant") and is_current(found, unit)):
+                raise ColumnError(f"{source.name} has no column that is surely a torque. {text}")
         if found != usual.get(role):
             note(f"Column {found!r} is taken for the {role}.")
         roles[role] = found
@@ -100,7 +122,13 @@ def read(path: str | Path, options: Mapping[str, Any], **columns: Any) -> Bunch:
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", LogWarning)
-        log = load_log(path, **columns, units=units_of(options.get("units", ())), sample_rate=options.get("rate"))
+        log = load_log(
+            path,
+            **columns,
+            units=units_of(options.get("units", ())),
+            sample_rate=options.get("rate"),
+            torque_constant=options.get("torque_constant"),
+        )
     for finding in log.report.findings:
         if finding.code not in _QUIET:
             note(f"{finding.title}. {finding.explanation}")
@@ -113,6 +141,43 @@ def read(path: str | Path, options: Mapping[str, Any], **columns: Any) -> Bunch:
 def note(text: str) -> None:
     """A remark on the terminal, beside the result."""
     click.echo(f"Note: {text}", err=True)
+
+
+def refuse_fitted(train: Bunch, test: Bunch) -> None:
+    """Raise if a test log holds samples of the log that is fitted, whatever the files are called.
+
+    Raises
+    ------
+    LogError
+        With the span that both hold.
+    """
+    import numpy as np
+
+    from whsklearn.logs.errors import LogError
+    from whsklearn.logs.overlap import shared_run
+    from whsklearn.logs.units import factor_of
+
+    signals = []
+    for log in (train, test):
+        by, far = (factor_of(log.units.get(role, ""))[0] for role in ("drive", "position"))
+        signals.append(np.column_stack([log.X[:, 0] * by, log.y * far]))
+    found = shared_run(*signals)
+    if found is not None:
+        i, j, n = found
+        raise LogError(
+            f"{test.name} from {test.time[j]:.6g} to {test.time[j + n - 1]:.6g} s is {train.name} from "
+            f"{train.time[i]:.6g} to {train.time[i + n - 1]:.6g} s, sample by sample ({n} of them), and a test on what "
+            "was fitted tests nothing; give --test a log of another run."
+        )
+
+
+def note_assumed(log: Bunch) -> None:
+    """A remark on every unit that the log does not say and that is assumed."""
+    from whsklearn.logs.units import UNKNOWN
+
+    for role, si in (("drive", "Nm or N"), ("position", "rad or m")):
+        if log.units.get(role) == UNKNOWN:
+            note(f"The unit of the {role} is not stated and taken for SI ({si}); --unit {role}=UNIT says another.")
 
 
 def longest(log: Bunch) -> Bunch:
@@ -165,11 +230,12 @@ def _cut(log: Bunch, rows: Any) -> Bunch:
     return Bunch(**{k: v[rows] if k in _SIGNALS and v is not None else v for k, v in log.items()})
 
 
-def record_of(options: dict[str, Any], file: str | None = None) -> Record:
-    """The record that the options of `log_options` name, or the same columns of another `file`."""
+def record_of(options: dict[str, Any]) -> Record:
+    """The record that the options of `log_options` name; of a position its velocity, as `identify` fits it."""
     import numpy as np
 
     from whsklearn.cli.comparison import Record
+    from whsklearn.identification.view import view
     from whsklearn.logs.errors import LogError
     from whsklearn.logs.roles import by_number
 
@@ -180,14 +246,21 @@ def record_of(options: dict[str, Any], file: str | None = None) -> Record:
         columns |= {"time": options["time_column"]}
     else:
         raise ValueError("--log needs --input and --output, the names of the columns that drive and that answer.")
-    log = read(file or options["log_file"], options, **columns)
+    log = read(options["log_file"], options, **columns)
     for role, values in (("drive", log.X), ("position", log.y)):
         if np.ptp(values) == 0:
             raise LogError(
                 f"{log.name}: {log.columns[role]} never changes; give a log in which the axis is driven and moves."
             )
     part = longest(log)
-    return Record(Path(log.name).stem, part.X, part.y)
+    timed = columns.get("time") or options.get("rate")
+    seen = view(part.X[:, 0], part.y, 1.0 / part.sample_rate if timed else 1.0, options["logged"])
+    if seen.logged == "position":
+        note(
+            f"{log.columns['position']} is a position: its velocity is fitted, and scores are of the velocity. "
+            "`--logged output` fits the column as it is."
+        )
+    return Record(Path(log.name).stem, part.X, seen.target)
 
 
 def orders_of(text: str) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from whsklearn.cli.job import job, writable_file
-from whsklearn.cli.records import longest, read, reading_options, roles_of
+from whsklearn.cli.records import longest, note, read, reading_options, roles_of
 
 
 @job
@@ -18,6 +18,8 @@ from whsklearn.cli.records import longest, read, reading_options, roles_of
 @click.option("--input", "input_column", help="Column of the drive; by its name if left out.")
 @click.option("--output", "output_column", help="Column of the measured output, to compare with.")
 @reading_options
+@click.option("--joints", help='Of an arm: "NAME:POSITION,DRIVE;...", columns of each joint.')
+@click.option("--gains", help='Of an arm: "NAME:NM_PER_AMPERE;...", where drives are currents.')
 @click.option("--skip", type=click.IntRange(min=0), default=0, help="Samples at the start not to judge.")
 @click.option("--out", default="simulated.csv", type=click.Path(dir_okay=False), help="Table to write.")
 def main(**options: Any) -> None:
@@ -30,29 +32,45 @@ def main(**options: Any) -> None:
 
     from whsklearn.logs import open_source
     from whsklearn.logs.roles import guess
+    from whsklearn.logs.units import UNKNOWN, UNSTATED
     from whsklearn.metrics import nmse, rmse
     from whsklearn.models import load_model
 
     out = writable_file(options["out"])
     model = load_model(options["model"])
+    if model.kind == "arm":
+        from whsklearn.cli import arm
+
+        arm.simulate(options, model)
+        return
     given = {"time": options["time_column"], "drive": options["input_column"], "position": options["output_column"]}
     source = open_source(options["log_file"])
-    if given["time"] is None and not options["rate"]:
+    if given["time"] is None and not options["rate"] and not source.clocked:
         given["time"] = guess(source, "time")
-    roles = roles_of(source, given, ("drive", "position"), {})
+    roles = roles_of(source, given, ("drive", "position"), {}, options)
     log = longest(read(options["log_file"], options, **roles))
-    if abs(1.0 / log.sample_rate / model.dt - 1.0) > 0.01 and log.units["time"] == "s" and model.dt != 1.0:
+    timed = log.units["time"] == model.units.get("time", "s" if model.dt != 1.0 else "samples") == "s"
+    if timed and abs(1.0 / log.sample_rate / model.dt - 1.0) > 0.01:
         raise ValueError(
             f"The model has a sample every {model.dt:.6g} s, the log every {1 / log.sample_rate:.6g} s; give a log at "
             "the model's rate."
         )
-    start = float(log.y[0]) if model.logged == "position" else 0.0
-    y = np.asarray(model.simulate(log.X[:, 0], start=start))
+    drive, unit = log.units["drive"], log.units["position"]
+    for column, role in (("input", "drive"), ("output", "position")):
+        if {log.units[role], model.units.get(column, UNKNOWN)} & UNSTATED:
+            known = {log.units[role], model.units.get(column, UNKNOWN)} - UNSTATED
+            note(
+                f"The unit of the {role} is not stated by {'the log' if known else 'log or model'}; it is taken for "
+                f"{known.pop() if known else 'that of the model, SI'}."
+            )
+    by, far = model.column_factor("input", drive), model.column_factor("output", unit)
+    start = far * float(log.y[0]) if model.logged == "position" else 0.0
+    y = np.asarray(model.simulate(by * log.X[:, 0], start=start)) / far
     table = pd.DataFrame({"time": log.time, "drive": log.X[:, 0], "simulated": y, "measured": log.y})
     table.to_csv(out, index=False)
     kept = slice(min(options["skip"], y.size - 2), None)
-    unit = log.units["position"]
-    unit = "" if unit == "as logged" else f" {unit}"
+    unit = model.units.get("output", "") if unit in UNSTATED else unit
+    unit = f" {unit}" if unit else ""
     click.echo(f"Free run: NMSE {nmse(log.y[kept], y[kept]):.3g}, RMSE {rmse(log.y[kept], y[kept]):.4g}{unit}.")
     click.echo(f"Written: {Path(out)}")
 

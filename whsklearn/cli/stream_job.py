@@ -148,7 +148,7 @@ def _run(stream: Stream, files: Files, place: dict[str, Any], keeper: Keeper) ->
     click.echo(
         f"{'Stopped by ' + stopper.by if stopper.by else 'The source ended'} after row {c.rows} "
         f"({taken} rows now, {taken / spent:.0f} rows/s, {c.bad} bad, {c.repeated} repeated, {c.alarms} alarms); "
-        f"started again, the stream goes on from {files.kept}.",
+        f"{keeper.outlook(c.rows)}",
         err=True,
     )
     return bool(stopper.by)
@@ -238,6 +238,18 @@ class Keeper:
     def __init__(self, stream: Stream, files: Files, place: dict[str, Any], writer: Out):
         self.stream, self.files, self.place, self.writer = stream, files, place, writer
         self._failing = False
+        self._rows: int | None = stream.carried.rows or None  # up to which a checkpoint is on the disk
+
+    def outlook(self, rows: int) -> str:
+        """From where the stream goes on if it is started again."""
+        if not self._failing:
+            return f"started again, the stream goes on from {self.files.kept}."
+        if self._rows is None:
+            return "no checkpoint could be written, so started again, the stream begins anew."
+        return (
+            f"the checkpoint {self.files.kept} is that of row {self._rows}, and started again, the stream takes the "
+            f"{rows - self._rows} rows since then once more."
+        )
 
     def save(self, lines: LineSource) -> None:
         """Write the checkpoint; records up to it are on the disk before."""
@@ -264,6 +276,7 @@ class Keeper:
                 click.echo(f"{said}; the stream goes on without it.", err=True)
             self._failing = True
             return
+        self._rows = stream.carried.rows
         if self._failing:
             click.echo(f"The checkpoint {self.files.kept} is written again.", err=True)
         self._failing = False

@@ -1,4 +1,4 @@
-"""Search the settings of an estimator: every candidate a run, the best model registered.
+"""Search the settings of an estimator: every candidate a run, the best model registered where it is worth it.
 
 Workers, on this machine or on a Dask cluster, compute; this process records, so that an interrupted
 search keeps the runs of the candidates that it finished.
@@ -8,17 +8,19 @@ from __future__ import annotations
 
 import contextlib
 import itertools
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
 import click
 from tqdm import tqdm
 
-from whsklearn.cli.job import job, say_where, table, tracker_for
+from whsklearn.cli.job import job, say_where, table, tracker_for, wrapped
 from whsklearn.cli.records import log_options, orders_of, record_of
 
 if TYPE_CHECKING:
     from whsklearn.cli.comparison import Record
+
+MEAN = 1.0  # the NMSE of a model that only knows the mean of the output
 
 
 @job
@@ -30,8 +32,8 @@ if TYPE_CHECKING:
     help="Samples of the simulated example, if no log is given.",
 )
 @click.option("--p", "lengths", default="1,2,4,8", help="Innovation lengths to try.")
-@click.option("--P0", "variances", default="default", help="Initial covariance scales to try, or 'default'.")
-@click.option("--forgetting", "factors", default="default", help="Forgetting factors to try, or 'default'.")
+@click.option("--P0", "variances", default="default", help="Initial covariance scales to try, as in default,1,1e6.")
+@click.option("--forgetting", "factors", default="default", help="Forgetting factors to try, as in default,0.999.")
 @click.option("--orders", multiple=True, default=("2,2,2,2",), help="Orders n_a,n_b,n_c,n_d; repeat to try several.")
 @click.option("--law", "laws", multiple=True, help="Friction laws as names joined by commas; repeat to try several.")
 @click.option(
@@ -42,13 +44,17 @@ if TYPE_CHECKING:
 @click.option("--jobs", type=int, default=-1, help="Worker processes; -1 for one a core.")
 @click.option("--backend", type=click.Choice(["local", "dask"]), default="local", help="Where the workers are.")
 @click.option("--scheduler", help="Address of a Dask scheduler; a cluster of two local workers if left out.")
-@click.option("--register", "registered", default="tuned", help="Name to register the best model under, as @champion.")
+@click.option("--register", "registered", default="tuned", help="Name to register the best model under.")
 def main(**options: Any) -> None:
     """Search innovation length, covariance, forgetting, orders and laws with time-safe folds.
+
+    The best model is registered with an alias of its data set, champion-axis for axis.csv, unless the mean of the
+    output or the present champion does better on the same folds.
 
     Example: whsklearn tune --log axis.csv --input torque_nm --output velocity_rad_s --p 1,2,4,8
     """
     from whsklearn import RMILSRegressor, WienerHammersteinLags
+    from whsklearn.tracking import alias_of
 
     record = record_of(options) if options["log_file"] else example(options["samples"], options["seed"])
     grid = grid_of(options)
@@ -69,10 +75,46 @@ def main(**options: Any) -> None:
                 value = sign * results[f"mean_test_{score}"][search.best_index_]
                 parent.log_metrics({score.removeprefix("neg_"): value})
         parent.log_tags({f"best_{k}": v for k, v in search.best_params_.items()})
-        parent.log_model(search.best_estimator_, record.X, registered_name=options["registered"], alias="champion")
-    if options["track"]:
-        click.echo(f"\nThe best model, fitted to the whole record, is models:/{options['registered']}@champion.")
+        name, alias = options["registered"], alias_of(record.name)
+        better = what_is_better(search, record, lambda: parent.champion(name, alias))
+        if better:
+            parent.log_model(search.best_estimator_, record.X)
+            parent.log_tags({"not_registered": better})
+            click.echo("\n" + wrapped(f"{better} Nothing is registered."))
+        elif options["track"]:
+            parent.log_model(search.best_estimator_, record.X, registered_name=name, alias=alias)
+            click.echo(f"\nThe best model, fitted to the whole record, is models:/{name}@{alias}.")
     say_where(tracker)
+
+
+def what_is_better(search: Any, record: Record, champion: Callable[[], Any]) -> str:
+    """A sentence if the mean of the output, or the settings of the champion, do better on the folds; else empty."""
+    import numpy as np
+    from sklearn.base import clone
+    from sklearn.model_selection import cross_val_score
+
+    scorer = search.scoring["neg_nmse"] if isinstance(search.scoring, dict) else search.scoring
+
+    def nmse_of(estimator: Any) -> float:
+        return -float(cross_val_score(clone(estimator), record.X, record.y, scoring=scorer, cv=search.cv).mean())
+
+    # halving judges on a part of the record, and the champion is judged on all of it
+    best = nmse_of(search.best_estimator_) if hasattr(search, "n_resources_") else -float(search.best_score_)
+    if not best < MEAN:
+        return (
+            f"The best candidate has an NMSE of {best:.3g}, and the mean of the output one of 1. Try --P0 default,1, "
+            "other --orders or another --law; `whsklearn identify` tells which structure the record asks for."
+        )
+    try:
+        holder = champion()
+        present = np.inf if holder is None else nmse_of(holder)
+    except Exception as error:  # what somebody registered there may fail in any way of its own
+        return f"The present champion cannot be judged on this record, so it stays: {str(error).splitlines()[0]}"
+    if present < best:
+        return (
+            f"The present champion's settings have an NMSE of {present:.3g} on these folds, the best ones {best:.3g}."
+        )
+    return ""
 
 
 def example(samples: int, seed: int) -> Record:
@@ -85,10 +127,13 @@ def example(samples: int, seed: int) -> Record:
 
 def grid_of(options: dict[str, Any]) -> list[dict[str, list[Any]]]:
     """One grid for each combination of orders and law, because orders move together."""
+    from whsklearn import RMILSRegressor
+
+    usual = RMILSRegressor().get_params()
     free: dict[str, list[Any]] = {"p": numbers(options["lengths"], "--p", int)}
     for name, key in (("P0", "variances"), ("forgetting", "factors")):
         if options[key] != "default":
-            free[name] = numbers(options[key], f"--{name}", float)
+            free[name] = numbers(options[key], f"--{name}", float, default=usual[name])
     laws = options["laws"] or (None,)
     grids = []
     for text, law in itertools.product(options["orders"], laws):
@@ -97,12 +142,17 @@ def grid_of(options: dict[str, Any]) -> list[dict[str, list[Any]]]:
     return grids
 
 
-def numbers(text: str, option: str, kind: type) -> list[Any]:
-    """Numbers from ``1,2,4``."""
+_NOT_ALLOWED = object()
+
+
+def numbers(text: str, option: str, kind: type, default: Any = _NOT_ALLOWED) -> list[Any]:
+    """Numbers from ``1,2,4``; the word ``default`` stands for the estimator's own, where it has one."""
+    words = [v.strip() for v in text.split(",")]
     try:
-        return [kind(v) for v in text.split(",")]
+        return [default if v == "default" and default is not _NOT_ALLOWED else kind(v) for v in words]
     except ValueError:
-        raise ValueError(f"{option} is {text!r}; expected numbers joined by commas, such as 1,2,4.") from None
+        like = "1,2,4" if default is _NOT_ALLOWED else "default,1,1e6"
+        raise ValueError(f"{option} is {text!r}; expected numbers joined by commas, such as {like}.") from None
 
 
 def count(options: dict[str, Any], grid: list[dict[str, list[Any]]]) -> int:
@@ -155,8 +205,11 @@ def varied_names(grid: list[dict[str, list[Any]]]) -> list[str]:
 
 
 def run_search(search: Any, record: Record, parent: Any, total: int, varied: list[str]) -> None:
-    """Fit, and record each chunk of candidates as it comes in."""
-    from whsklearn.tracking import log_candidates
+    """Fit, and record each chunk of candidates as it comes in.
+
+    What a search finds is its record: without one it ends, and tells what it has.
+    """
+    from whsklearn.tracking import TrackingError, log_candidates
 
     done = 0
     with tqdm(total=total, desc="candidates", unit="fit") as bar:
@@ -164,7 +217,11 @@ def run_search(search: Any, record: Record, parent: Any, total: int, varied: lis
         def record_chunk(results: dict[str, Any]) -> None:
             nonlocal done
             tags = {"reading": "full", "estimator": type(search.estimator).__name__}
-            log_candidates(parent, by_our_names(results), first=done, tags=tags, varied=varied)
+            try:
+                log_candidates(parent, by_our_names(results), first=done, tags=tags, varied=varied)
+            except TrackingError:
+                click.echo("\n" + leaders(by_our_names(results)))
+                raise
             bar.update(len(results["params"]) - done)
             done = len(results["params"])
 
@@ -212,12 +269,22 @@ def leaders(results: dict[str, Any], n: int = 8) -> str:
     order = np.argsort(-np.nan_to_num(results[key], nan=-np.inf))[:n]
     varied = [k for k in results["params"][0] if len({str(p[k]) for p in results["params"]}) > 1] or ["p"]
     rows = [
-        [i + 1, *(results["params"][c][k] for k in varied), float(-results[key][c]), float(results["mean_fit_time"][c])]
+        [
+            i + 1,
+            *(shown(results["params"][c][k]) for k in varied),
+            float(-results[key][c]),
+            float(results["mean_fit_time"][c]),
+        ]
         for i, c in enumerate(order)
     ]
     return table(
         ["", *(k.removeprefix("lags__") for k in varied), "NMSE", "seconds"], rows, title=f"The best {len(rows)}"
     )
+
+
+def shown(value: Any) -> Any:
+    """A setting as the table has it: None is what the estimator takes by itself."""
+    return "default" if value is None else value
 
 
 if __name__ == "__main__":

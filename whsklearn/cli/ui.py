@@ -16,15 +16,7 @@ import click
 from whsklearn.cli.job import root
 
 _START_SECONDS = 120
-
-
-def page(base: str, experiment_id: str | None) -> str:
-    """The address of the runs of an experiment, in the view for models rather than for chat traces."""
-    from whsklearn.tracking.runs import VIEW
-
-    if experiment_id is None:
-        return base
-    return f"{base}/#/experiments/{experiment_id}/runs?workflowType=machine_learning&viewStateShareKey={VIEW}"
+_END_SECONDS = 5.0
 
 
 def free_port(wanted: int) -> int:
@@ -56,6 +48,10 @@ def stop(server: subprocess.Popen[bytes]) -> None:
     """End the page and its workers."""
     with contextlib.suppress(ProcessLookupError):
         os.killpg(server.pid, signal.SIGTERM)
+        try:
+            server.wait(_END_SECONDS)
+        except subprocess.TimeoutExpired:  # it is stopped (SIGSTOP) or hangs
+            os.killpg(server.pid, signal.SIGKILL)
     server.wait()
 
 
@@ -85,10 +81,9 @@ def main(port: int, browser: bool) -> None:
     store = tracking.tracking_uri(root())
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # so that being ended ends the page too
     try:
-        tracker = tracking.open_tracker("simulated_example", root=root())
-        experiment = tracking.latest_experiment(root()) or tracker.experiment_id
+        found = tracking.experiments(root())
         if store.startswith(("http://", "https://")):
-            _announce(page(store.rstrip("/"), experiment), browser)
+            _announce(store, found, browser)
             return
         port = free_port(port)
         click.echo("Starting MLflow's page (about 10 s) ...", err=True)
@@ -97,7 +92,7 @@ def main(port: int, browser: bool) -> None:
     except (OSError, ImportError, tracking.TrackingError) as error:
         raise click.ClickException(str(error)) from error
     try:
-        _announce(page(f"http://127.0.0.1:{port}", experiment), browser)
+        _announce(f"http://127.0.0.1:{port}", found, browser)
         click.echo("Stop it with Ctrl-C.")
         server.wait()
     except KeyboardInterrupt:
@@ -106,10 +101,17 @@ def main(port: int, browser: bool) -> None:
         stop(server)
 
 
-def _announce(address: str, browser: bool) -> None:
-    click.echo(f"The runs: {address}")
+def _announce(server: str, found: list[tuple[str, str]], browser: bool) -> None:
+    """An address for every experiment, each with its own columns, and the newest in a browser."""
+    from whsklearn.tracking.runs import page_of
+
+    addresses = {name: page_of(server, experiment_id) for name, experiment_id in found} or {"no runs yet": server}
+    width = max(map(len, addresses))
+    click.echo("The runs, those written to last first:")
+    for name, address in addresses.items():
+        click.echo(f"  {name:<{width}}  {address}")
     if browser and (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY") or sys.platform != "linux"):
-        webbrowser.open(address)
+        webbrowser.open(next(iter(addresses.values())))
 
 
 if __name__ == "__main__":

@@ -1,5 +1,6 @@
 """Logs to try things on: makers, the library's own simulated record, loaders of the user's and of published ones."""
 
+from whsklearn.datasets.arm import default_arm, make_arm_log
 from whsklearn.datasets.drawn_effects import draw_effect
 from whsklearn.datasets.real import fetch_emps, fetch_kr300
 from whsklearn.datasets.references import reference_signal
@@ -12,12 +13,14 @@ __all__ = [
     "Finding",
     "LogReport",
     "check_log",
+    "default_arm",
     "default_axis",
     "draw_effect",
     "fetch_emps",
     "fetch_kr300",
     "load_log",
     "load_turntable",
+    "make_arm_log",
     "make_servo_log",
     "make_wiener_hammerstein",
     "reference_signal",

@@ -74,6 +74,13 @@ SENSOR_RECTIFICATION = 152
 ENCODER_ECCENTRICITY = 153
 QUANTIZATION = 154
 
+# ports that only a chain of blocks has
+PLAY_U = 160
+RESONANCE_Y = 161
+TONE_U = 162
+SATURATION_X = 163
+DEAD_ZONE_X = 164
+
 # effects of one's own, by port
 USER_TORQUE = 200
 USER_OUTPUT = 201

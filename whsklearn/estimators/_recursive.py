@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import copy
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from numpy import ndarray
+from sklearn.utils.validation import check_is_fitted
 
 from whsklearn._inputs import starts
 from whsklearn.estimators import _model as wh
@@ -18,6 +20,8 @@ from whsklearn.recursion.pseudolinear import BLOCK
 from whsklearn.recursion.reading import FIRST_RERUN, Reading
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from numpy.typing import ArrayLike, NDArray
 
     Array = NDArray[np.float64]
@@ -66,7 +70,7 @@ class RecursiveRegressor(AxisRegressor):
         ValueError
             If a parameter, a shape or a number is not what it must be; nothing changes then.
         """
-        with self._unchanged_if_refused():
+        with self._alone(), self._unchanged_if_refused():
             self._keep_lags()
             self._check_parameters()
             given = joined(X, y, groups, sample_weight)
@@ -115,6 +119,19 @@ class RecursiveRegressor(AxisRegressor):
             and stream.step(self.state_, X, y)
         ):
             return self
+        with self._lock:
+            held = self._kept_out()
+            try:
+                return self._partial_fit_alone(X, y, groups, sample_weight)
+            finally:
+                if held is not None:
+                    held.let_go(self.state_)
+
+    def _partial_fit_alone(
+        self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None, sample_weight: ArrayLike | None
+    ) -> Self:
+        """`partial_fit` of one thread at a time."""
+        stream = self._stream
         told = groups is not None or sample_weight is not None
         if stream is None or told or not _plain(X, y, self.n_features_in_):
             return self._partial_fit_checked(X, y, groups, sample_weight)
@@ -127,6 +144,8 @@ class RecursiveRegressor(AxisRegressor):
         except BaseException:
             self.state_ = undo.restored(stream)
             raise
+        if n == 1 and type(stream) is RowsStream:
+            stream.pack(self.state_)
         return self
 
     def _partial_fit_checked(
@@ -161,7 +180,7 @@ class RecursiveRegressor(AxisRegressor):
             self._keep_lags()
             self._check_state(self.state_)
         if first and len(X) >= FIRST_RERUN:  # the first rows of a stream may well stand still
-            self._warn_of_record(X, y, stacklevel=5)
+            self._warn_of_record(X, y, stacklevel=6)
         rows, targets = X, y
         if not self._is_wiener_hammerstein and self.lags is not None:
             rows, targets = self.lags_.partial_rows(X, y)
@@ -177,9 +196,11 @@ class RecursiveRegressor(AxisRegressor):
 
     def consolidate(self) -> Self:
         """Re-run the samples in memory now, as `fit` does at its end; a stream may do so when it has time."""
-        state = copied(self.state_)  # so that an interrupt leaves what was
-        self._make_stream(self.theta_.size, state["seed"]).settle(state)
-        self.state_ = state
+        check_is_fitted(self, "state_")
+        with self._alone():
+            state = copied(self.state_)  # so that an interrupt leaves what was
+            self._make_stream(self.theta_.size, state["seed"]).settle(state)
+            self.state_ = state
         return self
 
     def forget_past(self, samples: float = 100.0) -> Self:
@@ -201,10 +222,11 @@ class RecursiveRegressor(AxisRegressor):
         """
         if not 0 < samples < np.inf:
             raise ValueError(f"samples is {samples!r}, expected a positive number, of samples that the past may count.")
-        _ = self.theta_
-        state = copied(self.state_)
-        self._reader().forget_past(state, float(samples))
-        self.state_ = state
+        check_is_fitted(self, "state_")
+        with self._alone():
+            state = copied(self.state_)
+            self._reader().forget_past(state, float(samples))
+            self.state_ = state
         return self
 
     @property
@@ -331,21 +353,43 @@ class RecursiveRegressor(AxisRegressor):
         for name in _NO_STATE:
             self.__dict__.pop(name, None)
 
+    def _kept_out(self) -> RowsStream | None:
+        """The stream of rows, after which nobody gets in but by the lock until its ``let_go``; None for others."""
+        stream = self._stream
+        if type(stream) is not RowsStream:
+            return None
+        stream.hold(self.state_)
+        return stream
+
+    @contextmanager
+    def _alone(self) -> Iterator[None]:
+        with self._lock:
+            held = self._kept_out()
+            try:
+                yield
+            finally:
+                if held is not None:
+                    held.let_go(self.state_)
+
     def _theta(self) -> Array:
-        return self._reader().theta(self.state_)
+        with self._lock:
+            return self._reader().theta(self.state_)
 
     def _covariance(self) -> Array:
-        return self._reader().covariance(self.state_)
+        with self._lock:
+            return self._reader().covariance(self.state_)
 
     def _natural(self) -> Array:
-        reader = self._reader()
-        return reader.natural(self.state_) if isinstance(reader, FullStream) else super()._natural()
+        with self._lock:
+            reader = self._reader()
+            return reader.natural(self.state_) if isinstance(reader, FullStream) else super()._natural()
 
     def _natural_covariance(self) -> Array:
-        reader = self._reader()
-        if isinstance(reader, FullStream):
-            return reader.natural_covariance(self.state_)
-        return super()._natural_covariance()
+        with self._lock:
+            reader = self._reader()
+            if isinstance(reader, FullStream):
+                return reader.natural_covariance(self.state_)
+            return super()._natural_covariance()
 
     def _check_state(self, state: dict[str, Any]) -> None:
         """A state fits if it has the arrays of a fresh one; only the number of models may differ."""

@@ -8,6 +8,7 @@ in the ``state`` dict that every call takes, so that it can be copied, saved and
 from __future__ import annotations
 
 import itertools
+import time
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numba
@@ -18,6 +19,7 @@ from whsklearn.estimators._undo import Undo
 from whsklearn.recursion import multistart
 from whsklearn.recursion.covariance import WIND_UP, covariance, inflate
 from whsklearn.recursion.least_squares import (
+    BUSY,
     N_SETTINGS,
     SINCE,
     one_row,
@@ -81,8 +83,10 @@ class RowsStream:
         self.variance = float(p) if counted_once else 1.0
         self.gradient = gradient
         self.undo = Undo()
-        self._packed = np.full(1, -1.0)  # all that `step` hands over, of which the state then holds views
+        self._packed = np.zeros(N_SETTINGS)  # all that `step` hands over, of which the state then holds views
+        self._packed[SINCE] = -1.0
         self._of: State = {}  # the state that it is of
+        self._theta = theta0
 
     def initial(self) -> State:
         """P0 I and theta0."""
@@ -119,37 +123,49 @@ class RowsStream:
         state["seen"] += seen
 
     def step(self, state: State, u: Array, y: Array) -> bool:
-        """One row of float64; False, with nothing changed, if it needs the full validation."""
+        """One row of float64; False, with nothing changed, if it needs the full validation or another thread is in."""
         if state is not self._of or state["theta"] is not self._theta:
-            if self.gradient or _numba_settings.DISABLE_JIT:
-                return False
-            self._pack(state)
+            return False  # until `pack`
         try:
             since = self._kernel(self._packed, state["since"], u, y)
         except BaseException as error:
             # a signal is handled after the kernel, which learns a row whole or not at all; then it counts as learnt
             if self._packed[SINCE] == state["since"] + 1:
-                state["since"] += 1
                 state["seen"] += 1
+                state["since"] += 1
             elif type(error) is TypeError:
                 return False  # arrays of another kind
             raise
         if since < 0:
             return False
-        state["since"] = since
         state["seen"] += 1
+        state["since"] = since  # the last: from now on `one_row` takes a row of another thread
         return True
 
-    def _pack(self, state: State) -> None:
-        """Move what a row changes into one array; the state goes on with views of it."""
+    def pack(self, state: State) -> None:
+        """Make the state ready for `step`: what a row changes moves into one array, and the state has views of it."""
+        if self.gradient or _numba_settings.DISABLE_JIT or (state is self._of and state["theta"] is self._theta):
+            return
         flat = np.empty(pack_size(self.n, self.p))
-        flat[:N_SETTINGS] = -1.0, self.forgetting, self.ceiling, self.p, self.variance
+        flat[:N_SETTINGS] = -1.0, self._packed[BUSY], self.forgetting, self.ceiling, self.p, self.variance
         names = "theta", "ud", "loss", "rows", "targets"
         for name, view in zip(names, unpacked(flat, self.n, self.p), strict=False):
             view[:] = state[name]
             state[name] = view
         self._packed, self._kernel = flat, one_row()
         self._of, self._theta = state, state["theta"]
+
+    def hold(self, state: State) -> None:
+        """Keep `step` out until `let_go`; a row that it has learnt in another thread and not told yet is waited for."""
+        self._packed[BUSY] = 1.0
+        while state is self._of and self._packed[SINCE] not in (-1.0, state["since"]):
+            time.sleep(0.0)
+
+    def let_go(self, state: State) -> None:
+        """Let `step` in again, with the state that there is now and no other: nobody may learn on one that is gone."""
+        if state is not self._of:
+            self._of = {}
+        self._packed[BUSY] = 0.0
 
     def settle(self, state: State) -> None:
         """Nothing is kept to be read again."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import math
 import os
+import threading
 import warnings
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, ClassVar, Self
@@ -38,6 +39,7 @@ OUTPUTS = ("expected", "simulation")
 # chance, none is with probability exp(-m), and one half is m = ln 2.  So below it the simulation has the less median
 # error, and the expected output, which has the less mean square whatever m, above it.
 FEW_SIGNS = math.log(2.0)
+LARGEST_COUNT = 2**62  # of samples: a stream at 1 MHz takes 100,000 years to it, and twice as much is no int64 any more
 LEARNT = ("theta", "ud", "loss", "memory_u", "memory_y", "recent_u", "recent_y", "rows", "targets", "before")
 
 
@@ -60,6 +62,11 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
     def _is_wiener_hammerstein(self) -> bool:
         """Whether the rows are built from u and past y inside the estimator."""
         return hasattr(self.lags, "key_term")
+
+    @property
+    def _answers_several(self) -> bool:
+        """Whether y has a column a joint, as the lags of an arm make its rows."""
+        return bool(getattr(self.lags, "multi_output", False))
 
     @property
     def _takes_direct_paths(self) -> bool:
@@ -100,6 +107,27 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
         """Covariance of the natural parameters, by the delta method."""
         jacobian = np.linalg.pinv(wh.paper_jacobian(self._natural(), self._structure()))
         return jacobian @ self._covariance() @ jacobian.T
+
+    # -- threads -------------------------------------------------------------------------
+
+    @property
+    def _lock(self) -> threading.RLock:
+        """Of those who learn, and who read what is learnt; no part of the state, so no copy and no file holds it."""
+        found: threading.RLock = self.__dict__.get("_own_lock") or self.__dict__.setdefault(
+            "_own_lock", threading.RLock()
+        )
+        return found
+
+    @contextmanager
+    def _alone(self) -> Iterator[None]:
+        """Let other threads wait that learn, or read what is learnt."""
+        with self._lock:
+            yield
+
+    def __getstate__(self) -> dict[str, Any]:
+        state = dict(super().__getstate__())
+        state.pop("_own_lock", None)
+        return state
 
     # -- what was learnt -----------------------------------------------------------------
 
@@ -216,6 +244,8 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
         std = np.zeros(len(u))
         if not self._is_wiener_hammerstein:
             rows: Array = u if self.lags is None else np.asarray(self.lags_.transform(u, groups=groups))
+            if with_std and self._answers_several:
+                raise ValueError("return_std is for one output; take parameter_standard_errors_ of an arm instead.")
             if with_std:
                 std = rows_spread(rows, self._covariance(), self._noise_variance())
             return rows @ self._theta(), std
@@ -313,7 +343,9 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
         given = joined(X, y, groups)
         X, y, groups = given.X, given.y, given.groups
         with in_one_sentence(X, y):
-            u, known = validate_data(self, X, y, dtype=np.float64, reset=False, y_numeric=True)
+            u, known = validate_data(
+                self, X, y, dtype=np.float64, reset=False, y_numeric=True, multi_output=self._answers_several
+            )
         known = writeable(np.asarray(known, dtype=np.float64))
         check_lengths(u, known)
         if not self._is_wiener_hammerstein:
@@ -380,11 +412,12 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
     def get_state(self) -> dict[str, Any]:
         """A copy of all that was learnt, as a dict of arrays and numbers."""
         check_is_fitted(self, "state_")
-        state = {"n_features_in": int(self.n_features_in_), "state": copy.deepcopy(self.state_)}
-        if hasattr(self, "feature_names_in_"):
-            state["feature_names_in"] = [str(n) for n in self.feature_names_in_]
-        if hasattr(getattr(self, "lags_", None), "get_state"):
-            state["lags"] = self.lags_.get_state()
+        with self._alone():
+            state = {"n_features_in": int(self.n_features_in_), "state": copy.deepcopy(self.state_)}
+            if hasattr(self, "feature_names_in_"):
+                state["feature_names_in"] = [str(n) for n in self.feature_names_in_]
+            if hasattr(getattr(self, "lags_", None), "get_state"):
+                state["lags"] = self.lags_.get_state()
         return state
 
     def set_state(self, state: dict[str, Any]) -> Self:
@@ -397,7 +430,7 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
         """
         if not isinstance(state, dict) or not {"n_features_in", "state"} <= state.keys():
             raise ValueError("This is no state of an estimator; give what get_state() returned.")
-        with self._unchanged_if_refused():
+        with self._alone(), self._unchanged_if_refused():
             self._keep_lags()
             if type(state["n_features_in"]) is not int or state["n_features_in"] < 1:
                 raise ValueError(f"This state has {state['n_features_in']!r} inputs, expected a whole number.")
@@ -421,6 +454,9 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
         for name, value in state.items():
             if isinstance(value, np.ndarray) and value.dtype.kind == "f" and np.isnan(value).any() and name in LEARNT:
                 raise ValueError(f"This state has NaN in {name}, expected numbers; go back to an earlier one.")
+            whole = isinstance(value, int) or (isinstance(value, np.ndarray) and value.dtype.kind in "iu")
+            if whole and np.any(np.abs(value) >= LARGEST_COUNT):
+                raise ValueError(f"This state has {np.max(np.abs(value))} in {name}, a count that no stream reaches.")
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write parameters and state to a file, atomically and without pickle."""
@@ -482,7 +518,7 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
         """X and y as contiguous float64, checked."""
         with in_one_sentence(X, y):
             u, target = validate_data(
-                self, X, y, reset=reset, dtype=np.float64, order="C", y_numeric=True, multi_output=False
+                self, X, y, reset=reset, dtype=np.float64, order="C", y_numeric=True, multi_output=self._answers_several
             )
         target = np.asarray(target, dtype=np.float64)
         check_lengths(u, target)

@@ -105,7 +105,7 @@ class StreamingPEMRegressor(ChainRegressor):
         ValueError
             If the record is too short, a number is not finite, or a setting cannot be; the estimator is as before then.
         """
-        with self._unchanged_if_refused():
+        with self._alone(), self._unchanged_if_refused():
             for name in ("state_", "_early"):
                 self.__dict__.pop(name, None)
             self._learn(joined(X, y, groups, sample_weight), some=True)
@@ -129,8 +129,8 @@ class StreamingPEMRegressor(ChainRegressor):
         sample_weight : array-like of shape (n,), optional
             1 / variance of each sample.
         """
-        before = self.state_["seen"] if hasattr(self, "state_") else 0
-        with self._unchanged_if_refused():
+        with self._alone(), self._unchanged_if_refused():
+            before = self.state_["seen"] if hasattr(self, "state_") else 0
             self._learn(joined(X, y, groups, sample_weight, before), some=False)
         return self
 

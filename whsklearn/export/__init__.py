@@ -6,5 +6,6 @@ What a format cannot hold comes back as a list of `Loss`, each with its size, an
 from whsklearn.export.files import FORMATS, Export, export_model
 from whsklearn.export.linear import to_control, to_dlti
 from whsklearn.export.losses import Loss
+from whsklearn.export.tables import Left, Ratings
 
-__all__ = ["FORMATS", "Export", "Loss", "export_model", "to_control", "to_dlti"]
+__all__ = ["FORMATS", "Export", "Left", "Loss", "Ratings", "export_model", "to_control", "to_dlti"]

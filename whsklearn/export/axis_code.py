@@ -94,7 +94,7 @@ def _read(law, position, t, lattice):  # type: ignore[no-untyped-def]
 
 
 def axis_code(
-    axis: ServoAxis, language: Language, state: Any, *, velocity: bool = False, remember: bool = False
+    axis: ServoAxis, language: Language, state: Any, *, velocity: bool = False, remember: bool = False, out: float = 1.0
 ) -> AxisCode:
     """Specialise the integrator to one axis.
 
@@ -108,6 +108,8 @@ def axis_code(
         Answer with the velocity instead of the encoder's reading.
     remember : bool
         Take sines and cosines of the motion from the last ones, with what is kept in ``wave``.
+    out : float
+        What brings the answer's unit to SI.
     """
     plant = pack(axis)
     law = _arranged(plant.codes, plant.p, axis)
@@ -135,6 +137,7 @@ def axis_code(
     seeing = Specialiser(language, "r_")
     seen = state(STATES[2 if two and axis.sensor.side == "load" else 0], -1)
     y = Symbol(state("velocity", -1)) if velocity else seeing.call(_read, law, Symbol(seen), Symbol("t"), lattice)
+    y = seeing.binary("Mult", y, 1.0 / out)
     older, newer, share = _holds(chain.delay / h, axis.substeps)
     states = dict.fromkeys(STATES[: 4 if two else 2], 0)
     if memory:
@@ -180,14 +183,19 @@ def _holds(delay: float, substeps: int) -> tuple[list[int], list[int], list[floa
     return older, newer, share
 
 
-def torque_code(axis: ServoAxis, language: Language) -> Part:
-    """The torque that friction and what depends on position ask for, as a function of ``position`` and ``velocity``."""
+def torque_code(axis: ServoAxis, language: Language, factors: tuple[float, float] = (1.0, 1.0)) -> Part:
+    """The torque that friction and what depends on position ask for, as a function of ``position`` and ``velocity``.
+
+    ``factors`` bring drive and motion to SI.
+    """
     plant = pack(axis)
     keep = [i for i, code in enumerate(plant.codes) if compensated(int(code))]
     law = _arranged(plant.codes[keep], plant.p[keep], axis)
     work = Specialiser(language)
     kappa = 1.0 / axis.smoothing if axis.friction == "tanh" else math.inf
-    result = work.call(_static_torque, law, Symbol("position"), Symbol("velocity"), kappa)
+    by, far = factors
+    motion = (work.binary("Mult", far, Symbol(name)) for name in ("position", "velocity"))
+    result = work.binary("Mult", work.call(_static_torque, law, *motion, kappa), 1.0 / by)
     return Part(*work.finish(result), work.text(result))
 
 

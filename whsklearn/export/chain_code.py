@@ -9,19 +9,24 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from whsklearn.effects import FrictionLaw
+from whsklearn.effects import Effect, FrictionLaw
+from whsklearn.effects import codes as fx
+from whsklearn.effects.drive import delayed
 from whsklearn.effects.terms import term
 from whsklearn.export.axis_code import Part
 from whsklearn.export.languages import Language
 from whsklearn.export.specialise import Specialiser
-from whsklearn.export.statements import Memory, Symbol
+from whsklearn.export.statements import Memory, OneOf, Symbol
+from whsklearn.systems.chain import packed
+from whsklearn.systems.chain_ports import added, driven, sensed, transmitted
 
 
 @dataclass(frozen=True)
 class Chain:
     """x = b1/f1 u, v = law(x, dx), y = b2/f2 v + offset, summed up times dt where the output is a position.
 
-    Polynomials in the delay, from the direct path on; f1 and f2 begin with 1; no law: v = x.
+    Polynomials in the delay, from the direct path on; f1 and f2 begin with 1; no law: v = x.  Effects stand at the
+    ports of a chain whose blocks both delay (`whsklearn.systems.chain_ports`).
     """
 
     b1: NDArray[Any]
@@ -32,6 +37,12 @@ class Chain:
     dt: float
     offset: float = 0.0
     integrates: bool = False
+    effects: tuple[Effect, ...] = ()
+
+    @property
+    def direct(self) -> bool:
+        """Whether a block has a direct path: then what acts before it depends on what comes behind."""
+        return bool(self.b1[0] != 0.0 or self.b2[0] != 0.0)
 
     def linear(self) -> tuple[NDArray[Any], NDArray[Any]]:
         """Numerator and denominator of the chain with the law's linear terms only."""
@@ -74,8 +85,59 @@ def _law(codes, shapes, weights, x, dx):  # type: ignore[no-untyped-def]
     return total
 
 
-def chain_code(chain: Chain, language: Language, state: Any) -> ChainCode:
-    """Specialise a chain to its numbers; ``state(name, index)`` as for `axis_code`."""
+def _pushed(b, f, z, n, u, y):  # type: ignore[no-untyped-def]
+    """The states of `_filtered` behind an input that is known only after its output, as where b[0] is zero."""
+    for i in range(n - 1):
+        z[i] = b[i + 1] * u + z[i + 1] - f[i + 1] * y
+    z[n - 1] = b[n] * u - f[n] * y
+
+
+def _with_effects(chain, work, state, states, block, drive):  # type: ignore[no-untyped-def]
+    """The reading of a chain with effects at its ports, sample by sample as `whsklearn.systems.chain.run`."""
+    ports: Any = packed(chain.effects)
+    slots: dict[tuple[int, int], int] = {}
+    memory = Memory(lambda i, j: state("memory", slots.setdefault((i, j), len(slots))))
+    own = OneOf(tuple(type(e).evaluate for e in chain.effects if e.evaluate is not None))
+    t: Any = Symbol(state("samples", -1))
+    n = max(chain.b1.size, chain.f1.size) - 1
+    b, f = (np.pad(v, (0, n + 1 - v.size)) for v in (chain.b1, chain.f1))
+    z = Memory(lambda i: state("first", i))
+    states |= {"first": n, "last_x": 0, "last_dx": 0, "samples": 0}
+    first = work.bind("raw", work.call(_first, z))
+    x = work.bind("x", work.call(transmitted, *ports[:2], memory, first, chain.dt))
+    u: Any = Symbol(drive)
+    late = [e for e in chain.effects if e.code == fx.INPUT_DELAY]
+    for whole, part in (delayed(max(e.row[0] / chain.dt, 0.0)) for e in late):
+        past = [u, *(Symbol(state("history", i)) for i in range(whole + 1))]
+        newer, older = (work.binary("Mult", share, past[i]) for share, i in ((1.0 - part, whole), (part, whole + 1)))
+        u = work.bind("arrived", work.binary("Add", newer, older))
+        states["history"] = whole + 1
+        for i in reversed(range(whole + 1)):
+            work.store(state("history", i), past[i])
+    driven_u = work.bind("driven", work.call(driven, *ports[:2], memory, u, None, t, x, chain.dt))
+    work.call(_pushed, b, f, z, n, driven_u, first)
+    dx = work.bind("dx", work.binary("Sub", x, Symbol(state("last_x", -1))))
+    ddx = work.bind("ddx", work.binary("Sub", dx, Symbol(state("last_dx", -1))))
+    law = chain.law
+    v = work.call(_law, law.codes, law.shapes, law.weights, x, dx)
+    more = work.call(added, *ports[:2], memory, own, Symbol(drive), x, dx, ddx, t, chain.dt, math.inf, None)
+    v = work.bind("v", work.binary("Add", v, more))
+    work.store(state("last_x", -1), x)
+    work.store(state("last_dx", -1), dx)
+    y = work.bind("q", block("second", chain.b2, chain.f2, v))
+    y = work.bind("y", work.call(sensed, *ports[:2], memory, own, y, t, chain.dt))
+    work.store(state("samples", -1), work.binary("Add", t, 1.0))
+    if slots:
+        states["memory"] = len(slots)
+    return y
+
+
+def _first(z):  # type: ignore[no-untyped-def]
+    return z[0]
+
+
+def chain_code(chain: Chain, language: Language, state: Any, *, drive: str = "drive", out: float = 1.0) -> ChainCode:
+    """Specialise a chain to its numbers; ``state`` and ``out`` as for `axis_code`, ``drive`` the input's variable."""
     work = Specialiser(language)
     states: dict[str, int] = {}
 
@@ -86,19 +148,23 @@ def chain_code(chain: Chain, language: Language, state: Any) -> ChainCode:
         wide = [np.pad(v, (0, n + 1 - v.size)) for v in (b, f)]
         return work.bind(name, work.call(_filtered, *wide, Memory(lambda i: state(name, i)), n, u))
 
-    x = block("first", chain.b1, chain.f1, Symbol("drive"))
-    if chain.law is not None:
+    effects = bool(chain.effects) and not chain.direct
+    if effects:
+        x = _with_effects(chain, work, state, states, block, drive)
+    else:
+        x = block("first", chain.b1, chain.f1, Symbol(drive))
+    if chain.law is not None and not effects:
         law, dx = chain.law, 0.0
         if any(t.name != "power" for t in law.terms):
             states["last_x"] = 0
             dx = work.bind("dx", work.binary("Sub", x, Symbol(state("last_x", -1))))
             work.store(state("last_x", -1), x)
         x = work.bind("v", work.call(_law, law.codes, law.shapes, law.weights, x, dx))
-    y = work.binary("Add", block("second", chain.b2, chain.f2, x), chain.offset)
+    y = work.binary("Add", x if effects else block("second", chain.b2, chain.f2, x), chain.offset)
     if chain.integrates:
         states["total"] = 0
         total = work.bind("total", work.binary("Add", Symbol(state("total", -1)), y))
         work.store(state("total", -1), total)
         y = work.binary("Mult", total, chain.dt)
-    y = work.bind("y", y)
+    y = work.bind("y", work.binary("Mult", y, 1.0 / out))
     return ChainCode(Part(*work.finish(y), work.text(y)), states)

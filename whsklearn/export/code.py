@@ -9,12 +9,15 @@ from typing import Any
 
 import jinja2
 
+from whsklearn._inputs import LARGEST
 from whsklearn.export.axis_code import WAVE, axis_code, compensated, torque_code
 from whsklearn.export.chain_code import chain_code
-from whsklearn.export.languages import C, StructuredText
+from whsklearn.export.languages import C, Language, StructuredText
 from whsklearn.export.losses import Loss, left_out, lost_parts, size_of
 from whsklearn.export.model import Exported
 
+# No drive is larger; the squares and products of four of such numbers stay finite in the format.
+LARGEST_DRIVE = {"double": LARGEST, "float": 1e9}
 _NOT_STEADY = "the compensator knows position and velocity only"
 
 
@@ -34,13 +37,14 @@ def identifier(text: str) -> str:
 
 def code_losses(model: Exported, what: str) -> list[Loss]:
     """What the code of a model or a compensator leaves out."""
-    out = [Loss(e.name, size_of(e), "effects of a chain are not exported") for e in model.chain_effects]
     if model.axis is None:
-        return out
-    out += lost_parts(model.axis, timing=True, transmission=True, limit=True)
+        direct = model.chain is not None and model.chain.direct
+        reason = "effects of a chain with a direct path are not exported"
+        return [Loss(e.name, size_of(e), reason) for e in model.chain_effects if direct]
+    out = lost_parts(model.axis, timing=True, transmission=True, limit=True)
     if what == "compensator":
         out += left_out(model.axis, _steady, _NOT_STEADY)
-    return out
+    return model.told(out)
 
 
 def _steady(effect: Any) -> bool:
@@ -69,20 +73,21 @@ def c_files(model: Exported, name: str, what: str = "model", real: str = "double
     names: dict[str, Any] = {"name": name, "real": real, "lang": lang, "code": None, "chain": None, "torque": None}
     names |= {"states": None, "counters": [], "title": _title(model, what), "header": f"{name}.h"}
     names |= {"losses": code_losses(model, what), "guard": f"{name.upper()}_H", "output": model.logged.capitalize()}
-    names |= {"one": lang.number(1.0), "wave": WAVE}
-    names["drive_unit"] = f" ({model.units['input']})" if model.units.get("input") else ""
+    names |= {"one": lang.number(1.0), "wave": WAVE, "largest": LARGEST_DRIVE[real]}
+    names |= _units(model, lang, what)
     if what == "compensator":
-        names["torque"] = torque_code(model.need_axis("A compensator"), lang)
+        names["torque"] = torque_code(model.need_axis("A compensator"), lang, model.factors)
     elif model.axis is not None:
-        code = axis_code(model.axis, lang, state, velocity=model.logged == "velocity", remember=True)
+        velocity = model.logged == "velocity"
+        code = axis_code(model.axis, lang, state, velocity=velocity, remember=True, out=model.factors[1])
         names["code"], names["states"] = code, dict(code.states)
         names["counters"] = ["samples"]
         if code.history > 1:
             names["states"]["history"] = code.history
             names["counters"] = ["samples", "newest"]
     elif model.chain is not None:
-        names["chain"] = chain_code(model.chain, lang, state)
-        names["states"] = names["chain"].states or {"unused": 0}
+        names["chain"] = chain_code(model.chain, lang, state, out=model.factors[1])
+        names["states"] = names["chain"].states
     return {f"{name}.h": render("model.h.j2", **names), f"{name}.c": render("model.c.j2", **names)}
 
 
@@ -94,13 +99,15 @@ def st_file(model: Exported, name: str, what: str = "model") -> str:
         return field if index < 0 else f"{field}[{index}]"
 
     names: dict[str, Any] = {"name": name, "lang": lang, "code": None, "chain": None, "torque": None}
-    names |= {"title": _title(model, what), "losses": code_losses(model, what)}
+    names |= {"title": _title(model, what), "losses": code_losses(model, what), "largest": LARGEST_DRIVE["double"]}
+    names |= _units(model, lang, what)
     if what == "compensator":
-        names["torque"] = torque_code(model.need_axis("A compensator"), lang)
+        names["torque"] = torque_code(model.need_axis("A compensator"), lang, model.factors)
     elif model.axis is not None:
-        names["code"] = axis_code(model.axis, lang, state, velocity=model.logged == "velocity")
+        velocity = model.logged == "velocity"
+        names["code"] = axis_code(model.axis, lang, state, velocity=velocity, out=model.factors[1])
     elif model.chain is not None:
-        names["chain"] = chain_code(model.chain, lang, state)
+        names["chain"] = chain_code(model.chain, lang, state, drive="acting", out=model.factors[1])
     return render("model.st.j2", **names)
 
 
@@ -114,6 +121,21 @@ def write_c(model: Exported, out: Path, what: str, real: str) -> tuple[list[Path
         path.write_text(text, encoding="utf-8")
         paths.append(path)
     return paths, code_losses(model, what)
+
+
+def _units(model: Exported, lang: Language, what: str) -> dict[str, str]:
+    """The sentence on units, and the drive in SI as an expression of ``drive``."""
+    into, out = (model.units.get(k, "") for k in ("input", "output"))
+    drive = f"drive in {into}" if into else "drive not stated, Nm assumed"
+    if what == "compensator":
+        per = out if model.logged == "velocity" else f"{out}/s"
+        far = out.removesuffix("/s")
+        motion = f"position in {far}, velocity in {per}" if out else "position and velocity not stated, rad assumed"
+        return {"units": f"Units: {motion}; torque: {drive}.", "si_drive": "drive"}
+    answer = f"{model.logged} in {out}" if out else f"{model.logged} not stated, SI assumed"
+    by = model.factors[0]
+    scaled = "drive" if by == 1.0 else f"{lang.number(by)} * drive"
+    return {"units": f"Units: {drive}; {answer}; time in s.", "si_drive": scaled}
 
 
 def _title(model: Exported, what: str) -> str:

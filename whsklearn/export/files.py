@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from whsklearn.export.arm import arm_mjcf, arm_urdf
 from whsklearn.export.code import code_losses as _code_losses
 from whsklearn.export.code import identifier, st_file, write_c
 from whsklearn.export.fmu import write_fmu
@@ -13,6 +15,9 @@ from whsklearn.export.losses import Loss
 from whsklearn.export.mjcf import mjcf
 from whsklearn.export.model import as_exported
 from whsklearn.export.robots import isaac, urdf, write_text
+from whsklearn.export.tables import Left, Ratings, write_tables
+from whsklearn.models import ArmModel, load_model
+from whsklearn.systems.arm import Arm
 
 if TYPE_CHECKING:
     import os
@@ -23,6 +28,7 @@ FORMATS = {
     "isaac": "Isaac Lab actuator configuration, actuator.py",
     "c": "C99 without heap, model.h and model.c",
     "st": "IEC 61131-3 Structured Text, model.st",
+    "table": "tables for drives, cogging.csv and friction.csv",
     "fmu": "FMI 2.0 co-simulation with sources, model.fmu",
 }
 
@@ -36,6 +42,8 @@ class Export:
     paths : list of Path
     losses : list of Loss
         What the format does not hold, with its size.
+    left : list of Left
+        What each table leaves of its torque, by a replay against the model; of ``table``.
 
     References
     ----------
@@ -52,16 +60,23 @@ class Export:
 
     paths: list[Path] = field(default_factory=list)
     losses: list[Loss] = field(default_factory=list)
+    left: list[Left] = field(default_factory=list)
 
 
 def export_model(
-    model: Any, *, to: str, out: str | os.PathLike[str], what: str = "model", real: str = "double"
+    model: Any,
+    *,
+    to: str,
+    out: str | os.PathLike[str],
+    what: str = "model",
+    real: str = "double",
+    ratings: Ratings | None = None,
 ) -> Export:
     """Write a model in a format of another tool.
 
     Parameters
     ----------
-    model : path, ServoAxis, WienerHammersteinSystem or identified model
+    model : path, ServoAxis, Arm, WienerHammersteinSystem or identified model
         A path is a file that ``identify`` or ``gap`` wrote (``model.json``, ``repaired.json``).
     to : str
         A key of `FORMATS`.
@@ -71,6 +86,8 @@ def export_model(
         ``c`` and ``st`` also write a feed-forward torque from position and velocity.
     real : {"double", "float"}
         Numbers of the C code.
+    ratings : Ratings, optional
+        Rated torque, torque constant and highest speed of a ``table``.
 
     Returns
     -------
@@ -101,7 +118,14 @@ def export_model(
         raise ValueError(f"A compensator is code: export it to c or st, not to {to}.")
     if real not in ("double", "float"):
         raise ValueError(f"real is {real!r}, expected 'double' or 'float'.")
-    exported, path = as_exported(model), Path(out)
+    path = Path(out)
+    if isinstance(model, str | PathLike):
+        model = load_model(model)
+    if isinstance(model, Arm | ArmModel):
+        return _export_arm(model if isinstance(model, Arm) else model.arm, to, path)
+    exported = as_exported(model)
+    if to == "table":
+        return Export(*write_tables(exported, path, ratings or Ratings()))
     if to == "c":
         return Export(*write_c(exported, path, what, real))
     if to == "fmu":
@@ -113,4 +137,13 @@ def export_model(
         return Export([write_text(text, path, "model.st")], losses)
     write, file = {"mjcf": (mjcf, "model.xml"), "urdf": (urdf, "model.urdf"), "isaac": (isaac, "actuator.py")}[to]
     text, losses = write(exported)
+    return Export([write_text(text, path, file)], losses)
+
+
+def _export_arm(arm: Arm, to: str, path: Path) -> Export:
+    """An arm, in the formats that hold several joints."""
+    if to not in ("mjcf", "urdf"):
+        raise ValueError(f"An arm of {arm.n_joints} joints is exported to mjcf or urdf, not to {to}.")
+    write, file = {"mjcf": (arm_mjcf, "model.xml"), "urdf": (arm_urdf, "model.urdf")}[to]
+    text, losses = write(arm)
     return Export([write_text(text, path, file)], losses)

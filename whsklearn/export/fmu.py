@@ -13,8 +13,30 @@ from pathlib import Path
 from whsklearn.export.code import c_files, code_losses, identifier, render
 from whsklearn.export.losses import Loss
 from whsklearn.export.model import Exported
+from whsklearn.logs.units import factor_of
 
 _COMPILER = ("gcc", "cc", "clang")
+# Exponents of the base units of FMI 2.0, sec. 2.2.2, from which an importer knows how to convert
+_BASE = {
+    "Nm": {"kg": 1, "m": 2, "s": -2}, "N": {"kg": 1, "m": 1, "s": -2}, "A": {"A": 1},
+    "V": {"kg": 1, "m": 2, "s": -3, "A": -1}, "rad": {"rad": 1}, "m": {"m": 1}, "rad/s": {"rad": 1, "s": -1},
+    "m/s": {"m": 1, "s": -1},
+}  # fmt: skip
+
+
+def unit_definitions(units: dict[str, str]) -> dict[str, dict[str, float]]:
+    """Each unit with the exponents of its base units and its factor, where it has any.
+
+    Examples
+    --------
+    >>> unit_definitions({"input": "mNm", "output": "counts"})
+    {'mNm': {'kg': 1, 'm': 2, 's': -2, 'factor': 0.001}, 'counts': {}}
+    """
+    out: dict[str, dict[str, float]] = {}
+    for unit in units.values():
+        factor, si = factor_of(unit)
+        out[unit] = {**_BASE[si], "factor": factor} if si in _BASE else {}
+    return out
 
 
 def write_fmu(model: Exported, out: Path) -> tuple[Path, list[Loss]]:
@@ -41,7 +63,15 @@ def write_fmu(model: Exported, out: Path) -> tuple[Path, list[Loss]]:
             "reading(&c->state, c->state.samples * c->dt)" if "double t)" in _reading(files) else "reading(&c->state)"
         )
     guid = "{" + str(uuid.uuid5(uuid.NAMESPACE_OID, "".join(files.values()))) + "}"  # the same model, the same file
-    names = {"name": name, "guid": guid, "dt": repr(dt), "units": model.units, "losses": losses, "reading": reading}
+    names = {
+        "name": name,
+        "guid": guid,
+        "dt": repr(dt),
+        "units": model.units,
+        "defined": unit_definitions(model.units),
+        "losses": losses,
+        "reading": reading,
+    }
     source = render("fmi2.c.j2", **names)
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("modelDescription.xml", render("modelDescription.xml.j2", **names))

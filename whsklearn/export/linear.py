@@ -75,7 +75,7 @@ def _transfer(model: Exported) -> tuple[Any, Any, float, list[Loss]]:
         held = ("power", "viscous")
         terms = model.chain.law.terms if model.chain.law else ()
         losses = [Loss(t.name, size_of(t), "it is not linear") for t in terms if not _linear_term(t, held)]
-        losses += [Loss(e.name, size_of(e), "effects of a chain are not exported") for e in model.chain_effects]
+        losses += [Loss(e.name, size_of(e), "a transfer function holds no effects") for e in model.chain_effects]
         if model.chain.offset:
             losses.append(Loss("offset", f"{model.chain.offset:.6g}", "it is not linear"))
         numerator, denominator = model.chain.linear()

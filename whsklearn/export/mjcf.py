@@ -62,6 +62,7 @@ def mjcf(model: Exported, joint: str = "axis") -> tuple[str, list[Loss]]:
     """
     axis = model.need_axis("MJCF")
     m = mapped(axis, linear=model.linear)
+    drive, motion = model.si
     dt = 1.0 / axis.sample_rate
     step = dt / math.ceil(dt / FINEST - 1e-9)
     load = axis.inertia * float(body_of(pack(axis)).share)
@@ -71,15 +72,16 @@ def mjcf(model: Exported, joint: str = "axis") -> tuple[str, list[Loss]]:
         arm = 0.5 * (load or axis.inertia) * GRAVITY / abs(amplitude)
         mass = abs(amplitude) / (GRAVITY * arm)
         phase += math.pi if amplitude < 0 else 0.0
+    if m.delay and abs(round(m.delay / step) * step - m.delay) > 1e-3 * step:
+        held = round(m.delay / step) * step
+        m.losses.append(Loss("drive delay", f"{m.delay:.6g} s", f"rounded to {held:.6g} s, whole steps of MuJoCo"))
+    m.losses = [*model.foreign(), *model.told(m.losses)]
     text = render(
         "model.mjcf.j2", m=m, joint=joint, kind="slide" if model.linear else "hinge", step=step, dt=dt,
         inertia=axis.inertia - load, load=load, mass=mass, place=(arm * math.cos(phase), arm * math.sin(phase)),
         own=(load or axis.inertia) - mass * arm**2 if arm else (load or axis.inertia), creep=CREEP,
-        g=GRAVITY if arm else 0.0, samples=round(m.delay / step), inf=math.inf, unit="N" if model.linear else "Nm",
+        g=GRAVITY if arm else 0.0, samples=round(m.delay / step), inf=math.inf, drive=drive, motion=motion,
     )  # fmt: skip
-    if m.delay and abs(round(m.delay / step) * step - m.delay) > 1e-3 * step:
-        held = round(m.delay / step) * step
-        m.losses.append(Loss("drive delay", f"{m.delay:.6g} s", f"rounded to {held:.6g} s, whole steps of MuJoCo"))
     return text, m.losses
 
 

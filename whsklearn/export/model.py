@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 from dataclasses import dataclass, field
 from typing import Any
@@ -10,6 +11,8 @@ import numpy as np
 
 from whsklearn.effects import Effect
 from whsklearn.export.chain_code import Chain
+from whsklearn.export.losses import Loss
+from whsklearn.logs.units import UNKNOWN, UNSTATED, factor_of, respelled
 from whsklearn.systems.servo import ServoAxis
 from whsklearn.systems.wiener_hammerstein import WienerHammersteinSystem
 
@@ -24,9 +27,7 @@ class Exported:
     chain : Chain or None
         One of the two.
     units : dict of str to str
-        Of ``input`` and ``output``; empty where unknown.
-    chain_effects : tuple of Effect
-        Effects of a chain, which no format holds.
+        Of the columns that code takes and gives, ``input`` and ``output``; empty where unknown. The numbers are in SI.
     logged : str
         What the model answers with: position, velocity or output.
     """
@@ -34,8 +35,51 @@ class Exported:
     axis: ServoAxis | None = None
     chain: Chain | None = None
     units: dict[str, str] = field(default_factory=dict)
-    chain_effects: tuple[Effect, ...] = ()
     logged: str = "position"
+
+    @property
+    def factors(self) -> tuple[float, float]:
+        """What brings the columns of input and output to SI."""
+        return factor_of(self.units.get("input", ""))[0], factor_of(self.units.get("output", ""))[0]
+
+    @property
+    def si(self) -> tuple[str, str]:
+        """SI symbols of drive and motion, in which descriptions of robots are; Nm and rad where nothing told them."""
+        drive, motion = (factor_of(self.units.get(k, ""))[1] for k in ("input", "output"))
+        return drive or "Nm", motion.removesuffix("/s") or "rad"
+
+    def told(self, losses: list[Loss]) -> list[Loss]:
+        """Losses whose sizes, so far in Nm and rad, say the SI symbols of this model; a phase is an angle on any."""
+        own = dict(zip(("Nm", "rad"), self.si, strict=True))
+
+        def spelled(size: str) -> str:
+            return ", ".join(p if p.startswith("phase") else respelled(p, own)[1] for p in size.split(", "))
+
+        return [dataclasses.replace(loss, size=spelled(loss.size)) for loss in losses]
+
+    def foreign(self) -> list[Loss]:
+        """What a format that is in Nm or N, rad or m cannot take as it is: a current, counts, or a unit nobody told."""
+        out = []
+        for what, column, symbol, wanted in (
+            ("drive", "input", self.si[0], ("Nm", "N")),
+            ("position", "output", self.si[1], ("rad", "m")),
+        ):
+            if not self.units.get(column):
+                out.append(Loss(f"unit of the {what}", "not stated", f"taken for {wanted[0]}, which is the format's"))
+            elif symbol not in wanted:
+                how = "by the torque constant" if symbol == "A" else f"to {wanted[0]} for each {symbol}"
+                out.append(
+                    Loss(
+                        f"unit of the {what}", symbol, f"the format is in {wanted[0]}: numbers that have it are in "
+                        f"{symbol} here, and right for a drive in {symbol} alone; scale them {how}",
+                    )
+                )  # fmt: skip
+        return out
+
+    @property
+    def chain_effects(self) -> tuple[Effect, ...]:
+        """Effects of a chain."""
+        return self.chain.effects if self.chain is not None else ()
 
     @property
     def linear(self) -> bool:
@@ -66,19 +110,22 @@ def as_exported(model: Any) -> Exported:
     if isinstance(model, Exported):
         return model
     if isinstance(model, ServoAxis):
-        return Exported(axis=model, units={"input": "Nm", "output": "rad"})
+        return Exported(axis=model, units={"input": "Nm", "output": "rad"}, logged="position")
     if isinstance(model, WienerHammersteinSystem):
         b1, f1, b2, f2 = model.polynomials
-        return Exported(chain=Chain(b1, f1, model.law, b2, f2, model.dt), chain_effects=model.effects, logged="output")
-    units, logged = dict(getattr(model, "units", {})), str(getattr(model, "logged", "output"))
+        return Exported(chain=Chain(b1, f1, model.law, b2, f2, model.dt, effects=model.effects), logged="output")
+    stated = dict(getattr(model, "units", {}))
+    units = {k: stated[k] for k in ("input", "output") if stated.get(k, UNKNOWN) not in UNSTATED}
+    logged = str(getattr(model, "logged", "output"))
     kind = getattr(model, "kind", "")
     if kind == "axis":
         return Exported(axis=model.system(), units=units, logged=logged)
     integrates = logged == "position"
-    if kind == "wiener_hammerstein":
+    if kind == "wiener-hammerstein":
         blocks = [np.array(v, dtype=float) for v in (model.b1, model.f1, model.b2, model.f2)]
-        chain = Chain(blocks[0], blocks[1], model.law, blocks[2], blocks[3], model.dt, integrates=integrates)
-        return Exported(chain=chain, units=units, chain_effects=tuple(model.effects), logged=logged)
+        effects = tuple(model.effects)
+        chain = Chain(blocks[0], blocks[1], model.law, blocks[2], blocks[3], model.dt, 0.0, integrates, effects)
+        return Exported(chain=chain, units=units, logged=logged)
     if kind in ("arx", "output_error"):
         b, f, one = np.array(model.numerator, float), np.array(model.denominator, float), np.ones(1)
         return Exported(

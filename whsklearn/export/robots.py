@@ -34,11 +34,12 @@ def urdf(model: Exported, joint: str = "axis") -> tuple[str, list[Loss]]:
     stops = [e for e in parts_of(axis) if isinstance(e, EndStop)]
     losses += [Loss("end_stop", f"stiffness {e.magnitude:.6g} Nm/rad", "held as a rigid limit") for e in stops]
     kind = ("prismatic" if model.linear else "revolute") if stops else ("prismatic" if model.linear else "continuous")
+    losses = [*model.foreign(), *model.told(losses)]
     low, high = max((-FAR, *(e.ends[0] for e in stops))), min((FAR, *(e.ends[1] for e in stops)))
     text = render(
         "model.urdf.j2", joint=joint, kind=kind, inertia=axis.inertia, damping=total(axis.law.terms, "viscous"),
         friction=total(parts_of(axis), "coulomb"), limit=float(chain_of(pack(axis)).limit), low=low, high=high,
-        inf=math.inf, linear=model.linear, losses=losses,
+        inf=math.inf, linear=model.linear, losses=losses, units=", ".join((*model.si, "s")),
     )  # fmt: skip
     return text, losses
 
@@ -60,9 +61,11 @@ def isaac(model: Exported, joint: str = "axis") -> tuple[str, list[Loss]]:
         losses.append(
             Loss("drive delay", f"{delay:.6g} s", f"rounded to {round(samples)} steps of {1 / axis.sample_rate:.6g} s")
         )
+    losses = [*model.foreign(), *model.told(losses)]
     text = render(
         "model.isaac.j2", joint=joint, inertia=axis.inertia, friction=dry + peak, dynamic=dry, inf=math.inf,
         viscous=total(effects, "viscous"), limit=limit, delay=round(samples), dt=1.0 / axis.sample_rate, losses=losses,
+        units=", ".join((*model.si, "s")),
     )  # fmt: skip
     return text, losses
 

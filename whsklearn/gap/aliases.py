@@ -8,7 +8,7 @@ import numpy as np
 
 from whsklearn.gap import evidence as rules
 from whsklearn.gap.evidence import bootstrap_share
-from whsklearn.gap.search import Found
+from whsklearn.gap.old_search import Found
 
 
 def rivals_of(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import Any
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 from whsklearn import __version__
 from whsklearn.gap.localisation import Place
 from whsklearn.gap.values import Curve
+from whsklearn.logs.units import respelled
 
 MAP_POINTS = 1440  # of a map over one turn: four to a degree, nine to a period of the highest order looked for
 
@@ -36,9 +38,11 @@ class NamedEffect:
     aliases : list of str
         Effects that no log can tell from it.
     units : tuple of two str
-        Of drive and position.
+        Of drive and position, in which its numbers are told; the effect itself is in SI.
     orders : list of NamedEffect
         Further waves of the same family.
+    p_value : float
+        Probability that a record in which nothing is missing shows as much, all families taken into account.
 
     References
     ----------
@@ -61,6 +65,7 @@ class NamedEffect:
     aliases: list[str] = field(default_factory=list)
     units: tuple[str, str] = ("Nm", "rad")  # of drive and position
     orders: list[NamedEffect] = field(default_factory=list)  # further ones of a family of waves
+    p_value: float = 0.0
 
     @property
     def name(self) -> str:
@@ -69,13 +74,31 @@ class NamedEffect:
 
     @property
     def parameters(self) -> dict[str, float | str]:
-        """The numbers under names that carry the units of the log: ``torque_nm``, on a linear axis ``torque_n``."""
-        return {in_units(k, self.units): v for k, v in self.effect.labelled().items()}
+        """The numbers in the units of the log, under names that say them: ``torque_nm``, of a line ``torque_n``."""
+        return self._told(self.effect.labelled())
 
     @property
     def errors(self) -> dict[str, float]:
         """Standard errors under the same names."""
-        return {in_units(k, self.units): v for k, v in self.standard_errors.items()}
+        return self._told(self.standard_errors)
+
+    def _told(self, numbers: Mapping[str, Any]) -> dict[str, Any]:
+        """Numbers in SI under labels of a rotary axis, brought to the units of the log."""
+        factors = {}
+        for name, q in getattr(self.effect, "quantities", {}).items():
+            if not name.startswith("phase"):
+                factors[q.labelled(name)] = respelled(q.unit, dict(zip(("Nm", "rad"), self.units, strict=True)))[0]
+        return {
+            in_units(k, self.units): v if isinstance(v, str) else v / factors.get(k, 1.0) for k, v in numbers.items()
+        }
+
+    @property
+    def amplitude_unit(self) -> str:
+        """Unit in which the size is told; empty where it is a share or the log has no units."""
+        quantity = getattr(self.effect, "quantities", {}).get(getattr(self.effect, "size", ""))
+        if quantity is None or quantity.unit == "1" or not all(self.units):
+            return ""
+        return respelled(quantity.unit, dict(zip(("Nm", "rad"), self.units, strict=True)))[1]
 
     def as_dict(self) -> dict[str, Any]:
         """For the report's file; a family of waves has its orders and its map over one turn besides."""
@@ -86,6 +109,7 @@ class NamedEffect:
             "parameters": {k: _plain(v) for k, v in self.parameters.items()},
             "standard_errors": self.errors,
             "delta_bic": self.delta_bic,
+            "p_value": self.p_value,
             "confidence": self.confidence,
             "aliases": self.aliases,
         } | ({"orders": self.family, "map": self.map_over_turn()} if self.of_orders else {})
@@ -120,13 +144,13 @@ class NamedEffect:
         (0.3, 0.4)
         """
         angle = np.arange(MAP_POINTS) * 2 * np.pi / MAP_POINTS
-        value = sum(wave_over(e.effect, angle) for e in (self, *self.orders))
+        value = sum(wave_over(e.effect, angle, next(iter(e.parameters.values()))) for e in (self, *self.orders))
         return {"angle_rad": angle.tolist(), "value": np.asarray(value).tolist()}
 
 
-def wave_over(effect: Any, angle: NDArray[np.float64]) -> NDArray[np.float64]:
-    """A wave of the angle by its amplitude, order and phase, shape (n,)."""
-    return effect.magnitude * np.cos(effect.order * angle + effect.phase)
+def wave_over(effect: Any, angle: NDArray[np.float64], amplitude: Any) -> NDArray[np.float64]:
+    """A wave of the angle by its order and phase at an amplitude, shape (n,)."""
+    return amplitude * np.cos(effect.order * angle + effect.phase)
 
 
 def in_units(label: str, units: tuple[str, str]) -> str:
@@ -197,6 +221,8 @@ class CandidateLine:
         Share of the gap that it closes.
     status, reason : str
         What was decided, and why.
+    p_value : float
+        Probability that a record in which nothing is missing shows as much, all families taken into account.
 
     References
     ----------
@@ -214,6 +240,7 @@ class CandidateLine:
     closure: float
     status: str
     reason: str
+    p_value: float = 1.0
 
     def as_dict(self) -> dict[str, Any]:
         """For the report's file."""
@@ -257,9 +284,15 @@ class Diagnosis:
     pictures : dict of str to Any
         Arrays of the page's pictures, by name.
     units : dict of str to str
-        By role, as logged.
+        By role, in which all numbers are told.
+    logged : tuple of two str
+        Units of the columns of drive and position, which the repaired model takes and gives.
+    rows : dict of str to int
+        Rows of the log: ``used``, ``given``, and in how many ``segments`` they are.
     need : float
         Delta BIC that a name had to beat.
+    alpha : float
+        Level at which names were given.
     horizon : float
         Of the free runs above, in ``horizon_unit``.
     seconds : float
@@ -281,7 +314,7 @@ class Diagnosis:
     >>> diagnosis.verdict, diagnosis.effects
     ('no_gap', [])
     >>> sorted(diagnosis.as_dict())[:3]
-    ['after', 'base', 'before']
+    ['after', 'alpha', 'base']
     """
 
     verdict: str
@@ -307,13 +340,16 @@ class Diagnosis:
     base_parameters: list[dict[str, Any]] = field(default_factory=list)
     drifting: list[dict[str, Any]] = field(default_factory=list)
     need: float = 0.0
+    alpha: float = 0.01
     interrupted: bool = False
     notes: list[str] = field(default_factory=list)
     pictures: dict[str, Any] = field(default_factory=dict)
     file: str = ""  # name of the log
     origin: str = ""  # file, columns, span, rate, date and version in a sentence
-    units: dict[str, str] = field(default_factory=dict)  # by role, as logged
+    units: dict[str, str] = field(default_factory=dict)  # by role, in which all numbers are told
+    logged: tuple[str, str] = ("", "")  # units of the columns of drive and position
     test: list[dict[str, float]] = field(default_factory=list)  # free run on a second record, a row a horizon
+    rows: dict[str, int] = field(default_factory=dict)  # used, given, segments; empty where no file was read
     figures: tuple[float, float, float] = (0.0, 0.0, 0.0)  # missing share of drive or output: before, after, floor
 
     @property
@@ -346,7 +382,8 @@ class Diagnosis:
             "missing": dict(zip(("before", "after", "floor"), self.figures, strict=True)),
             "base": self.base_parameters,
             "horizon": self.horizon,
-        }
+            "alpha": self.alpha,
+        } | ({"rows": self.rows} if self.rows else {})
         return _plain(raw)
 
     def run(self) -> dict[str, Any]:

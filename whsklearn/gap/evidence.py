@@ -54,6 +54,9 @@ FOLLOWS = 0.04
 # worth no name, but friction that grows above a speed leaves 0.05 to 0.09 as `stribeck` and a spring that gives way
 # 0.08 as three effects (`benchmarks.learned`); true names leave up to 0.03 ("blind --kinds named").
 OWN_SHAPE = 0.04
+# Multiple of what the encoder's noise leaves of own records, below which nothing is missing: five records know it to a
+# tenth.
+QUIET = 1.35
 # Share of the floor, or of the gap before, below which a difference is rounding and no gap.
 NO_GAP = 1e-3
 

@@ -13,8 +13,10 @@ from whsklearn._threads import one_blas_thread
 from whsklearn.gap.conclude import conclude
 from whsklearn.gap.diagnosis import Diagnosis
 from whsklearn.gap.evidence import DEFAULT_TOLERANCE
+from whsklearn.gap.old_conclude import conclude as old_conclude
+from whsklearn.gap.old_search import Search as OldSearch
 from whsklearn.gap.plants import Base, make_plant
-from whsklearn.gap.search import Round, Search
+from whsklearn.gap.search import Search, Step
 from whsklearn.gap.surrogate import best_score
 
 STEPS = ("check", "base model", "search", "prove", "locate", "done")
@@ -40,14 +42,14 @@ class GapFinder(BaseEstimator):
         Effects added at the most.
     tolerance : float
         Smallest effect worth a name, rms as a share of the rms drive or output.
-    n_surrogates : int
-        Logs made by the fitted model itself on which the same search must find nothing.
+    alpha : float
+        Probability of a false name in a record in which nothing is missing.
     random_state : int
         Of surrogates, shifts and starts.
     progress : callable, optional
         Called with the name of each step as it begins.
     on_round : callable, optional
-        Called with each finished `Round`.
+        Called with each finished `Step`.
 
     Attributes
     ----------
@@ -72,7 +74,7 @@ class GapFinder(BaseEstimator):
     >>> from whsklearn.datasets import make_servo_log
     >>> from whsklearn.effects import Cogging
     >>> log = make_servo_log([Cogging(0.2, 12.0)], duration=12.0, random_state=0)
-    >>> finder = GapFinder("servo", n_surrogates=1).fit(log)
+    >>> finder = GapFinder("servo").fit(log)
     >>> finder.verdict_, [e.name for e in finder.effects_]
     ('named', ['cogging'])
     """
@@ -86,10 +88,10 @@ class GapFinder(BaseEstimator):
         direct: int = 0,
         max_effects: int = 3,
         tolerance: float = DEFAULT_TOLERANCE,
-        n_surrogates: int = 1,
+        alpha: float = 0.01,
         random_state: int = 0,
         progress: Callable[[str], None] | None = None,
-        on_round: Callable[[Round], None] | None = None,
+        on_round: Callable[[Step], None] | None = None,
     ):
         self.model = model
         self.law = law
@@ -97,7 +99,7 @@ class GapFinder(BaseEstimator):
         self.direct = direct
         self.max_effects = max_effects
         self.tolerance = tolerance
-        self.n_surrogates = n_surrogates
+        self.alpha = alpha
         self.random_state = random_state
         self.progress = progress
         self.on_round = on_round
@@ -131,9 +133,15 @@ class GapFinder(BaseEstimator):
         self._say("base model")
         base = plant.base(rng)
         self._say("search")
-        search = Search(plant, lambda v, m: best_score(v, m, self.n_surrogates, rng), self.max_effects, self.on_round)
-        found = self.found_ = search.run(base)
-        diagnosis = conclude(plant, found, rng, self._say)
+        if hasattr(plant, "looks"):
+            found: Any = Search(plant, rng, self.alpha, self.max_effects, self.on_round).run(base)
+            self.found_ = found
+            diagnosis = conclude(plant, found, rng, self._say, self.alpha)
+        else:  # a kind of model that still weighs by thresholds
+            on_round: Any = self.on_round
+            search = OldSearch(plant, lambda v, m: best_score(v, m, 1, rng), self.max_effects, on_round)
+            found = self.found_ = search.run(base)
+            diagnosis = old_conclude(plant, found, rng, self._say)
         diagnosis.problems = problems
         return self._close(plant, diagnosis, plant.system(found.model), began)
 

@@ -28,6 +28,20 @@ SILENCE = {
 }
 
 
+NO_PICTURES = (
+    "The report has no pictures, because matplotlib is not installed; pip install 'whsklearn[plot]' and write it again."
+)
+
+
+def can_draw() -> bool:
+    """Whether matplotlib is installed."""
+    try:
+        import matplotlib  # noqa: F401
+    except ImportError:
+        return False
+    return True
+
+
 def significant(value: Any) -> str:
     """Four significant digits; text as it is."""
     if isinstance(value, str) or value is None:
@@ -43,15 +57,17 @@ def render(diagnosis: Diagnosis) -> str:
     environment.filters["sig"] = significant
     source = Path(__file__).with_name("html_report.html.j2").read_text(encoding="utf-8")
     pictures: list[tuple[str, str, str]] = []
-    if diagnosis.pictures:
+    drawn = can_draw()
+    if diagnosis.pictures and drawn:
         from whsklearn.gap.pictures import draw
 
         pictures = draw(diagnosis)
     return environment.from_string(source).render(
         d=diagnosis,
         pictures=pictures,
+        no_pictures="" if drawn else NO_PICTURES,
         unit=diagnosis.pictures.get("units", ("", ""))[1],
-        drive=diagnosis.pictures.get("units", ("", ""))[0],
+        gap_unit=diagnosis.pictures.get("gap_unit", ""),
         colour=COLOURS.get(diagnosis.verdict, "#5a6773"),
         silence=SILENCE.get(diagnosis.verdict, ""),
     )

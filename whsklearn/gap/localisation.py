@@ -75,6 +75,7 @@ class Place:
             "signal": self.signal,
             "from": self.low,
             "to": self.high,
+            "unit": self.unit,
             "share_of_gap": self.share,
             "p_value": self.p_value,
         }

@@ -124,7 +124,7 @@ def _over_time(axes: Any, d: Diagnosis) -> bool:
     if d.repaired:
         axes.plot(*thinned(p["gap_time"][keep], p["gap_after"][keep]), color=AFTER, lw=0.6, label="after")
     axes.axhspan(-2 * p["floor"], 2 * p["floor"], color=FLOOR, alpha=0.3, lw=0, label="twice the noise floor")
-    axes.set(xlabel=titled("time", p.get("clock", "s")), ylabel=titled(p["what"], p["units"][0]))
+    axes.set(xlabel=titled("time", p.get("clock", "s")), ylabel=titled(p["what"], p.get("gap_unit", p["units"][0])))
     axes.legend(frameon=False, fontsize=8)
     return True
 
@@ -145,7 +145,7 @@ def _where(axes: Any, d: Diagnosis) -> bool:
         axes.plot(centres, fitted, color=AFTER, lw=1.3, label="the fitted effect")
         axes.plot(centres, np.bincount(bins, after, edges.size - 1) / count, color=FLOOR, lw=1, label="left after")
     axes.axhline(0, color=FLOOR, lw=0.6)
-    axes.set(xlabel=titled(best.signal, best.unit), ylabel=titled(p["what"], p["units"][0]))
+    axes.set(xlabel=titled(best.signal, best.unit), ylabel=titled(p["what"], p.get("gap_unit", p["units"][0])))
     axes.legend(frameon=False, fontsize=8)
     return True
 
@@ -198,7 +198,7 @@ def _spectrum(axes: Any, d: Diagnosis) -> bool:
         axes.semilogy(*thinned(p["frequency"], p["spectrum"][1]), color=AFTER, lw=0.9, label="after")
     axes.set(
         xlabel=titled("frequency", "Hz" if p.get("clock", "s") == "s" else "cycles a sample"),
-        ylabel=titled("amplitude", p["units"][0]),
+        ylabel=titled("amplitude", p.get("gap_unit", p["units"][0])),
     )
     axes.legend(frameon=False, fontsize=8)
     return True
@@ -212,7 +212,7 @@ def _map(axes: Any, d: Diagnosis) -> bool:
         over = e.map_over_turn()
         axes.plot(np.rad2deg(over["angle_rad"]), over["value"], color=colour, lw=0.8, label=e.name.replace("_", " "))
     axes.axhline(0, color=FLOOR, lw=0.6)
-    axes.set(xlabel="angle in the turn (deg)", ylabel=titled("size", d.pictures["units"][0]), xlim=(0, 360))
+    axes.set(xlabel="angle in the turn (deg)", ylabel=titled("size", families[0].amplitude_unit), xlim=(0, 360))
     axes.set_xticks(range(0, 361, 60))
     axes.legend(frameon=False, fontsize=8)
     return True
@@ -226,8 +226,8 @@ def _orders(axes: Any, d: Diagnosis) -> bool:
     if d.repaired:
         axes.plot(p["orders"], p["order_spectrum"][1], color=AFTER, lw=0.9, label="after")
     axes.set(
-        xlabel="order (periods a turn)" if p["units"][1] else "order (periods in 2 pi of x)",
-        ylabel=titled("amplitude", p["units"][0]),
+        xlabel="order (periods in 2 pi of x)" if "window" in p else "order (periods a turn)",
+        ylabel=titled("amplitude", p.get("gap_unit", p["units"][0])),
     )
     axes.legend(frameon=False, fontsize=8)
     return True

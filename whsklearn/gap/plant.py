@@ -143,7 +143,11 @@ class Plant(Protocol):
     Attributes
     ----------
     units : tuple of str
-        Of drive (or input) and position (or output); empty where the log has none.
+        Of drive (or input) and position (or output), in which the plant reckons; empty where the log has none.
+    logged : tuple of str
+        The same as the log has them.
+    own_units : dict of str to str
+        Symbol of ``units`` -> the unit in which a report tells it.
     gap_word, whole : str
         What the gap is called ("missing torque") and what it is a share of ("drive").
     tolerance : float
@@ -156,6 +160,8 @@ class Plant(Protocol):
     """
 
     units: tuple[str, str]
+    logged: tuple[str, str]
+    own_units: dict[str, str]
     gap_word: str
     whole: str
     tolerance: float

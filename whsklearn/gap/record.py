@@ -10,42 +10,42 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from whsklearn.gap import evidence as rules
+from whsklearn.logs.units import factor_between, factor_of, own_units, respelled, unit_of
 
 Array = NDArray[Any]
 
 
-TIMES = {"s": ("s", 1.0), "ms": ("s", 1e-3), "us": ("s", 1e-6)}
-LENGTHS = {
-    "rad": ("rad", 1.0), "mrad": ("rad", 1e-3), "deg": ("rad", np.pi / 180), "turns": ("rad", 2 * np.pi),
-    "m": ("m", 1.0), "mm": ("m", 1e-3), "um": ("m", 1e-6),
-}  # fmt: skip
 SPLIT = "60 % of the record in five parts is used for fitting, the 40 % between them for judging."
-DRIVES = {"nm": ("Nm", 1.0), "n": ("N", 1.0), "v": ("V", 1.0), "a": ("A", 1.0)}
+KINDS = {"time": ("s",), "drive": ("Nm", "N", "V", "A", "%", "counts")}  # SI symbols that a role may have
+MOTIONS = ("rad", "m", "counts")
 
 
-def _unit(column: str, known: dict[str, tuple[str, float]], default: str = "") -> tuple[str, float]:
-    """Unit and factor that the ending of a column's name tells."""
-    return known.get(str(column).rpartition("_")[2].lower(), (default, 1.0))
+def _unit(role: str, column: str, default: str) -> str:
+    """The unit that a column's name ends in, if it is one of the role."""
+    unit = unit_of(column, default)
+    return unit if factor_of(unit)[1] in KINDS.get(role, MOTIONS) else default
 
 
 @dataclass(frozen=True)
 class ServoRecord:
-    """Time, drive, position and, if logged, the reference; shape (n,) each, evenly sampled.
+    """Time, drive, position and, if logged, the reference; shape (n,) each, evenly sampled, brought to SI.
 
     Parameters
     ----------
     time : ndarray of shape (n,)
         Evenly spaced (s).
     drive, position : ndarray of shape (n,)
-        As logged, in ``units``.
+        In ``units``; the record keeps them in Nm or N, rad or m. A drive in A, V, % or counts stays as it is.
     reference : ndarray of shape (n,), optional
-        What the position should have been.
+        What the position should have been, in its unit.
     units : tuple of two str
-        Of drive and position.
+        Of drive and position as given; the record says the SI symbols here.
     resolution : float
         Step of the encoder where the log states it (a log in counts), in the position's unit; 0 where it does not.
     error_for_drive : bool
         Whether command minus position stands for a drive that was not logged.
+    logged : tuple of two str, optional
+        The units of drive and position as logged, in which reports speak; `units` as given by default.
 
     References
     ----------
@@ -59,6 +59,9 @@ class ServoRecord:
     >>> record = ServoRecord(time=t, drive=np.sin(t), position=np.zeros(100), units=("N", "m"))
     >>> len(record), round(record.dt, 6)
     (100, 0.001)
+    >>> record = ServoRecord(t, np.full(100, 30.0), np.full(100, 180.0), units=("mNm", "deg"))
+    >>> float(record.drive[0]), round(float(record.position[0]), 4), record.units, record.logged
+    (0.03, 3.1416, ('Nm', 'rad'), ('mNm', 'deg'))
     """
 
     time: Array
@@ -68,6 +71,37 @@ class ServoRecord:
     units: tuple[str, str] = ("Nm", "rad")
     resolution: float = 0.0
     error_for_drive: bool = False
+    logged: tuple[str, str] = ("", "")
+
+    def __post_init__(self) -> None:
+        if not any(self.logged):
+            object.__setattr__(self, "logged", self.units)
+        (by, drive), (turn, motion) = map(factor_of, self.units)
+        if (by, turn) != (1.0, 1.0):  # numbers that need no conversion keep their bits
+            object.__setattr__(self, "drive", np.asarray(self.drive, dtype=float) * by)
+            for name in ("position", "reference"):
+                if getattr(self, name) is not None:
+                    object.__setattr__(self, name, np.asarray(getattr(self, name), dtype=float) * turn)
+            object.__setattr__(self, "resolution", self.resolution * turn)
+        object.__setattr__(self, "units", (drive, motion))
+
+    @property
+    def shown(self) -> dict[str, str]:
+        """SI symbol of drive and motion -> the unit in which a report tells them."""
+        return own_units(self.units, self.logged)
+
+    def told(self, value: float, unit: str) -> str:
+        """A number in a compound SI unit as a report tells it, such as ``0.012 deg``.
+
+        Parameters
+        ----------
+        value : float
+            In SI.
+        unit : str
+            Its SI unit.
+        """
+        factor, spelled = respelled(unit, self.shown)
+        return f"{value / factor:.3g} {spelled}"
 
     @property
     def is_following_error(self) -> bool:
@@ -88,7 +122,7 @@ class ServoRecord:
         reference: str | None = None,
         resolution: float = 0.0,
     ) -> ServoRecord:
-        """Pick the columns of a log; a name that ends in a unit, ``_deg`` or ``_ms``, is brought to rad, m and s.
+        """Pick the columns of a log; a name that ends in a unit, ``_deg``, ``_mnm`` or ``_ms``, is brought to SI.
 
         Parameters
         ----------
@@ -98,7 +132,7 @@ class ServoRecord:
         reference : str, optional
             Name of a column.
         resolution : float
-            Step of the encoder in rad or m, where its data sheet says it.
+            Step of the encoder in the position's unit, where its data sheet says it.
 
         Examples
         --------
@@ -113,19 +147,20 @@ class ServoRecord:
         ValueError
             If a column is not there or is not numeric.
         """
-        picked = {}
-        wanted = {"time": time, "drive": drive, "position": position}
+        picked, units = {}, {}
+        wanted = {"time": (time, "s"), "drive": (drive, "Nm"), "position": (position, "rad")}
         if reference is not None:
-            wanted["reference"] = reference
-        for role, column in wanted.items():
+            wanted["reference"] = (reference, _unit("position", position, "rad"))
+        for role, (column, default) in wanted.items():
             if column not in frame.columns:
                 have = ", ".join(map(str, frame.columns))
                 raise ValueError(f"The log has no column {column!r} for the {role}; it has {have}. Name the right one.")
-            values = pd.to_numeric(frame[column], errors="coerce").to_numpy(dtype=float)
-            known: dict[str, tuple[str, float]] = {"time": TIMES, "drive": {}}.get(role, LENGTHS)
-            picked[role] = values * _unit(column, known)[1]
-        units = (_unit(drive, DRIVES, "Nm")[0], _unit(position, LENGTHS, "rad")[0])
-        return cls(**picked, units=units, resolution=resolution)
+            picked[role] = pd.to_numeric(frame[column], errors="coerce").to_numpy(dtype=float)
+            units[role] = _unit(role, column, default)
+        picked["time"] = picked["time"] * factor_of(units["time"])[0]
+        if reference is not None:
+            picked["reference"] = picked["reference"] * factor_between(units["reference"], units["position"])
+        return cls(**picked, units=(units["drive"], units["position"]), resolution=resolution)
 
     @property
     def dt(self) -> float:

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import json
 import os
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -19,18 +20,21 @@ def write_report(diagnosis: Diagnosis, folder: str | os.PathLike[str], model: An
     """Write the files into ``folder`` (made if it is not there); returns the path of the page.
 
     All is rendered before the first byte is written, every file takes its name in one step, and what an earlier report
-    left of a repaired model goes: an interruption leaves no page beside the numbers of another log.
+    left of a repaired model goes: an interruption leaves no page beside the numbers of another log.  Without matplotlib
+    the page has no pictures, and a warning says so.
     """
-    from whsklearn.gap.html_report import render
+    from whsklearn.gap.html_report import NO_PICTURES, can_draw, render
 
     target = Path(folder)
+    if diagnosis.pictures and not can_draw():
+        warnings.warn(NO_PICTURES, stacklevel=3)
     target.mkdir(parents=True, exist_ok=True)
     rendered = render(diagnosis).encode()
     atomic_write(target / "gap.json", _json(diagnosis.as_dict()))
     atomic_write(target / "run.json", _json(diagnosis.run()))
     for old in ("repaired.json", "repaired.xml"):
         (target / old).unlink(missing_ok=True)
-    repaired = as_model(model, diagnosis.pictures.get("units", ("", "")))
+    repaired = as_model(model, diagnosis.logged)
     if repaired is not None:
         save_model(repaired, target / "repaired.json")
     elif hasattr(model, "to_xml"):

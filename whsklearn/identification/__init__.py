@@ -1,6 +1,18 @@
-"""Which structure does a record ask for: linear, Wiener-Hammerstein, or an axis as physics?"""
+"""Which structure a record asks for: linear, Wiener-Hammerstein, an axis as physics; and arms of several axes."""
 
+from whsklearn.identification.arm_fit import ArmFit, identify_arm
 from whsklearn.identification.compare import Compared, Identification, identify
+from whsklearn.identification.payload import Payload, find_payload, gains_from_load
 from whsklearn.identification.view import View
 
-__all__ = ["Compared", "Identification", "View", "identify"]
+__all__ = [
+    "ArmFit",
+    "Compared",
+    "Identification",
+    "Payload",
+    "View",
+    "find_payload",
+    "gains_from_load",
+    "identify",
+    "identify_arm",
+]

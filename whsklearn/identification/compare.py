@@ -12,12 +12,13 @@ import numpy as np
 
 from whsklearn._numba import compiling_seconds
 from whsklearn._threads import one_blas_thread
-from whsklearn.identification.axis_fit import fit_free_law_axis, fit_hanging_axis, fit_rigid_axis
+from whsklearn.identification.axis_fit import fit_free_law_axis, fit_hanging_axis, fit_rigid_axis, white
 from whsklearn.identification.chain_fit import fit_chain
 from whsklearn.identification.linear_fit import fit_arx, fit_output_error
 from whsklearn.identification.view import View, held_out_from, smooth, view
-from whsklearn.identification.windows import horizons, lead, window_errors
-from whsklearn.logs.units import UNKNOWN
+from whsklearn.identification.windows import horizons, lead, residual, whole_errors, window_errors
+from whsklearn.logs.units import UNKNOWN, UNSTATED, factor_of
+from whsklearn.models import AxisModel, ChainModel
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -30,7 +31,6 @@ AS_GOOD = 1.075  # a simpler structure is taken within 7.5 % of the least error:
 AT_FLOOR = 1.3  # times the noise; no structure can be better, and that of thirty numbers takes most of the time
 ORDERS = (1, 2, 3, 4)
 CHAIN_FROM = 300  # samples below which some thirty numbers of a chain cannot be told
-ANGLES = ("", UNKNOWN, "rad")  # units of an output that gravity may turn
 EXPLAINS = 0.9  # of the trivial model's error; a best model above that says nothing about the record
 
 
@@ -44,7 +44,7 @@ class Compared:
     Attributes
     ----------
     name, kind : str
-        Of the candidate, and what it is: ``arx``, ``output_error``, ``wiener_hammerstein``, ``axis``.
+        Of the candidate, and what it is: ``arx``, ``output_error``, ``wiener-hammerstein``, ``axis``.
     structure : dict
         Its orders and settings.
     criterion : str
@@ -112,6 +112,11 @@ class Identification:
         Standard deviation of the output's noise, in its unit.
     train, test : View
         The records as the candidates saw them.
+    rows : int
+        Samples that were given; those of ``train`` were used.
+    white : bool
+        Whether what the recommended model leaves of its record is white; where it is not the intervals are wider, and
+        something is missing in the model.
 
     References
     ----------
@@ -137,6 +142,14 @@ class Identification:
     floor: float
     train: View
     test: View
+    rows: int = 0
+    white: bool = True
+
+    @property
+    def rows_used(self) -> str:
+        """How many of the samples were used, and in how many segments."""
+        used, segments = self.train.y.size, len(self.train.starts) + 1
+        return f"{used} of {self.rows or used}" + (f" in {segments} segments" if segments > 1 else "")
 
     @property
     def model(self) -> IdentifiedModel:
@@ -154,6 +167,8 @@ def identify(
     skip: int = 0,
     logged: str = "auto",
     units: dict[str, str] | None = None,
+    drive_error: float = 0.0,
+    groups: ArrayLike | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Identification:
     """Find the structure that a record asks for: linear, Wiener-Hammerstein, or an axis as physics.
@@ -171,7 +186,13 @@ def identify(
     logged : {"auto", "output", "velocity", "position"}, default="auto"
         What y is.  A position is fitted by its velocity and judged as it is.
     units : dict of str to str, optional
-        Of ``input`` and ``output``.
+        Of ``input`` and ``output``, and of ``time``, which may be ``samples``; SI where left out. Errors come in the
+        output's unit, an axis' numbers in SI.
+    drive_error : float, default=0.0
+        Standard deviation of the input's scale (a torque constant) as a share of it; it enters the standard errors of
+        an axis and of a linear model.
+    groups : array-like of shape (n,), optional
+        Segments of the record, as `load_log` tells them where a log has holes; all are fitted, and each begins anew.
     progress : callable, optional
         Called with the name of each candidate before it is fitted.
 
@@ -196,34 +217,38 @@ def identify(
     >>> found.recommended.kind, found.recommended.structure
     ('output_error', {'order': 2})
     """
-    whole = view(u, y, dt, logged)
+    units = {k: v for k, v in (units or {}).items() if v not in UNSTATED}
+    drive, output = (factor_of(units.get(k, UNKNOWN)) for k in ("input", "output"))
+    whole = replace(view(u, y, dt, logged, groups), si=(drive[0], output[0]))
     cut = held_out_from(whole.y)
     fitting, held_out = whole.part(0, cut), whole.part(cut, whole.u.size)
     trivial = Compared("constant velocity" if whole.logged == "position" else "constant output", "trivial", {}, "-")
     _score(trivial, held_out)
     tried: list[Compared] = []
-    angle = whole.logged != "velocity" and smooth(whole.y) and (units or {}).get("output", "") in ANGLES
+    angle = whole.logged != "velocity" and smooth(whole.y, whole.bounds) and output[1] in ("rad", UNKNOWN)
     for compared, fit in candidates(cut, angle=angle):
-        if compared.kind == "wiener_hammerstein" and min(c.score for c in tried) < AT_FLOOR:
+        if compared.kind == "wiener-hammerstein" and min(c.score for c in tried) < AT_FLOOR:
             compared.failure = "left out, as a simpler structure is at the noise floor"
         else:
             if progress:
                 progress(compared.name)
-            _score(_fitted(compared, fit, fitting, units or {}), held_out)
+            _score(_fitted(compared, fit, fitting, units), held_out)
         tried.append(compared)
     tried.sort(key=lambda c: (c.size, c.score))
     chosen, reason = recommend(tried, trivial)
     fit_again = {c.name: f for c, f in candidates(cut, angle=angle)}[chosen.name]
     if progress:
         progress(f"{chosen.name}, on the whole record")
-    chosen.model = _fitted(replace(chosen), fit_again, whole, units or {}).model or chosen.model
-    judged = held_out if test is None else view(*test, dt, whole.logged)
+    chosen.model = _fitted(replace(chosen), fit_again, whole, units).model or chosen.model
+    chosen.model = _with_drive_error(chosen.model, drive_error)
+    judged = held_out if test is None else replace(view(*test, dt, whole.logged), si=whole.si)
     if test is None:  # it begins in motion
-        skip = max(skip, lead(judged.u.size, dt))
+        skip = max(skip, lead(judged.longest.u.size, dt))
     for compared in tried:
         compared.train = _indices(compared.model, fitting, 0)
         compared.test = _indices(compared.model, judged, skip)
-    return Identification(tried, chosen, trivial, reason, whole.floor, whole, judged)
+    is_white = white(residual(chosen.model, whole), whole)
+    return Identification(tried, chosen, trivial, reason, whole.floor, whole, judged, np.size(y), is_white)
 
 
 def candidates(n: int, *, angle: bool) -> Iterator[tuple[Compared, Callable[[View], Any]]]:
@@ -247,7 +272,7 @@ def candidates(n: int, *, angle: bool) -> Iterator[tuple[Compared, Callable[[Vie
         law = {"law": ["viscous", "coulomb"], "effects": ["gravity_imbalance"]}
         yield Compared("axis with gravity", "axis", law, "simulation"), fit_hanging_axis
     if n >= CHAIN_FROM:
-        yield Compared("Wiener-Hammerstein", "wiener_hammerstein", {}, "simulation"), fit_chain
+        yield Compared("Wiener-Hammerstein", "wiener-hammerstein", {}, "simulation"), fit_chain
 
 
 def recommend(tried: list[Compared], trivial: Compared) -> tuple[Compared, str]:
@@ -275,9 +300,9 @@ def _fitted(compared: Compared, fit: Callable[[View], Any], log: View, units: di
     """The candidate with its model, or with the reason why there is none."""
     begin = time.process_time() - compiling_seconds()
     try:
-        model = fit(log)
+        model = fit(log.in_si)
         compared.model = replace(model, units=units) if units else model
-        if compared.kind == "wiener_hammerstein":
+        if compared.kind == "wiener-hammerstein":
             sizes = {k: len(getattr(model, k)) - 1 for k in ("b1", "f1", "b2", "f2")}
             compared.structure = {"zeros_and_poles": sizes, "law": "cubic_spline", "knots": len(model.law)}
     except (ValueError, np.linalg.LinAlgError) as error:
@@ -286,16 +311,28 @@ def _fitted(compared: Compared, fit: Callable[[View], Any], log: View, units: di
     return compared
 
 
+def _with_drive_error(model: Any, relative: float) -> Any:
+    """The model with wider errors of what is in proportion to the drive (an axis), or to one over it (a numerator)."""
+    if not relative or isinstance(model, ChainModel):
+        return model
+    values, errors = model.parameters, dict(model.standard_errors)
+    for name, error in errors.items():
+        of_drive = not name.endswith(("__knot", "__phase")) if isinstance(model, AxisModel) else name.startswith("b")
+        errors[name] = float(np.hypot(error, relative * values[name])) if of_drive and name in values else error
+    return replace(model, standard_errors=errors)
+
+
 def _score(compared: Compared, log: View) -> None:
     """Errors over windows; a free run of the whole record counts as one more where the output is no position."""
     if compared.model is None and compared.kind != "trivial":
         return
-    before = lead(log.u.size, log.dt)
-    lengths = horizons(log.u.size - before, log.dt)
+    longest = log.longest.u.size
+    before = lead(longest, log.dt)
+    lengths = horizons(longest - before, log.dt)
     compared.windows = {h: _rms(window_errors(compared.model, log, h, before)) for h in lengths}
     errors: list[float] = list(compared.windows.values())
     if compared.model is not None and log.logged != "position":
-        errors.append(_rms(window_errors(compared.model, log, log.u.size - before, before)))
+        errors.append(_rms(whole_errors(compared.model, log, before)[0]))
     elif log.logged != "position":
         errors.append(float(np.std(log.y)))
     scale = float(np.fmax(log.floor, 1e-6 * np.std(log.y)))
@@ -307,13 +344,12 @@ def _indices(model: Any, log: View, skip: int) -> dict[str, float]:
     """NMSE and RMSE of the free run in the output's unit; its state is fitted where the record begins in motion."""
     if model is None:
         return {}
-    if log.logged == "output" and model.kind != "axis":
+    if log.logged == "output" and model.kind != "axis" and not log.starts:
         error = (log.y - model.simulate(log.u))[skip:]
         known = log.y[skip:]
     else:
-        before = lead(log.u.size, log.dt)
-        error = window_errors(model, log, log.u.size - before, before)[0][max(skip - before, 0) :]
-        known = log.y[-error.size :]
+        before = lead(log.longest.u.size, log.dt)
+        error, known = (x[max(skip - before, 0) :] for x in whole_errors(model, log, before))
     rmse = _rms(error)
     return {"nmse": rmse**2 / max(float(np.var(known)), 1e-300), "rmse": rmse} if np.isfinite(rmse) else {}
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from whsklearn.identification.view import one_later, since_start
 from whsklearn.models import LinearModel
 from whsklearn.recursion.best_linear import IOData, Ratio, best_linear, least_squares_arx, stabilised
 from whsklearn.recursion.linear_filter import delayed_rows, filter_rows
@@ -42,9 +43,10 @@ def fit_output_error(log: View, order: int) -> LinearModel:
 
 def _data(log: View) -> IOData:
     """Input a sample late: with u(t) itself a linear model of a closed loop would invert the controller."""
-    n = log.target.size
-    u = np.append(0.0, log.u[:-1])[None, :]
-    return IOData(u, log.target - log.target.mean(), np.array([0, n]), np.arange(n) >= min(SKIP, n // 10))
+    bounds = log.bounds
+    skip = np.repeat(np.minimum(SKIP, np.diff(bounds) // 10), np.diff(bounds))
+    u = one_later(log.u, bounds)[None, :]
+    return IOData(u, log.target - log.target.mean(), bounds, since_start(bounds) >= skip)
 
 
 def _model(log: View, data: IOData, ratio: Ratio, criterion: str) -> LinearModel:

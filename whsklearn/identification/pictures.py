@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from whsklearn.identification.windows import horizons, lead, window_errors
-from whsklearn.logs.units import UNKNOWN
 from whsklearn.models import AxisModel, ChainModel, LinearModel
 
 if TYPE_CHECKING:
@@ -42,7 +41,7 @@ def as_png(page: Any) -> str:
 
 def _overlay(ax: Axes, found: Identification) -> None:
     """The last of the longest held-out windows, measured and replayed."""
-    log = found.test
+    log = found.test.longest
     before = lead(log.u.size, log.dt)
     horizon = horizons(log.u.size - before, log.dt)[-1]
     error = window_errors(found.model, log, horizon, before)[-1]
@@ -51,8 +50,14 @@ def _overlay(ax: Axes, found: Identification) -> None:
     ax.plot(seconds, measured, color="0.2", label="measured")
     ax.plot(seconds, measured - error, color="C1", ls="--", label="replayed from the drive alone")
     ax.plot(seconds, error, color="C3", lw=0.8, label="difference")
-    ax.set(xlabel="s since the state was fitted", ylabel=_axis_label("output", found), title="Test, last window")
+    since = f"{model_time(found)} since the state was fitted"
+    ax.set(xlabel=since, ylabel=_axis_label("output", found), title="Test, last window")
     ax.legend(fontsize=8)
+
+
+def model_time(found: Identification) -> str:
+    """Unit of the time axis."""
+    return "s" if found.model.units.get("time", "s") == "s" else "samples"
 
 
 def _axis_label(name: str, found: Identification) -> str:
@@ -105,9 +110,10 @@ def _characteristic(ax: Axes, found: Identification) -> None:
     model = found.model
     if isinstance(model, AxisModel):
         speed = np.linspace(-1, 1, 801) * np.abs(found.train.target).max()
-        ax.plot(speed, model.law(0.0, speed))
+        by, far = found.train.si
+        ax.plot(speed, model.law(0.0, speed * far) / by)
         out = model.units.get("output", "")
-        unit = out if model.logged == "velocity" or out in ("", UNKNOWN) else f"{out}/s"
+        unit = out if model.logged == "velocity" or not out else f"{out}/s"
         ax.set(
             xlabel=f"velocity ({unit})" if unit else "velocity", ylabel=_axis_label("input", found), title="Friction"
         )

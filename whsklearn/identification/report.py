@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from whsklearn.logs.units import UNKNOWN
-from whsklearn.models import AxisModel, save_model
+from whsklearn.logs.units import UNKNOWN, own_units, respelled
+from whsklearn.models import save_model
 from whsklearn.state.files import atomic_write
 
 if TYPE_CHECKING:
@@ -38,46 +38,52 @@ def write(found: Identification, folder: str | os.PathLike[str]) -> Path:
 
 def document(found: Identification) -> dict[str, Any]:
     """What identify.json holds."""
-    kind = found.recommended.kind
     return {
-        "recommended": "wiener-hammerstein" if kind == "wiener_hammerstein" else kind,
+        "recommended": found.recommended.kind,
         "recommended_name": found.recommended.name,
         "reason": found.reason,
         "models": [_entry(c) for c in found.models],
         "trivial": {"name": found.trivial.name, "windows": _windows(found.trivial, found)},
         "parameters": parameters(found),
+        "residuals_white": found.white,
         "noise_floor_rmse": found.floor,
         "logged": found.train.logged,
+        "rows": {"used": int(found.train.y.size), "given": found.rows, "segments": len(found.train.starts) + 1},
+        "units": {"time": "s", "input": UNKNOWN, "output": UNKNOWN} | dict(found.model.units),
         "model_file": MODEL_FILE,
     }
 
 
+def on_intervals(found: Identification) -> str:
+    """What is to be said of the intervals; nothing where the model leaves white noise."""
+    if found.white:
+        return ""
+    how = "as far as two estimators lie apart" if found.recommended.kind == "axis" else "by sums over blocks"
+    return (
+        "What the model leaves of its record is not white: something is missing in it. The intervals are widened "
+        f"{how}; whsklearn gap looks for what is missing."
+    )
+
+
 def parameters(found: Identification) -> list[dict[str, Any]]:
-    """Name, value, standard error and unit of every number of the recommended model."""
+    """Name, value, standard error and unit of every number of the recommended model, in the units of the log."""
     model = found.model
-    units = _units(model)
+    own = own_units(model.si, (model.units.get("input", ""), model.units.get("output", "")))
     rows = []
     for name, value in model.parameters.items():
         error = model.standard_errors.get(name)
-        good = error is not None and np.isfinite(error)
+        si = model.parameter_units[name]
+        by, unit = (1.0, si) if name.endswith("__phase") else respelled(si, own)
+        unit = "" if unit in ("1", UNKNOWN) else unit
         rows.append(
-            {"name": name, "value": value, "standard_error": error if good else None, "unit": units.get(name, "")}
+            {
+                "name": name,
+                "value": value / by,
+                "standard_error": None if error is None or not np.isfinite(error) else error / by,
+                "unit": unit,
+            }
         )
     return rows
-
-
-def _units(model: Any) -> dict[str, str]:
-    """Units of an axis' parameters, from those of the log."""
-    drive, out = model.units.get("input", ""), model.units.get("output", "")
-    if not isinstance(model, AxisModel) or {drive, out} & {"", UNKNOWN}:
-        return {}
-    speed = out if model.logged == "velocity" else f"{out}/s"
-    per_speed = f"{drive}/({speed})"
-    hinges = {name: per_speed for name in model.parameters if name.startswith("speed_hinge")}
-    knots = {name: speed for name in hinges if name.endswith("__knot")}
-    torques = dict.fromkeys(("coulomb", "input_offset", "gravity_imbalance"), drive)
-    others = {"inertia": f"{drive} s/({speed})", "viscous": per_speed, "gravity_imbalance__phase": "rad"}
-    return torques | others | hinges | knots
 
 
 def _entry(c: Compared) -> dict[str, Any]:
@@ -115,6 +121,8 @@ def page(found: Identification) -> str:
         picture=picture,
         parameters=parameters(found),
         lengths=lengths,
+        unit=found.model.units.get("output", ""),
+        on_intervals=on_intervals(found),
         seconds=[f"{h * found.train.dt:.3g} s" for h in lengths],
         number=number,
     )

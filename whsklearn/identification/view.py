@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
 HOLDOUT = 0.3
 LEAST_MOTION = 0.1  # of the range: of eight XL330 logs (benchmarks/which_structure.py) four end at rest, in 0.01 of it
 LEAST_FITTED = 60  # samples
+LEAST_SEGMENT = 30  # samples; a shorter one says less than its start state takes
 SMOOTHING = 0.03  # s over which a parabola is laid for the velocity of a logged position
 INTEGRATES = 0.1  # a time constant above that share of the record is an integrator to anyone who reads the log
 
@@ -35,6 +37,10 @@ class View:
         Sampling time (s).
     logged : {"output", "velocity", "position"}
         What y is.
+    si : tuple of two float
+        Factors that bring u and y to SI, in which the candidates are fitted.
+    starts : tuple of int
+        Where a segment begins after a hole or a restart, beside sample 0.
 
     References
     ----------
@@ -56,11 +62,32 @@ class View:
     target: Array
     dt: float
     logged: str
+    si: tuple[float, float] = (1.0, 1.0)
+    starts: tuple[int, ...] = ()
+
+    @property
+    def bounds(self) -> NDArray[np.int64]:
+        """First sample of every segment, and the number of samples."""
+        return np.array([0, *self.starts, self.y.size], dtype=np.int64)
+
+    @property
+    def longest(self) -> View:
+        """The longest segment."""
+        k = int(np.argmax(np.diff(self.bounds)))
+        return self.part(int(self.bounds[k]), int(self.bounds[k + 1]))
+
+    @property
+    def in_si(self) -> View:
+        """The record in Nm or N, rad or m."""
+        by, far = self.si
+        if self.si == (1.0, 1.0):
+            return self
+        return replace(self, u=self.u * by, y=self.y * far, target=self.target * far, si=(1.0, 1.0))
 
     @property
     def floor(self) -> float:
         """Standard deviation of the output's noise from third differences; 0 where y is not slow against dt."""
-        return noise_floor(self.y)
+        return noise_floor(self.y, self.bounds)
 
     def part(self, start: int, stop: int) -> View:
         """Some of the samples.
@@ -70,12 +97,20 @@ class View:
         start, stop : int
             Samples, the last one left out.
         """
-        return replace(self, u=self.u[start:stop], y=self.y[start:stop], target=self.target[start:stop])
+        starts = tuple(b - start for b in self.starts if start < b < stop)
+        u, y, target = (x[start:stop] for x in (self.u, self.y, self.target))
+        return replace(self, u=u, y=y, target=target, starts=starts)
 
 
-def view(u: ArrayLike, y: ArrayLike, dt: float, logged: str) -> View:
-    """Check a record, and see what was logged if ``logged`` is ``auto``."""
+def view(u: ArrayLike, y: ArrayLike, dt: float, logged: str, groups: ArrayLike | None = None) -> View:
+    """Check a record, and see what was logged if ``logged`` is ``auto``; ``groups`` tell its segments.
+
+    Segments of fewer than `LEAST_SEGMENT` samples are left out.
+    """
     u, y = np.asarray(u, dtype=float).reshape(-1), np.asarray(y, dtype=float).reshape(-1)
+    starts: tuple[int, ...] = ()
+    if groups is not None and u.shape == y.shape:
+        u, y, starts = _segments(u, y, np.asarray(groups).reshape(-1))
     if u.shape != y.shape or u.size < 100:
         raise ValueError(f"The record has {u.size} inputs and {y.size} outputs; expected as many, and 100 at least.")
     for name, signal in (("input", u), ("output", y)):
@@ -85,27 +120,63 @@ def view(u: ArrayLike, y: ArrayLike, dt: float, logged: str) -> View:
             )
         if np.ptp(signal) == 0:
             raise ValueError(f"The {name} never changes; give a log in which the axis is driven and moves.")
+    bounds = np.array([0, *starts, y.size], dtype=np.int64)
     if not (np.isfinite(dt) and dt > 0):
         raise ValueError(f"dt is {dt!r}, expected a sampling time above zero in s.")
     if logged == "auto":
-        logged = "position" if integrates(u, y) else "output"
+        logged = "position" if integrates(u, y, bounds) else "output"
     if logged not in ("output", "velocity", "position"):
         raise ValueError(f"logged is {logged!r}, expected 'auto', 'output', 'velocity' or 'position'.")
-    target = derivative(y, dt)[0] if logged == "position" else y
-    return View(np.ascontiguousarray(u), np.ascontiguousarray(y), np.ascontiguousarray(target), float(dt), logged)
+    target = derivative(y, dt, bounds)[0] if logged == "position" else y
+    u, y, target = (np.ascontiguousarray(x) for x in (u, y, target))
+    return View(u, y, target, float(dt), logged, starts=starts)
 
 
-def integrates(u: Array, y: Array) -> bool:
+def _segments(u: Array, y: Array, groups: NDArray[Any]) -> tuple[Array, Array, tuple[int, ...]]:
+    """The segments that are long enough, one after the other, and where the later ones begin."""
+    if groups.shape != y.shape:
+        raise ValueError(f"There are {groups.size} groups for {y.size} samples; expected one for each.")
+    bounds = np.r_[0, np.flatnonzero(groups[1:] != groups[:-1]) + 1, y.size]
+    kept = [(a, b) for a, b in itertools.pairwise(bounds.tolist()) if b - a >= LEAST_SEGMENT]
+    if not kept:
+        raise ValueError(
+            f"Holes cut the record into {bounds.size - 1} segments, none of {LEAST_SEGMENT} samples; log without them."
+        )
+    starts = np.cumsum([b - a for a, b in kept])[:-1]
+    u, y = (np.concatenate([x[a:b] for a, b in kept]) for x in (u, y))
+    return u, y, tuple(int(s) for s in starts)
+
+
+def since_start(bounds: NDArray[np.int64]) -> NDArray[np.int64]:
+    """How many samples of its segment lie before each sample."""
+    return np.concatenate([np.arange(n) for n in np.diff(bounds)])
+
+
+def one_later(u: Array, bounds: NDArray[np.int64]) -> Array:
+    """A signal a sample later, zero where a segment begins."""
+    out = np.append(0.0, u[:-1])
+    out[bounds[:-1]] = 0.0
+    return out
+
+
+def _differences(y: Array, order: int, bounds: NDArray[np.int64] | None) -> Array:
+    """Differences within the segments."""
+    pieces = np.split(y, bounds[1:-1]) if bounds is not None else [y]
+    return np.concatenate([np.diff(p, order) for p in pieces])
+
+
+def integrates(u: Array, y: Array, bounds: NDArray[np.int64]) -> bool:
     """Whether y is a motion that keeps its place when the drive is gone: a pole at 1."""
-    data = IOData(np.append(0.0, u[:-1])[None, :], y - y[0], np.array([0, y.size]), np.arange(y.size) >= 10)
+    since = since_start(bounds)
+    data = IOData(one_later(u, bounds)[None, :], y - y[np.arange(y.size) - since], bounds, since >= 10)
     arx = least_squares_arx(data, 3, 2)
     slowest = float(np.abs(np.roots(arx.a)).max(initial=0.0))
-    return slowest > np.exp(-1.0 / (INTEGRATES * y.size)) and smooth(y)
+    return slowest > np.exp(-1.0 / (INTEGRATES * y.size)) and smooth(y, bounds)
 
 
-def smooth(y: Array) -> bool:
+def smooth(y: Array, bounds: NDArray[np.int64] | None = None) -> bool:
     """Whether y is slow against its sampling, as the position of anything with mass is."""
-    return bool(np.std(np.diff(y, 2)) < 0.1 * np.std(y))
+    return bool(np.std(_differences(y, 2, bounds)) < 0.1 * np.std(y))
 
 
 def held_out_from(y: Array) -> int:
@@ -121,14 +192,23 @@ def held_out_from(y: Array) -> int:
     return max(y.size - 1 - int(np.argmax(range_left >= HOLDOUT * whole)), min(LEAST_FITTED, cut))
 
 
-def noise_floor(y: Array) -> float:
+def noise_floor(y: Array, bounds: NDArray[np.int64] | None = None) -> float:
     """median |third difference| / (0.6745 sqrt 20): of white noise its deviation, of a slow signal nothing."""
-    return float(np.median(np.abs(np.diff(y, 3))) / (0.6745 * np.sqrt(20.0))) if smooth(y) else 0.0
+    third = _differences(y, 3, bounds)
+    return float(np.median(np.abs(third)) / (0.6745 * np.sqrt(20.0))) if smooth(y, bounds) else 0.0
 
 
-def derivative(y: Array, dt: float) -> tuple[Array, Array]:
-    """First and second derivative by a sliding parabola (Savitzky and Golay 1964)."""
+def derivative(y: Array, dt: float, bounds: NDArray[np.int64] | None = None) -> tuple[Array, Array]:
+    """First and second derivative by a sliding parabola (Savitzky and Golay 1964), segment by segment."""
     from scipy.signal import savgol_filter
 
-    window = min(max(5, 2 * round(SMOOTHING / dt / 2) + 1), 2 * ((y.size - 1) // 2) - 1)
+    if bounds is not None and bounds.size > 2:
+        pieces = [derivative(p, dt) for p in np.split(y, bounds[1:-1])]
+        return np.concatenate([first for first, _ in pieces]), np.concatenate([second for _, second in pieces])
+    window = window_of(y.size, dt)
     return savgol_filter(y, window, 2, 1, delta=dt), savgol_filter(y, window, 2, 2, delta=dt)
+
+
+def window_of(n: int, dt: float) -> int:
+    """Samples under the parabola, an odd number."""
+    return min(max(5, 2 * round(SMOOTHING / dt / 2) + 1), 2 * ((n - 1) // 2) - 1)

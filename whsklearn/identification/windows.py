@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import itertools
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from whsklearn.effects import GravityImbalance, SpeedHinge
-from whsklearn.identification.axis_fit import sine_and_cosine
+from whsklearn.identification.axis_fit import axis_log, sine_and_cosine
 from whsklearn.identification.view import smooth
 from whsklearn.models import AxisModel, ChainModel, LinearModel
 from whsklearn.recursion.axis_free_run import AxisLog, fit_state, free_run
+from whsklearn.recursion.simulation_search import SKIP
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -37,13 +40,23 @@ def lead(n: int, dt: float) -> int:
 
 def window_errors(model: Any, log: View, horizon: int, before: int) -> Array:
     """Output minus prediction over windows, (windows, horizon); an infinite one where the model runs away."""
-    count = int(np.clip((log.y.size - before) // horizon, 1, MOST))
-    begins = np.linspace(before, log.y.size - horizon, count).astype(int)
+    spans = [(a + before, b - horizon) for a, b in itertools.pairwise(log.bounds.tolist()) if b - a >= before + horizon]
+    count = int(np.clip(sum((b - a) // horizon + 1 for a, b in spans), 1, MOST))
+    possible = np.concatenate([np.arange(a, b + 1) for a, b in spans])
+    begins = possible[np.linspace(0, possible.size - 1, count).astype(int)]
     if model is None:
         return np.array([_steady(log, s, horizon, before) for s in begins])
     if isinstance(model, AxisModel):
         return _axis_errors(model, log, begins, horizon, before)
     return _response_errors(model, log, begins, horizon, before)
+
+
+def whole_errors(model: Any, log: View, before: int) -> tuple[Array, Array]:
+    """Output minus prediction over all of each segment after its lead, and the output there."""
+    parts = [log.part(a, b) for a, b in itertools.pairwise(log.bounds.tolist()) if b - a > 2 * before]
+    parts = parts or [log.longest]
+    errors = [window_errors(model, p, p.y.size - before, before)[0] for p in parts]
+    return np.concatenate(errors), np.concatenate([p.y[before:] for p in parts])
 
 
 def _steady(log: View, start: int, horizon: int, before: int) -> Array:
@@ -58,7 +71,8 @@ def _steady(log: View, start: int, horizon: int, before: int) -> Array:
 
 
 def _axis_errors(model: AxisModel, log: View, begins: NDArray[np.int64], horizon: int, before: int) -> Array:
-    """State by Gauss-Newton over the lead."""
+    """State by Gauss-Newton over the lead; in the record's unit, while the model and its run are in SI."""
+    far, log = log.si[1], log.in_si
     theta, knots, hangs = axis_theta(model)
     span = before + horizon
     take = (begins[:, None] - before + np.arange(span)).ravel()
@@ -73,7 +87,18 @@ def _axis_errors(model: AxisModel, log: View, begins: NDArray[np.int64], horizon
     )
     v0, q0 = fit_state(theta, data)
     run = free_run(theta, data._replace(v0=v0, q0=q0))
-    return (y - run).reshape(-1, span)[:, before:]
+    return (y - run).reshape(-1, span)[:, before:] / far
+
+
+def residual(model: Any, log: View) -> Array:
+    """What the fit of a model left of the signal that it was fitted to, in SI."""
+    si = log.in_si
+    if isinstance(model, AxisModel):
+        theta, knots, hangs = axis_theta(model)
+        return si.target - free_run(theta, axis_log(si, knots, hangs=hangs))
+    plain = replace(model, logged="output", units={})
+    pieces = [si.target[a:b] - plain.simulate(si.u[a:b]) for a, b in itertools.pairwise(si.bounds)]
+    return np.concatenate([e[min(SKIP, e.size // 10) :] for e in pieces])
 
 
 def axis_theta(model: AxisModel) -> tuple[Array, Array, bool]:

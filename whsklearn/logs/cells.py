@@ -44,14 +44,25 @@ _FLAGS = {"true": 1.0, "false": 0.0}
 
 
 def plain(cell: str) -> str:
-    """A cell without blanks, quotes and a typographic minus.
+    """A cell without blanks, quotes, a semicolon at the end of a script's line, and a typographic minus.
 
     Examples
     --------
-    >>> plain(" '\u22121.5' ")
-    '-1.5'
+    >>> plain(" '\u22121.5' "), plain("0.25;")
+    ('-1.5', '0.25')
     """
-    return cell.strip().strip("\"'").strip().replace("\u2212", "-")
+    return cell.strip().rstrip(";").strip("\"' ").replace("\u2212", "-")
+
+
+def is_word(cell: str) -> bool:
+    """Whether a cell holds a word that neither is a number nor stands for none.
+
+    Examples
+    --------
+    >>> is_word("Port"), is_word("N/A"), is_word("1,5")
+    (True, False, False)
+    """
+    return bool(re.match(r"[^\W\d_]", plain(cell))) and plain(cell).lower() not in {*_MISSING, *_FLAGS, "nan", "inf"}
 
 
 def is_number(cell: str, decimal: str = ".") -> bool:
@@ -102,7 +113,7 @@ def as_numbers(values: pd.Series, decimal: str) -> tuple[pd.Series, str, list[st
         part = part.str.replace(",", ".", regex=False) if decimal == "," else part
         return pd.Series(pd.to_numeric(part, errors="coerce").to_numpy(dtype=float, na_value=np.nan), part.index)
 
-    text = values.str.strip().str.strip("\"'").str.strip().str.replace("\u2212", "-", regex=False)
+    text = values.str.strip().str.rstrip(";").str.strip("\"' ").str.replace("\u2212", "-", regex=False)
     out, unit, notes = number(text), "", []
     text = text.mask(text.str.lower().isin(_MISSING))
     for word, value in _FLAGS.items():

@@ -34,6 +34,7 @@ TITLES = {
     "LOG018": "The position is the integral of the velocity",
     "LOG019": "A unit is not known",
     "LOG020": "The log is not in one piece",
+    "LOG022": "The drive is a current",
     "LOG021": "Signed numbers were logged as unsigned ones",
 }
 SEVERITIES = ("info", "warning", "error")

@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable
 from pathlib import Path
 
-from whsklearn.logs import arrays, objects, packed, recorders, robots, text
+from whsklearn.logs import arrays, labelled, objects, packed, parts, recorders, robots, text
 from whsklearn.logs.errors import LogError
 from whsklearn.logs.source import Source
 
@@ -28,6 +28,7 @@ _ENDINGS: dict[str, Callable[[Path], Source]] = {
     ".mcap": robots.open_mcap, ".bag": robots.open_bag,
 }  # fmt: skip
 _SHEETS = {".xlsx", ".xls", ".ods"}
+_SCOPE = {".svdx", ".tcscopex", ".svbx"}  # no library reads them
 
 
 def open_source(path: str | os.PathLike[str]) -> Source:
@@ -37,7 +38,7 @@ def open_source(path: str | os.PathLike[str]) -> Source:
     ----------
     path : str or path
         A CSV of any dialect or JSON (also packed: gz, bz2, xz, zip), Parquet, MATLAB, HDF5, NumPy, TDMS, MDF4, MCAP or
-        ROS 1 file, or the folder of a ROS 2 bag or of a LeRobot data set.
+        ROS 1 file, or the folder of a ROS 2 bag, of a LeRobot data set, or with a table for each signal.
 
     Returns
     -------
@@ -71,6 +72,8 @@ def open_source(path: str | os.PathLike[str]) -> Source:
         raise LogError(f"{file} is a device or a pipe; copy the log into a file first.")
     if file.suffix.lower() in _SHEETS:
         raise LogError(f"{file.name} is a spreadsheet; save its sheet as CSV.")
+    if file.suffix.lower() in _SCOPE:
+        raise LogError(f"{file.name} is a TwinCAT Scope project; open it in Scope View and export its channels as CSV.")
     with file.open("rb") as stream:
         head = stream.read(16)
     for magic, reader in _MAGIC:
@@ -88,13 +91,17 @@ def open_source(path: str | os.PathLike[str]) -> Source:
 
 
 def _of_text(path: Path) -> Source:
-    """JSON or a table."""
+    """JSON, lines of named numbers or a table."""
     with packed.opened(path) as stream:
         try:
-            head = stream.read(256)
+            head = stream.read(4096)
         except packed.DAMAGE:
             head = b""  # said by the reader of tables
-    return objects.open_json(path) if objects.is_json(head) else text.open_text(path)
+    if objects.is_json(head):
+        return objects.open_json(path)
+    if labelled.is_labelled(head):
+        return labelled.open_labelled(path)
+    return parts.by_motor(text.open_text(path))
 
 
 def _unpacked(path: Path, head: bytes) -> Source:
@@ -117,7 +124,4 @@ def _folder(path: Path) -> Source:
         return robots.open_lerobot(path)
     if (path / "metadata.yaml").exists():
         return robots.open_bag(path)
-    raise LogError(
-        f"{path} is a folder, and neither a ROS 2 bag (metadata.yaml) nor a LeRobot data set (meta/info.json); "
-        "give the file of a log."
-    )
+    return parts.open_folder(path, open_source)

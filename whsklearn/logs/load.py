@@ -12,6 +12,7 @@ from sklearn.utils import Bunch
 
 from whsklearn.logs import mend
 from whsklearn.logs.check import check_log
+from whsklearn.logs.current import TorqueConstant, factor_to_torque, is_current
 from whsklearn.logs.errors import ColumnError, LogError, LogWarning
 from whsklearn.logs.findings import Finding, LogReport
 from whsklearn.logs.formats import open_source
@@ -42,6 +43,7 @@ def load_log(
     velocity: str | int | None = None,
     units: Mapping[str, str] | None = None,
     sample_rate: float | None = None,
+    torque_constant: str | float | tuple[float, float] | None = None,
     resample: bool = True,
     return_X_y: bool = False,
 ) -> Any:
@@ -72,6 +74,9 @@ def load_log(
         ``angle [deg]``). Stated, not converted, but for time. ``counts/4096`` says what a turn is.
     sample_rate : float, optional
         In Hz, where there is no time column. Neither: time counts samples.
+    torque_constant : float, pair of float or str, optional
+        Nm (or N) for each ampere, where the drive is a current: ``0.12``, or ``"0.12+-0.01"`` with its standard
+        deviation, which ``drive_error`` hands on.
     resample : bool, default=True
         Mend rows without a number and stamps that are uneven, repeated or out of order, and cut the log into segments
         at long gaps; False refuses such a log and names the row.
@@ -83,7 +88,8 @@ def load_log(
     Bunch
         ``X`` (n, 1), ``y`` (n,), ``time`` (n,) in s from 0, ``reference`` and ``command`` (n,) or None, ``groups``
         (n,) int, the segment of each row, ``sample_rate`` in Hz, ``units`` and ``columns`` by role, ``frame`` (the
-        signals by role), ``report`` (`LogReport`), ``notes`` (its sentences), ``name``.
+        signals by role), ``drive_error`` (standard deviation of the
+        torque constant as a share of it), ``report`` (`LogReport`), ``notes`` (its sentences), ``name``.
 
     Raises
     ------
@@ -126,9 +132,12 @@ def load_log(
             f"Column {columns['drive']!r} of {source.name} was named for drive and position; name two columns."
         )
     table = read_columns(source, columns, given, sample_rate)
+    constant = None if torque_constant is None else TorqueConstant.of(torque_constant)
+    _as_torque(table, constant)
     if not resample:
         _refuse(source.name, table)
     log = _mended(source.name, table)
+    log.drive_error = constant.relative if constant is not None else 0.0
     if return_X_y:
         if log.groups[-1] > 0:
             raise LogError(
@@ -139,6 +148,24 @@ def load_log(
         return log.X, log.y
     _warn(source.name, log.report)
     return log
+
+
+def _as_torque(table: _Table, constant: TorqueConstant | None) -> None:
+    """A current times its constant; a remark on one that stays a current."""
+    if "drive" not in table.signals:
+        return
+    column, unit = table.columns["drive"], table.units["drive"]
+    if constant is not None:
+        table.signals["drive"] = table.signals["drive"] * factor_to_torque(constant, unit, column)
+        table.units["drive"] = "Nm"
+        table.findings[:] = [f for f in table.findings if f.code != "LOG019" or f"{column!r}" not in f.explanation]
+        told = f"{constant.value:g} Nm/A" + (
+            f" with a standard deviation of {constant.deviation:g}" if constant.deviation else ""
+        )
+        table.findings.append(Finding("LOG022", "info", f"Column {column!r} was turned into a torque by {told}."))
+    elif is_current(column, unit):
+        text = f"Column {column!r} is a current: sizes are in its unit, not in Nm, unless a torque constant is given."
+        table.findings.append(Finding("LOG022", "info", text))
 
 
 def _warn(name: str, report: LogReport) -> None:
@@ -163,11 +190,13 @@ def read_columns(
     values = {r: read[c].values if r == "time" else _floats(read[c].values, c, source.name) for r, c in columns.items()}
     stamps = None
     if "time" in columns:
+        _rate_of_ticks(columns["time"], units["time"], source.name)
         clock, more = to_seconds(values.pop("time"), units["time"], columns["time"])
         found += more
     else:
         values, stamps = _one_clock(columns, read, values, found)
         n = len(next(iter(values.values())))
+        sample_rate = sample_rate or source.sample_rate
         if stamps is not None:
             clock = stamps - stamps[0] if stamps.size else stamps
             sample_rate = 1.0
@@ -229,7 +258,16 @@ def _unit(role: str, column: str, read: Column, source: Source, given: Mapping[s
     if role in given:
         return given[role]
     inside = symbol_of(source.units.get(column, "") or read.unit or "")
-    return inside or unit_of(column, "s" if role == "time" else UNKNOWN)
+    return inside or unit_of(column, UNKNOWN)
+
+
+def _rate_of_ticks(column: str, unit: str, name: str) -> None:
+    """Refuse ticks of which nothing says how many make a second."""
+    if unit == "counts":
+        raise ColumnError(
+            f"Column {column!r} of {name} counts ticks, and nothing says how many make a second; add --unit "
+            "time=ticks/8000 for ticks of 8 kHz (an ODrive's), or leave --time out and give --rate."
+        )
 
 
 def _floats(values: NDArray[Any], column: str, name: str) -> Array:

@@ -44,10 +44,13 @@ def open_json(path: Path) -> Source:
         raise LogError(f"{path.name} is no whole JSON file ({error}); export it again.") from None
     notes: list[str] = []
     try:
-        data = json.loads(text)
-    except ValueError:
-        data = _lines(text, path.name, notes)
-    columns = {k: np.asarray(v) for k, v in _vectors(data)}
+        try:
+            data = json.loads(text)
+        except ValueError:
+            data = _lines(text, path.name, notes)
+        columns = {k: np.asarray(v) for k, v in _vectors(data)}
+    except RecursionError:
+        raise LogError(f"{path.name} is nested too deeply; save time, drive and position as vectors.") from None
     if not columns:
         raise LogError(f"{path.name} holds no vectors of {FEWEST} numbers and more; save time, drive and position so.")
     return Source(path.name, list(columns), lambda wanted: {w: Column(columns[w]) for w in wanted}, notes=notes)

@@ -57,7 +57,10 @@ def _decoders() -> list[Any]:
 def _decoded(path: Path, schema: Any, channel: Any, message: Any, reader: Any) -> Any:
     """The content of a message; None for an encoding that is not read."""
     if channel.message_encoding == "json":
-        return json.loads(message.data)
+        try:
+            return json.loads(message.data)
+        except RecursionError:
+            raise ValueError("a JSON message is nested too deeply") from None
     factories = reader._decoder_factories
     if channel.message_encoding == "cdr" and not factories:
         raise missing(path, "mcap-ros2-support", "robots")
@@ -200,7 +203,7 @@ def open_lerobot(path: Path) -> Source:
     """
     try:
         info = json.loads((path / "meta" / "info.json").read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise _damaged(path / "meta" / "info.json", "LeRobot description", error) from None
     files = sorted((path / "data").rglob("*.parquet"))
     if not files:

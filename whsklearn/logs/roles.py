@@ -11,7 +11,7 @@ from whsklearn.logs.units import factor_of, symbol_of, unit_of
 
 # In the order in which a name is believed; one word of the column's name must equal one of these.
 WORDS: dict[str, tuple[str, ...]] = {
-    "time": ("time", "t", "timestamp", "stamp", "timestamps", "zeit", "clock", "seconds"),
+    "time": ("time", "t", "timestamp", "stamp", "timestamps", "zeit", "clock", "seconds", "ticks", "tick"),
     "drive": (
         *(
             "torque",
@@ -75,7 +75,8 @@ def guess(source: Source, role: str) -> str | None:
 def words_of(column: str) -> list[str]:
     """The words in a column's name, its unit among them; i_q, the current that makes torque, is one word."""
     spelled = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", column).lower()
-    return [w for w in re.split(r"[^a-z0-9]+", re.sub(r"(?<![a-z0-9])i_?q(?![a-z0-9])", "iq", spelled)) if w]
+    words = re.split(r"[^a-z0-9]+", re.sub(r"(?<![a-z0-9])i_?q(?![a-z0-9])", "iq", spelled))
+    return [re.sub(r"(?<=[a-z]{4})\d+$", "", w) for w in words if w]  # position0 is a position
 
 
 def _role_of_unit(source: Source, column: str) -> str | None:

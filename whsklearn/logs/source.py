@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from whsklearn._inputs import readable
 from whsklearn.logs.errors import ColumnError
 
 if TYPE_CHECKING:
@@ -59,6 +60,12 @@ class Source:
         Whether the names are the file's own.
     notes : list of str
         How the file was read.
+    nameless : str
+        Why the columns have no names; empty where they have.
+    clocked : bool
+        Whether the columns bring stamps of their own, so that no column of time is needed.
+    sample_rate : float, optional
+        In Hz, where the file says it and has no column of time.
 
     References
     ----------
@@ -79,6 +86,12 @@ class Source:
     header: bool = True
     units: dict[str, str] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
+    nameless: str = ""
+    clocked: bool = False
+    sample_rate: float | None = None
+
+    def __post_init__(self) -> None:
+        self.name = readable(self.name)
 
     def resolve(self, wanted: str | int, role: str) -> str:
         """The column's name for a name or a number from 0.
@@ -95,18 +108,34 @@ class Source:
         ColumnError
             If there is no such column.
         """
-        text = str(wanted)
+        text = readable(str(wanted))
         if text in self.names:
             return text
-        close = [n for n in self.names if n.strip().lower() == text.strip().lower()]
-        if len(close) == 1:
-            return close[0]
+        for plain in (_folded, _letters):
+            close = [n for n in self.names if plain(n) == plain(text) != ""]
+            if len(close) == 1:
+                return close[0]
         if text.isdigit() and int(text) < len(self.names):
             return self.names[int(text)]
         there = ", ".join(self.names[:30]) + (f" and {len(self.names) - 30} more" if len(self.names) > 30 else "")
         if not self.header:
             raise ColumnError(
-                f"{self.name} has no header line, so {text!r} names no column for {role}; give the columns by number "
-                f"from 0 to {len(self.names) - 1}, such as --columns 0,1,2 for time, drive and position."
+                f"{self.name}: {self.nameless or 'the file has no header line'}, so {text!r} names no column "
+                f"for {role}; give the columns by number from 0 to {len(self.names) - 1}, such as --columns 0,1,2 for "
+                "time, drive and position."
+            )
+        parts = [n for n in self.names if n.startswith(f"{text}.")]
+        if parts:
+            raise ColumnError(
+                f"{self.name} has several columns {text!r} for {role}: {', '.join(parts[:8])}; name one of them."
             )
         raise ColumnError(f"{self.name} has no column {text!r} for {role}; it has: {there}.")
+
+
+def _folded(name: str) -> str:
+    return name.strip().lower()
+
+
+def _letters(name: str) -> str:
+    """A name without the marks of a list before it: ``- joint_effort``."""
+    return _folded(name).lstrip("-*+#> ").rstrip(": ")

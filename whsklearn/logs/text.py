@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from whsklearn.logs.cells import as_numbers, is_plain, no_numbers
-from whsklearn.logs.dialect import Dialect, dialect_of
+from whsklearn.logs.cells import as_numbers, is_number, is_plain, is_word, no_numbers
+from whsklearn.logs.dialect import Dialect, dialect_of, split
 from whsklearn.logs.errors import LogError
+from whsklearn.logs.heads import period_in, ticks_in
 from whsklearn.logs.packed import DAMAGE, opened
+from whsklearn.logs.roles import WORDS, words_of
 from whsklearn.logs.source import Column, Source
-from whsklearn.logs.units import symbol_of
+from whsklearn.logs.timebase import on_one_clock
+from whsklearn.logs.units import is_time, unit_of
 
 HEAD = 1 << 16  # bytes that tell the dialect
+MOST_HEAD = 1 << 26  # bytes in which rows of data are looked for: blank lines or names of a great many columns
+FEW_ROWS = 50  # lines of data that tell what a column holds
+_NOTHING = b"\0 \t\r\n\xef\xbb\xbf"
 _BLOCK = 1 << 20
 _ROWS = 200_000  # of a chunk
 _FOOTER = 5  # rows at the end that may hold words and not data
@@ -30,47 +37,98 @@ def open_text(path: Path) -> Source:
     LogError
         If it is empty, damaged, binary, or no table of numbers.
     """
-    try:
-        with opened(path) as file:
-            head = file.read(HEAD)
-    except DAMAGE as error:
-        raise LogError(f"{path.name} is no whole archive ({error}); copy or pack it again.") from None
-    if not head.strip(b"\0 \t\r\n\xef\xbb\xbf"):
-        what = "is empty" if not head else "holds nothing but blanks or zero bytes"
-        raise LogError(f"{path.name} {what}; record the log again, or give another file.")
-    encoding = _encoding(head, path.name)
-    lines = _logical(head.decode(encoding, errors="replace").splitlines())
-    if len(head) == HEAD and len(lines) > 1:
-        lines.pop()
-    clean = [t for t in lines if "\0" not in t]
-    layout = dialect_of(clean)
+    head, encoding, clean, layout = _begin(path)
     if layout is None:
-        raise LogError(_why_none(clean, path.name))
-    whole, notes = _whole_rows(path, encoding, layout)
+        raise LogError(_why_none(clean, path.name, len(head) >= MOST_HEAD))
+    whole, last, notes = _whole_rows(path, encoding, layout)
+    cut = _is_cut(last.decode(encoding, errors="replace"), clean, layout)
+    if cut:
+        notes.append("The last row is cut off; it was left out.")
     names = layout.names or [str(i) for i in range(layout.width)]
-    units = {n: u for n, u in zip(names, map(_unit, layout.units or []), strict=False) if u}
+    units = {n: u for n, u in zip(names, layout.units or [], strict=False) if u}
     if encoding == "cp1252":
         notes.append("The file is not UTF-8; it was read as Windows text (cp1252).")
     if layout.decimal == ",":
         notes.append("Numbers have a decimal comma.")
-    if layout.names is None:
-        notes.append(f"The file has no header line; its columns are called 0 to {layout.width - 1}.")
-
+    above = clean[: layout.first]
+    if (ticks := ticks_in(above, names)) is not None and names[ticks[0]] not in units:
+        column, rate = ticks
+        units[names[column]] = f"ticks/{rate:.10g}" if rate else "ticks"
+        if rate:
+            notes.append(f"Column {names[column]!r} counts ticks, {rate:g} a second.")
+    period = None if any(is_time(units.get(n) or unit_of(n)) or _is_time(n) for n in names) else period_in(above)
+    if period:
+        notes.append(f"Rows are {period:.6g} s apart, as the lines above them say.")
+    why = _why_nameless(layout) if layout.names is None else ""
+    if why:
+        notes.append(f"{why[0].upper()}{why[1:]}; its columns are called 0 to {layout.width - 1}.")
     doubles = [n for i, n in enumerate(names) if n.removesuffix(f".{i}") in names[:i]]
-    if doubles:
+    if doubles and layout.clocks is None:
         first = doubles[0].rpartition(".")[0]
         notes.append(
             f"Several columns are called {first!r}; the first keeps the name, others are {', '.join(doubles)}."
         )
 
     def fetch(wanted: Sequence[str]) -> dict[str, Column]:
-        return _read(path, encoding, layout, {w: names.index(w) for w in wanted}, whole, notes)
+        places = {w: names.index(w) for w in wanted}
+        if layout.clocks is None or any(layout.clocks[i] == i for i in places.values()):
+            return _read(path, encoding, layout, places, whole, notes, cut)
+        clocks = {w: names[layout.clocks[i]] for w, i in places.items()}
+        places |= {c: names.index(c) for c in clocks.values()}
+        return with_clocks(_read(path, encoding, layout, places, whole, notes, cut), clocks, units)
 
-    return Source(path.name, names, fetch, layout.names is not None, units, notes)
+    return Source(
+        path.name, names, fetch, not why, units, notes,
+        nameless=why, clocked=layout.clocks is not None, sample_rate=1.0 / period if period else None,
+    )  # fmt: skip
 
 
-def _unit(text: str) -> str:
-    return symbol_of(text.strip("[]() ")) or ""
+def _begin(path: Path) -> tuple[bytes, str, list[str], Dialect | None]:
+    """The first bytes, as many as it takes to see rows of data, their encoding, lines and layout."""
+    size = HEAD
+    while True:
+        try:
+            with opened(path) as file:
+                head = file.read(size)
+        except DAMAGE as error:
+            raise LogError(f"{path.name} is no whole archive ({error}); copy or pack it again.") from None
+        encoding = _encoding(head[:HEAD], path.name) if head.strip(_NOTHING) else "utf-8-sig"
+        lines = _logical(head.decode(encoding, errors="replace").splitlines())
+        if len(head) == size and len(lines) > 1:
+            lines.pop()
+        clean = [t for t in lines if "\0" not in t]
+        layout = dialect_of(clean)
+        if len(head) < size or size >= MOST_HEAD or (layout is not None and len(clean) - layout.first >= FEW_ROWS):
+            break
+        size *= 4
+    if not head.strip(_NOTHING):
+        what = "is empty" if not head else "holds nothing but blanks or zero bytes"
+        raise LogError(f"{path.name} {what}; record the log again, or give another file.")
+    return head, encoding, clean, layout
+
+
+def _is_time(name: str) -> bool:
+    return bool(set(WORDS["time"]) & set(words_of(name)))
+
+
+def _why_nameless(layout: Dialect) -> str:
+    """Why the columns have no names."""
+    if layout.header is None or not any(is_word(c) for c in layout.header):
+        return "the file has no header line"
+    return f"the header line has {len(layout.header)} names where the rows have {layout.width} cells"
+
+
+def _is_cut(last: str, lines: list[str], layout: Dialect) -> bool:
+    """Whether a last line without a line end stops amid a row: cells are missing, or the last number is too short."""
+    if not last.strip() or (layout.comment and last.lstrip().startswith(layout.comment)):
+        return False
+    cells = split(last, layout.separator)
+    if not any(is_number(c, layout.decimal) and c for c in cells):
+        return False  # a footer
+    ends = [split(t, layout.separator)[-1] for t in lines[layout.first :][:FEW_ROWS]]
+    ends = [c for c in ends if is_plain(c, layout.decimal)]
+    short = len(cells) < layout.width or (bool(ends) and len(cells[-1]) < min(map(len, ends)))
+    return short or (bool(ends) and not is_number(cells[-1], layout.decimal))
 
 
 def _logical(lines: list[str]) -> list[str]:
@@ -106,8 +164,10 @@ def _encoding(head: bytes, name: str) -> str:
     return "utf-8-sig"
 
 
-def _why_none(lines: list[str], name: str) -> str:
+def _why_none(lines: list[str], name: str, more: bool) -> str:
     """Why no table was found."""
+    if more:
+        return f"{name} holds no rows of numbers in its first {MOST_HEAD >> 20} MB; export the log without that head."
     live = [t for t in lines if t.strip() and not t.lstrip().startswith(("#", "%"))]
     if len(live) <= 3 and live:
         return (
@@ -121,11 +181,13 @@ def _why_none(lines: list[str], name: str) -> str:
     )
 
 
-def _whole_rows(path: Path, encoding: str, layout: Dialect) -> tuple[int | None, list[str]]:
-    """How many rows may be read: all (None), or those above a tail of zero bytes that a power loss left."""
+def _whole_rows(path: Path, encoding: str, layout: Dialect) -> tuple[int | None, bytes, list[str]]:
+    """How many rows may be read: all (None), or those above a tail of zero bytes that a power loss left; a last line
+    without a line end.
+    """
     if encoding.startswith("utf-16"):
-        return None, []
-    lines, first = 0, None
+        return None, b"", []
+    lines, first, tail = 0, None, b""
     with opened(path) as file:
         while block := file.read(_BLOCK):
             if first is None and b"\0" in block:
@@ -138,13 +200,29 @@ def _whole_rows(path: Path, encoding: str, layout: Dialect) -> tuple[int | None,
                     "export it again, or cut that line."
                 )
             lines += block.count(b"\n") if first is None else 0
+            tail = (tail + block)[-HEAD:]
     if first is None:
-        return None, []
-    return max(0, first - layout.first), ["The zero bytes at the end of the file were left out."]
+        return None, tail[max(tail.rfind(b"\n"), tail.rfind(b"\r")) + 1 :], []
+    return max(0, first - layout.first), b"", ["The zero bytes at the end of the file were left out."]
+
+
+def with_clocks(read: dict[str, Column], clocks: dict[str, str], units: dict[str, str]) -> dict[str, Column]:
+    """Columns with the stamps of their time columns, without the rows that a slower or shorter channel leaves blank."""
+    names = list(dict.fromkeys(clocks.values()))
+    stamps = dict(
+        zip(names, on_one_clock([read[c].values for c in names], units.get(names[0], ""), names[0]), strict=True)
+    )
+    out = {}
+    for name, clock in clocks.items():
+        values = read[name].values
+        there = np.isfinite(stamps[clock])
+        there &= np.isfinite(values) if values.dtype.kind == "f" else True
+        out[name] = Column(values[there], stamps[clock][there], read[name].unit)
+    return out
 
 
 def _read(
-    path: Path, encoding: str, layout: Dialect, columns: dict[str, int], whole: int | None, notes: list[str]
+    path: Path, encoding: str, layout: Dialect, columns: dict[str, int], whole: int | None, notes: list[str], cut: bool
 ) -> dict[str, Column]:
     """Columns by their places, as floats where they are numbers, else as text; what was done is added to `notes`.
 
@@ -169,11 +247,15 @@ def _read(
                 raise
             parts = _chunks(path, numbers, {**options, "dtype": str})
     except (pd.errors.ParserError, UnicodeDecodeError, pd.errors.EmptyDataError, *DAMAGE) as error:
+        ragged = re.search(r"Expected (\d+) fields in line (\d+), saw (\d+)", str(error))
+        if ragged is not None:
+            raise LogError(
+                f"{path.name}: line {ragged[2]} has {ragged[3]} cells where {ragged[1]} are usual; look for a "
+                "separator amid its cells, or cut that line."
+            ) from None
         reason = str(error).strip().rstrip(".")
-        raise LogError(
-            f"{path.name} is no readable CSV ({reason}); export it again as UTF-8 with one header line."
-        ) from None
-    return _typed({name: parts[i] for name, i in columns.items()}, layout.decimal, notes)
+        raise LogError(f"{path.name} is no readable CSV ({reason}); export it again as UTF-8.") from None
+    return _typed({name: parts[i][:-1] if cut else parts[i] for name, i in columns.items()}, layout.decimal, notes)
 
 
 def _typed(cells: dict[str, Any], decimal: str, notes: list[str]) -> dict[str, Column]:

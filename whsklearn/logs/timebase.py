@@ -8,6 +8,7 @@ import numpy as np
 
 from whsklearn.logs.errors import LogError
 from whsklearn.logs.findings import Finding, finding
+from whsklearn.logs.units import UNKNOWN, seconds_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -23,7 +24,8 @@ _SINCE_1970 = (  # stamps between 2001 and 2100, by what they count
 _DAYS = (2e4, 8e4)  # days since 1900 between 1954 and 2119, as spreadsheets count
 _FASTEST = 2e-6  # s; what steps less is counted in a longer unit
 _COUNTERS = (2.0**16, 2.0**24, 2.0**32)  # ticks at which a counter begins anew
-_FACTORS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+_FILETIME = (1e17, 2e17, 1e-7)  # 100 ns since 1601, between 1917 and 2234: stamps of Windows and TwinCAT
+_SLOWEST = 0.05  # s; no axis is logged less often, so whole numbers that step more than this count ms or us
 
 
 class Stamps(NamedTuple):
@@ -58,10 +60,11 @@ def to_seconds(values: NDArray[Any], unit: str, column: str) -> tuple[Array, tup
     if values.dtype.kind not in "fiub":
         return _dates(values, column)
     first = next((float(v) for v in values[:1000] if np.isfinite(v)), 0.0)
-    for name, low, high, factor in _SINCE_1970:
+    for name, low, high, factor in (*_SINCE_1970, ("100 ns since 1601", *_FILETIME)):
         if low <= first < high:
             start = next(v for v in values if np.isfinite(v))
-            note = f"Column {column!r} holds {name} since 1970; time begins at 0 with the first row."
+            since = name if "since" in name else f"{name} since 1970"
+            note = f"Column {column!r} holds {since}; time begins at 0 with the first row."
             # Differences before the factor: 1.7e18 ns as a double is 256 ns coarse.
             return (values - start).astype(float) * factor, (Finding("LOG015", "info", note),)
     values = values.astype(float)
@@ -69,7 +72,41 @@ def to_seconds(values: NDArray[Any], unit: str, column: str) -> tuple[Array, tup
         note = f"Column {column!r} holds days, as spreadsheets count them; time begins at 0 with the first row."
         return (values - first) * 86400.0, (Finding("LOG015", "info", note),)
     values, found = _unwound(values, column)
-    return values * _FACTORS.get(unit, 1.0), found
+    if unit == UNKNOWN:
+        unit, told = _whole_numbers(values, column)
+        found += told
+    return values * seconds_of(unit), found
+
+
+def on_one_clock(stamps: list[NDArray[Any]], unit: str, column: str) -> list[Array]:
+    """Seconds of several columns of stamps, counted from the first stamp of the first of them.
+
+    Examples
+    --------
+    >>> on_one_clock([np.array([5.0, 6.0]), np.array([5.5, 7.0])], "ms", "t")
+    [array([0.   , 0.001]), array([0.0005, 0.002 ])]
+    """
+    ends = np.cumsum([len(s) for s in stamps])
+    times = to_seconds(np.concatenate(stamps), unit or UNKNOWN, column)[0]
+    first = next((t for t in times if np.isfinite(t)), 0.0)
+    return np.split(times - first, ends[:-1])
+
+
+def _whole_numbers(values: Array, column: str) -> tuple[str, tuple[Finding, ...]]:
+    """The unit of stamps of which none is told: seconds, unless whole numbers step too far for them.
+
+    Steps of 1 throughout may as well count samples, and are left for the slips to ask about.
+    """
+    step = np.diff(values[np.isfinite(values)])
+    usual = float(np.median(step)) if step.size else 0.0
+    if usual < 1.0 or np.any(step != np.round(step)) or np.all(step == 1.0):
+        return "s", ()
+    unit = "ms" if usual * 1e-3 <= _SLOWEST else "us"
+    text = (
+        f"Column {column!r} has whole numbers {usual:g} apart and no unit; they were taken as {unit}. If they are not, "
+        "add --unit time=UNIT."
+    )
+    return unit, (Finding("LOG015", "info", text),)
 
 
 def _unwound(values: Array, column: str) -> tuple[Array, tuple[Finding, ...]]:

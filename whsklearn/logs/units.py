@@ -1,15 +1,17 @@
-"""Units of a log's columns: read off their names and headers, and the factors that bring them to SI.
+"""Units: read off the names and headers of a log's columns, brought to SI, and put back where a person reads.
 
-A drive keeps its own unit: amperes cannot be turned into newton metres without the torque constant, so
-friction comes in amperes then, and says so.
+Everything inside is SI: s, rad and Nm, or m and N.  A drive in amperes stays in amperes: they cannot be turned into
+newton metres without the torque constant, so friction comes in amperes then, and says so.
 """
 
 from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping
 
 UNKNOWN = "as logged"
+UNSTATED = frozenset({"", UNKNOWN})  # what stands where nothing told the unit
 
 # Spelling in a name or a header -> (symbol, factor to SI, SI symbol). Radians count as SI.
 _KNOWN: dict[str, tuple[str, float, str]] = {
@@ -63,7 +65,7 @@ def symbol_of(text: str) -> str | None:
     ('Nm', 'deg/s', 'counts/4096', None)
     """
     word = text.strip().lower()
-    if re.fullmatch(r"counts/[0-9.e+]+", word):
+    if re.fullmatch(r"(counts|ticks)/[0-9.e+]+", word):
         return word
     key = _SPELLED.get(word, word)
     return _KNOWN[key][0] if key in _KNOWN else None
@@ -88,6 +90,96 @@ def factor_of(symbol: str) -> tuple[float, str]:
     return factor, si
 
 
+def factor_between(source: str, target: str) -> float:
+    """What a number in the unit ``source`` is to be multiplied with to be one in ``target``.
+
+    A unit that is not known is taken for SI.
+
+    Raises
+    ------
+    ValueError
+        If the two measure different things, such as A and Nm.
+
+    Examples
+    --------
+    >>> factor_between("Nm", "mNm"), factor_between("deg", "deg"), round(factor_between("rad/s", "rpm"), 3)
+    (1000.0, 1.0, 9.549)
+    """
+    if source == target:
+        return 1.0
+    (here, a), (there, b) = factor_of(source), factor_of(target)
+    if a != b and not {source, target} & UNSTATED:
+        raise ValueError(f"{source} cannot be brought to {target}")
+    return here / there
+
+
+def respelled(unit: str, own: Mapping[str, str]) -> tuple[float, str]:
+    """(factor to SI, spelling) of a compound SI unit where some symbols are to be others.
+
+    Parameters
+    ----------
+    unit : str
+        Such as ``Nm s2/rad2``.
+    own : mapping of str to str
+        SI symbol -> the symbol in its place, such as ``{"Nm": "mNm", "rad": "deg"}``.
+
+    Examples
+    --------
+    >>> factor, spelling = respelled("Nm s/rad", {"Nm": "mNm", "rad": "deg"})
+    >>> spelling, round(0.12 / factor, 6)  # 0.12 Nm s/rad in it
+    ('mNm s/deg', 2.094395)
+    """
+    if not own:
+        return 1.0, unit
+    symbols = "|".join(re.escape(k) for k in own if k)
+    token = re.compile(rf"(?<![A-Za-z])({symbols})(?![A-Za-z])([2-9²³]?)")
+    factor = 1.0
+    for part, sign in zip(unit.partition("/")[::2], (1, -1), strict=True):
+        for symbol, power in token.findall(part):
+            factor *= factor_of(own[symbol])[0] ** (sign * {"": 1, "²": 2, "³": 3}.get(power, power and int(power)))
+    return factor, token.sub(lambda m: own[m[1]] + m[2], unit)
+
+
+def inertia_unit(drive: str, motion: str) -> str:
+    """Unit of drive over acceleration, from the SI symbols of drive and motion.
+
+    Examples
+    --------
+    >>> inertia_unit("Nm", "rad"), inertia_unit("N", "m"), inertia_unit("A", "rad")
+    ('kg m²', 'kg', 'A s²/rad')
+    """
+    return {("Nm", "rad"): "kg m²", ("N", "m"): "kg"}.get((drive, motion), f"{drive} s²/{motion}")
+
+
+def readable(symbol: str, default: str = "") -> str:
+    """The unit in which a person is told of a motion or a drive in ``symbol``: as logged, but for counts of a turn.
+
+    The rate of a motion is told in that motion; revolutions a minute in rad.
+
+    Examples
+    --------
+    >>> readable("deg"), readable("counts/4096"), readable("mm/s"), readable("rpm"), readable("as logged", "rad")
+    ('deg', 'rad', 'mm', 'rad', 'rad')
+    """
+    if symbol in UNSTATED:
+        return default
+    if symbol.startswith("counts/") or symbol == "rpm":
+        return "rad"
+    return symbol.removesuffix("/s")
+
+
+def own_units(si: tuple[str, str], logged: tuple[str, str]) -> dict[str, str]:
+    """SI symbols of drive and motion -> the units in which a report tells them, where these are others.
+
+    Examples
+    --------
+    >>> own_units(("Nm", "rad"), ("mNm", "deg")), own_units(("A", "rad/s"), ("A", "deg/s"))
+    ({'Nm': 'mNm', 'rad': 'deg'}, {'rad': 'deg'})
+    """
+    bases = [(s.removesuffix("/s"), unit) for s, unit in zip(si, logged, strict=True)]
+    return {s: told for s, unit in bases if s and (told := readable(unit, s)) != s}
+
+
 def turn_of(symbol: str) -> float | None:
     """How much of the unit a full turn is; None where the unit is no angle or the counts of a turn are not known."""
     factor, si = factor_of(symbol)
@@ -95,8 +187,19 @@ def turn_of(symbol: str) -> float | None:
 
 
 def is_time(symbol: str) -> bool:
-    """Whether a unit is one of time."""
-    return symbol in _TIMES
+    """Whether a unit is one of time, ticks among them."""
+    return symbol in _TIMES or symbol.startswith("ticks/")
+
+
+def seconds_of(symbol: str) -> float:
+    """Seconds in a unit of time; ``ticks/8000`` counts 8,000 a second.
+
+    Examples
+    --------
+    >>> seconds_of("ms"), seconds_of("ticks/8000")
+    (0.001, 0.000125)
+    """
+    return 1.0 / float(symbol.partition("/")[2]) if symbol.startswith("ticks/") else factor_of(symbol)[0]
 
 
 def stated(units: dict[str, str] | None) -> dict[str, str]:
@@ -118,5 +221,7 @@ def stated(units: dict[str, str] | None) -> dict[str, str]:
             )
         out[name] = symbol_of(unit) or unit
         if name == "time" and not is_time(out[name]):
-            raise ValueError(f"The unit of time is {unit!r}; expected s, ms, us or ns.")
+            raise ValueError(
+                f"The unit of time is {unit!r}; expected s, ms, us, ns or, for ticks of 8 kHz, ticks/8000."
+            )
     return out

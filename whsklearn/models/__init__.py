@@ -1,9 +1,19 @@
 """Identified models as plain objects: what a file holds, a report draws and an export translates."""
 
+from whsklearn.models.arm import ArmModel
 from whsklearn.models.axis import AxisModel
 from whsklearn.models.base import IdentifiedModel
 from whsklearn.models.chain import ChainModel
-from whsklearn.models.files import load_model, save_model
+from whsklearn.models.files import as_arm, load_model, save_model
 from whsklearn.models.linear import LinearModel
 
-__all__ = ["AxisModel", "ChainModel", "IdentifiedModel", "LinearModel", "load_model", "save_model"]
+__all__ = [
+    "ArmModel",
+    "AxisModel",
+    "ChainModel",
+    "IdentifiedModel",
+    "LinearModel",
+    "as_arm",
+    "load_model",
+    "save_model",
+]

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from whsklearn.effects import Effect, FrictionLaw
+from whsklearn.effects import Effect, FrictionLaw, LearnedTorque, SpeedHinge
+from whsklearn.logs.units import UNKNOWN, inertia_unit, respelled
 from whsklearn.models.base import IdentifiedModel, as_input
 from whsklearn.systems import ServoAxis
+from whsklearn.systems.servo_parameters import effect_labels
 
 if TYPE_CHECKING:
     import numpy as np
@@ -18,12 +21,14 @@ SUBSTEPS = 4  # fine steps a sample, as the fit of an axis has them; its code th
 
 @dataclass(frozen=True)
 class AxisModel(IdentifiedModel):
-    """Inertia dv/dt = u - law(v) - effects, in units of the logged drive (u) and output.
+    """Inertia dv/dt = u - law(v) - effects, in SI whatever the columns are in, see `IdentifiedModel`.
+
+    A drive in A, V or % stays that: inertia is in A s²/rad then, friction in A.
 
     Parameters
     ----------
     inertia : float
-        Drive per acceleration.
+        Drive per acceleration (kg m²; kg on a line).
     law : FrictionLaw
         Friction as a function of velocity; may be a spline over it.
     effects : tuple of Effect
@@ -40,6 +45,8 @@ class AxisModel(IdentifiedModel):
     >>> model = AxisModel(0.5, as_law("coulomb"), dt=0.001, logged="velocity")
     >>> model.simulate([0.5] * 5).tolist()  # below its friction of 1 it stands
     [0.0, 0.0, 0.0, 0.0, 0.0]
+    >>> AxisModel(0.5, as_law("coulomb"), units={"input": "mNm", "output": "deg"}, logged="position").parameter_units
+    {'inertia': 'kg m²', 'coulomb': 'Nm'}
     """
 
     inertia: float
@@ -78,15 +85,81 @@ class AxisModel(IdentifiedModel):
         left_out = ("drive__", "transmission__", "sensor__", "controller__", "smoothing")
         return {k: float(v) for k, v in axis.parameters.items() if not k.startswith(left_out)}
 
+    @property
+    def si(self) -> tuple[str, str]:
+        """SI symbols of drive and motion; Nm and rad where nothing told them."""
+        drive, output = super().si
+        return "Nm" if drive == UNKNOWN else drive, "rad" if output == UNKNOWN else output.removesuffix("/s")
+
+    @property
+    def parameter_units(self) -> dict[str, str]:
+        """SI units of all `parameters`, ``1`` for a bare number."""
+        own = dict(zip(("Nm", "rad"), self.si, strict=True))
+        units = {k: u if k.endswith("__phase") else respelled(u, own)[1] for k, u in self._rotary_units().items()}
+        units["inertia"] = inertia_unit(*self.si)
+        return {k: units[k] for k in self.parameters}
+
+    def _rotary_units(self) -> dict[str, str]:
+        """Units of all numbers on a rotary axis driven by a torque."""
+        out = {"inertia": "Nm s²/rad"}
+        parts = [*zip(self.law.labels, self.law.terms, strict=True)]
+        for label, effect in [*parts, *zip(effect_labels(self.system()), self.effects, strict=True)]:
+            for field in (effect.size, *effect.shape):
+                out[label if field == effect.size else f"{label}__{field}"] = unit_of_field(effect, field)
+        return out
+
+    def from_logged(self) -> AxisModel:
+        """See `IdentifiedModel.from_logged`."""
+        by, turn = self.factors
+        own = {"Nm": self.units.get("input", "Nm"), "rad": self.units.get("output", "rad").removesuffix("/s")}
+        if (by, turn) == (1.0, 1.0):
+            return self
+
+        def moved(effect: Any) -> Any:
+            names = [f for f in (effect.size, *effect.shape) if f != "phase"]
+            factors = {f: respelled(unit_of_field(effect, f), own)[0] for f in names}
+            return dataclasses.replace(effect, **{f: getattr(effect, f) * factors[f] for f in names})
+
+        units = self._rotary_units()
+        errors = {
+            k: v if k.endswith("__phase") else v * respelled(units.get(k, "1"), own)[0]
+            for k, v in self.standard_errors.items()
+        }
+        return dataclasses.replace(
+            self, inertia=self.inertia * by / turn, law=FrictionLaw([moved(t) for t in self.law.terms]),
+            effects=tuple(moved(e) for e in self.effects), standard_errors=errors,
+        )  # fmt: skip
+
     def simulate(self, u: ArrayLike, *, start: float = 0.0) -> NDArray[np.float64]:
         """Output from the drive alone, from standstill; see `IdentifiedModel.simulate`.
 
         Parameters
         ----------
         u : array-like of shape (n,)
-            Drive in the unit of the log.
+            Drive in ``units``.
         start : float, default=0.0
-            Position before the first sample, in the unit of the log; effects of the position act there.
+            Position before the first sample, in ``units``; effects of the position act there.
         """
-        record = self.system().simulate_drive(as_input(u), initial_position=start)
-        return record.position if self.logged == "position" else record.velocity
+        by, far = self.factors
+        record = self.system().simulate_drive(as_input(u) * by, initial_position=start * far)
+        return (record.position if self.logged == "position" else record.velocity) / far
+
+
+_OVER = {"speed": "rad/s", "velocity": "rad/s", "drive": "Nm"}  # a learned torque is over a position otherwise
+
+
+def unit_of_field(effect: Effect, field: str) -> str:
+    """Unit of a number of an effect on a rotary axis, also where it is a term of a static law over the velocity.
+
+    Examples
+    --------
+    >>> from whsklearn.effects import SpeedHinge, Viscous
+    >>> unit_of_field(Viscous(0.1), "coefficient"), unit_of_field(SpeedHinge(0.1, 2.0), "knot")
+    ('Nm s/rad', 'rad/s')
+    """
+    if isinstance(effect, LearnedTorque) and field != effect.size:
+        return _OVER.get(effect.over, "rad")
+    unit = effect.quantities[field].unit if field in effect.quantities else "1"
+    if unit == "y per x":
+        return "Nm s/rad" if isinstance(effect, SpeedHinge) else "Nm"
+    return "rad/s" if unit == "x" else unit

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from whsklearn.logs.units import UNKNOWN, UNSTATED, factor_between, factor_of
+
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
+
+_ROLES = {"input": "drive", "output": "position"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,7 +25,8 @@ class IdentifiedModel:
     dt : float
         Sampling time (s); 1.0 where the log had no time stamps.
     units : mapping of str to str
-        Of ``input`` and ``output``, as logged.
+        Of the columns that `simulate` takes and gives, ``input`` and ``output``, as logged; where they are left out
+        nothing told them and SI is assumed. The numbers are in SI whatever the columns are in, see `parameter_units`.
     logged : {"output", "velocity", "position"}
         What the logged output is.  A model of ``position`` was fitted to its velocity, and its
         `simulate` integrates; ``output`` says nothing about it.
@@ -64,18 +69,63 @@ class IdentifiedModel:
 
     @property
     def parameter_units(self) -> dict[str, str]:
-        """Units of `parameters`; those without one are left out."""
-        return {}
+        """The SI unit of every one of `parameters`: ``1`` for a bare number, ``as logged`` where the log told none."""
+        raise NotImplementedError
+
+    @property
+    def factors(self) -> tuple[float, float]:
+        """What brings the columns of input and output to SI."""
+        return factor_of(self.units.get("input", UNKNOWN))[0], factor_of(self.units.get("output", UNKNOWN))[0]
+
+    @property
+    def si(self) -> tuple[str, str]:
+        """SI symbols of the columns of input and output."""
+        return factor_of(self.units.get("input", UNKNOWN))[1], factor_of(self.units.get("output", UNKNOWN))[1]
+
+    def from_logged(self) -> Any:
+        """The model whose numbers, so far in the units of its columns, are brought to SI (files of version 1)."""
+        raise NotImplementedError
+
+    def column_factor(self, column: str, unit: str) -> float:
+        """What a signal in ``unit`` is to be multiplied with for `simulate` to take it, or to be compared with it.
+
+        Parameters
+        ----------
+        column : {"input", "output"}
+        unit : str
+            Of the signal; a unit that is not known is taken for the model's.
+
+        Raises
+        ------
+        ValueError
+            If it measures something else than the model's column, such as A where that is in Nm.
+
+        Examples
+        --------
+        >>> from whsklearn.models import LinearModel
+        >>> LinearModel([0.0, 0.5], [1.0], units={"input": "Nm", "output": "deg"}).column_factor("input", "mNm")
+        0.001
+        """
+        known = self.units.get(column, UNKNOWN)
+        if {unit, known} & UNSTATED:
+            return 1.0
+        try:
+            return factor_between(unit, known)
+        except ValueError:
+            raise ValueError(
+                f"The {column} of the log is in {unit}, that of the model in {known}, and one cannot be brought to the "
+                f"other; give a log of the same quantity, or say the unit with --unit {_ROLES[column]}=UNIT."
+            ) from None
 
     def simulate(self, u: ArrayLike, *, start: float = 0.0) -> NDArray[np.float64]:
-        """Output (n,) in the logged unit, from the input (n,) alone, at rest before its first sample.
+        """Output (n,) in its unit, from the input (n,) alone, at rest before its first sample.
 
         Parameters
         ----------
         u : array-like of shape (n,)
-            Input in the unit of the log.
+            Input in ``units``.
         start : float, default=0.0
-            Where it rests, if the output is a position: gravity and cogging are another there.
+            Where it rests, in ``units``, if the output is a position: gravity and cogging are another there.
         """
         raise NotImplementedError
 
@@ -86,6 +136,21 @@ def as_input(u: ArrayLike) -> NDArray[np.float64]:
     if not np.isfinite(signal).all():
         raise ValueError("The input holds NaN or infinity, expected finite numbers; clean the log.")
     return signal
+
+
+def per(unit: str, by: str, power: int = 1) -> str:
+    """A unit over another one to a power, with one stroke at the most.
+
+    Examples
+    --------
+    >>> per("rad", "A"), per("rad/s", "Nm", 2), per("rad/s", "V", 0)
+    ('rad/A', 'rad/(s Nm2)', 'rad/s')
+    """
+    if not power:
+        return unit
+    above, _, below = unit.partition("/")
+    under = f"{below} {by}{power if power > 1 else ''}".strip()
+    return f"{above}/({under})" if " " in under else f"{above}/{under}"
 
 
 def numbered(name: str, values: NDArray[np.float64], first: int = 0) -> dict[str, float]:

@@ -2,17 +2,28 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from whsklearn.effects import Effect, FrictionLaw
-from whsklearn.models.base import IdentifiedModel, as_input, numbered
+from whsklearn.logs.units import UNKNOWN
+from whsklearn.models.base import IdentifiedModel, as_input, numbered, per
 from whsklearn.systems.wiener_hammerstein import WienerHammersteinSystem
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
+
+# In which power of x or dx a weight of the law stands; 0: in the output's unit
+_POWERS = {
+    "viscous": 1, "asymmetric_viscous": 1, "hinge": 1, "speed_hinge": 1, "quadratic_drag": 2, "natural_spline": 2,
+}  # fmt: skip
+
+
+def _power(term: Effect) -> int:
+    return int(term.shape["degree"]) if term.name == "power" else _POWERS.get(term.name, 0)
 
 
 @dataclass(frozen=True)
@@ -67,8 +78,8 @@ class ChainModel(IdentifiedModel):
 
     @property
     def kind(self) -> str:
-        """``wiener_hammerstein``."""
-        return "wiener_hammerstein"
+        """``wiener-hammerstein``."""
+        return "wiener-hammerstein"
 
     def system(self) -> WienerHammersteinSystem:
         """The chain as `WienerHammersteinSystem`, whose blocks begin with one, behind a delay or with a direct path."""
@@ -97,15 +108,41 @@ class ChainModel(IdentifiedModel):
         first = {**numbered("b1_", np.array(self.b1)), **numbered("f1_", np.array(self.f1[1:]), 1)}
         return {**first, **weights, **numbered("b2_", np.array(self.b2)), **numbered("f2_", np.array(self.f2[1:]), 1)}
 
+    @property
+    def parameter_units(self) -> dict[str, str]:
+        """SI units: the blocks are bare numbers, the law takes the input to the output.
+
+        Of an output that is a position the law makes the rate; x changes from sample to sample, without a unit of time.
+        """
+        into, out = self.si
+        if self.logged == "position":
+            out = f"{out}/s"
+        known = UNKNOWN not in self.si
+        units = dict.fromkeys(self.parameters, "1")
+        powers = (_power(t) for t in self.law.terms)
+        return units | {
+            k: per(out, into, n) if known else UNKNOWN for k, n in zip(self.law.labels, powers, strict=True)
+        }
+
+    def from_logged(self) -> ChainModel:
+        """See `IdentifiedModel.from_logged`; version 1 knew no effects of a chain with units."""
+        by, far = self.factors
+        terms, errors = [], dict(self.standard_errors)
+        for label, term in zip(self.law.labels, self.law.terms, strict=True):
+            scale = far / by ** _power(term)
+            widths = {k: v * by for k, v in term.shape.items() if term.quantities[k].unit in ("x", "rad/s")}
+            terms.append(dataclasses.replace(term, **{term.size: term.magnitude * scale}, **widths))
+            if label in errors:
+                errors[label] *= scale
+        return dataclasses.replace(self, law=FrictionLaw(terms), standard_errors=errors)
+
     def signals(self, u: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """x, v and y before any integration, each of shape (n,).
+        """x, v and y before any integration, each of shape (n,), in SI.
 
         Parameters
         ----------
         u : array-like of shape (n,)
-            Input in the unit of the log.
-        start : float, default=0.0
-            Position before the first sample, if the output is one.
+            Input in SI.
         """
         from scipy.signal import lfilter
 
@@ -122,7 +159,8 @@ class ChainModel(IdentifiedModel):
         Parameters
         ----------
         u : array-like of shape (n,)
-            Input in the unit of the log.
+            Input in ``units``.
         """
-        y = self.signals(u)[2]
+        by, far = self.factors
+        y = self.signals(as_input(u) * by)[2] / far
         return start + np.cumsum(y) * self.dt if self.logged == "position" else y

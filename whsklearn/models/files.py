@@ -2,15 +2,21 @@
 
 .. code-block:: json
 
-    {"format": "whsklearn-model", "version": 1, "kind": "axis", "dt": 0.001, "logged": "position",
-     "units": {"input": "Nm", "output": "rad"},
+    {"format": "whsklearn-model", "version": 2, "kind": "axis", "dt": 0.001, "logged": "position",
+     "units": {"time": "s", "input": "mNm", "output": "deg"},
      "structure": {"law": [{"class": "Viscous", "name": "viscous", "fields": {"coefficient": 0.12}}],
                    "effects": [], "inertia": 0.05},
-     "parameters": {"inertia": 0.05, "viscous": 0.12}, "standard_errors": {"inertia": 0.0001}}
+     "parameters": {"inertia": 0.05, "viscous": 0.12}, "standard_errors": {"inertia": 0.0001},
+     "parameter_units": {"inertia": "kg m²", "viscous": "Nm s/rad"}}
 
 ``structure`` is what `load_model` builds from; ``parameters`` repeats its numbers by name, with ``standard_errors``
-beside them, for those who only read.  Kinds: ``arx`` and ``output_error`` (``numerator``, ``denominator``,
-``offset``, ``criterion``), ``wiener_hammerstein`` (``b1 f1 law b2 f2``), ``axis`` (``inertia law effects``).
+beside them, for those who only read.  ``units`` are those of the columns that the model takes and gives, and of
+``dt``; ``parameter_units`` those of the numbers: SI, whatever the columns are in.  A file of version 1 has its numbers
+in the units of its columns; they are brought to SI when it is read.
+
+Kinds: ``arx`` and ``output_error`` (``numerator``, ``denominator``, ``offset``, ``criterion``), ``wiener-hammerstein``
+(``b1 f1 law b2 f2``; version 1 has an underscore), ``axis`` (``inertia law effects``), ``arm``
+(``arm numbers``).
 """
 
 from __future__ import annotations
@@ -18,29 +24,36 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from whsklearn.effects import Effect, FrictionLaw, effect_names, get_effect
+from whsklearn.logs.units import UNKNOWN
+from whsklearn.models.arm import ArmModel
 from whsklearn.models.axis import AxisModel
 from whsklearn.models.base import IdentifiedModel
 from whsklearn.models.chain import ChainModel
 from whsklearn.models.linear import LinearModel
 from whsklearn.state.encoding import TAG, decode
 from whsklearn.state.files import atomic_write
+from whsklearn.systems.arm import Arm
 
 if TYPE_CHECKING:
     import os
 
-__all__ = ["FORMAT", "VERSION", "load_model", "model_document", "model_from", "save_model"]
+__all__ = ["FORMAT", "VERSION", "as_arm", "load_model", "model_document", "model_from", "save_model"]
 
 FORMAT = "whsklearn-model"
-VERSION = 1
+VERSION = 2
 _CLASSES: dict[str, type[IdentifiedModel]] = {
     "arx": LinearModel,
     "output_error": LinearModel,
-    "wiener_hammerstein": ChainModel,
+    "wiener-hammerstein": ChainModel,
     "axis": AxisModel,
+    "arm": ArmModel,
 }
 _SHARED = tuple(f.name for f in dataclasses.fields(IdentifiedModel))
 
@@ -79,7 +92,7 @@ def load_model(path: str | os.PathLike[str]) -> Any:
 
     Returns
     -------
-    LinearModel, ChainModel or AxisModel
+    LinearModel, ChainModel, AxisModel or ArmModel
 
     Raises
     ------
@@ -102,6 +115,43 @@ def load_model(path: str | os.PathLike[str]) -> Any:
         return model_from(json.loads(Path(path).read_text(encoding="utf-8")))
     except ValueError as error:  # json's own error is one too
         raise ValueError(f"{Path(path).name} holds no model that can be read: {error}") from None
+    except RecursionError:
+        raise ValueError(f"{Path(path).name} holds no model that can be read: it is nested too deeply.") from None
+
+
+def as_arm(robot: Arm | str | os.PathLike[str], joints: Any = None) -> Arm:
+    """An arm from whatever a user gives: an `Arm`, a model file (``.json``), a URDF or an MJCF.
+
+    Parameters
+    ----------
+    robot : Arm, path or str
+    joints : iterable of str, optional
+        Those that move, of a URDF or MJCF; see `Arm.from_file`.
+
+    Raises
+    ------
+    ValueError
+        If the file holds no arm.
+
+    Examples
+    --------
+    >>> from whsklearn import Arm
+    >>> from whsklearn.models import as_arm
+    >>> as_arm(Arm.from_dh([(0.3, 0, 0, 0)]))
+    Arm(1 joints: joint1)
+    """
+    if isinstance(robot, Arm):
+        return robot
+    if not isinstance(robot, str | Path):
+        raise ValueError(f"robot is a {type(robot).__name__}, expected an Arm or the path of a URDF or MJCF file.")
+    if str(robot).endswith(".json"):
+        model = load_model(robot)
+        if not isinstance(model, ArmModel):
+            raise ValueError(f"{Path(robot).name} holds a model of kind {model.kind}, expected an arm.")
+        return model.arm
+    if not str(robot).lstrip().startswith("<") and not Path(robot).is_file():
+        raise ValueError(f"There is no robot file {str(robot)!r}; give the path of a URDF, MJCF or model file.")
+    return Arm.from_file(robot, joints)
 
 
 def model_document(model: IdentifiedModel) -> dict[str, Any]:
@@ -113,10 +163,11 @@ def model_document(model: IdentifiedModel) -> dict[str, Any]:
         "kind": model.kind,
         "dt": float(model.dt),
         "logged": model.logged,
-        "units": dict(model.units),
+        "units": {"time": "s", "input": UNKNOWN, "output": UNKNOWN} | dict(model.units),
         "structure": {name: _coded(value) for name, value in own.items()},
         "parameters": model.parameters,
         "standard_errors": {k: float(v) for k, v in model.standard_errors.items() if math.isfinite(v)},
+        "parameter_units": model.parameter_units,
     }
 
 
@@ -127,13 +178,16 @@ def model_from(document: Any) -> Any:
     version = document.get("version")
     if type(version) is not int or not 1 <= version <= VERSION:
         raise ValueError(f"it has version {version!r}, this whsklearn reads up to {VERSION}; upgrade whsklearn.")
-    kind = document.get("kind")
+    kind = str(document.get("kind")).replace("wiener_", "wiener-")  # as version 1 spelled it
     if kind not in _CLASSES:
-        raise ValueError(f"its kind is {str(kind)[:40]!r}, expected one of: {', '.join(_CLASSES)}.")
+        raise ValueError(f"its kind is {kind[:40]!r}, expected one of: {', '.join(_CLASSES)}.")
     try:
         fields = {k: _decoded(k, v) for k, v in document["structure"].items()}
         fields |= {name: document[name] for name in _SHARED}
-        return _CLASSES[kind](**fields)
+        stated = {"time": "s", "input": UNKNOWN, "output": UNKNOWN}  # what a file says where a model says nothing
+        fields["units"] = {k: v for k, v in document["units"].items() if stated.get(k) != v}
+        model = _CLASSES[kind](**fields)
+        return model.from_logged() if version == 1 and model.factors != (1.0, 1.0) else model
     except (KeyError, TypeError, AttributeError) as error:
         raise ValueError(f"a field is missing or of the wrong type ({error}); write it again.") from None
 
@@ -142,6 +196,12 @@ def _coded(value: Any) -> Any:
     """Numbers, tuples of numbers or effects, and laws as JSON."""
     if isinstance(value, str):
         return value
+    if isinstance(value, Mapping):
+        return {k: _coded(v) for k, v in value.items()}
+    if isinstance(value, Arm):
+        return {f.name: _coded(getattr(value, f.name)) for f in dataclasses.fields(value) if f.init}
+    if isinstance(value, np.ndarray):
+        return value.tolist()
     if isinstance(value, FrictionLaw):
         return [_coded(t) for t in value.terms]
     if isinstance(value, Effect):
@@ -151,6 +211,8 @@ def _coded(value: Any) -> Any:
 
 def _decoded(name: str, value: Any) -> Any:
     """What `_coded` made of a field."""
+    if name == "arm":
+        return Arm(**{**value, "effects": [[_effect(e) for e in row] for row in value["effects"]]})
     if name not in ("law", "effects"):
         return value
     effects: list[Any] = [_effect(v) for v in value]

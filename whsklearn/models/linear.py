@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from whsklearn.models.base import IdentifiedModel, as_input, numbered
+from whsklearn.logs.units import UNKNOWN
+from whsklearn.models.base import IdentifiedModel, as_input, numbered, per
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -62,17 +64,35 @@ class LinearModel(IdentifiedModel):
         b, f = np.array(self.numerator), np.array(self.denominator[1:])
         return {**numbered("b", b), **numbered("f", f, 1), "offset": float(self.offset)}
 
+    @property
+    def parameter_units(self) -> dict[str, str]:
+        """SI units: b takes the input to the output, to its rate if that is a position."""
+        into, out = self.si
+        rate = f"{out}/s" if self.logged == "position" else out
+        known = UNKNOWN not in self.si
+        kinds = {"b": per(rate, into) if known else UNKNOWN, "f": "1"}
+        return {k: kinds.get(k[0], rate if known else UNKNOWN) for k in self.parameters}
+
+    def from_logged(self) -> LinearModel:
+        """See `IdentifiedModel.from_logged`."""
+        by, far = self.factors
+        scale = {"b": far / by, "f": 1.0}
+        errors = {k: v * scale.get(k[0], far) for k, v in self.standard_errors.items()}
+        b = tuple(v * far / by for v in self.numerator)
+        return dataclasses.replace(self, numerator=b, offset=self.offset * far, standard_errors=errors)
+
     def simulate(self, u: ArrayLike, *, start: float = 0.0) -> NDArray[np.float64]:
         """Output from the input alone; see `IdentifiedModel.simulate`.
 
         Parameters
         ----------
         u : array-like of shape (n,)
-            Input in the unit of the log.
+            Input in ``units``.
         start : float, default=0.0
             Position before the first sample, if the output is one.
         """
         from scipy.signal import lfilter
 
-        y = lfilter(self.numerator, self.denominator, as_input(u)) + self.offset
+        by, far = self.factors
+        y = (lfilter(self.numerator, self.denominator, as_input(u) * by) + self.offset) / far
         return start + np.cumsum(y) * self.dt if self.logged == "position" else y

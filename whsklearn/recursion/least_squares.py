@@ -94,8 +94,8 @@ def _learn_window(theta, ud, loss, recent, targets, since, forgetting, ceiling, 
 
 
 # one_row's numbers, in front of theta, U and D, loss, rows and targets: SINCE is what it learnt last, to be told in
-# spite of an interrupt, which can lose what a function returns
-SINCE, FORGETTING, CEILING, WINDOW, VARIANCE, N_SETTINGS = range(6)
+# spite of an interrupt, which can lose what a function returns; BUSY is not 0 while another thread has the state
+SINCE, BUSY, FORGETTING, CEILING, WINDOW, VARIANCE, N_SETTINGS = range(7)
 
 
 def pack_size(n: int, p: int) -> int:
@@ -129,7 +129,9 @@ def one_row():
     few; and with its types given it takes arrays of float64 in C order that may be written to and no others, TypeError
     for those, so nobody need look at their flags before.
 
-    It returns ``since``, or -1 with nothing changed if a shape is another, or a number not finite or absurdly large.
+    It returns ``since``, or -1 with nothing changed if a shape is another, or a number not finite or absurdly large, or
+    if another thread has the state: it says so, or has learnt a row whose number is not told yet.  The interpreter's
+    lock is held throughout, so that threads need no other one for this, which would cost as much as the row.
     """
     return njit("int64(float64[::1], int64, float64[:, ::1], float64[::1])", error_model="numpy", short=True)(_one_row)
 
@@ -137,6 +139,8 @@ def one_row():
 def _one_row(flat, since, rows, y):
     n, p = rows.shape[1], int(flat[WINDOW])
     if rows.shape[0] != 1 or y.size != 1 or flat.size != N_SETTINGS + n + n * n + 2 + p * n + p + 2 * n:
+        return -1
+    if flat[BUSY] != 0.0 or (flat[SINCE] >= 0.0 and flat[SINCE] != since):
         return -1
     if not abs(y[0]) <= LARGEST:
         return -1

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn.effects import Effect
+from whsklearn.logs.units import UNKNOWN, factor_of
 
 Array = NDArray[Any]
 ITERATIONS = 4
@@ -20,6 +21,7 @@ ITERATIONS = 4
 class FMUSimulator:
     """An FMU with one input, the drive, and one output, the position.
 
+    Where it states the units of both they are brought to the record's, else they are taken for SI.
     An FMU is closed: an effect is added to its drive, as the torque that it asks for along the measured motion.
 
     Parameters
@@ -72,12 +74,16 @@ class FMUSimulator:
         self.path = str(path)
         self.parameters = dict(parameters or {})
         self.effects = tuple(effects)
-        there = {v.name: v.causality for v in fmpy.read_model_description(self.path).modelVariables}
+        variables = fmpy.read_model_description(self.path).modelVariables
+        there = {v.name: v.causality for v in variables}
         self.drive = drive or _only(there, "input", "drive")
         self.position = position or _only(there, "output", "position")
         for name in (self.drive, self.position, *self.parameters):
             if name not in there:
                 raise ValueError(f"The FMU has no variable {name!r}; it has {', '.join(sorted(there))}.")
+
+        units = {v.name: v.unit or UNKNOWN for v in variables}
+        self._units = {k: units[k] for k in (self.drive, self.position)}
 
     def simulate(self, record: Any) -> Array:
         """Position from the drive alone, shape (n,), beginning at the record's first.
@@ -89,12 +95,13 @@ class FMUSimulator:
         fmpy = _library()
         u = record.drive - sum((self._torque(e, record) for e in self.effects), np.zeros(len(record)))
         time = record.time - record.time[0]
-        log = np.array(list(zip(time, u, strict=True)), dtype=[("time", float), (self.drive, float)])
+        by, far = (factor_of(self._units[k])[0] for k in (self.drive, self.position))  # a record is in SI
+        log = np.array(list(zip(time, u / by, strict=True)), dtype=[("time", float), (self.drive, float)])
         out = fmpy.simulate_fmu(
             self.path, start_time=0.0, stop_time=float(time[-1]), step_size=record.dt, output_interval=record.dt,
             input=log, output=[self.position], start_values=self.parameters, fmi_type="CoSimulation",
         )  # fmt: skip
-        y = np.interp(time, out["time"], out[self.position])
+        y = np.interp(time, out["time"], out[self.position]) * far
         return y - y[0] + record.position[0]
 
     def _torque(self, effect: Effect, record: Any) -> Array:

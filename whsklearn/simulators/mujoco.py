@@ -8,7 +8,7 @@ import math
 import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,15 @@ ITERATIONS = 5
 RESTARTED = 4  # steps of Gauss-Newton in the two numbers of a restart; most runs take two
 LEAST_GAIN = 0.01  # of a run's sum of squares, below which such a step is the last
 CHECKED = 100  # samples between two looks at whether a run is still stable
+STARTED = 0.25  # s at whose replay the start is fitted; the observer forgets it within 0.1 s (0.1 to 1 s: same results)
+
+
+class Start(NamedTuple):
+    """Velocity of the joint at the first sample of a record, known by its drive, and the unit of that number."""
+
+    drive: Array
+    velocity: float
+    unit: float
 
 
 class MuJoCoSimulator:
@@ -86,11 +95,12 @@ class MuJoCoSimulator:
         mujoco = _library()
         text = str(model)
         spec = mujoco.MjSpec.from_string(text) if text.lstrip().startswith("<") else mujoco.MjSpec.from_file(text)
-        self.spec, self.joint, self.actuator = spec, joint, actuator or _only_actuator(spec, joint)
         _need(spec.joint(joint), "joint", joint, [j.name for j in spec.joints])
+        self.spec, self.joint, self.actuator = spec, joint, actuator or _only_actuator(spec, joint)
         _need(spec.actuator(self.actuator), "actuator", self.actuator, [a.name for a in spec.actuators])
         self.effects: tuple[Effect, ...] = ()
         self._own: dict[str, float] = {}
+        self._start: Start | None = None
         self._compile()
         self._own = self._numbers_of_its_own()
         if effects:
@@ -115,24 +125,44 @@ class MuJoCoSimulator:
     def simulate(self, record: Any) -> Array:
         """Position of the joint under the logged control, shape (n,), held near the log by the observer.
 
+        The velocity at its start is a number like those of the model: `refit` finds it with them, and before that it is
+        the one that fits the first quarter of a second best.  A difference of the log's first positions will not do:
+        where an axis at rest gets a hard jump of the drive, an exact model missed the log by 100 encoder steps.
+
         Parameters
         ----------
         record : ServoRecord
         """
+        return self._held(record, self._start_of(record).velocity, len(record))
+
+    def _start_of(self, record: Any) -> Start:
+        """The one that a refit to the record has found, or the one that fits the replay's first quarter second best."""
+        if self._start is not None and self._start.drive is record.drive:
+            return self._start
+        y, dt = record.position, record.dt
+        first, rise = min(y.size, max(8, round(STARTED / dt))), min(4, y.size - 1)
+        unit = 2.0 * math.pi * TRACKING * (float(np.ptp(y)) or 1.0)
+
+        def run(velocity: Array) -> tuple[Array, None]:
+            return self._held(record, float(velocity[0]), first), None
+
+        *_, best = _fitted(run, np.array([(y[rise] - y[0]) / (rise * dt)]), y[:first], np.array([1e-4 * unit]))
+        return Start(record.drive, float(best[0]), unit)
+
+    def _held(self, record: Any, velocity: float, count: int) -> Array:
+        """The first ``count`` positions of the replay that begins with this velocity, shape (count,)."""
         mujoco = _library()
         model, dt = self.model, record.dt
         every = self._stepped(dt)
         data = mujoco.MjData(model)
-        y = record.position
-        data.qpos[self.q] = y[0]
-        data.qvel[self.dof] = (y[min(4, y.size - 1)] - y[0]) / (min(4, y.size - 1) * dt)
+        data.qpos[self.q], data.qvel[self.dof] = record.position[0], velocity
         w = 2.0 * math.pi * TRACKING
         first, second = 2.0 * w * dt, w * w * dt
-        out = np.full(y.size, np.nan)
+        y, out = record.position, np.full(count, np.nan)
         qpos, qvel, ctrl, at, dof, k = data.qpos, data.qvel, data.ctrl, self.q, self.dof, self.control
         number = data.warning.number
         with _silence():
-            for i, u in enumerate(record.drive):
+            for i, u in enumerate(record.drive[:count]):
                 out[i] = qpos[at]
                 error = y[i] - out[i]
                 qpos[at] += first * error
@@ -145,7 +175,9 @@ class MuJoCoSimulator:
         return out
 
     def refit(self, record: Any, keep: NDArray[np.bool_]) -> MuJoCoSimulator:
-        """Inertia, damping, dry friction and stiffness, as far as the model has them, by Gauss-Newton on the replay.
+        """Inertia, damping, dry friction and stiffness, as far as the model has them, and the velocity at the start.
+
+        By Gauss-Newton on the replay.
 
         Parameters
         ----------
@@ -153,16 +185,18 @@ class MuJoCoSimulator:
         keep : ndarray of bool, shape (n,)
             Samples that count.
         """
-        model, x = self, np.asarray(self.numbers)
+        model = copy.copy(self)
+        model._start = self._start_of(record)
+        x = np.asarray(model.numbers)
         r = (record.position - model.simulate(record))[keep]
         for _ in range(ITERATIONS):
             columns = []
             for j in range(x.size):
                 moved = x.copy()
                 moved[j] += 1e-3
-                columns.append(((record.position - self.with_numbers(moved).simulate(record))[keep] - r) / 1e-3)
+                columns.append(((record.position - model.with_numbers(moved).simulate(record))[keep] - r) / 1e-3)
             step = np.clip(-np.linalg.lstsq(np.column_stack(columns), r, rcond=1e-9)[0], -1.0, 1.0)
-            other = self.with_numbers(x + step)
+            other = model.with_numbers(x + step)
             after = (record.position - other.simulate(record))[keep]
             if not float(after @ after) < float(r @ r):
                 break
@@ -228,8 +262,9 @@ class MuJoCoSimulator:
 
     @property
     def numbers(self) -> Array:
-        """Logarithms of the `parameters`."""
-        return np.log(list(self.parameters.values()))
+        """Logarithms of the `parameters`; after a refit also the velocity at the record's start, scaled."""
+        own = np.log(list(self.parameters.values()))
+        return own if self._start is None else np.append(own, self._start.velocity / self._start.unit)
 
     def with_numbers(self, x: Array) -> MuJoCoSimulator:
         """The model at other numbers; the inertia is changed by the joint's armature.
@@ -237,10 +272,12 @@ class MuJoCoSimulator:
         Parameters
         ----------
         x : ndarray
-            As ``numbers`` gives them.
+            As ``numbers`` gives them; without the last one the velocity at the start stays.
         """
-        values = dict(zip(self.parameters, np.exp(np.clip(x, -60.0, 60.0)), strict=True))
-        other = copy.copy(self)
+        n, other = len(self.parameters), copy.copy(self)
+        if self._start is not None and x.size > n:
+            other._start = self._start._replace(velocity=float(x[n]) * self._start.unit)
+        values = dict(zip(self.parameters, np.exp(np.clip(x[:n], -60.0, 60.0)), strict=True))
         other.spec = self.spec.copy()
         j, old = other.spec.joint(self.joint), self._own
         j.armature = max(0.0, float(j.armature) + float(values["inertia"]) - old["inertia"])
@@ -294,7 +331,7 @@ class MuJoCoSimulator:
                 def free(state: Array, drive: Array = record.drive[part], begun: Any = data) -> tuple[Array, Any]:
                     return self._run(begun, state, drive, every)
 
-                out[part], data = _fitted(free, begin, y[part], steps) if restart == "fitted" else free(begin)
+                out[part], data = _fitted(free, begin, y[part], steps)[:2] if restart == "fitted" else free(begin)
         return out
 
     def _stepped(self, dt: float) -> int:
@@ -338,8 +375,10 @@ class MuJoCoSimulator:
         return other
 
 
-def _fitted(run: Callable[[Array], tuple[Array, Any]], begin: Array, y: Array, steps: Array) -> tuple[Array, Any]:
-    """The run that fits ``y`` best of those from another beginning, by Gauss-Newton with shortened steps."""
+def _fitted(
+    run: Callable[[Array], tuple[Array, Any]], begin: Array, y: Array, steps: Array
+) -> tuple[Array, Any, Array]:
+    """The run that fits ``y`` best, its end and its beginning, by Gauss-Newton with shortened steps."""
     best, end = run(begin)
     cost = float(np.sum((y - best) ** 2))
     for _ in range(RESTARTED):
@@ -355,7 +394,7 @@ def _fitted(run: Callable[[Array], tuple[Array, Any]], begin: Array, y: Array, s
                 break
         if cost > (1.0 - LEAST_GAIN) * before:
             break
-    return best, end
+    return best, end, begin
 
 
 def _library() -> Any:
@@ -384,8 +423,16 @@ def _ignore(_warning: str) -> None:
 
 def _only_actuator(spec: Any, joint: str) -> str:
     found = [a.name for a in spec.actuators if a.target == joint]
-    if len(found) != 1:
-        raise ValueError(f"Joint {joint!r} has {len(found)} actuators ({', '.join(found)}); name one with actuator=.")
+    if not found:
+        driven = sorted({a.target for a in spec.actuators} - {""})
+        raise ValueError(
+            f"No actuator drives the joint {joint!r}; give a joint that one drives: {', '.join(driven) or 'none here'}."
+        )
+    if len(found) > 1:
+        raise ValueError(
+            f"{len(found)} actuators drive the joint {joint!r}: {', '.join(found)}; say whose control was logged with "
+            "--actuator (actuator= in Python)."
+        )
     return str(found[0])
 
 

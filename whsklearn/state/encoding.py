@@ -7,6 +7,7 @@ code along.
 
 from __future__ import annotations
 
+import dataclasses
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from sklearn.base import BaseEstimator
 
 from whsklearn.effects.base import Effect
 from whsklearn.effects.law import FrictionLaw
+from whsklearn.systems.arm import Arm
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -51,6 +53,9 @@ def encode(value: Any, arrays: list[NDArray[Any]], where: str = "value") -> Any:
     if isinstance(value, BaseEstimator) and not isinstance(value, type):
         params = value.get_params(deep=False)
         return {TAG: "estimator", "class": _name(type(value)), "params": encode(params, arrays, where)}
+    if isinstance(value, Arm):
+        fields = {f.name: getattr(value, f.name) for f in dataclasses.fields(value) if f.init}
+        return {TAG: "arm", "fields": encode(fields, arrays, where)}
     if isinstance(value, np.random.Generator):
         return {TAG: "generator", "state": encode(value.bit_generator.state, arrays, where)}
     if isinstance(value, np.random.RandomState):
@@ -147,6 +152,7 @@ _DECODERS: dict[str, Callable[[dict[str, Any], list[NDArray[Any]]], Any]] = {
     "effect": lambda c, a: _find(Effect, c["class"])(**decode(c["fields"], a)),
     "law": lambda c, a: FrictionLaw(decode(c["terms"], a)),
     "estimator": lambda c, a: _find(BaseEstimator, c["class"])(**decode(c["params"], a)),
+    "arm": lambda c, a: Arm(**decode(c["fields"], a)),
     "generator": _generator,
     "random_state": _random_state,
 }

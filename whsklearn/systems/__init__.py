@@ -1,17 +1,22 @@
-"""Simulators built from effects: the Wiener-Hammerstein system of the paper, and the axis as physics."""
+"""Simulators built from effects: the Wiener-Hammerstein system of the paper, an axis and an arm as physics."""
 
+from whsklearn.systems.arm import Arm
+from whsklearn.systems.base_parameters import BaseParameters, base_parameters
 from whsklearn.systems.servo import ServoAxis
 from whsklearn.systems.servo_parts import Drive, PIDController, Sensor, Transmission
 from whsklearn.systems.servo_simulation import record_frame, simulate_many
 from whsklearn.systems.wiener_hammerstein import WienerHammersteinSystem
 
 __all__ = [
+    "Arm",
+    "BaseParameters",
     "Drive",
     "PIDController",
     "Sensor",
     "ServoAxis",
     "Transmission",
     "WienerHammersteinSystem",
+    "base_parameters",
     "record_frame",
     "simulate_many",
 ]

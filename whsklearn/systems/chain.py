@@ -17,7 +17,8 @@ from whsklearn.effects.base import Effect
 from whsklearn.effects.hysteresis import N_STATES
 from whsklearn.effects.own import WHICH, address_of
 from whsklearn.effects.terms import term
-from whsklearn.systems.chain_ports import added, driven, occupied, sensed, transmitted, unsensed
+from whsklearn.effects.transmission import FlexibleCoupling
+from whsklearn.systems.chain_ports import added, arrived, driven, occupied, sensed, transmitted, unsensed
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -104,7 +105,7 @@ def run(theta, chain, ports, u, y, noise, free, x, v, y_hat):
             raw[t] = s
             if between:
                 s = transmitted(codes, rows, memory, s, dt)
-            ue[t] = driven(codes, rows, memory, u, t, s, dt) if drive else u[t]
+            ue[t] = driven(codes, rows, memory, arrived(codes, rows, u, t, dt), u, t, s, dt) if drive else u[t]
         x[t] = s
         dx = s - (x[t - 1] if t > 0 else 0.0)
         f = 0.0
@@ -128,7 +129,7 @@ def run(theta, chain, ports, u, y, noise, free, x, v, y_hat):
             y_hat[t] = s
             q[t] = s if free else y[t]
         else:
-            y_hat[t] = sensed(codes, rows, own, s, t, dt)
+            y_hat[t] = sensed(codes, rows, memory, own, s, t, dt)
             q[t] = s if free else unsensed(codes, rows, own, y[t], s, t, dt)
 
 
@@ -143,8 +144,8 @@ def packed(effects: Sequence[Effect]) -> Ports | None:
     for e in effects:
         if not isinstance(e, Effect) or e.code < 0:
             raise ValueError(f"{e!r} has no place in a Wiener-Hammerstein chain; take one of the catalogue.")
-        if e.name == "flexible_coupling":
-            raise ValueError("A flexible_coupling of a chain is two more poles; raise the orders n_a and n_b instead.")
+        if isinstance(e, FlexibleCoupling):
+            raise ValueError("A FlexibleCoupling joins two inertias; in a chain give it as a ChainResonance.")
     own = [type(e) for e in effects if e.code in (k.USER_TORQUE, k.USER_OUTPUT)]
     rows = np.zeros((len(effects), k.N_NUMBERS))
     for row, effect in zip(rows, effects, strict=True):

@@ -22,7 +22,7 @@ from whsklearn.effects.rows import has_memory, load_torque, motor_torque, on_loa
 from whsklearn.effects.signs import smooth_sign
 from whsklearn.effects.timed import disturbance_tone, parameter_change
 from whsklearn.effects.transmission import play, resonance
-from whsklearn.systems.chain_probes import DEAD_ZONE_X, HAT_Q, HAT_U, HAT_X, LAG_U, SATURATION_X, TONE_U, hat, probe
+from whsklearn.systems.chain_probes import HAT_Q, HAT_U, HAT_X, LAG_U, hat, probe
 
 LEAST_SLOPE = 0.05  # of a folded reading: below, dividing by it would only amplify noise
 
@@ -37,20 +37,21 @@ def at_drive(code):
         or k.INPUT_DELAY <= code <= k.ACTUATOR_LAG
         or code == HAT_U
         or code == LAG_U
-        or code == TONE_U
+        or code == k.TONE_U
+        or code == k.PLAY_U
     )
 
 
 @njit(cache=False, error_model="numpy")
 def at_transmission(code):
     """Whether a code acts between L1 and the law."""
-    return code == k.BACKLASH or code == k.FLEXIBLE_COUPLING or code == SATURATION_X or code == DEAD_ZONE_X
+    return code == k.BACKLASH or code == k.FLEXIBLE_COUPLING or code == k.SATURATION_X or code == k.DEAD_ZONE_X
 
 
 @njit(cache=False, error_model="numpy")
 def at_sensor(code):
     """Whether a code acts on the reading."""
-    return k.OUTPUT_OFFSET <= code <= k.QUANTIZATION or code == k.USER_OUTPUT or code == HAT_Q
+    return k.OUTPUT_OFFSET <= code <= k.QUANTIZATION or code == k.USER_OUTPUT or code == HAT_Q or code == k.RESONANCE_Y
 
 
 @njit(cache=False, error_model="numpy")
@@ -70,8 +71,8 @@ def occupied(codes):
 
 
 @njit(cache=False, error_model="numpy", forceinline=True)
-def driven(codes, rows, memory, u, t, x, dt):
-    """u_eff(t) of the command up to t; ``memory`` of shape (n_effects, n_states) holds what a lag remembers."""
+def arrived(codes, rows, u, t, dt):
+    """The command that arrives at t, behind what delays it."""
     w = u[t]
     for j in range(codes.size):
         if codes[j] == k.INPUT_DELAY:
@@ -79,27 +80,43 @@ def driven(codes, rows, memory, u, t, x, dt):
             newer = u[t - whole] if t >= whole else 0.0
             older = u[t - whole - 1] if t > whole else 0.0
             w = (1.0 - part) * newer + part * older
+    return w
+
+
+@njit(cache=False, error_model="numpy", forceinline=True)
+def driven(codes, rows, memory, w, u, t, x, dt):
+    """u_eff(t) of the command that has arrived; ``memory`` of shape (n_effects, n_states) holds what a lag remembers.
+
+    ``u`` is the command up to t, which generic functions look at.
+    """
     for j in range(codes.size):
         c = codes[j]
-        if not at_drive(c) or c == k.INPUT_DELAY:
-            continue
-        if c == k.ACTUATOR_LAG:
-            memory[j, 0] = lagged(w, memory[j, 0], rows[j, 0], dt)[1]
-            w = memory[j, 0]
-        elif c == k.DEAD_ZONE:
-            w -= dead_zone(rows[j, 0], w)
-        elif c == k.SATURATION:
-            w -= saturation(rows[j, 0], w)
-        elif c == HAT_U:
+        if c == HAT_U:
             w += rows[j, 0] * hat(u[t], rows[j, 1], rows[j, 2])
         elif c == LAG_U:
             i = t - int(rows[j, 1])
             w += rows[j, 0] * (u[i] if i >= 0 else 0.0)
-        elif c == TONE_U:
-            w += disturbance_tone(rows[j, 0], rows[j, 1], rows[j, 2], t * dt)
-        else:
-            w -= motor_torque(c, rows, j, t * dt, x, 0.0, 0.0, 0.0, w)[0]
+        elif at_drive(c) and c != k.INPUT_DELAY:
+            w = passed(c, rows, memory, j, w, t * dt, x, dt)
     return w
+
+
+@njit(cache=False, error_model="numpy", forceinline=True)
+def passed(c, rows, memory, j, w, time, x, dt):
+    """The drive behind effect j."""
+    if c == k.ACTUATOR_LAG:
+        memory[j, 0] = lagged(w, memory[j, 0], rows[j, 0], dt)[1]
+        return memory[j, 0]
+    if c == k.PLAY_U:
+        memory[j, 0] = play(rows[j, 0], memory[j, 0], w)
+        return memory[j, 0]
+    if c == k.DEAD_ZONE:
+        return w - dead_zone(rows[j, 0], w)
+    if c == k.SATURATION:
+        return w - saturation(rows[j, 0], w)
+    if c == k.TONE_U:
+        return w + disturbance_tone(rows[j, 0], rows[j, 1], rows[j, 2], time)
+    return w - motor_torque(c, rows, j, time, x, 0.0, 0.0, 0.0, w)[0]
 
 
 @njit(cache=False, error_model="numpy", forceinline=True)
@@ -111,16 +128,16 @@ def transmitted(codes, rows, memory, x, dt):
             memory[j, 0] = x
         elif codes[j] == k.FLEXIBLE_COUPLING:
             x = coupled(rows[j, 0], rows[j, 1], memory, j, x, dt)
-        elif codes[j] == SATURATION_X:
+        elif codes[j] == k.SATURATION_X:
             x -= saturation(rows[j, 0], x)
-        elif codes[j] == DEAD_ZONE_X:
+        elif codes[j] == k.DEAD_ZONE_X:
             x -= dead_zone(rows[j, 0], x)
     return x
 
 
 @njit(cache=False, error_model="numpy")
 def coupled(frequency, ratio, memory, j, x, dt):
-    """x behind a resonance of static gain one between L1 and the law; ``memory`` holds its last two values and x."""
+    """x behind a resonance of static gain one; ``memory`` holds its last two values and x."""
     a0, a1, b1, b2 = resonance(frequency, ratio, dt)
     out = a0 * x + a1 * memory[j, 2] - b1 * memory[j, 0] - b2 * memory[j, 1]
     memory[j, 1] = memory[j, 0]
@@ -137,8 +154,8 @@ def added(codes, rows, memory, own, u, x, dx, ddx, t, dt, kappa, v):
     for j in range(codes.size):
         c = codes[j]
         if at_drive(c) or at_sensor(c) or at_transmission(c):
-            continue
-        if c >= HAT_X:
+            total += 0.0
+        elif c >= HAT_X:
             total += rows[j, 0] * probe(c, rows[j, 1], rows[j, 2], x, dx, u, t, v, s)
         elif c == k.USER_TORQUE:
             total += own(int(rows[j, WHICH]), rows[j], t * dt, x, dx, u)
@@ -155,18 +172,19 @@ def added(codes, rows, memory, own, u, x, dx, ddx, t, dt, kappa, v):
 
 
 @njit(cache=False, error_model="numpy", forceinline=True)
-def sensed(codes, rows, own, q, t, dt):
-    """Reading of the true output q."""
+def sensed(codes, rows, memory, own, q, t, dt):
+    """Reading of the true output q, which a resonance behind L2 passes first."""
+    for j in range(codes.size):
+        if codes[j] == k.RESONANCE_Y:
+            q = coupled(rows[j, 0], rows[j, 1], memory, j, q, dt)
     y = q
     for j in range(codes.size):
         c = codes[j]
-        if not at_sensor(c):
-            continue
         if c == HAT_Q:
             y += rows[j, 0] * hat(q, rows[j, 1], rows[j, 2])
         elif c == k.USER_OUTPUT:
             y += own(int(rows[j, WHICH]), rows[j], t * dt, q, 0.0, 0.0)
-        else:
+        elif at_sensor(c) and c != k.RESONANCE_Y:
             folds = c == k.SENSOR_RECTIFICATION or c == k.QUANTIZATION
             y += reading(c, rows, j, t * dt, y if folds else q)
     return y
@@ -178,7 +196,7 @@ def unsensed(codes, rows, own, y, expected, t, dt):
     q = y
     for j in range(codes.size - 1, -1, -1):
         c = codes[j]
-        if not at_sensor(c) or c == k.QUANTIZATION:
+        if not at_sensor(c) or c == k.QUANTIZATION or c == k.RESONANCE_Y:
             continue
         if c == k.SENSOR_RECTIFICATION:
             slope = 1.0 - 2.0 * rows[j, 0]

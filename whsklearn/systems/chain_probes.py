@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from whsklearn._numba import njit, part
 
-HAT_U, HAT_X, HAT_DX, HAT_T, LAG_U, LAG_V, PRODUCT, HAT_Q, TONE_U = 300, 301, 302, 303, 304, 305, 306, 307, 308
-SATURATION_X, DEAD_ZONE_X = 309, 310  # of L1's output, where a law in x is looked for
+HAT_U, HAT_X, HAT_DX, HAT_T, LAG_U, LAG_V, PRODUCT, HAT_Q = 300, 301, 302, 303, 304, 305, 306, 307
 
 
 @njit(cache=False, error_model="numpy")

@@ -22,14 +22,13 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from whsklearn.tracking.runs import Run, Tracker
-from whsklearn.tracking.store import sentence
+from whsklearn.tracking.store import THREAD, sentence
 
 WAITING = 10_000  # sets of metrics that may wait: some hours of estimates, a few MB
 POLL_SECONDS = 2.0
 OPEN_SECONDS = 10.0  # the first import of MLflow takes 3 of them
 CLOSE_SECONDS = 10.0  # for what still waits at the end of a job
 HURRIED_SECONDS = 0.5  # the same where somebody waits for the end: SIGTERM is to be honoured within 2 s
-THREAD = "record of "  # names of threads begin so
 
 
 class BesideRun:

@@ -29,13 +29,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from whsklearn._inputs import readable
 from whsklearn.tracking import store as store
 from whsklearn.tracking.store import TrackingError as TrackingError
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-_BATCH = 1000  # metrics one log_batch may hold
+BATCH = {"metrics": 800, "params": 100, "tags": 100}  # what one log_batch may hold: 1,000 in all
 # What the page shows at the link with this key: best runs first, children beside parents, our columns.
 VIEW = "comparison"
 _INDICES = tuple(f"metrics.`{m}`" for m in ("nmse", "mu_e", "rmse"))
@@ -55,6 +56,11 @@ _COLUMNS: dict[str, tuple[str, bool, tuple[str, ...]]] = {
             *_INDICES,
             "metrics.`fit_seconds`",
         ),
+    ),
+    "identify": (
+        "attributes.start_time",
+        False,
+        ("tags.`recommended`", "tags.`data`", *_INDICES, "metrics.`size`", "metrics.`fit_seconds`", "tags.`failure`"),
     ),
     "fleet": (
         "metrics.`nmse`",
@@ -92,6 +98,18 @@ def view_of(experiment: str) -> dict[str, Any]:
     """
     key, ascending, columns = _COLUMNS.get(experiment, _COMPARISON)
     return {"orderByKey": key, "orderByAsc": ascending, "selectedColumns": list(columns)}
+
+
+def page_of(server: str, experiment_id: str) -> str:
+    """The address of an experiment's runs with its columns, in the view for models rather than for chat traces.
+
+    Examples
+    --------
+    >>> page_of("http://127.0.0.1:5000", "3")
+    'http://127.0.0.1:5000/#/experiments/3/runs?workflowType=machine_learning&viewStateShareKey=comparison'
+    """
+    base = server.rstrip("/")
+    return f"{base}/#/experiments/{experiment_id}/runs?workflowType=machine_learning&viewStateShareKey={VIEW}"
 
 
 def tracking_uri(root: str | os.PathLike[str] = ".") -> str:
@@ -162,27 +180,36 @@ def open_tracker(
     ...     run.log_params({"p": 4})
     """
     if not enabled:
-        return Tracker(None, "", {})
+        return Tracker(None, "", "", {})
     mlflow = store.import_mlflow()
     uri = tracking_uri(root)
-    store.probe(uri)
-    location = None
-    with store.quiet():
-        try:
+    patience = store.Patience(uri)
+
+    def opened() -> tuple[Any, str]:
+        store.probe(uri)
+        location = None
+        with store.quiet():
             if uri.startswith("sqlite:///"):
                 database = Path(uri.removeprefix("sqlite:///")).resolve()
                 store.initialise(database)
                 location = (database.parent / "artifacts").as_uri()
             client = mlflow.MlflowClient(uri)
-            experiment_id = store.experiment_id(client, experiment, location)
-            client.set_experiment_tag(experiment_id, f"mlflow.sharedViewState.{VIEW}", json.dumps(view_of(experiment)))
-        except Exception as error:  # a store fails with the errors of its own driver
-            reason = store.sentence(error)
-            raise TrackingError(f"The store at {store.public(uri)} cannot be opened: {reason}") from error
-    source = {"mlflow.source.name": experiment, "mlflow.source.type": "LOCAL"}
-    return Tracker(
-        store.InSentences(client), experiment_id, {**source, "version": version("whsklearn"), **(tags or {})}
-    )
+            found = store.experiment_id(client, experiment, location)
+            _set_view(client, found, experiment)
+        return client, found
+
+    try:
+        client, experiment_id = patience.wait(opened, store.OPENING_SECONDS)
+    except TrackingError:
+        raise
+    except Exception as error:  # a store fails with the errors of its own driver
+        reason = store.sentence(error)
+        raise TrackingError(
+            f"The record of runs at {store.public(uri)} cannot be opened ({reason}); set MLFLOW_TRACKING_URI to "
+            "keep it elsewhere, or leave it out with --no-track."
+        ) from error
+    own = {"mlflow.source.name": experiment, "mlflow.source.type": "LOCAL", "version": version("whsklearn")}
+    return Tracker(store.InSentences(client, patience), experiment, experiment_id, {**own, **(tags or {})})
 
 
 class Tracker:
@@ -192,7 +219,8 @@ class Tracker:
     ----------
     client : MlflowClient or None
         None where tracking is off.
-    experiment_id : str
+    experiment, experiment_id : str
+        Its name, and what MLflow calls it.
     tags : mapping of str to str
         Of every run.
 
@@ -208,10 +236,17 @@ class Tracker:
     ...     run.log_metrics({"nmse": 0.01})
     """
 
-    def __init__(self, client: Any, experiment_id: str, tags: Mapping[str, str]):
+    def __init__(self, client: Any, experiment: str, experiment_id: str, tags: Mapping[str, str]):
         self.client = client
+        self.experiment = experiment
         self.experiment_id = experiment_id
         self.tags = dict(tags)
+
+    @property
+    def place(self) -> str:
+        """Address of the store; of a server, that of the experiment's page."""
+        uri = store.public(str(self.client.tracking_uri))
+        return page_of(uri, self.experiment_id) if uri.startswith(("http://", "https://")) else uri
 
     @contextlib.contextmanager
     def run(self, name: str, *, parent: Run | None = None, tags: Mapping[str, str] | None = None) -> Iterator[Run]:
@@ -224,7 +259,7 @@ class Tracker:
             The run above it.
         tags : mapping of str to str, optional
         """
-        own = {**self.tags, **(tags or {})}
+        name, own = readable(name), {k: readable(v) for k, v in {**self.tags, **(tags or {})}.items()}
         if self.client is None:
             yield Run(self, "")
             return
@@ -286,7 +321,7 @@ class Run:
     def __init__(self, tracker: Tracker, run_id: str):
         self.tracker = tracker
         self.id = run_id
-        self._buffer: list[Any] = []
+        self._buffer: dict[str, list[Any]] = {kind: [] for kind in BATCH}
 
     @property
     def _client(self) -> Any:
@@ -300,10 +335,11 @@ class Run:
         name : str
         tags : mapping of str to str, optional
         """
+        self.flush()
         return self.tracker.run(name, parent=self, tags=tags)
 
     def log_tags(self, tags: Mapping[str, Any]) -> None:
-        """Set tags, such as ``data``, ``reading``, ``reason``.
+        """Buffer tags, such as ``data``, ``reading``, ``reason``.
 
         Parameters
         ----------
@@ -312,10 +348,10 @@ class Run:
         if self._client is not None:
             from mlflow.entities import RunTag
 
-            self._client.log_batch(self.id, tags=[RunTag(k, str(v)[:5000]) for k, v in tags.items()])
+            self._buffer["tags"] += [RunTag(k, readable(str(v))[:5000]) for k, v in tags.items()]
 
     def log_params(self, params: Mapping[str, Any]) -> None:
-        """Log parameters; long values are cut.
+        """Buffer parameters; long values are cut.
 
         Parameters
         ----------
@@ -324,9 +360,7 @@ class Run:
         if self._client is not None:
             from mlflow.entities import Param
 
-            entries = [Param(k, str(v)[:500]) for k, v in params.items()]
-            for start in range(0, len(entries), 100):
-                self._client.log_batch(self.id, params=entries[start : start + 100])
+            self._buffer["params"] += [Param(k, readable(str(v))[:500]) for k, v in params.items()]
 
     def log_metrics(self, metrics: Mapping[str, float], step: int = 0) -> None:
         """Buffer metrics of one step; what is not finite becomes the tag ``not_finite``.
@@ -360,19 +394,20 @@ class Run:
             at = np.arange(values.size) if steps is None else np.asarray(steps).ravel()
             keep = np.unique(np.linspace(0, values.size - 1, min(points, values.size)).astype(int))
             broken += [] if np.isfinite(values[keep]).all() else [name]
-            self._buffer += [
+            self._buffer["metrics"] += [
                 Metric(metric_name(name), float(values[i]), now, int(at[i])) for i in keep if math.isfinite(values[i])
             ]
         if broken:
             self.log_tags({"not_finite": ", ".join(sorted(broken))})
-        if len(self._buffer) >= _BATCH:
+        if len(self._buffer["metrics"]) >= BATCH["metrics"]:
             self.flush()
 
     def flush(self) -> None:
-        """Write what is buffered."""
-        while self._buffer:
-            self._client.log_batch(self.id, metrics=self._buffer[:_BATCH])
-            del self._buffer[:_BATCH]
+        """Write what is buffered: one call, as a rule, since each may take a server's answer to come back."""
+        while any(self._buffer.values()):
+            self._client.log_batch(self.id, **{k: v[: BATCH[k]] for k, v in self._buffer.items()})
+            for k, v in self._buffer.items():
+                del v[: BATCH[k]]
 
     def log_input(self, X: ArrayLike, y: ArrayLike, name: str, context: str = "training") -> None:
         """Record the data set: its name, shape and digest, not the samples.
@@ -392,7 +427,7 @@ class Run:
             mlflow = store.import_mlflow()
             from mlflow.entities import DatasetInput, InputTag
 
-            data = mlflow.data.from_numpy(np.asarray(X), targets=np.asarray(y), name=name)
+            data = mlflow.data.from_numpy(np.asarray(X), targets=np.asarray(y), name=readable(name))
             label = InputTag("mlflow.data.context", context)
             self._client.log_inputs(self.id, [DatasetInput(data._to_mlflow_entity(), [label])])
 
@@ -420,6 +455,36 @@ class Run:
         if self._client is not None:
             self._client.log_text(self.id, text, file)
 
+    def log_file_model(self, path: str | os.PathLike[str], rows: ArrayLike) -> str:
+        """Keep a model file of `identify` or `gap` as a model of MLflow that can be served; return its address.
+
+        Parameters
+        ----------
+        path : str or path
+            Of ``model.json``.
+        rows : array-like of shape (n, 1)
+            Inputs; the first rows become the example.
+        """
+        if self._client is None:
+            return ""
+        mlflow = store.import_mlflow()
+        example = input_example(None, np.asarray(rows, dtype=float)[:20])
+
+        def logged() -> str:
+            with store.active(mlflow, self._client, self.id), store.quiet():
+                info = mlflow.pyfunc.log_model(
+                    name="model",
+                    loader_module="whsklearn.tracking.served",
+                    data_path=os.fspath(path),
+                    signature=served_signature(1),
+                    input_example=example,
+                    pip_requirements=model_requirements(),
+                )
+            return str(info.model_uri)
+
+        self.flush()
+        return str(self._client.do(logged, store.OPENING_SECONDS))
+
     def log_artifact(self, path: str | os.PathLike[str]) -> None:
         """Keep a file as an artifact.
 
@@ -429,12 +494,16 @@ class Run:
             Of a file.
         """
         if self._client is not None:
-            self._client.log_artifact(self.id, os.fspath(path))
+            fair = store.FAIR_SECONDS + Path(path).stat().st_size / store.UPLOAD_BYTES
+            self._client.log_artifact(self.id, os.fspath(path), fair=fair)
 
     def log_model(
         self, model: Any, X: ArrayLike, *, registered_name: str = "", alias: str = "", trusted: Sequence[str] = ()
     ) -> str:
         """Keep a fitted estimator with signature, example and explicit requirements; return its address.
+
+        Served, it takes numbers of any kind, as rows, lists or a frame; the example names its columns, see
+        `input_example`.
 
         Parameters
         ----------
@@ -451,19 +520,119 @@ class Run:
             return ""
         mlflow = store.import_mlflow()
         example = np.asarray(X, dtype=float)[:20]
-        with store.active(mlflow, self._client, self.id), store.quiet():
-            info = mlflow.sklearn.log_model(
-                model,
-                name="model",
-                signature=mlflow.models.infer_signature(example, np.asarray(model.predict(example), dtype=float)),
-                input_example=example,
-                pip_requirements=model_requirements(),
-                registered_model_name=registered_name or None,
-                skops_trusted_types=[*_own_types(model), *trusted],
-            )
-            if registered_name and alias:
-                mlflow.MlflowClient().set_registered_model_alias(registered_name, alias, info.registered_model_version)
-        return info.model_uri
+        named = input_example(model, example)
+        with store.quiet():
+            signature = served_signature(example.shape[1])
+        types = [*_own_types(model), *trusted]
+
+        def logged() -> str:
+            with store.active(mlflow, self._client, self.id), store.quiet():
+                info = mlflow.sklearn.log_model(
+                    model,
+                    name="model",
+                    signature=signature,
+                    input_example=named,
+                    pip_requirements=model_requirements(),
+                    registered_model_name=registered_name or None,
+                    skops_trusted_types=types,
+                )
+                if registered_name and alias:
+                    client = mlflow.MlflowClient()
+                    client.set_registered_model_alias(registered_name, alias, info.registered_model_version)
+            return str(info.model_uri)
+
+        self.flush()
+        return str(self._client.do(logged, store.OPENING_SECONDS))
+
+    def champion(self, name: str, alias: str) -> Any:
+        """The estimator registered as ``models:/name@alias``; None where there is none, or tracking is off.
+
+        Parameters
+        ----------
+        name, alias : str
+
+        Raises
+        ------
+        TrackingError
+            If it is there and cannot be read.
+        """
+        if self._client is None:
+            return None
+        mlflow = store.import_mlflow()
+        try:
+            version = self._client.get_model_version_by_alias(name, alias)
+        except TrackingError as error:
+            if getattr(error.__cause__, "error_code", "") in ("RESOURCE_DOES_NOT_EXIST", "INVALID_PARAMETER_VALUE"):
+                return None
+            raise
+
+        def loaded() -> Any:
+            with store.active(mlflow, self._client, self.id), store.quiet():
+                return mlflow.sklearn.load_model(f"models:/{name}/{version.version}")
+
+        try:
+            return self._client.do(loaded, store.OPENING_SECONDS)
+        except TrackingError as error:
+            reason = store.sentence(error.__cause__ or error)
+            raise TrackingError(
+                f"models:/{name}@{alias} cannot be loaded ({reason}); register under another name."
+            ) from error
+
+
+def input_example(model: Any, rows: ArrayLike) -> Any:
+    """Rows as a frame whose columns have the names that the estimator knows, or ``u``; ``u1``, ``u2``, ... of several.
+
+    Parameters
+    ----------
+    model : estimator
+        Fitted.
+    rows : array-like of shape (n, n_features)
+
+    Examples
+    --------
+    >>> from sklearn.linear_model import Ridge
+    >>> from whsklearn.tracking.runs import input_example
+    >>> list(input_example(Ridge().fit([[0.0], [1.0]], [0.0, 1.0]), [[0.5]]).columns)
+    ['u']
+    """
+    import pandas as pd
+
+    rows = np.asarray(rows, dtype=float)
+    names = getattr(model, "feature_names_in_", None)
+    if names is None:
+        names = ["u"] if rows.shape[1] == 1 else [f"u{i + 1}" for i in range(rows.shape[1])]
+    return pd.DataFrame(rows, columns=list(names))
+
+
+def served_signature(n_features: int) -> Any:
+    """What MLflow lets through to a model: columns of any number, the output a double.
+
+    A typed signature would refuse float32, whole numbers or lists (a tensor), or arrays without names (named columns);
+    the estimator itself checks what it is given, and says what is wrong.
+    """
+    from mlflow.models import ModelSignature
+    from mlflow.types import ColSpec, Schema, TensorSpec
+    from mlflow.types.schema import AnyType
+
+    columns = Schema([ColSpec(AnyType()) for _ in range(n_features)])  # unnamed: named ones refuse arrays and lists
+    return ModelSignature(columns, Schema([TensorSpec(np.dtype("float64"), (-1,))]))
+
+
+def alias_of(data: str) -> str:
+    """The alias of the best model of a data set, in the characters that MLflow takes.
+
+    Parameters
+    ----------
+    data : str
+        Name of the data set.
+
+    Examples
+    --------
+    >>> from whsklearn.tracking import alias_of
+    >>> alias_of("example-5.1")
+    'champion-example-5-1'
+    """
+    return "champion-" + re.sub(r"[^\w-]+", "-", data)[:200]
 
 
 def model_requirements() -> list[str]:
@@ -551,30 +720,45 @@ def log_candidates(
             run.log_metrics({"fit_seconds": results["mean_fit_time"][i]})
 
 
-def latest_experiment(root: str | os.PathLike[str] = ".") -> str | None:
-    """The experiment that was written to last, by its id; None where there is none.
+def experiments(root: str | os.PathLike[str] = ".") -> list[tuple[str, str]]:
+    """Name and id of every experiment that holds runs, the one that was written to last first.
+
+    Each is given the columns of its page (`view_of`), should it have been made by something else.
 
     Parameters
     ----------
     root : str or path
         Folder above ``mlruns``.
 
+    Raises
+    ------
+    TrackingError
+        If the tracking server is down or the store cannot be opened.
+
     Examples
     --------
     >>> import tempfile
-    >>> from whsklearn.tracking import latest_experiment, open_tracker
+    >>> from whsklearn.tracking import experiments, open_tracker
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     with open_tracker("axis", root=folder).run("fit"):
     ...         pass
-    ...     latest_experiment(folder) is not None
-    True
+    ...     [name for name, _ in experiments(folder)]
+    ['axis']
     """
-    mlflow = store.import_mlflow()
-    with store.quiet():
-        client = mlflow.MlflowClient(tracking_uri(root))
-        ids = [e.experiment_id for e in client.search_experiments()]
-        runs = client.search_runs(ids, order_by=["attributes.start_time DESC"], max_results=1) if ids else []
-    return runs[0].info.experiment_id if runs else None
+    tracker = open_tracker("simulated_example", root=root)
+    begun = {}
+    for e in tracker.client.search_experiments():
+        runs = tracker.client.search_runs([e.experiment_id], order_by=["attributes.start_time DESC"], max_results=1)
+        if runs:
+            begun[e.name, e.experiment_id] = runs[0].info.start_time
+            if f"mlflow.sharedViewState.{VIEW}" not in e.tags:
+                _set_view(tracker.client, e.experiment_id, e.name)
+    return sorted(begun, key=lambda key: -begun[key])
+
+
+def _set_view(client: Any, experiment_id: str, name: str) -> None:
+    """The order and the columns of an experiment's page, at the address that `page_of` gives."""
+    client.set_experiment_tag(experiment_id, f"mlflow.sharedViewState.{VIEW}", json.dumps(view_of(name)))
 
 
 def _own_types(model: Any) -> list[str]:

@@ -16,15 +16,24 @@ import signal
 import socket
 import sys
 import threading
+import time
 import urllib.error
 import urllib.request
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
 _PROBE_SECONDS = 3.0
+# How long a server may keep a job waiting in all, beyond FAIR_SECONDS a call.  The record of `gap`, 18 calls, takes 1 s
+# on a server that is well and is given up after 15 s at the latest; MLflow itself would try for more than 10 minutes.
+PATIENCE_SECONDS = 6.0
+FAIR_SECONDS = 0.5
+FORGIVEN = 0.1  # seconds of patience that come back in a second of the job's own work
+OPENING_SECONDS = 5.0  # fair for the first calls and for a model: a server that has slept loads its own libraries first
+UPLOAD_BYTES = 1e6  # a second, fair for a file
+THREAD = "record of "  # names of threads that wait for a server begin so; see `whsklearn.__main__`
 _DATABASE_PORTS = {"postgresql": 5432, "mysql": 3306, "mssql": 1433}
 
 
@@ -109,11 +118,68 @@ def probe(uri: str) -> None:
         ) from error
 
 
-class InSentences:
-    """A client whose every failure is a `TrackingError` of one sentence: databases raise what their drivers do."""
+class Patience:
+    """Waits for a server, but not for ever: it may be killed, stopped or slow at any time.
 
-    def __init__(self, client: Any):
+    Each call runs in a thread of its own, so that whoever waits can be interrupted; what takes longer than is fair uses
+    up the patience, and when that has gone every further call fails at once.  A store in a file has no server.
+
+    Parameters
+    ----------
+    uri : str
+        Of the store.
+    """
+
+    def __init__(self, uri: str):
+        timeout = os.environ.get("MLFLOW_HTTP_REQUEST_TIMEOUT", "")
+        self.most = float(timeout) if timeout.replace(".", "", 1).isdigit() else PATIENCE_SECONDS
+        self.left, self.spent, self.lost = self.most, 0.0, ""
+        self.server = urlsplit(uri).scheme.split("+")[0] not in ("sqlite", "file", "")
+        self._last = time.monotonic()
+
+    def wait(self, function: Callable[[], Any], fair: float = FAIR_SECONDS) -> Any:
+        """What the function returns or raises; TimeoutError where patience ends before."""
+        if not self.server:
+            return function()
+        if self.lost:
+            raise TimeoutError(self.lost)
+        began = time.monotonic()
+        self.left = min(self.most, self.left + FORGIVEN * (began - self._last))
+        ended: list[tuple[bool, Any]] = []
+
+        def work() -> None:
+            try:
+                ended.append((True, function()))
+            except BaseException as error:
+                ended.append((False, error))
+
+        thread = threading.Thread(target=work, name=f"{THREAD}a call", daemon=True)
+        thread.start()
+        thread.join(fair + self.left)
+        self._last = time.monotonic()
+        self.left -= max(0.0, self._last - began - fair)
+        if not ended:
+            self.lost = f"no answer within {self._last - began:.0f} s"
+            raise TimeoutError(self.lost)
+        good, result = ended[0]
+        if not good:
+            raise result
+        return result
+
+
+class InSentences:
+    """A client whose every failure is a `TrackingError` of one sentence: databases raise what their drivers do.
+
+    Parameters
+    ----------
+    client : MlflowClient
+    patience : Patience, optional
+        How long it waits in all.
+    """
+
+    def __init__(self, client: Any, patience: Patience | None = None):
         self._client = client
+        self._patience = patience or Patience("")
 
     def __getattr__(self, name: str) -> Any:
         value = getattr(self._client, name)
@@ -121,22 +187,30 @@ class InSentences:
             return value
 
         @functools.wraps(value)
-        def call(*args: Any, **kwargs: Any) -> Any:
-            try:
-                with quiet(logging.CRITICAL):  # what fails is said below, in a sentence and not in a traceback
-                    try:
-                        return value(*args, **kwargs)
-                    except Exception as error:
-                        if not _was_there_meanwhile(error):
-                            raise
-                        return value(*args, **kwargs)  # it finds what it was about to write
-            except Exception as error:
-                raise TrackingError(
-                    f"The record at {public(self._client.tracking_uri)} cannot be written ({sentence(error)}); what "
-                    "the job writes to files is on the disk, and --no-track leaves the record out."
-                ) from error
+        def call(*args: Any, fair: float = FAIR_SECONDS, **kwargs: Any) -> Any:
+            return self.do(lambda: value(*args, **kwargs), fair)
 
         return call
+
+    def do(self, function: Callable[[], Any], fair: float = FAIR_SECONDS) -> Any:
+        """Call a function that writes to the record; ``fair`` s are not held against the server."""
+
+        def quietly() -> Any:
+            with quiet(logging.CRITICAL):  # what fails is said below, in a sentence and not in a traceback
+                try:
+                    return function()
+                except Exception as error:
+                    if not _was_there_meanwhile(error):
+                        raise
+                    return function()  # it finds what it was about to write
+
+        try:
+            return self._patience.wait(quietly, fair)
+        except Exception as error:
+            raise TrackingError(
+                f"The record at {public(self._client.tracking_uri)} cannot be written ({sentence(error)}); what "
+                "the job writes to files is on the disk, and --no-track leaves the record out."
+            ) from error
 
 
 def public(uri: str) -> str:
@@ -228,6 +302,7 @@ def quiet(least: int = logging.ERROR) -> Iterator[None]:
     levels = [logger.level for logger in loggers]
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message=".*Any type hint is inferred as AnyType", category=UserWarning)
+        warnings.filterwarnings("ignore", category=DeprecationWarning)  # of pandas, for what MLflow does
         try:
             for logger in loggers:
                 logger.setLevel(least)

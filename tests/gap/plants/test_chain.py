@@ -56,7 +56,7 @@ def test_the_file_holds_what_other_programs_read(drag):
     out = json.loads(json.dumps(drag.diagnosis_.as_dict(), allow_nan=False))
     assert set(out) == {"verdict", "effects", "candidates", "where", "before", "after", "noise_floor_rmse", "closure",
                         "next_experiment", "seconds", "file", "units", "version", "test", "missing", "base", "horizon",
-                        "learned"}  # fmt: skip
+                        "learned", "alpha"}  # fmt: skip
     assert {c["status"] for c in out["candidates"]} <= {"named", "ruled_out", "alias", "not_testable"}
     assert {c["name"] for c in out["candidates"]} >= {"dead_zone", "cogging", "backlash", "output_offset"}
 

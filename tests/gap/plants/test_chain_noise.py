@@ -17,7 +17,7 @@ from whsklearn.gap.plants.chain_noise import quietest_band
 def rounds():
     seen = []
     case = blind.make_case("named", 11, effects=("quadratic_drag",), size=0.15, noise=30.0, n=1500)
-    finder = GapFinder("wiener-hammerstein", n_surrogates=0, on_round=seen.append).fit(case.frame, **blind.COLUMNS)
+    finder = GapFinder("wiener-hammerstein", on_round=seen.append).fit(case.frame, **blind.COLUMNS)
     return seen, finder.diagnosis_
 
 
@@ -39,17 +39,6 @@ def test_every_round_is_told_as_it_ends(rounds):
     seen, d = rounds
     assert [r.taken.name if r.taken else "nothing" for r in seen] == [r["taken"] for r in d.rounds]
     assert len(seen) >= 1
-
-
-def test_the_number_of_surrogates_is_the_callers(monkeypatch):
-    from whsklearn.gap.plants import chain_view
-
-    made = []
-    original = chain_view.surrogate_setting
-    monkeypatch.setattr(chain_view, "surrogate_setting", lambda *a, **k: made.append(1) or original(*a, **k))
-    case = blind.make_case("none", 11, noise=30.0, n=1000)
-    GapFinder("wiener-hammerstein", n_surrogates=3).fit(case.frame, **blind.COLUMNS)
-    assert len(made) == 3
 
 
 def test_no_floor_lies_above_the_quietest_band_of_the_output():

@@ -69,7 +69,7 @@ def _stepped(t):
     ],
 )
 def test_an_odd_record_ends_in_a_verdict_with_physical_numbers_or_a_sentence(log):
-    finder = GapFinder("servo", n_surrogates=0, max_effects=1).fit(log())
+    finder = GapFinder("servo", max_effects=1).fit(log())
     d = finder.diagnosis_
     assert d.verdict in VERDICTS
     assert len(d.sentence) > 20
@@ -81,7 +81,7 @@ def test_an_odd_record_ends_in_a_verdict_with_physical_numbers_or_a_sentence(log
 
 @pytest.mark.parametrize("units", [1.0, 1e3, 1e-3])
 def test_the_unit_of_the_drive_scales_the_numbers_and_no_more(units):
-    d = GapFinder("servo", n_surrogates=0, max_effects=1).fit(record(gravity=5 * COULOMB, units=units)).diagnosis_
+    d = GapFinder("servo", max_effects=1).fit(record(gravity=5 * COULOMB, units=units)).diagnosis_
     inertia = next(r["after"] for r in d.base_parameters if r["name"] == "inertia")
     assert inertia / units == pytest.approx(INERTIA, rel=0.1)
     assert [e.name for e in d.effects][:1] == ["gravity_imbalance"]
@@ -89,13 +89,13 @@ def test_the_unit_of_the_drive_scales_the_numbers_and_no_more(units):
 
 def test_numbers_for_simulation_are_compared_at_the_horizon_that_is_proved(monkeypatch):
     errors = {("found", 0.07): 1.0, ("found", 0.5): 9.0, ("refitted", 0.07): 5.0, ("refitted", 0.5): 4.0}
-    monkeypatch.setattr(servo_free_run, "train_error", lambda view, m, horizon: errors[m, horizon])
+    monkeypatch.setattr(servo_free_run, "train_error", lambda view, m, horizon: errors[m.name, horizon])
     plant = object.__new__(ServoPlant)
     monkeypatch.setattr(ServoPlant, "_horizons", lambda self, m: (0.07, (0.014, 0.07, 0.28)))
-    monkeypatch.setattr(ServoPlant, "coarse", lambda self, m: True)
     monkeypatch.setattr(servo_stop, "holds", lambda m: False)
-    plant.observer = SimpleNamespace(fit=lambda m: "refitted")
-    assert plant.settle("found") == "found"
+    found, refitted = (SimpleNamespace(name=n, terms=(), has_play=False) for n in ("found", "refitted"))
+    plant.observer, plant.corrected = SimpleNamespace(fit=lambda m: refitted), found
+    assert plant.settle(found) is found
     assert plant.headline == 0.07
 
 
@@ -103,8 +103,9 @@ def test_numbers_for_simulation_are_compared_at_the_horizon_that_is_proved(monke
 def test_missing_drive_behind_a_coupling_is_told_by_the_observer(load_side):
     plant = object.__new__(ServoPlant)
     for name, gaps in (("inverse", (3.0, 2.9, 0.1)), ("observer", (1.0, 0.2, 0.05))):
-        view = SimpleNamespace(gap=lambda m, g=gaps: g[m.at], rms=float, floor=lambda m, g=gaps: g[2])
+        view = SimpleNamespace(gap=lambda m, g=gaps: g[m.at], rms=float, floor=lambda m, g=gaps: g[2], fit=lambda m: m)
         setattr(plant, name, view)
+    plant.own = SimpleNamespace(floor=0.1)
     base, model = SimpleNamespace(at=0, load_side=False), SimpleNamespace(at=1, load_side=load_side)
     assert plant.figures(base, model) == ((1.0, 0.2, 0.05) if load_side else (3.0, 2.9, 0.1))
 
@@ -131,7 +132,7 @@ def log_with_play(side, rate=200.0, seconds=10.0):
 
 @pytest.mark.parametrize("side", ["load", "motor"])
 def test_a_large_play_is_named_from_either_side(side):
-    finder = GapFinder("servo", n_surrogates=0, max_effects=1).fit(log_with_play(side))
+    finder = GapFinder("servo", max_effects=1).fit(log_with_play(side))
     d = finder.diagnosis_
     assert d.verdict == "named"
     assert [e.name for e in d.effects] == ["backlash"]

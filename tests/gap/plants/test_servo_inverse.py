@@ -46,7 +46,7 @@ def test_inertia_of_a_complete_model_is_the_true_one(plain):
 def test_a_large_hidden_effect_is_found_first_and_the_base_numbers_stay_physical():
     r = log_of([GravityImbalance(1.5, 0.3)])
     frame = pd.DataFrame({"time_s": r.time, "torque_nm": r.drive, "position_rad": r.position})
-    finder = GapFinder("servo", law="viscous", n_surrogates=0).fit(frame)
+    finder = GapFinder("servo", law="viscous").fit(frame)
     assert finder.effects_[0].name == "gravity_imbalance"
     assert finder.effects_[0].effect.amplitude == pytest.approx(1.5, rel=0.05)
     assert finder.model_.inertia == pytest.approx(0.05, rel=0.1)
@@ -130,7 +130,7 @@ def test_bristles_with_damping_are_named_and_their_level_is_found_to_fall():
     axis = ServoAxis(inertia=0.05, law="viscous", effects=[true], sample_rate=RATE)
     r = axis.simulate(reference=REFERENCE, random_state=1)
     frame = pd.DataFrame({"time_s": r.time, "torque_nm": r.drive, "position_rad": r.position})
-    finder = GapFinder("servo", law="viscous,coulomb", n_surrogates=0).fit(frame)
+    finder = GapFinder("servo", law="viscous,coulomb").fit(frame)
     assert [e.name for e in finder.effects_] == ["presliding_hysteresis"]
     found = finder.effects_[0].effect
     assert isinstance(found, LuGre)

@@ -8,6 +8,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from whsklearn.logs.units import factor_of, own_units, unit_of
+
 Array = NDArray[Any]
 
 
@@ -45,7 +47,12 @@ def make_plant(model: Any, log: Any, y: Any, base: Base, *, tolerance: float, co
 
         return servo_plant(model, log, law=base.law, tolerance=tolerance, columns=columns)
     if isinstance(model, WienerHammersteinSystem) or model == "wiener-hammerstein":
-        return _chain(model, *_input_output(log, y, columns), base, tolerance, sampling_time(log, columns))
+        logged = unit_of(columns.get("input") or "", ""), unit_of(columns.get("output") or "", "")
+        (by, into), (far, out) = map(factor_of, logged)
+        u, v = _input_output(log, y, columns)
+        plant = _chain(model, u * by, v * far, base, tolerance, sampling_time(log, columns))
+        plant.units, plant.logged, plant.own_units = (into, out), logged, own_units((into, out), logged)
+        return plant
     if all(hasattr(model, name) for name in ("simulate", "refit", "with_effect")):
         from whsklearn.gap.plants.simulator import simulator_plant
 

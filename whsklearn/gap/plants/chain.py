@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -58,7 +58,8 @@ class ChainPlant(PlantDefaults):
         What is handed back if nothing can be diagnosed.
     """
 
-    units = ("", "")
+    units = logged = ("", "")
+    own_units: ClassVar[dict[str, str]] = {}
     gap_word = "one-step error"
     whole = "output"
     horizon_unit = "samples"
@@ -260,7 +261,11 @@ class ChainPlant(PlantDefaults):
     def signals(self, model: ChainModel) -> dict[str, tuple[Array, str]]:
         """Name -> (signal at the judged samples, unit)."""
         axes = chain_pictures.axes(self.whole_view.setting, self.on_record(model))
-        return {k: (v[SKIP:], unit) for k, (v, unit) in axes.items()}
+        return {k: (v[SKIP:], unit) for k, (v, unit) in self._with_units(axes).items()}
+
+    def _with_units(self, axes: dict[str, tuple[Array, str]]) -> dict[str, tuple[Array, str]]:
+        known = {"input": self.units[0], "output": self.units[1]}
+        return {k: (v, known.get(k, unit)) for k, (v, unit) in axes.items()}
 
     def regressors(self, model: ChainModel) -> tuple[dict[str, tuple[float, Array]], Array, float]:
         """None: a chain's numbers are not regression coefficients of its error."""
@@ -299,7 +304,8 @@ class ChainPlant(PlantDefaults):
 
     def pictures(self, base: ChainModel, model: ChainModel) -> dict[str, Any]:
         """Series that the page draws."""
-        return chain_pictures.pictures(self.whole_view, self.on_record(base), self.on_record(model))
+        series = chain_pictures.pictures(self.whole_view, self.on_record(base), self.on_record(model))
+        return series | {"axes": self._with_units(series["axes"])}
 
     def _everything(self) -> ChainView:
         s = self.whole_view.setting

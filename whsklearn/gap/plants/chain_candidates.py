@@ -15,12 +15,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from whsklearn.effects import ChainResonance, ChainTone, effect_names, get_effect
 from whsklearn.effects import codes as k
-from whsklearn.effects import effect_names, get_effect
 from whsklearn.effects import terms as s
+from whsklearn.effects.codes import DEAD_ZONE_X, SATURATION_X, TONE_U
 from whsklearn.effects.scales import Scales as EffectScales
 from whsklearn.gap.plants import chain_evidence as rules
-from whsklearn.systems.chain_probes import DEAD_ZONE_X, SATURATION_X, TONE_U
 
 
 @dataclass(frozen=True)
@@ -159,8 +159,12 @@ class Candidate:
         return FoundEffect(self.name, cls.place, equation, self.named(q))
 
     def of_library(self, q: Iterable[float]) -> Any:
-        """The catalogue's own effect with these numbers; None where a chain has it in another form."""
-        if self.name == "flexible_coupling" or self.variant in (AT_INPUT, BETWEEN):
+        """The library's effect with these numbers; None for what bends a line in x, which is a law of its own."""
+        if self.name == "flexible_coupling":
+            return ChainResonance(**self.named(q))
+        if self.variant == AT_INPUT:
+            return ChainTone(**self.named(q), at="input")
+        if self.variant == BETWEEN:
             return None
         cls: Any = get_effect(self.name)
         return cls(**{k: v for k, v in self.named(q).items() if k in cls.__dataclass_fields__})

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from whsklearn.effects import get_effect
+from whsklearn.effects.codes import TONE_U
 from whsklearn.gap.evidence import delta_bic_of
 from whsklearn.gap.plants import chain_evidence as rules
 from whsklearn.gap.plants.chain_candidates import Candidate, Scales
 from whsklearn.gap.plants.chain_fit import refit, weights_of
 from whsklearn.gap.plants.chain_model import ChainModel, Setting, Term, chain, coloured, free_run, raw_errors
 from whsklearn.gap.plants.chain_screening import Tangent, coherence, signature, tangent_of
-from whsklearn.systems.chain_probes import TONE_U
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

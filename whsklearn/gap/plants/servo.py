@@ -1,11 +1,12 @@
 """A servo axis as a plant: drive in, position out, the controller need not be known.
 
-Two views: inverse dynamics while much is missing, an observer once little is; free runs prove.
+Inverse dynamics on the measured motion finds what is missing, free runs prove it.
 """
 
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -13,24 +14,28 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from whsklearn.effects import get_effect
+from whsklearn.gap.calibration import gain
 from whsklearn.gap.data_check import Problem, check_servo
 from whsklearn.gap.diagnosis import NamedEffect
-from whsklearn.gap.evidence import Evidence
+from whsklearn.gap.evidence import QUIET
 from whsklearn.gap.filters import whiteness
 from whsklearn.gap.plant import PlantDefaults
 from whsklearn.gap.plants import servo_evidence as rules
-from whsklearn.gap.plants import servo_free_run, servo_learned, servo_screening
+from whsklearn.gap.plants import servo_families, servo_free_run, servo_learned, servo_own, servo_screening
 from whsklearn.gap.plants import servo_stop as stop
 from whsklearn.gap.plants.servo_candidates import TWO_MASS, aliases, candidate
 from whsklearn.gap.plants.servo_inverse import InverseView
+from whsklearn.gap.plants.servo_inverse_look import next_order, polished, widened
+from whsklearn.gap.plants.servo_inverse_look import settled as looking_settled
 from whsklearn.gap.plants.servo_model import AxisModel
-from whsklearn.gap.plants.servo_nameless import explainable
 from whsklearn.gap.plants.servo_observer import ObserverView
 from whsklearn.gap.plants.servo_pictures import pictures, signals
 from whsklearn.gap.plants.servo_sensors import coarse_encoder, unfold
 from whsklearn.gap.plants.servo_start import best_view, observer_view, start_of
 from whsklearn.gap.record import SPLIT, ServoRecord, rms
+from whsklearn.gap.tangent import with_p_values
 from whsklearn.gap.values import Learned, Linearised
+from whsklearn.logs.units import inertia_unit
 
 Array = NDArray[Any]
 HOLD = 0.5  # samples of age that a drive held over a sample has on average
@@ -60,11 +65,10 @@ class ServoPlant(PlantDefaults):
 
     def __init__(self, record: ServoRecord, law: tuple[str, ...], given_model: Any, tolerance: float):
         self.record, self.law, self.given_model, self.tolerance = record, law, given_model, tolerance
-        self.units = record.units
+        self.units, self.own_units, self.logged = record.units, record.shown, record.logged
         self.gap_word = {"Nm": "missing torque", "N": "missing force"}.get(record.units[0], "missing drive")
         self.scale = rms(record.drive) if len(record) else 0.0
         self._folded: tuple[ObserverView, AxisModel] | None = None
-        self.behind = False  # whether the encoder was found behind the coupling, where inverse dynamics has no form
 
     def check(self) -> list[Problem]:
         """See `whsklearn.gap.data_check.check_servo`."""
@@ -85,84 +89,17 @@ class ServoPlant(PlantDefaults):
         return base
 
     def _open(self, record: ServoRecord) -> AxisModel:
-        """Both views of a record, and its base model fitted in the one that is to be trusted."""
+        """Both views of a record, and its base model."""
         self.record = record
         self.inverse, base = start_of(record, self.law, self.tolerance)
         self.observer = observer_view(record, base.scene, self.inverse.start, tolerance=self.tolerance).coarsened(base)
-        return base if self.large(base) else self.observer.fit(base)
-
-    def large(self, model: AxisModel) -> bool:
-        """Whether so much is missing that only inverse dynamics shows it."""
-        if self.behind:
-            return False
-        return self.inverse.rms(self.inverse.gap(model)) > rules.LARGE_GAP * float(np.std(self.record.drive))
-
-    def view(self, model: AxisModel, after: Any | None) -> Any | None:
-        """Inverse dynamics while much is missing, again behind the filter that its gap allows, then the observer."""
-        if after is self.observer:
-            return None
-        if after is None and not self.behind and (self.large(model) or stop.regions(self.inverse, model)):
-            return self.inverse
-        if isinstance(after, InverseView):
-            self.inverse = after
-        if isinstance(after, InverseView) and model.added and self.large(model):
-            other = best_view(after, model, self.tolerance)
-            if other.cutoff > rules.WIDER * after.cutoff:
-                self.inverse = other
-                return self.inverse
-        if model.added and (self.large(model) or stop.holds(model)):  # a stop's law is too rough to run beside
-            return None
-        if isinstance(after, InverseView) and model.added:  # the inertia beside what was missing is the true one
-            scene = dataclasses.replace(model.scene, inertia=model.inertia)
-            self.observer = observer_view(self.record, scene, after.start, tolerance=self.tolerance).coarsened(model)
-            if self.lost(model):
-                return None
-        return self.observer
-
-    def starts_over(self, base: AxisModel, model: AxisModel, view: Any) -> bool:
-        """Whether the coupling that inverse dynamics named is seen from behind, and the search must begin anew.
-
-        Inverse dynamics takes the measured motion for the motor's, and no observer changes the side of a term that it
-        is given.  So the same name from the load's side is fitted as the observer's own search would fit it, and where
-        its free run is better by as much as tells two transmissions apart, all candidates are tried again by the
-        observer.  The numbers here are thrown away: this decides which view goes first, and names nothing.
-        """
-        terms = [t for t in model.added if t.kind.code in TWO_MASS and not t.kind.on_load]
-        if self.behind or not isinstance(view, InverseView) or not terms or stop.holds(model):
-            return False
-        headline, _ = self._horizons(model)
-        rigid = self.observer.fit(base)
-        other = servo_screening.refined_alone(self.observer, rigid, dataclasses.replace(terms[0].kind, on_load=True))
-        own, its = (
-            min(servo_free_run.train_error(self.observer, m, headline) for m in models)
-            for models in ((model, self.observer.fit(model)), (other,))
-        )
-        self.behind = its < (1.0 - rules.PLAY_OR_DAMPER) * own
-        return self.behind
+        return base
 
     def coarse(self, model: AxisModel) -> bool:
-        """Whether only inverse dynamics shows what this model lacks."""
-        return stop.holds(model) or self.large(model) or (bool(model.added) and self.lost(model))
-
-    def trusted(self, model: AxisModel) -> InverseView | ObserverView:
-        """The view that judges this model."""
-        return self.inverse if self.coarse(model) else self.observer
-
-    def lost(self, model: AxisModel) -> bool:
-        """Whether the observer's model leaves the record's path, and so sees more missing torque than there is.
-
-        Both views measure the same torque.  Under fast feedback, friction is known too badly for any model to run on
-        the drive alone (a motor whose inertia is a few milliseconds of its drive), and what the observer then calls
-        missing torque is its own drift.
-        """
-        if model.load_side:  # inverse dynamics has no form of it to compare with
-            return False
-        seen = self.observer.rms(self.observer.gap(model))
-        return seen > rules.DRIFTS * self.inverse.rms(self.inverse.gap(model))
-
-    def verdict_view(self, base: AxisModel) -> Any:
-        """Inverse dynamics if the base model lacks much, the observer otherwise."""
-        return self.view(base, None)
+        """Whether the model is too rough to run beside the record: a stop's law, or a model that leaves its path."""
+        return stop.holds(model) or (
+            self.observer.rms(self.observer.gap(model)) > rules.DRIFTS * self.inverse.rms(self.inverse.gap(model))
+        )
 
     def surrogate(self, model: AxisModel, rng: np.random.Generator) -> ServoPlant:
         """The plant of a record that the model itself made in the same experiment."""
@@ -172,16 +109,38 @@ class ServoPlant(PlantDefaults):
         return other
 
     def settle(self, model: AxisModel) -> AxisModel:
-        """The numbers for simulation: the model as found, or refitted by the observer, whichever runs freely better.
+        """The numbers for simulation: as found, corrected by own records, or refitted along the run: what runs best.
 
         The horizon of the proof is settled first, and is the one they are compared at: over a longer one, at which no
         model of this record can be simulated, a pendulum without inertia had the smaller drift (XL330 10h28m24).
         """
         self.headline, self.horizons = self._horizons(model)
-        if not self.coarse(model) or stop.holds(model):  # an observer does not see where a contact begins
+        if stop.holds(model):  # an observer does not see where a contact begins
             return model
-        both = model, self.observer.fit(model)
-        return min(both, key=lambda m: servo_free_run.train_error(self.observer, m, self.headline))
+        tried = [model, self.observer.fit(model), *(self._from_load(model) if model.has_play else [])]
+        if [t.name for t in self.corrected.terms] == [t.name for t in model.terms]:
+            tried.append(self.corrected)
+        return min(tried, key=lambda m: servo_free_run.train_error(self.observer, m, self.headline))
+
+    def _from_load(self, model: AxisModel) -> list[AxisModel]:
+        """The model with its transmission seen from the load, fitted along the run; none where the fit leaves it out.
+
+        Inverse dynamics takes the measured motion for the motor's, and its form from the load's side is a first order.
+        """
+        i = next(i for i, t in enumerate(model.terms) if t.kind.code in TWO_MASS)
+        rest = self.observer.fit(model.without(i))
+        other = dataclasses.replace(model.terms[i].kind, on_load=True)
+        fitted = servo_screening.refined_alone(self.observer, rest, other)
+        terms = fitted.terms
+        return [fitted.with_terms((*terms[:i], terms[-1], *terms[i:-1]))] if len(terms) == len(model.terms) else []
+
+    def remains(self, model: AxisModel, nameless: float) -> float:
+        """Rms of what still follows the motion without a name, given what inverse dynamics saw of it.
+
+        Nothing beside a play, whose knocks come a sample early or late: torque for an instant, and no path.  From the
+        load's side inverse dynamics does not see the model at all.
+        """
+        return 0.0 if model.has_play or model.load_side else nameless
 
     def _horizons(self, model: AxisModel) -> tuple[float, tuple[float, ...]]:
         """(headline, all) horizons at which this model can be simulated at all (`servo_free_run.predictable`)."""
@@ -189,13 +148,6 @@ class ServoPlant(PlantDefaults):
         longest = servo_free_run.horizon_of(model, model.scene, self.tolerance)
         headline = servo_free_run.predictable(made.observer, model, longest)
         return headline, (headline / 5.0, headline, 4.0 * headline)
-
-    def follows(self, model: AxisModel) -> float:
-        """Share of the gap that nameless functions of the motion predict; 0 beside a play.
-
-        The knocks of a play come a sample early or late: torque for an instant, and no path.
-        """
-        return 0.0 if model.has_play else explainable(self.trusted(model), model)
 
     def learn(self, model: AxisModel) -> Learned | None:
         """Curves of the inverse view; the age of the drive is that with which the free run is best on fitted samples.
@@ -219,35 +171,16 @@ class ServoPlant(PlantDefaults):
         if self._folded is not None:
             effect = get_effect("sensor_rectification")(fraction=1.0)  # type: ignore[call-arg]
             return [NamedEffect(effect, {}, float(len(self.record)), rules.SIGN_SEEN, 1.0)]
-        return coarse_encoder(self.observer, model)
+        return coarse_encoder(self.observer, self.observer.fit(model))
 
     def aliases(self, name: str) -> tuple[str, ...]:
         """Names that no record of drive and position can tell from ``name``."""
         also = OVER_LITTLE_TRAVEL.get(name, ()) if float(np.ptp(self.record.position)) < rules.LITTLE_TRAVEL else ()
         return tuple(dict.fromkeys([*aliases(name), *(a for a in also if self.units[1] == "rad")]))
 
-    def doubtful(self, model: AxisModel, index: int, taken: Evidence, rival: Evidence) -> bool:
-        """Whether a rival of the same transmission, nearly as good, runs nearly as well with all numbers fitted.
-
-        Damping and play hold a load back alike, and a first fit of a play may stand in a poor minimum: what tells them
-        apart is the free run of both, settled.
-        """
-        if taken.name == rival.name or any(get_effect(e.name).port != "block" for e in (taken, rival)):
-            return False
-        if rival.delta_bic < (1.0 - rules.PLAY_OR_DAMPER) * taken.delta_bic:
-            return False
-        terms = model.terms
-        other = self.observer.fit(model.with_terms((*terms[:index], rival.fitted.model.terms[-1], *terms[index + 1 :])))
-        own, its = (servo_free_run.train_error(self.observer, m, self.headline) for m in (model, other))
-        return its < (1.0 + rules.PLAY_OR_DAMPER) * own
-
-    def commoner(self, name: str) -> tuple[str, ...]:
-        """Names preferred to ``name`` on a tie."""
-        return get_effect(name).commoner
-
     def linearised(self, model: AxisModel) -> Linearised:
-        """Of the residual of the view that is to be trusted."""
-        return self.trusted(model).linearised(model)
+        """Of what inverse dynamics leaves."""
+        return self.inverse.linearised(model)
 
     def as_given(self, base: AxisModel) -> tuple[ServoPlant, AxisModel]:
         """The record as it was given, before a folded reading was unfolded, and its base model."""
@@ -257,6 +190,102 @@ class ServoPlant(PlantDefaults):
         other = ServoPlant(observer.record, self.law, None, self.tolerance)
         other.observer = observer
         return other, model
+
+    # --- the search ---------------------------------------------------------------------------
+    def looks(self, model: AxisModel, rng: np.random.Generator, beside: AxisModel | None = None) -> list[Any]:
+        """Every candidate on top of the model, which is ``beside`` without one effect; in its own records too."""
+        self.own, self.corrected = servo_own.own(self.inverse, model, rng)
+        self.inverse.artefact = self.own.mean
+        self.n_effective = self.own.n_effective
+        return with_p_values(servo_families.looks(self.inverse, self.inverse.fit(model), self.own, beside))
+
+    def refine(self, model: AxisModel, look: Any) -> AxisModel:
+        """The candidate with its shape polished, sizes solved; numbers that a first look holds free if that pays."""
+        grown = polished(self.inverse, model, look.start)
+        for other, n_numbers in self._wider(model, grown, look.start):
+            before, after = (rms(self.inverse.gap(m)) ** 2 for m in (grown, other))
+            if gain(before, after, self.n_effective) > rules.PAYS * n_numbers:
+                grown = other
+        return grown
+
+    def _wider(self, model: AxisModel, grown: AxisModel, start: Any) -> Iterator[tuple[AxisModel, int]]:
+        """The model with numbers free that a first look holds: later ones of an effect, an order that was whole."""
+        wider = widened(self.inverse, grown)
+        if wider is not None:
+            yield wider.model, wider.look.n_numbers
+        if start.kind.scanned == "position" and float(start.q[2]).is_integer():
+            yield polished(self.inverse, model, start.with_slot(2, start.q[2] * (1.0 + 1e-6))), 1
+
+    def family(self, model: AxisModel) -> Iterator[AxisModel]:
+        """The model with one more order of its last term's family, and one more, while each earns its place."""
+        last = model.terms[-1]
+        if not (last.kind.repeats and last.kind.scanned == "position"):
+            return
+        for _ in range(rules.MOST_ORDERS - 1):
+            grown = next_order(self.inverse, model, last.kind)
+            if grown is None:
+                return
+            before, after = (rms(self.inverse.gap(m)) ** 2 for m in (model, grown))
+            least = self.tolerance * self.scale
+            if gain(before, after, self.inverse.n_effective) < rules.ORDER_NEED or before - after < least**2:
+                return
+            model = grown
+            yield grown
+
+    def fit(self, model: AxisModel) -> AxisModel:
+        """Sizes solved."""
+        return self.inverse.fit(model)
+
+    def settled(self, model: AxisModel) -> AxisModel:
+        """The model as the filter that its gap allows sees it, shapes polished without the artefacts of that filter."""
+        self.inverse.artefact = None
+        other = best_view(self.inverse, model, self.tolerance)
+        if not 1.0 / rules.WIDER < other.cutoff / self.inverse.cutoff < rules.WIDER:
+            self.inverse = other
+        model = self.inverse.fit(model)
+        if model.added:  # fitted beside the artefacts of the model before it, a Stribeck curve comes out too wide
+            own, _ = servo_own.own(self.inverse, model, np.random.default_rng(0))
+            self.inverse.artefact = own.mean
+            model = looking_settled(self.inverse, self.inverse.fit(model))
+            if self.rms(self.errors(model)) > QUIET * own.floor and not (stop.holds(model) or model.has_play):
+                model = self._along_the_run(model)
+        return model
+
+    def _along_the_run(self, model: AxisModel) -> AxisModel:
+        """The model with the numbers that it has along its own run, where inverse dynamics too leaves less with them.
+
+        A strong effect changes how long the axis sticks, and shapes fitted beside the artefacts of a model without it
+        may end in another valley.
+        """
+        view, before = self.inverse, self.rms(self.errors(model))
+        other = self.observer.fit(model)
+        found, _ = servo_own.own(view, other, np.random.default_rng(0))
+        view.artefact, kept = found.mean, view.artefact
+        other = looking_settled(view, view.fit(other))
+        if self.rms(self.errors(other)) < before:
+            return other
+        view.artefact = kept
+        return model
+
+    def demand(self, model: AxisModel) -> float:
+        """Least share of the rms left that a further effect must explain: most of it beside a play."""
+        return self.inverse.demand(model)
+
+    def errors(self, model: AxisModel) -> Array:
+        """What the model leaves at the judged samples."""
+        return self.inverse.gap(model)
+
+    def rms(self, errors: Array) -> float:
+        """Root mean square."""
+        return rms(errors)
+
+    def objection(self, model: AxisModel, index: int) -> str:
+        """What physics forbids."""
+        return self.inverse.objection(model, index)
+
+    def leads(self, taken: Any, other: Any, rng: np.random.Generator) -> Array:
+        """Lead of the one taken in records that the other makes."""
+        return np.zeros(0)
 
     # --- proof --------------------------------------------------------------------------------
     def simulate(self, model: AxisModel, horizon: float) -> Array:
@@ -270,10 +299,13 @@ class ServoPlant(PlantDefaults):
     def figures(self, base: AxisModel, model: AxisModel) -> tuple[float, float, float]:
         """(gap before, after, floor) of inverse dynamics, in the unit of the drive: what an engineer would compute.
 
-        Behind a coupling it would need the motor's motion, which nobody measured: there the observer tells them.
+        What filters and noise leave of the model's own records is taken off.
         """
-        view = self.observer if model.load_side else self.inverse
-        return view.rms(view.gap(base)), view.rms(view.gap(model)), view.floor(model)
+        if model.load_side:  # that would need the motor's motion, which nobody measured: the observer tells them
+            seen = self.observer
+            return seen.rms(seen.gap(base)), seen.rms(seen.gap(model)), seen.floor(model)
+        view = self.inverse
+        return view.rms(view.gap(view.fit(base))), view.rms(view.gap(view.fit(model))), self.own.floor
 
     # --- report -------------------------------------------------------------------------------
     def gap_to_locate(self, model: AxisModel) -> Array:
@@ -307,12 +339,11 @@ class ServoPlant(PlantDefaults):
         return rows | {"age of the drive (samples)": model.timing}
 
     def parameter_units(self, model: AxisModel) -> dict[str, str]:
-        """In drive and position as logged; an inertia by its own name where the drive is a torque or a force."""
+        """In the SI symbols of drive and position; inertia by its own name where the drive is a torque or a force."""
         drive, position = self.units
-        inertia = {("Nm", "rad"): "kg m²", ("N", "m"): "kg"}.get(self.units, f"{drive} s²/{position}")
         units = {t.name: next(iter(t.effect.quantities.values())).unit for t in model.terms[: model.n_base]}
         spelled = {k: u.replace("Nm", drive).replace("rad", position) for k, u in units.items()}
-        return {"inertia": inertia, **{k: "" if u == "1" else u for k, u in spelled.items()}}
+        return {"inertia": inertia_unit(drive, position), **{k: "" if u == "1" else u for k, u in spelled.items()}}
 
     def notes(self, base: AxisModel, model: AxisModel) -> list[str]:
         """Remarks on how the record was used."""
@@ -323,7 +354,7 @@ class ServoPlant(PlantDefaults):
             else ""
         )
         return ([left_out] if left_out else []) + [
-            f"Position noise {view.noise:.3g} {self.units[1]} (from sixth differences); the gap is seen "
+            f"Position noise {self.record.told(view.noise, self.units[1])} (from sixth differences); the gap is seen "
             f"up to {view.filter.cutoff:.1f} Hz, where that noise makes {100 * view.floor() / self.scale:.2f} % "
             "of the rms drive.",
             "The drive is replayed and the model held near the measurement by an observer, so no controller is needed.",

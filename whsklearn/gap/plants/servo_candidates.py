@@ -152,6 +152,16 @@ class Candidate:
         signals.drive = np.zeros(N_POINTS)
         return not np.array_equal(with_drive, self.unit_columns(shape, signals))
 
+    @property
+    def transforms(self) -> bool:
+        """Whether it changes the drive as a whole, and has no size but its shape: a limit, a dead zone, a delay."""
+        return self.cls.port == "input" and self.linear == 0
+
+    @property
+    def delays(self) -> bool:
+        """Whether that is by time alone, as an age of the drive would."""
+        return self.transforms and self.cls.column_kind == "first_order"
+
     def ratios(self, shape: int) -> bool:
         """Whether a shape number is moved in ratios."""
         q = self.cls.quantities[self.fields[self.linear + shape]]

@@ -61,6 +61,10 @@ WIDER = 1.25
 # Samples of age of the drive that are bookkeeping: a drive held over a sample is half a sample old, a logger may add
 # one.
 LATEST = 1.5
+# Gain a number, above which numbers that a first look holds are set free: 2 ln(1 / alpha) at one percent.
+PAYS = 9.2
+# s: the oldest drive of a real log (pendulum rigs and arms reach -0.016 to 0.038 s)
+OLDEST = 0.06
 # Judged samples for each block of cross-validation, or rests are not left out: a record at rest has no others.
 FEWEST_A_BLOCK = 10
 

@@ -11,10 +11,12 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator, Sequence
+from copy import copy
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 
 from whsklearn.effects import Scales, codes
 from whsklearn.gap.evidence import weigh
@@ -37,6 +39,22 @@ from whsklearn.gap.values import CandidateFit, Linearised, Look, ModelErrors
 Array = NDArray[Any]
 PER_CUTOFF = 5.0  # samples a period of the cut-off that decimation keeps
 KEPT = 40  # columns remembered: a polish moves one shape and leaves the others
+
+
+def reaching(t: Term, u: Array, motion: Signals, dt: float) -> Array:
+    """What an effect of the drive as a whole lets through: less at a limit or around zero, late by a delay or a lag."""
+    if t.kind.cls.column_kind == "at_size":
+        return u - np.asarray(t.effect.contribution(motion._replace(drive=u)))
+    return later(t.kind.code, u, t.q[0], dt)
+
+
+def later(code: int, u: Array, age: float, dt: float) -> Array:
+    """A drive that reaches the axis late: delayed, or through a first-order lag."""
+    if code == codes.INPUT_DELAY:
+        t = np.arange(u.size) * dt
+        return np.interp(t - age, t, u)
+    a = np.exp(-dt / max(age, 1e-9))
+    return np.asarray(lfilter([1 - a], [1, -a], u, zi=[a * u[0]])[0])
 
 
 class InverseView(ViewDefaults):
@@ -82,6 +100,7 @@ class InverseView(ViewDefaults):
         self.block = (np.arange(self.at.size) * ols.N_BLOCKS // self.at.size).astype(np.intp)
         self.step = self.every * dt
         self.n_effective = self.at.size * min(1.0, 2 * cutoff * self.step)
+        self.artefact: Array | None = None  # what a model's own record leaves here, at the judged samples
         self._floors: dict[Any, float] = {}
         self._columns: dict[Any, Array] = {}
 
@@ -101,6 +120,35 @@ class InverseView(ViewDefaults):
         out = keep[:: self.every]
         return out if out.sum() >= rules.FEWEST_A_BLOCK * ols.N_BLOCKS else np.ones_like(out)
 
+    def bare(self) -> InverseView:
+        """The view without the artefacts taken off."""
+        if self.artefact is None:
+            return self
+        other = copy(self)
+        other.artefact, other._columns, other._floors = None, {}, {}
+        return other
+
+    def beside(self, record: ServoRecord) -> InverseView:
+        """The same view, judged at the same samples, of another record of the same experiment."""
+        other = InverseView(record, self.scene, self.cutoff, self.start, self.skipped)
+        other.usable, other.at, other.block, other.n_effective = self.usable, self.at, self.block, self.n_effective
+        other.slowest, other.motion = self.slowest, other.motion._replace(kappa=self.motion.kappa)
+        return other
+
+    def spread(self, left: Array) -> Array:
+        """What is left at the judged samples, at every sample of the record; zero where nothing is judged."""
+        whole = np.zeros(self.usable.size)
+        whole[self.at] = left
+        return np.interp(self.time, self.time[:: self.every], whole)
+
+    def age(self, model: AxisModel) -> float:
+        """Age of the drive (s), however old: the size of the column of timing."""
+        x, _ = self.columns(model, self.torque(model) if self._driven(model) else None)
+        target, share = self.target(model)
+        rate = ols.slope(x @ self.sizes(model), self.step)
+        c, *_ = np.linalg.lstsq(np.column_stack([x, rate])[self.at], target[self.at] * share, rcond=1e-10)
+        return float(c[-1])
+
     # --- columns ---------------------------------------------------------------------------
     def blur(self, x: Array) -> Array:
         """Behind the Gaussian, filtered."""
@@ -118,17 +166,18 @@ class InverseView(ViewDefaults):
     def term_columns(self, model: AxisModel, t: Term, torque: Array | None) -> Array:
         """Columns of one term, shape (n, number of its linear numbers)."""
         if t.kind.code in TWO_MASS:
-            return two_mass.columns(self, model, t)
+            return two_mass.columns(self, model, t, torque)
         if t.kind.linear == 0:
             return np.empty((self.acceleration.size, 0))
         if self._depends(t):
             return self._new_columns(model, t, torque)
         key = (t.kind.label, t.q[t.kind.linear :])
-        if key not in self._columns:
-            if len(self._columns) > KEPT:
-                self._columns.pop(next(iter(self._columns)))
-            self._columns[key] = self._new_columns(model, t, torque)
-        return self._columns[key]
+        columns = self._columns.get(key)
+        if columns is None:
+            if len(self._columns) > KEPT:  # all at once: two threads may take derivatives side by side
+                self._columns = {}
+            columns = self._columns[key] = self._new_columns(model, t, torque)
+        return columns
 
     def _new_columns(self, model: AxisModel, t: Term, torque: Array | None) -> Array:
         if t.kind.cls.port == "output":  # J a and B v are taken off a reading that is ahead by the error
@@ -139,20 +188,31 @@ class InverseView(ViewDefaults):
         return self.blur(effect_columns(t.kind, t.q[t.kind.linear :], s))
 
     # --- the protocol ------------------------------------------------------------------------
-    def solved(self, model: AxisModel) -> tuple[AxisModel, Array, Array, Array, NDArray[np.bool_]]:
-        """(model with its sizes, columns with timing last, target, sizes, columns in force), at the model's shapes."""
+    def solved(
+        self, model: AxisModel, *, any_age: bool = False
+    ) -> tuple[AxisModel, Array, Array, Array, NDArray[np.bool_]]:
+        """(model with its sizes, columns with timing last, target, sizes, columns in force), at the model's shapes.
+
+        With ``any_age`` the drive may be as old as any logger's; else, beyond bookkeeping, it is a delay.
+        """
         torque = self.torque(model) if self._driven(model) else None
         x, positive = self.columns(model, torque)
         target, share = self.target(model)
         away, target, x = stop.away(self, model), share * target, share * x
+        if self.artefact is not None:
+            target[self.at] -= self.artefact
         open_x = stop.without_pushes(model, x)
         sizes, free = self._sizes(open_x, target, positive, away)
         rate = ols.slope(open_x @ sizes, self.step)
         sizes, free = self._sizes(np.column_stack([open_x, rate]), target, np.append(positive, False), away)
-        columns, latest = np.column_stack([x, rate]), rules.LATEST * self.scene.dt
-        timing = sizes[-1]
-        if abs(timing) > latest:
-            timing = float(np.clip(timing, -latest, latest))
+        latest = rules.OLDEST if any_age else rules.LATEST * self.scene.dt
+        timing = float(np.clip(sizes[-1], -rules.OLDEST, latest))
+        # u(t - T) = m is u = m + T m' + T^2 m'' / 2: without the second order a lag looks like a delay
+        target = target - 0.5 * timing**2 * ols.slope(rate, self.step)
+        if timing == sizes[-1]:
+            columns = np.column_stack([x, rate])
+            sizes, free = self._sizes(np.column_stack([open_x, rate]), target, np.append(positive, False), away)
+        else:
             columns, target = x, target - timing * rate
             sizes, free = self._sizes(open_x, target, positive, away)
         if away is not None:
@@ -165,11 +225,14 @@ class InverseView(ViewDefaults):
         A limit has no column: it takes the drive's peaks away, and with them whatever a model leaves of the peaks. So
         what is left is compared as a share of the drive that there is.
         """
-        limits = [t for t in model.terms if t.kind.code == codes.SATURATION]
-        if not limits:
-            return self.drive, 1.0
-        limited = self.blur(self.record.drive - limits[0].effect.contribution(self.motion))
-        return limited, self.rms(self.drive[self.at]) / max(self.rms(limited[self.at]), 1e-300)
+        u = self.record.drive
+        for t in model.terms:
+            if t.kind.transforms:
+                u = reaching(t, u, self.motion, self.scene.dt)
+        if u is self.record.drive:
+            return self.drive.copy(), 1.0
+        reaches = self.blur(u)
+        return reaches, self.rms(self.drive[self.at]) / max(self.rms(reaches[self.at]), 1e-300)
 
     def _sizes(
         self, x: Array, target: Array, positive: NDArray[np.bool_], away: Array | None
@@ -220,11 +283,11 @@ class InverseView(ViewDefaults):
     @staticmethod
     def _depends(t: Term) -> bool:
         """Whether a term's columns hold the predicted torque, or the inertia (an error of the reading)."""
-        return t.kind.driven or t.kind.cls.port == "output"
+        return t.kind.driven or t.kind.cls.port == "output" or t.kind.on_load
 
-    def gap(self, model: AxisModel) -> Array:
+    def gap(self, model: AxisModel, *, any_age: bool = False) -> Array:
         """Drive that the model leaves unexplained at the judged samples."""
-        _, x, target, sizes, _ = self.solved(model)
+        _, x, target, sizes, _ = self.solved(model, any_age=any_age)
         left = target - stop.without_pushes(model, x) @ sizes
         return stop.outside(left[self.at], stop.away(self, model))
 
@@ -377,7 +440,8 @@ class InverseView(ViewDefaults):
         def residual(x: Array) -> Array:
             m = model.with_vector(x)
             columns, _ = self.columns(m, torque)
-            return factor * (self.target(m)[0] - columns @ self.sizes(m) - m.timing * self.scene.dt * rate)[self.at]
+            left = self.target(m)[0] - columns @ self.sizes(m) - m.timing * self.scene.dt * rate
+            return factor * (left[self.at] - (0.0 if self.artefact is None else self.artefact))
 
         torque = self.torque(model)
         rate = ols.slope(self.columns(model, torque)[0] @ self.sizes(model), self.step)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn.effects import codes as k
+from whsklearn.effects.quantity import LEAST_PERIODS
 from whsklearn.gap.filters import CUTOFF_SIGMA
 from whsklearn.gap.least_squares import least_squares
 from whsklearn.gap.plants import servo_evidence as rules
@@ -93,9 +94,7 @@ def inverse_kinds(model: AxisModel) -> tuple[Candidate, ...]:
 
 def has_form(c: Candidate) -> bool:
     """Whether inverse dynamics of the motor's side shows a candidate."""
-    if c.name == "end_stop":
-        return c in stop.KINDS
-    return c.linear > 0 or c.code == k.SATURATION or (c.code in TWO_MASS and not c.on_load)
+    return c.linear > 0 or c.transforms or c.code in TWO_MASS
 
 
 def best_start(view: Any, base: Base, kind: Candidate) -> tuple[Term | None, float, int]:
@@ -224,9 +223,9 @@ def settled(view: Any, model: AxisModel) -> AxisModel:
 
     Alone, a spring's place of rest makes up for what was missing beside it.
     """
-    for i in range(model.n_base, len(model.terms) - 1):
+    for i in range(model.n_base, len(model.terms)):
         kind = model.terms[i].kind
-        if not kind.scanned and kind.code != k.SATURATION and kind.code not in TWO_MASS and kind not in stop.KINDS:
+        if kind.scanned != "step" and kind.code not in TWO_MASS and kind not in stop.KINDS:
             model = downhill(view, model, i)
     return model
 
@@ -321,7 +320,11 @@ def next_order(view: Any, model: AxisModel, kind: Candidate) -> AxisModel | None
     base = Base(view, model)
     present = {round(t.q[2], 2) for t in model.terms if t.kind == kind}
     whole = all(o.is_integer() for o in present)
-    orders = [o for o in scan_orders(view, base, kind, present) if o.is_integer() or not whole]
+    apart = np.pi * LEAST_PERIODS / view.scene.reach  # closer ones are one wave with an envelope
+    orders = [
+        o for o in scan_orders(view, base, kind, present)
+        if (o.is_integer() or not whole) and all(abs(o - p) > apart for p in present)
+    ]  # fmt: skip
     if not orders:
         return None
     best = max(orders, key=lambda o: term_gain(view, base, Term(kind, (0.0, 0.0, o))))

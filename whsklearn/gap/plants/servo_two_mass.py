@@ -1,7 +1,11 @@
-"""Two masses seen from the encoder on the motor: the measured motion drives the load, no observer is needed.
+"""Two masses in inverse dynamics, seen from either side.
 
-a_L = w^2 dz_gap(q_M - q_L) + 2 zeta w (v_M - v_L), and the drive pays J_M a_M + J_L a_L: least squares
-splits the inertia.
+Encoder on the motor: the measured motion drives the load, a_L = w^2 dz_gap(q_M - q_L) + 2 zeta w (v_M - v_L), and the
+drive pays J_M a_M + J_L a_L: least squares splits the inertia.
+
+Encoder on the load: the motor is ahead by the twist, J_L a_L / k, and pays J_M times its second derivative besides; a
+play is crossed when the transmitted torque m turns, which costs J_M gap / 2 times the second derivative of its sign.
+Inertia and share trade there: the share is half until a run of the model is fitted.
 """
 
 from __future__ import annotations
@@ -15,11 +19,15 @@ from numba import njit
 from numpy.typing import NDArray
 
 from whsklearn.effects import codes as k
+from whsklearn.gap.filters import CUTOFF_SIGMA, filtered, gaussian_derivatives
 from whsklearn.gap.plants.servo_model import AxisModel, Term
 
 Array = NDArray[Any]
 STEPS = 8  # a period of the load on its spring; twice the damping ratio times as many, or a damper runs away
 BOTH = (k.BACKLASH, k.FLEXIBLE_COUPLING)
+TURNS = (
+    0.1  # of the rms drive, over which a transmitted torque turns: within 0.06 to 0.15 of a prototype; not varied here
+)
 
 
 @njit(cache=True, nogil=True)
@@ -62,8 +70,20 @@ def contact(model: AxisModel, t: Term) -> tuple[float, float, float]:
     return 0.0, w, zeta * np.sqrt(1 - share)
 
 
-def columns(view: Any, model: AxisModel, t: Term) -> Array:
+def from_load(view: Any, t: Term, torque: Array | None) -> Array:
+    """What the motor pays for being ahead of a measured load, a unit of J_M J_L / k or of J_M gap / 2; shape (n, 1)."""
+    _, _, g2 = gaussian_derivatives(CUTOFF_SIGMA / (2 * np.pi * view.cutoff), view.scene.dt)
+    if t.kind.code == k.BACKLASH:
+        m = view.record.drive if torque is None else torque
+        side = np.clip(m / (TURNS * view.scene.torque), -1.0, 1.0)
+        return filtered(side, g2, view.every)[:, None]
+    return filtered(view.motion.acceleration, g2, view.every)[:, None]
+
+
+def columns(view: Any, model: AxisModel, t: Term, torque: Array | None = None) -> Array:
     """Acceleration of the load behind the view's Gaussian, shape (n, 1)."""
+    if t.kind.on_load:
+        return from_load(view, t, torque)
     gap, w, zeta = contact(model, t)
     dt = view.scene.dt
     substeps = max(1, math.ceil(w * dt * max(STEPS, 2 * STEPS * zeta) / (2 * np.pi)))
@@ -73,12 +93,26 @@ def columns(view: Any, model: AxisModel, t: Term) -> Array:
 
 def sizes(model: AxisModel) -> Array:
     """Inertia of the motor, then the linear numbers of the terms, the load's inertia in the place of its term."""
-    share = next(t.q[1] for t in model.terms if t.kind.code in BOTH)
-    out = [model.inertia * (1 - share)]
+    out = [model.inertia]
     for t in model.terms:
-        two = t.kind.code in BOTH
-        out += [model.inertia * share] if two else list(t.q[: t.kind.linear])
+        if t.kind.code not in BOTH:
+            out += list(t.q[: t.kind.linear])
+        elif not t.kind.on_load:
+            out[0] -= model.inertia * t.q[1]
+            out.append(model.inertia * t.q[1])
+        elif t.kind.code == k.BACKLASH:
+            out.append(0.5 * model.inertia * (1 - t.q[1]) * t.q[0])
+        else:
+            out.append(model.inertia**2 * t.q[1] * (1 - t.q[1]) * t.q[0])
     return np.array(out)
+
+
+def seen_from_load(inertia: float, t: Term, size: float) -> Term:
+    """A term from the load's side with what the motor pays as solved, its share of the inertia kept."""
+    share = t.q[1]
+    if t.kind.code == k.BACKLASH:
+        return dataclasses.replace(t, q=(2.0 * size / (inertia * (1 - share)), *t.q[1:]))
+    return dataclasses.replace(t, q=(size / (inertia**2 * share * (1 - share)), *t.q[1:]))
 
 
 def with_sizes(view: Any, model: AxisModel, solved: Array) -> AxisModel:
@@ -86,7 +120,10 @@ def with_sizes(view: Any, model: AxisModel, solved: Array) -> AxisModel:
     terms, i = [], 1
     motor, load = max(float(solved[0]), 1e-3 * view.scene.inertia), 0.0
     for t in model.terms:
-        if t.kind.code in BOTH:
+        if t.kind.code in BOTH and t.kind.on_load:
+            terms.append(seen_from_load(motor, t, max(float(solved[i]), 1e-9 * motor)))
+            i += 1
+        elif t.kind.code in BOTH:
             load = max(float(solved[i]), 1e-3 * motor)
             i += 1
             gap, w, zeta = contact(model, t)

@@ -69,7 +69,7 @@ class SimulatorPlant(PlantDefaults, ViewDefaults):
 
     def __init__(self, model: Any, record: ServoRecord, *, tolerance: float):
         self.given_model, self.record, self.tolerance = model, record, tolerance
-        self.units = record.units
+        self.units, self.own_units, self.logged = record.units, record.shown, record.logged
         self.block, self.train = held_out_blocks(len(record))
         seconds = len(record) * record.dt if len(record) > 1 else 0.0
         self.horizons, self.headline = (seconds,), seconds
@@ -328,7 +328,7 @@ class SimulatorPlant(PlantDefaults, ViewDefaults):
     def notes(self, base: SimulatorModel, model: SimulatorModel) -> list[str]:
         """Remarks."""
         out = [
-            f"Position noise {self.noise:.3g} {self.units[1]} (from sixth differences).",
+            f"Position noise {self.record.told(self.noise, self.units[1])} (from sixth differences).",
             SPLIT,
         ]
         return out + [f"The simulator could not take {name}: {why}" for name, why in self.refused.items()]

@@ -10,7 +10,7 @@ from whsklearn.gap.diagnosis import CandidateLine
 
 if TYPE_CHECKING:
     from whsklearn.gap.diagnosis import Diagnosis
-    from whsklearn.gap.search import Found
+    from whsklearn.gap.old_search import Found
 
 
 def candidate_table(found: Found, diagnosis: Diagnosis) -> list[CandidateLine]:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from whsklearn.gap import evidence as rules
-from whsklearn.gap.conclude import _verdict
+from whsklearn.gap.old_conclude import _verdict
 
 
 @pytest.mark.parametrize(("left", "verdict"), [(0.7, "partial"), (0.95, "partial"), (0.3, "named")])

@@ -6,9 +6,9 @@ from types import SimpleNamespace
 
 from whsklearn.effects import Cogging
 from whsklearn.gap import Diagnosis, NamedEffect
-from whsklearn.gap.candidate_table import candidate_table
 from whsklearn.gap.evidence import Evidence
-from whsklearn.gap.search import Found, Round
+from whsklearn.gap.old_candidate_table import candidate_table
+from whsklearn.gap.old_search import Found, Round
 from whsklearn.gap.values import CandidateFit, Look
 
 

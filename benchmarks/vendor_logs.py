@@ -1,0 +1,291 @@
+"""Logs as drives, controllers and their scripts write them: made here from the formats' documentation, and read back.
+
+    python -m benchmarks.vendor_logs [--keep FOLDER]
+
+One motion of the library's servo is written in each dialect; a line says whether time, drive and position that the
+commands read are those that were written.  The dialects, by where they are documented:
+
+- TwinCAT Scope: Beckhoff Infosys, TE13xx "Export in csv" (time lines: all, for each sample time, none; full time stamp;
+  EOF tag; decimal mark) and TwinCAT 2 "Export to CSV" (StartRecord, a block for each channel)
+- CODESYS and ctrlX: traces with a head of ``key; value`` lines; the sampling time in the head, or a time column for
+  each variable
+- ODrive: the control loop runs at 8 kHz, and scripts log its ticks; positions are turns, currents amperes
+- Arduino: ``Serial.print`` of labels and numbers, as the Serial Plotter takes them (``label:value``)
+- ROS: ``rostopic echo -p`` (``%time`` in ns, ``field.`` names)
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from whsklearn.datasets import make_servo_log
+from whsklearn.effects import Cogging
+
+RATE = 1000.0
+TURN = 2 * np.pi
+FILETIME = 132959733843760000  # 100 ns since 1601: an instant in May 2022
+
+
+class Motion(NamedTuple):
+    """Time (s), torque (Nm) and position (rad), shape (n,) each, to so many digits."""
+
+    t: np.ndarray
+    u: np.ndarray
+    q: np.ndarray
+
+
+def motion() -> Motion:
+    """Four seconds at 1 kHz."""
+    frame = make_servo_log([Cogging(0.3, 12.0)], duration=4.0, sample_rate=RATE, random_state=0)
+    return Motion(frame["time_s"].to_numpy(), frame["torque_nm"].to_numpy(), frame["position_rad"].to_numpy())
+
+
+def table(*columns: object, sep: str = ",", end: str = "\n", comma: bool = False) -> str:
+    """Rows of cells: numbers in eight digits, whole numbers and words as they are."""
+    rows = zip(*(np.asarray(c).tolist() for c in columns), strict=True)  # type: ignore[arg-type]
+    cells = [[f"{x:.8f}" if isinstance(x, float) else str(x) for x in row] for row in rows]
+    text = end.join(sep.join(r) for r in cells) + end
+    return text.replace(".", ",") if comma else text
+
+
+def stacked(names: list[str], units: list[str], sample_ms: str, sep: str = "\t") -> str:
+    """The head that TwinCAT 3 Scope writes; `names` and `units` say "" for a time column."""
+
+    def row(label: str, values: list[str]) -> str:
+        return sep.join(label if n == "" else v for n, v in zip(names, values, strict=True)) + "\n"
+
+    whole = (
+        ["Name", "axis"],
+        ["File", "axis.csv"],
+        ["Starttime of export", str(FILETIME), "Montag, 2. Mai 2022", "15:56"],
+    )
+    head = "".join(sep.join(r) + "\n" for r in (*whole, ["Endtime of export", str(FILETIME + 40000000)])) + "\n\n"
+    same = {"SymbolComment": "", "Data-Type": "REAL64", "SampleTime[ms]": sample_ms, "VariableSize": "8", "Port": "851"}
+    same |= {"SymbolBased": "True", "NetID": "192.168.0.20.1.1", "Offset": "0", "ScaleFactor": "1"}
+    head += row("Name", names) + "".join(row(k, [v] * len(names)) for k, v in same.items())
+    return head + row("Unit", units) + row("Unit ScaleFactor", ["1"] * len(names)) + "\n"
+
+
+def twincat_all(m: Motion) -> str:
+    """A time column for each channel."""
+    ms = (1e3 * m.t).round().astype(int)
+    return stacked(["", "ActPos", "", "ActTorque"], ["", "° (Angle)", "", "Nm (Torque)"], "1") + table(
+        ms, np.degrees(m.q), ms, m.u, sep="\t"
+    )
+
+
+def twincat_rates(m: Motion) -> str:
+    """Decimal commas, a slower channel that ends sooner, the tag at the end."""
+    ms = (1e3 * m.t).round().astype(int).astype(str)
+    slow = [f"{2 * k}\t{u:.8f}" if k < m.t.size // 2 else "\t" for k, u in enumerate(np.r_[m.u[::2], m.u[::2]])]
+    head = stacked(["", "ActPos", "", "ActTorque"], ["", "deg (Angle)", "", "Nm (Torque)"], "1")
+    rows = [f"{t}\t{p:.8f}\t{s}" for t, p, s in zip(ms, np.degrees(m.q), slow, strict=False)]
+    return head + ("\n".join(rows) + "\nEOF\n").replace(".", ",")
+
+
+def twincat_filetime(m: Motion) -> str:
+    """Full time stamps, one time column for both channels."""
+    stamps = FILETIME + (1e7 * m.t).round().astype(np.int64)
+    return stacked(["", "ActPos", "ActTorque"], ["", "rad", "Nm"], "1") + table(stamps, m.q, m.u, sep="\t")
+
+
+def twincat_none(m: Motion) -> str:
+    """No time column at all: the sample time of the head is the clock."""
+    head = stacked(["", "ActPos", "ActTorque"], ["", "rad", "Nm"], "1", sep=";")
+    return head + table(m.q, m.u, sep=";")
+
+
+def twincat2(m: Motion) -> str:
+    """TwinCAT 2 Scope View: a block for each channel, decimal commas."""
+    keys = {
+        "NetId": "172.16.8.205.1.1",
+        "Port": "801",
+        "SampleTime[ms]": "1",
+        "SymbolBased": "TRUE",
+        "IndexGroup": "16448",
+    }
+    head = "Name\tScope01\nFile\t\nStartRecord\t128783093223690000\tDonnerstag, 5. Februar 2009\t13:08:42\n"
+    head += "EndRecord\t128783093339880000\tDonnerstag, 5. Februar 2009\t13:08:53\n\n"
+    head += "Name\tPosition_rad\tName\tTorque_Nm\n" + "".join(f"{k}\t{v}\t{k}\t{v}\n" for k, v in keys.items()) + "\n"
+    ms = (1e3 * m.t).round().astype(int)
+    return head + table(ms, m.q, ms, m.u, sep="\t", comma=True)
+
+
+def ctrlx(m: Motion) -> str:
+    """The sampling time in the head, no time column."""
+    head = (
+        "Device; ctrlX DRIVE; XCS2\nDate; 2026-05-21\nSampling time; 1000 us\nNumber of samples; 4000\nTrigger; off\n"
+    )
+    return head + "Position feedback [deg];Torque [Nm]\n" + table(np.degrees(m.q), m.u, sep=";")
+
+
+def codesys(m: Motion) -> str:
+    """A head of keys, and time in microseconds beside each variable."""
+    us = (1e6 * m.t).round().astype(np.int64)
+    head = "Trace; AxisTrace\nApplication; Device.Application\nTask; MotionTask\nVersion; 1.0\nCycle time; 1000 us\n\n"
+    head += "Time [us];PLC_PRG.position_deg;Time [us];PLC_PRG.torque_Nm\n"
+    return head + table(us, np.degrees(m.q), us, m.u, sep=";")
+
+
+def odrive_script(m: Motion) -> str:
+    """Ticks of 8 kHz, names in a comment, a semicolon after each line."""
+    head = "% ODrive v3.6, axis0\n% t [ticks of 8 kHz], pos_estimate [turns], Iq_measured [A]\n"
+    return head + table((8 * 1e3 * m.t).round().astype(int), m.q / TURN, m.u / 0.12, end=";\n")
+
+
+def odrive_matrix(m: Motion) -> str:
+    """A script for MATLAB: the matrix in brackets, the clock told in a comment."""
+    head = "% control loop of 8 kHz; columns: ticks, position (turns), Iq (A)\ndata = [\n"
+    return head + table((8 * 1e3 * m.t).round().astype(int), m.q / TURN, m.u / 0.12, sep=" ", end=";\n") + "];\n"
+
+
+def arduino(m: Motion) -> str:
+    """Labels and numbers in words, every other line, after a greeting."""
+    rows = zip((2 * np.arange(2000) + 5001).tolist(), m.q[::2].tolist(), m.u[::2].tolist(), strict=True)
+    return "Ready.\n" + "".join(f"Time: {t} Position_rad: {q:.8f} Torque_Nm: {u:.8f}\n" for t, q, u in rows)
+
+
+def plotter(m: Motion) -> str:
+    """As the Serial Plotter takes it, no time."""
+    return "".join(f"Position_rad:{q:.8f},Torque_Nm:{u:.8f}\n" for q, u in zip(m.q.tolist(), m.u.tolist(), strict=True))
+
+
+def motors(m: Motion) -> str:
+    """Three motors in turns, told apart by a column."""
+    rows = [
+        f"{t:.6f},{k},{(q if k == 2 else 0.1 * k):.8f},{(u if k == 2 else 0.0):.8f}\n"
+        for t, q, u in zip(m.t.tolist(), m.q.tolist(), m.u.tolist(), strict=True)
+        for k in (1, 2, 3)
+    ]
+    return "time_s,motor_id,position_rad,torque_nm\n" + "".join(rows)
+
+
+def cut(m: Motion) -> str:
+    """The last number is cut: 0.0 where 0.03456789 was."""
+    return ("time_s,torque_nm,position_rad\n" + table(m.t, m.u, m.q))[:-7]
+
+
+def dashes(m: Motion) -> str:
+    """Names with the marks of a list before them."""
+    return "- time_s,- joint_torque_Nm,- joint_position_rad\n" + table(m.t, m.u, m.q)
+
+
+def effort(m: Motion) -> str:
+    """An effort, which may be anything: its unit is given."""
+    return "- timestamp,- joint_position,- joint_effort\n" + table(m.t, m.q, m.u)
+
+
+def rostopic(m: Motion) -> str:
+    """Stamps in ns since 1970, a comment's mark before the names."""
+    ns = (1e9 * m.t).round().astype(np.int64) + 1_700_000_000_000_000_000
+    seq = np.arange(m.t.size)
+    return "%time,field.header.seq,field.position0,field.effort0\n" + table(ns, seq, m.q, m.u)
+
+
+def one_file_a_signal(folder: Path, m: Motion) -> Path:
+    """A folder with a table for each signal, the torque at another rate and offset."""
+    path = folder / "run 7"
+    path.mkdir()
+    (path / "position.csv").write_text("time_ms,value [rad]\n" + table(1e3 * m.t, m.q), encoding="utf-8")
+    (path / "torque.csv").write_text("time_ms,value [Nm]\n" + table(1e3 * m.t[4::2], m.u[4::2]), encoding="utf-8")
+    return path
+
+
+def text(maker: Callable[[Motion], str], name: str) -> Callable[[Path, Motion], Path]:
+    """A writer of one file."""
+
+    def write(folder: Path, m: Motion) -> Path:
+        (folder / name).write_text(maker(m), encoding="utf-8")
+        return folder / name
+
+    return write
+
+
+CONSTANT = ["--torque-constant", "0.12+-0.01"]
+LOGS: dict[str, tuple[Callable[[Path, Motion], Path], list[str]]] = {
+    "TwinCAT, a time column for each channel": (text(twincat_all, "a.csv"), []),
+    "TwinCAT, channels of two rates, decimal commas": (text(twincat_rates, "a.csv"), []),
+    "TwinCAT, full time stamps": (text(twincat_filetime, "a.csv"), []),
+    "TwinCAT, no time columns": (text(twincat_none, "a.csv"), []),
+    "TwinCAT 2": (text(twincat2, "a.csv"), []),
+    "ctrlX, sampling time in the head": (text(ctrlx, "a.csv"), []),
+    "CODESYS, time beside each variable": (text(codesys, "a.csv"), []),
+    "ODrive script, ticks of 8 kHz": (text(odrive_script, "a.txt"), CONSTANT),
+    "ODrive script for MATLAB": (
+        text(odrive_matrix, "a.m"),
+        ["--columns", "0,2,1", "--unit", "position=turns", "--unit", "drive=A", *CONSTANT],
+    ),
+    "Arduino, Time: 5001 Position: 595": (text(arduino, "a.txt"), []),
+    "Arduino Serial Plotter": (text(plotter, "a.txt"), ["--rate", "1000"]),
+    "a folder, one file a signal": (one_file_a_signal, []),
+    "three motors in turns": (text(motors, "a.csv"), ["--position", "position_rad.2", "--drive", "torque_nm.2"]),
+    "last row cut amid a number": (text(cut, "a.csv"), []),
+    "names with dashes before them": (text(dashes, "a.csv"), []),
+    "an effort with its unit given": (text(effort, "a.csv"), ["--drive", "joint_effort", "--unit", "drive=Nm"]),
+    "rostopic echo -p": (text(rostopic, "a.csv"), ["--drive", "field.effort0", "--unit", "drive=Nm"]),
+}
+
+
+def wrong(name: str, folder: Path) -> str:
+    """What `whsklearn gap` reads otherwise than it was written; nothing if all is right."""
+    from whsklearn.cli.gap import main as gap
+    from whsklearn.cli.gap import read_log
+    from whsklearn.logs import LogError
+    from whsklearn.logs.units import factor_of
+
+    write, options = LOGS[name]
+    m = motion()
+    path = write(folder, m)
+    with gap.make_context("gap", [str(path), *options]) as context, warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            log = read_log(context.params)
+        except LogError as error:
+            return str(error)
+    every = round(RATE / log.sample_rate)
+    start = 4 if name.startswith("a folder") else 0  # samples before the first that both signals have
+    q = log.y * factor_of(log.units["position"])[0]
+    u = log.X[:, 0] * factor_of(log.units["drive"])[0]
+    known = Motion(*(x[start::every] for x in m))
+    short = known.t.size - q.size
+    told = []
+    if abs(log.sample_rate * every / RATE - 1.0) > 1e-3 or not 0 <= short <= 2:
+        told.append(f"{q.size} samples at {log.sample_rate:.6g} Hz for {known.t.size} at {RATE / every:g} Hz")
+        return "; ".join(told)
+    if not np.allclose(q, known.q[: q.size], atol=2e-7):
+        told.append(f"position differs by up to {np.abs(q - known.q[: q.size]).max():.2g} rad")
+    odd = slice(0, None, 2) if "two rates" in name or name.startswith("a folder") else slice(None)  # between: a line
+    if not np.allclose(u[odd], known.u[: u.size][odd], atol=2e-7):
+        told.append(f"drive differs by up to {np.abs(u[odd] - known.u[: u.size][odd]).max():.2g} Nm")
+    if log.units["drive"] != "Nm":
+        told.append(f"the drive is in {log.units['drive']}")
+    return "; ".join(told)
+
+
+def main() -> None:
+    """Print a line for each dialect."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--keep", type=Path, help="write the files into this folder, one folder each")
+    options = parser.parse_args()
+    right = 0
+    for i, name in enumerate(LOGS):
+        with tempfile.TemporaryDirectory() as scratch:
+            folder = Path(scratch)
+            if options.keep is not None:
+                folder = options.keep / f"{i + 1:02d}"
+                folder.mkdir(parents=True)
+            said = wrong(name, folder)
+        right += not said
+        print(f"{name}: {said or 'right'}")
+    print(f"{right} of {len(LOGS)} are read right.")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,101 @@
+"""An arm through the commands: identify, simulate, export, and what a wrong log or option is told."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from whsklearn.cli.arm import gains_of, guessed_columns, joint_columns
+from whsklearn.cli.export import main as export
+from whsklearn.cli.identify import main as identify
+from whsklearn.cli.simulate import main as simulate
+from whsklearn.datasets import default_arm, make_arm_log
+from whsklearn.export import export_model
+from whsklearn.models import load_model
+
+pytest.importorskip("mujoco")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    out = tmp_path_factory.mktemp("arm")
+    log = make_arm_log(duration=12.0)
+    log.to_csv(out / "arm.csv", index=False)
+    export_model(default_arm(), to="mjcf", out=out / "arm.xml")
+    bare = log.rename(columns=dict(zip(log.columns[1:], "r1 p1 u1 r2 p2 u2".split(), strict=True)))
+    bare.to_csv(out / "bare.csv", index=False)
+    done = run(identify, out / "arm.csv", "--robot", out / "arm.xml", "--out", out / "model", "--no-track")
+    assert done.exit_code == 0, done.output
+    return out, done.output
+
+
+def run(command, *arguments):
+    return CliRunner().invoke(command, [str(a) for a in arguments])
+
+
+def test_identify_writes_base_numbers_beside_the_files_and_errors_by_joint(folder):
+    out, said = folder
+    found = json.loads((out / "model" / "identify.json").read_text())
+    assert found["recommended"] == "arm"
+    numbers = {p["name"]: p for p in found["parameters"]}
+    pitch = numbers["pitch.mx"]
+    assert pitch["nominal"] == pytest.approx(0.18)
+    assert abs(pitch["value"] - 0.18) < 5 * pitch["standard_error"] < 0.01
+    assert {j["name"] for j in found["joints"]} == {"yaw", "pitch"}
+    assert all(j["missing"] < 0.02 < j["one_axis_at_a_time"] for j in found["joints"])
+    assert "one axis at a time" in said
+    assert max(map(len, said.splitlines())) <= 100
+    assert load_model(out / "model" / "model.json").kind == "arm"
+
+
+def test_simulate_and_export_take_the_model(folder):
+    out, _ = folder
+    model = out / "model" / "model.json"
+    done = run(simulate, model, out / "arm.csv", "--out", out / "run.csv", "--no-track")
+    assert done.exit_code == 0, done.output
+    table = np.genfromtxt(out / "run.csv", delimiter=",", names=True)
+    error = table["pitch_simulated"] - table["pitch_measured"]
+    assert error[250:].std() < 0.02 * table["pitch_measured"].std()
+    done = run(export, model, "--to", "mjcf", "--out", out / "again.xml")
+    assert done.exit_code == 0, done.output
+    assert "armature" in (out / "again.xml").read_text()
+
+
+def test_columns_may_be_named_and_drives_be_currents(folder):
+    out, _ = folder
+    named = "--joints", "pitch:p2,u2;yaw:p1,u1", "--gains", "yaw:2;pitch:2"
+    arguments = "--robot", out / "arm.xml", "--out", out / "twice", "--time", "time_s", "--no-track"
+    done = run(identify, out / "bare.csv", *arguments, *named)
+    assert done.exit_code == 0, done.output
+    once, twice = (load_model(out / f / "model.json").parameters for f in ("model", "twice"))
+    assert twice["pitch.mx"] == pytest.approx(2 * once["pitch.mx"], rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("log", "more", "said"),
+    [
+        ("bare.csv", [], "name all joints with --joints"),
+        ("arm.csv", ["--joints", "yaw"], "expected NAME:POSITION,DRIVE"),
+        ("arm.csv", ["--joints", "elbow:a,b"], "no joint 'elbow'"),
+        ("arm.csv", ["--gains", "yaw:x"], "NM_PER_AMPERE"),
+    ],
+)
+def test_what_is_wrong_is_told_in_one_sentence(folder, log, more, said):
+    out, _ = folder
+    done = run(identify, out / log, "--robot", out / "arm.xml", "--out", out / "no", "--no-track", *more)
+    assert done.exit_code != 0
+    assert said in " ".join(done.output.split())
+    assert "Traceback" not in done.output
+
+
+def test_a_name_or_a_number_tells_whose_column_it_is():
+    names = ["time_s", "position_1_rad", "torque_1_nm", "position_2_rad", "torque_2_nm"]
+    assert guessed_columns(["a", "b"], names)["b"] == ("position_2_rad", "torque_2_nm")
+    assert guessed_columns(["a"], ["a_angle_deg", "a_current_a", "b_angle_deg"]) == {
+        "a": ("a_angle_deg", "a_current_a")
+    }
+    assert joint_columns(" a: q , i ;") == {"a": ("q", "i")}
+    assert gains_of("a:1.5") == {"a": 1.5}

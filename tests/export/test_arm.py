@@ -1,0 +1,58 @@
+"""An exported arm is the same arm in MuJoCo and read again, and what its file does not hold is told."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.systems.drawn_arms import drawn_arm
+from whsklearn import Arm
+from whsklearn.datasets import default_arm
+from whsklearn.effects import Cogging, Coulomb, Viscous
+from whsklearn.export import export_model
+from whsklearn.models import ArmModel, save_model
+
+mujoco = pytest.importorskip("mujoco")
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("to", ["mjcf", "urdf"])
+def test_the_file_has_the_torques_of_the_arm(to, seed, tmp_path):
+    arm = drawn_arm(4, seed, gravity=(0, 0, -9.81)).with_effects({"j1": (Viscous(0.3), Coulomb(0.2))})
+    again = Arm.from_file(export_model(arm, to=to, out=tmp_path).paths[0])
+    motion = arm.drawn_motion(10)
+    columns = [again.index(j) for j in arm.joints]
+    back = np.argsort(columns)
+    theirs = again.inverse_dynamics(*(m[:, back] for m in motion))[:, columns]
+    np.testing.assert_allclose(theirs, arm.inverse_dynamics(*motion), atol=1e-8)
+
+
+def test_mujoco_replays_the_exported_arm(tmp_path):
+    arm = default_arm()
+    model = mujoco.MjModel.from_xml_path(str(export_model(arm, to="mjcf", out=tmp_path).paths[0]))
+    data, drive = mujoco.MjData(model), np.column_stack([np.sin(np.arange(500) / 40), np.cos(np.arange(500) / 60)])
+    theirs = []
+    for u in drive:
+        theirs.append(data.qpos.copy())
+        data.ctrl[:] = u
+        mujoco.mj_step(model, data, 2)
+    ours = arm.simulate_drive(drive, sample_rate=1000.0).true_position
+    assert np.abs(ours - theirs).max() < 0.02 * np.ptp(ours)
+
+
+def test_what_a_file_does_not_hold_is_told_by_joint(tmp_path):
+    arm = default_arm().with_effects({"pitch": [Cogging(0.2, 6.0), Coulomb(-0.1)]})
+    told = [str(x) for x in export_model(arm, to="mjcf", out=tmp_path).losses]
+    assert len(told) == 2
+    assert told[0].startswith("pitch's cogging (amplitude 0.2 Nm")
+    assert "pitch's coulomb (torque -0.1" in told[1]
+    assert "pitch's cogging" in (tmp_path / "model.xml").read_text()
+    urdf = [x.name for x in export_model(arm, to="urdf", out=tmp_path).losses]
+    assert "yaw's motor" in urdf
+
+
+def test_a_model_file_is_exported_and_other_formats_refuse(tmp_path):
+    save_model(ArmModel(default_arm(), {}, dt=0.001, logged="position"), tmp_path / "model.json")
+    assert export_model(tmp_path / "model.json", to="mjcf", out=tmp_path).losses == []
+    with pytest.raises(ValueError, match="mjcf or urdf, not to c"):
+        export_model(default_arm(), to="c", out=tmp_path)

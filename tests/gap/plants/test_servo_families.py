@@ -1,0 +1,47 @@
+"""Every effect of an axis has a family, and its own family explains it best among equals."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from whsklearn.datasets import make_servo_log
+from whsklearn.effects import Cogging, DeadZone, GravityImbalance, InputDelay, InputOffset, Saturation
+from whsklearn.gap.plants import servo_families, servo_own
+from whsklearn.gap.plants.servo_candidates import catalogue
+from whsklearn.gap.plants.servo_start import start_of
+from whsklearn.gap.record import ServoRecord
+from whsklearn.gap.tangent import with_p_values
+
+
+def looks_at(effects):
+    record = ServoRecord.from_frame(make_servo_log(effects, duration=12.0, random_state=0))
+    view, model = start_of(record, ("viscous", "coulomb"), 0.004)
+    own, _ = servo_own.own(view, model, np.random.default_rng(0))
+    view.artefact = own.mean
+    return view, with_p_values(servo_families.looks(view, view.fit(model), own))
+
+
+def test_every_effect_that_a_torque_can_show_is_asked_for_or_needs_another_first():
+    _, looks = looks_at([])
+    asked = {k.name for k in looks}
+    never = {c.name for c in catalogue()} - asked
+    # a delay is asked for where the drive is old, bristles and their like beside the friction that they modify
+    assert never <= {"viscous", "coulomb", "input_delay", "actuator_lag"}
+
+
+def test_nothing_missing_is_significant_and_large():
+    view, looks = looks_at([])
+    assert not [k.name for k in looks if k.p_value <= 0.01 and k.size > 0.004 * view.scene.torque]
+
+
+@pytest.mark.parametrize(
+    "effect",
+    [Cogging(0.1, 12.0), GravityImbalance(0.2), InputOffset(0.1), Saturation(0.8), DeadZone(0.1), InputDelay(0.006)],
+    ids=lambda e: e.name,
+)
+def test_the_effect_that_is_missing_is_the_best_of_the_named_ones(effect):
+    _, looks = looks_at([effect])
+    best = max((k for k in looks if k.name), key=lambda k: k.score)
+    assert best.name in (effect.name, *effect.aliases)
+    assert best.p_value < 1e-3

@@ -1,0 +1,57 @@
+"""Own records of an axis: they leave what the record leaves, and tell how far a fit is off."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from whsklearn.datasets import make_servo_log
+from whsklearn.effects import Cogging
+from whsklearn.gap.plants import servo_own
+from whsklearn.gap.plants.servo_start import start_of
+from whsklearn.gap.record import ServoRecord
+
+
+def view_of(effects, seed=0):
+    log = make_servo_log(effects, duration=12.0, random_state=seed)
+    return start_of(ServoRecord.from_frame(log), ("viscous", "coulomb"), 0.004)
+
+
+@pytest.fixture(scope="module")
+def empty():
+    view, model = view_of([])
+    return view, model, *servo_own.own(view, model, np.random.default_rng(0))
+
+
+def test_artefacts_of_the_filters_are_those_of_the_record(empty):
+    view, model, own, _ = empty
+    raw = view.gap(model)
+    view.artefact = own.mean
+    left = view.rms(view.gap(model))
+    view.artefact = None
+    assert left < 0.25 * view.rms(raw)
+    assert left < 2.5 * own.floor
+
+
+def test_a_fit_behind_filters_is_corrected_to_the_truth(empty):
+    _, model, _, corrected = empty
+    truth = np.array([0.05, 0.12, 0.3])  # of make_servo_log
+    fitted, mended = (np.array([m.inertia, *(t.q[0] for t in m.terms)]) / truth - 1.0 for m in (model, corrected))
+    assert np.abs(mended).max() < 0.02
+    assert np.linalg.norm(mended) < np.linalg.norm(fitted)
+
+
+def test_null_rows_are_as_large_as_what_is_left(empty):
+    view, model, own, _ = empty
+    view.artefact = own.mean
+    left = view.rms(view.gap(model))
+    view.artefact = None
+    assert np.sqrt(np.mean(own.null**2)) == pytest.approx(left, rel=0.25)
+
+
+def test_what_is_missing_is_in_no_own_record():
+    view, model = view_of([Cogging(0.2, 12.0)])
+    own, _ = servo_own.own(view, model, np.random.default_rng(0))
+    wave = np.exp(1j * 12.0 * view.motion.position[:: view.every][view.at])
+    seen, made = (np.abs(np.mean(x * wave)) for x in (view.gap(model), own.mean))
+    assert made < 0.1 * seen

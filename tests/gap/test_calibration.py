@@ -1,0 +1,69 @@
+"""p-values of gains, separability of rivals, coloured noise."""
+
+import numpy as np
+import pytest
+
+from whsklearn.gap.calibration import coloured, gain, n_effective, p_value, separable, smoothed_power, vuong
+
+
+def test_p_values_of_superfluous_columns_are_uniform_or_larger():
+    rng = np.random.default_rng(0)
+    n, scan = 400, 12
+
+    def best_gain():
+        y, x = rng.standard_normal(n), rng.standard_normal((n, scan))
+        rss = y @ y - (x.T @ y) ** 2 / np.sum(x * x, axis=0)
+        return gain(y @ y, rss.min(), n)
+
+    p = np.array([p_value(best_gain(), np.array([best_gain() for _ in range(9)])) for _ in range(400)])
+    assert np.mean(p <= 0.05) < 0.08
+    assert np.mean(p <= 0.01) < 0.025
+    assert np.mean(p <= 0.5) > 0.3  # and has power: it is no constant
+
+
+def test_a_gain_far_above_the_null_is_significant_whatever_its_spread():
+    null = np.array([3.0, 5.0, 4.0])
+    assert p_value(60.0, null, families=40) < 1e-6
+    assert p_value(4.0, null, families=40) == 1.0
+
+
+def test_more_families_make_a_gain_less_significant():
+    null = np.array([3.0, 5.0, 4.0, 6.0])
+    assert p_value(20.0, null, 10) == pytest.approx(10 * p_value(20.0, null, 1))
+
+
+def test_effective_samples_of_an_autoregression():
+    rng = np.random.default_rng(1)
+    x = np.zeros(20000)
+    e = rng.standard_normal(x.size)
+    for i in range(1, x.size):
+        x[i] = 0.9 * x[i - 1] + e[i]
+    expected = x.size * (1 - 0.81) / (1 + 0.81)  # sum of squared autocorrelations, Bayley and Hammersley
+    assert n_effective(x) == pytest.approx(expected, rel=0.1)
+
+
+def test_vuong_is_standard_normal_between_equals_and_changes_sign():
+    rng = np.random.default_rng(2)
+    z = np.array([vuong(rng.standard_normal(4000), rng.standard_normal(4000)) for _ in range(300)])
+    assert abs(z.mean()) < 0.2
+    assert 0.85 < z.std() < 1.15
+    a, b = rng.standard_normal(4000), rng.standard_normal(4000)
+    assert vuong(a, b) == pytest.approx(-vuong(b, a))
+
+
+def test_rivals_are_apart_only_if_lead_blocks_and_own_records_all_say_so():
+    none = np.zeros(0)
+    assert separable(30.0, 5.0, none, 0.01)
+    assert not separable(5.0, 5.0, none, 0.01)  # the lead is worth too little
+    assert not separable(30.0, 1.0, none, 0.01)  # a few blocks hold it
+    assert not separable(30.0, 5.0, np.array([25.0, 30.0, 35.0, 28.0]), 0.01)  # the rival's own records give it too
+
+
+def test_coloured_noise_has_the_spectrum_it_was_given():
+    rng = np.random.default_rng(3)
+    x = np.convolve(rng.standard_normal(8000), np.ones(20) / 20, mode="same")
+    power = smoothed_power(x)
+    made = np.mean([smoothed_power(coloured(power, x.size, rng)) for _ in range(20)], axis=0)
+    seen = (power > 1e-2 * power.max()) & (np.arange(power.size) > 40)
+    assert np.mean(np.log(made[seen] / power[seen])) == pytest.approx(0.0, abs=0.1)
+    assert np.std([np.std(coloured(power, x.size, rng)) / np.std(x) for _ in range(20)]) < 0.2

@@ -1,0 +1,79 @@
+"""The look: gains of columns in a record and in null rows."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from whsklearn.gap.tangent import Family, Tangent, with_p_values
+
+N, M = 600, 12
+
+
+def rows(seed=0, size=1.0):
+    rng = np.random.default_rng(seed)
+    base, column = rng.standard_normal((N, 3)), rng.standard_normal(N)
+    null = rng.standard_normal((M, N))
+    return base, column, null, size * column + base @ [1.0, -2.0, 0.5] + rng.standard_normal(N)
+
+
+def family(*columns, name="effect", positive=False, offset=False):
+    def blocks(_):
+        yield list(range(len(columns))), np.stack([c.reshape(N, -1) for c in columns], axis=1), 1.0
+
+    return Family(name, blocks, lambda shape, sizes: (shape, sizes), 1, positive, offset)
+
+
+def test_gain_is_that_of_least_squares_beside_the_models_columns():
+    base, column, null, y = rows()
+    look = Tangent(y, null, base, N).look(family(column))
+    before, after = (np.linalg.lstsq(x, y, rcond=None)[1][0] for x in (base, np.column_stack([base, column])))
+    assert look.gain == pytest.approx(N * np.log(before / after), rel=1e-9)
+    assert look.size == pytest.approx(np.sqrt((before - after) / N), rel=1e-9)
+
+
+def test_the_best_shape_and_its_size_start_the_refit():
+    base, column, null, y = rows(size=2.0)
+    other = np.random.default_rng(9).standard_normal(N)
+    shape, sizes = Tangent(y, null, base, N).look(family(other, column)).start
+    assert shape == 1
+    assert sizes[0] == pytest.approx(2.0, abs=0.2)
+
+
+def test_what_lies_in_the_models_plane_explains_nothing_and_is_not_visible():
+    base, _, null, y = rows()
+    look = Tangent(y, null, base, N).look(family(base @ [1.0, 1.0, 0.0]))
+    assert look.gain == 0.0
+    assert look.visible < 1e-6
+
+
+def test_a_size_of_the_wrong_sign_counts_for_nothing():
+    base, column, null, y = rows(size=-1.0)
+    tangent = Tangent(y, null, base, N)
+    assert tangent.look(family(column, positive=True)).gain == 0.0
+    assert tangent.look(family(column)).gain > 100.0
+
+
+def test_an_effect_without_a_size_is_there_as_it_is_or_not():
+    base, column, null, y = rows(size=1.0)
+    tangent = Tangent(y, null, base, N)
+    right, double = (tangent.look(family(c, offset=True)).gain for c in (column, 2.0 * column))
+    assert right > 100.0
+    assert double < 0.2 * right  # 2 r c - c^2 is nothing at twice the size
+
+
+def test_the_record_is_significant_and_its_null_rows_are_not():
+    base, column, null, y = rows()
+    looks = [Tangent(v, null, base, N).look(family(column)) for v in (y, null[0])]
+    p = [with_p_values([k])[0].p_value for k in looks]
+    assert p[0] < 1e-6
+    assert p[1] > 0.01
+
+
+def test_samples_of_no_weight_say_nothing():
+    base, column, null, y = rows()
+    weight = np.ones(N)
+    weight[:300] = 0.0
+    spoiled = y + np.where(weight == 0.0, 100.0 * column, 0.0)
+    clean, dirty = (Tangent(v, null, base, N, weight).look(family(column)).gain for v in (y, spoiled))
+    assert dirty == pytest.approx(clean, rel=1e-9)

@@ -1,0 +1,88 @@
+"""An arm identified from its log: numbers within their intervals, errors per joint, and what looks wrong."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from whsklearn.datasets import default_arm, make_arm_log
+from whsklearn.effects import Cogging, Coulomb
+from whsklearn.identification import identify_arm
+from whsklearn.identification.arm_fit import suspicions, swapped
+from whsklearn.lags import RigidBodyLags
+
+DT = 0.002
+ARM = default_arm()
+Q, TORQUE = make_arm_log(duration=20.0, return_arrays=True)
+
+
+@pytest.fixture(scope="module")
+def found():
+    return identify_arm(Q, TORQUE, dt=DT, robot=ARM)
+
+
+def test_numbers_are_those_of_the_arm(found):
+    truth, errors = found.nominal, found.model.standard_errors
+    assert set(truth) == set(found.model.parameters)
+    away = [(v - truth[k]) / max(errors[k], 0.01 * abs(truth[k])) for k, v in found.model.parameters.items()]
+    assert np.sqrt(np.mean(np.square(away))) < 2.5
+
+
+def test_coupled_it_misses_little_and_one_axis_at_a_time_much(found):
+    assert list(found.missing) == ["yaw", "pitch"]
+    assert max(found.missing.values()) < 0.02
+    assert min(found.alone.values()) > 3.0 * max(found.missing.values())
+
+
+def test_the_model_is_physical_and_gives_the_drives(found):
+    arm = found.model.arm
+    assert (arm.inertial[:, 0] > 0).all()
+    assert [e.name for e in arm.effects[0]] == ["viscous", "coulomb", "input_offset"]
+    phi, target, keep = found.lags.joint_rows(Q, TORQUE)
+    error = np.where(keep, target - phi @ found.lags.weights_of(arm), 0.0)
+    assert (error.std(axis=0) < 0.03 * target.std(axis=0)).all()
+
+
+def test_an_effect_that_is_not_in_the_model_is_missing_at_its_joint_alone():
+    q, torque = make_arm_log(effects={"pitch": [Cogging(0.3, 6.0)]}, duration=20.0, return_arrays=True)
+    missing = identify_arm(q, torque, dt=DT, robot=ARM).missing
+    assert missing["pitch"] > 0.02 > 0.01 > missing["yaw"]
+    with_it = identify_arm(q, torque, dt=DT, robot=ARM, effects={"pitch": [Cogging(0.1, 6.0)]})
+    assert with_it.missing["pitch"] < 0.005
+
+
+def test_nothing_is_nominal_where_the_file_names_no_mass(found):
+    bare = dataclasses.replace(ARM, inertial=None)
+    assert identify_arm(Q[:5000], TORQUE[:5000], dt=DT, robot=bare).nominal == {}
+
+
+def test_weights_of_an_arm_and_the_arm_of_weights_are_inverse():
+    lags = RigidBodyLags(ARM).fit(np.zeros((9, 2)))
+    weights = lags.weights_of(ARM)
+    again = lags.interpret(weights, 1e-8 * np.eye(len(weights)))
+    np.testing.assert_allclose(lags.weights_of(again), weights, atol=1e-3)
+    assert isinstance(again.effects[0][1], Coulomb)
+    assert again.effects[0][1].torque == pytest.approx(0.3, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("q", "torque", "said"),
+    [
+        (np.rad2deg(Q), TORQUE, "yaw, pitch travels more than two turns"),
+        (Q, 1e3 * TORQUE, "currents in mA"),
+    ],
+)
+def test_what_looks_wrong_is_told_in_a_sentence(q, torque, said):
+    assert any(said in text for text in suspicions(ARM, q, torque))
+
+
+def test_a_log_as_it_should_be_raises_no_suspicion():
+    assert suspicions(ARM, Q, TORQUE) == []
+    assert swapped(ARM.joints, *RigidBodyLags(ARM, 1 / DT).joint_rows(Q, TORQUE)) == []
+
+
+def test_drives_in_another_order_are_told_by_what_is_left_of_them():
+    rows = RigidBodyLags(ARM, 1 / DT).joint_rows(Q, TORQUE[:, ::-1])
+    assert "yaw by that given for pitch" in swapped(ARM.joints, *rows)[0]

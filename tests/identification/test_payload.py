@@ -1,0 +1,59 @@
+"""A load is found at its link with its mass, none where there is none, and a known one gives the drives' gains."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.systems.drawn_arms import drawn_arm
+from whsklearn.datasets import make_arm_log
+from whsklearn.effects import Coulomb, Viscous
+from whsklearn.identification import find_payload, gains_from_load, identify_arm
+from whsklearn.lags import RigidBodyLags
+from whsklearn.systems.arm_files import body_numbers
+
+FRICTION = {f"j{k}": (Viscous(0.3), Coulomb(0.4)) for k in range(3)}
+ARM = drawn_arm(3, 7, slides=0.0, branch=0.0, gravity=(0, 0, -9.81)).with_effects(FRICTION)
+CENTRE = (0.1, 0.05, 0.2)
+
+
+def log(arm, seed):
+    return make_arm_log(arm, return_arrays=True, random_state=seed)
+
+
+@pytest.fixture(scope="module")
+def empty():
+    return identify_arm(*log(ARM, 0), dt=0.002, robot=ARM)
+
+
+@pytest.mark.parametrize("mass", [0.5, 2.8])
+def test_a_load_is_found_at_the_last_link_with_its_mass_and_centre(empty, mass):
+    best, *others = find_payload(empty, *log(ARM.with_body("j2", mass, CENTRE), 1))
+    assert best.joint == "j2"
+    assert abs(best.mass - mass) < 3 * best.mass_error < 0.15
+    np.testing.assert_allclose(best.centre, CENTRE, atol=0.03)
+    assert best.left < 0.5 * min(p.left for p in others)
+
+
+def test_a_record_without_a_load_has_none(empty):
+    best = find_payload(empty, *log(ARM, 2))[0]
+    assert abs(best.mass) < max(3 * best.mass_error, 0.05)
+    assert best.left > 0.5
+
+
+def test_the_interval_holds_the_gains(empty):
+    loaded = log(ARM.with_body("j2", 2.8, CENTRE), 1)
+    sure, unsure = (find_payload(empty, *loaded, gain_error=g)[0] for g in (0.0, 0.1))
+    assert unsure.mass == sure.mass
+    assert unsure.mass_error == pytest.approx(np.hypot(sure.mass_error, 0.1 * sure.mass), rel=1e-6)
+
+
+def test_a_known_load_tells_the_gain_of_every_joint_that_it_moves():
+    gains = np.array([12.0, 10.0, 8.0])
+    pair = [log(ARM, 0), log(ARM.with_body("j2", 2.8, CENTRE), 1)]
+    numbers = body_numbers(2.8, CENTRE, np.zeros((3, 3)))
+    logged = [(q, torque / gains) for q, torque in pair]
+    found = gains_from_load(RigidBodyLags(ARM, 500.0), *logged, joint="j2", numbers=numbers)
+    for (gain, error), truth in zip(found.values(), gains, strict=True):
+        assert gain == pytest.approx(truth, rel=0.02)
+        assert 0 < error < 0.05 * truth

@@ -1,0 +1,42 @@
+"""An identified arm in its file, and robots in whatever form they come."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.systems.drawn_arms import drawn_arm
+from whsklearn.effects import Cogging, LuGre, as_law
+from whsklearn.models import ArmModel, AxisModel, as_arm, load_model, save_model
+
+ARM = drawn_arm(3, 0).with_effects({"j1": (LuGre(0.2), Cogging(0.1, 6.0))})
+
+
+def test_a_file_gives_the_same_arm_again(tmp_path):
+    model = ArmModel(
+        ARM, {"j1.mx": 0.5, "j1.coulomb": 0.2}, dt=0.002, logged="position", standard_errors={"j1.mx": 0.1}
+    )
+    save_model(model, tmp_path / "arm.json")
+    again = load_model(tmp_path / "arm.json")
+    motion = ARM.drawn_motion(5)
+    np.testing.assert_array_equal(again.arm.inverse_dynamics(*motion), ARM.inverse_dynamics(*motion))
+    assert again.arm.effects == ARM.effects
+    assert (again.parameters, again.dt, again.standard_errors) == (model.parameters, 0.002, {"j1.mx": 0.1})
+    assert again.parameter_units == {"j1.mx": "kg m"}
+    assert as_arm(tmp_path / "arm.json").joints == ARM.joints
+
+
+def test_it_simulates_from_where_it_stands():
+    drive = np.zeros((200, 3))
+    there = ArmModel(ARM, dt=0.001, logged="position").simulate(drive, start=[0.1, 0.2, 0.3])
+    np.testing.assert_allclose(there[0], [0.1, 0.2, 0.3])
+    assert there.shape == (200, 3)
+
+
+def test_robots_that_are_none_are_told(tmp_path):
+    save_model(AxisModel(0.05, as_law("viscous"), dt=0.001, logged="position"), tmp_path / "axis.json")
+    for robot, said in (
+        (tmp_path / "axis.json", "expected an arm"), ("no.urdf", "There is no robot file"), (3, "expected an Arm"),
+    ):  # fmt: skip
+        with pytest.raises(ValueError, match=said):
+            as_arm(robot)

@@ -1,0 +1,69 @@
+"""An arm as an object: names, effects, bodies, and what it refuses."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from tests.systems.drawn_arms import drawn_arm, drawn_body
+from whsklearn import Arm, ServoAxis
+from whsklearn.effects import Backlash, Cogging, Coulomb, Viscous
+from whsklearn.systems.arm_files import body_numbers
+
+
+def test_a_payload_is_four_numbers_and_an_inertia_at_its_link():
+    arm = drawn_arm(4, 1)
+    mass, centre, inertia = drawn_body(np.random.default_rng(0))
+    loaded = arm.with_body("j3", mass, centre, inertia)
+    motion = arm.drawn_motion(20)
+    extra = loaded.inverse_dynamics(*motion) - arm.inverse_dynamics(*motion)
+    expected = arm.regressor(*motion)[:, :, 30:] @ body_numbers(mass, centre, inertia)
+    np.testing.assert_allclose(extra, expected, atol=1e-9)
+    assert np.abs(extra).max() > 0.1
+
+
+def test_one_joint_pays_for_what_a_servo_axis_pays_for():
+    axis = ServoAxis(0.05, [Viscous(0.1), Coulomb(0.2)], [Cogging(0.1, 6.0, 0.4)])
+    arm = Arm(["axis"], [-1], [False], [np.eye(3)], [[0, 0, 0]], [[0, 0, 1]], [[0.0] * 9 + [0.02]], armature=[0.03])
+    arm = arm.with_effects({"axis": (*axis.law.terms, *axis.effects)})
+    q, v, a = arm.drawn_motion(40)
+    from sklearn.utils import Bunch
+
+    signals = Bunch(time=np.arange(40.0), position=q[:, 0], velocity=v[:, 0], acceleration=a[:, 0], drive=v[:, 0])
+    columns, _ = axis.columns(signals)
+    weights = [0.05, 0.1, 0.2, *axis.effects[0].coefficients]
+    np.testing.assert_allclose(arm.inverse_dynamics(q, v, a)[:, 0], columns @ weights, atol=1e-12)
+
+
+def test_friction_is_paid_for_unless_it_is_left_out():
+    arm = drawn_arm(2, 0).with_effects({"j1": Coulomb(0.7)})
+    q, v, a = arm.drawn_motion(10)
+    paid = arm.inverse_dynamics(q, v, a) - arm.inverse_dynamics(q, v, a, effects=False)
+    np.testing.assert_allclose(paid, np.column_stack([0 * v[:, 0], 0.7 * np.sign(v[:, 1])]), atol=1e-12)
+
+
+def test_the_motors_inertia_adds_to_the_mass_matrix():
+    arm = drawn_arm(3, 0)
+    geared = dataclasses.replace(arm, armature=[0.1, 0.2, 0.3])
+    q = arm.drawn_motion(2)[0]
+    np.testing.assert_allclose(geared.mass_matrix(q) - arm.mass_matrix(q), np.tile(np.diag([0.1, 0.2, 0.3]), (2, 1, 1)))
+
+
+@pytest.mark.parametrize(
+    ("fields", "said"),
+    [
+        ({"joints": ("a", "a")}, "none of them twice"),
+        ({"parents": [0, -1]}, "sort the joints"),
+        ({"axes": np.ones((2, 3))}, "no unit length"),
+        ({"places": np.zeros((3, 3))}, "expected \\(2, 3\\)"),
+        ({"gravity": [0, 0, np.nan]}, "finite numbers"),
+        ({"effects": {"nobody": Coulomb(0.1)}}, "no joint 'nobody'"),
+        ({"effects": [[Backlash(0.1)], []]}, "splits a joint in two"),
+        ({"effects": [["coulomb"], []]}, "is no effect"),
+    ],
+)
+def test_what_is_no_arm_is_refused(fields, said):
+    with pytest.raises(ValueError, match=said):
+        dataclasses.replace(drawn_arm(2, 0), **fields)

@@ -1,0 +1,46 @@
+"""Units travel with a model: the consumers of `benchmarks.units`, without the search and with it once."""
+
+from __future__ import annotations
+
+import pytest
+
+from benchmarks import units
+from whsklearn import ServoAxis
+from whsklearn.effects import Cogging
+from whsklearn.gap.repaired import as_model
+from whsklearn.logs import load_log
+from whsklearn.models import save_model
+
+
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory):
+    return units.logs(tmp_path_factory.mktemp("logs"))
+
+
+@pytest.mark.parametrize(
+    ("here", "there"),
+    [
+        (("rad", "Nm", "s"), ("deg", "mNm", "ms")),
+        (("deg", "mNm", "ms"), ("rad", "Nm", "s")),
+        (("deg", "A", "s"), ("rad", "mNm", "s")),
+    ],
+)
+def test_a_model_is_the_same_axis_to_whoever_reads_its_file(here, there, logs, tmp_path):
+    by = units.CONSTANT if here[1] == "A" else 1.0
+    t = {k: v / by for k, v in units.TRUTH.items()}
+    axis = ServoAxis(t["inertia"], effects=[Cogging(t["cogging"], 12.0)])
+    axis = axis.with_parameters(viscous=t["viscous"], coulomb=t["coulomb"]) if by != 1.0 else axis
+    save_model(as_model(axis, (here[1], here[0])), tmp_path / "repaired.json")
+    log = load_log(logs[0][here], **units.columns_of(here))
+    checks = [
+        *units.loaded(tmp_path / "repaired.json", log, here),
+        *units.simulated(tmp_path, logs[1][there], here, there),
+        *units.exported(tmp_path / "repaired.json", tmp_path, log, here),
+    ]
+    assert [c for c in checks if not c[1]] == []
+    assert len(checks) >= 10
+
+
+def test_every_consumer_is_right_in_degrees_and_milliseconds(logs):
+    here, there = ("deg", "mNm", "ms"), ("rad", "Nm", "s")
+    assert [c for c in units.check(logs[0][here], logs[1][there], here, there) if not c[1]] == []

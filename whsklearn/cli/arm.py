@@ -1,0 +1,228 @@
+"""Arms on the command line: which columns are which joint's, and what identify and simulate do with them."""
+
+from __future__ import annotations
+
+import json
+import re
+import warnings
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from whsklearn.cli.job import say_where, table, tracker_for, wrapped, writable_file, writable_folder
+from whsklearn.cli.records import longest, note, read
+
+if TYPE_CHECKING:
+    from sklearn.utils import Bunch
+
+    from whsklearn.identification import ArmFit
+    from whsklearn.systems import Arm
+
+WINDOW = 0.5  # s of a free run in `simulate`: an arm from its drives alone falls away within seconds
+POSITIONS, DRIVES = ("position", "angle", "pos"), ("torque", "effort", "force", "tau", "current")
+
+
+def joint_columns(text: str) -> dict[str, tuple[str, str]]:
+    """Columns of position and drive by joint, from ``shoulder:q1,i1;elbow:q2,i2``.
+
+    Examples
+    --------
+    >>> joint_columns("shoulder:q1,i1;elbow:q2,i2")
+    {'shoulder': ('q1', 'i1'), 'elbow': ('q2', 'i2')}
+    """
+    out = {}
+    for part in filter(None, (p.strip() for p in text.split(";"))):
+        name, colon, columns = part.partition(":")
+        pair = [c.strip() for c in columns.split(",")]
+        if not (name.strip() and colon and len(pair) == 2 and all(pair)):
+            raise ValueError(f"--joints holds {part!r}; expected NAME:POSITION,DRIVE of each joint, parted by ;")
+        if name.strip() in out:
+            raise ValueError(f"--joints names {name.strip()!r} twice; give each joint once.")
+        out[name.strip()] = (pair[0], pair[1])
+    return out
+
+
+def guessed_columns(joints: Sequence[str], names: Sequence[str]) -> dict[str, tuple[str, str]]:
+    """The same where nobody said: columns that name the joint, or are numbered as the robot's joints are.
+
+    Raises
+    ------
+    ValueError
+        If a joint has not exactly one column of each kind.
+    """
+
+    def of(k: int, joint: str, words: Sequence[str]) -> str:
+        kind = [c for c in names if any(w in c.lower() for w in words)]
+        named = [c for c in kind if c.lower().startswith(f"{joint.lower()}_")]
+        numbered = [c for c in kind if re.search(rf"(?<!\d){k + 1}(?!\d)", c)]
+        found = named or numbered
+        if len(found) != 1:
+            raise ValueError(
+                f"The log has {len(found)} columns that may be the {words[0]} of {joint}; name all joints with "
+                f'--joints "{joint}:POSITION,DRIVE;..."; it has: {", ".join(names[:30])}.'
+            )
+        return found[0]
+
+    return {joint: (of(k, joint, POSITIONS), of(k, joint, DRIVES)) for k, joint in enumerate(joints)}
+
+
+def gains_of(text: str) -> dict[str, float]:
+    """Nm per unit of the logged drive by joint, from ``shoulder:11.2;elbow:9.8``.
+
+    Examples
+    --------
+    >>> gains_of("shoulder:11.2;elbow:9.8")
+    {'shoulder': 11.2, 'elbow': 9.8}
+    """
+    out = {}
+    for part in filter(None, (p.strip() for p in text.split(";"))):
+        name, _, value = part.partition(":")
+        try:
+            out[name.strip()] = float(value)
+        except ValueError:
+            raise ValueError(
+                f"--gains holds {part!r}; expected NAME:NM_PER_AMPERE of each joint, parted by ;"
+            ) from None
+    return out
+
+
+def read_arm(path: str, options: Mapping[str, Any], arm: Arm) -> Bunch:
+    """Time (n,), position and drive (n, n_joints) of a log in rad, m, Nm and N, and its rate, by the robot's joints."""
+    import numpy as np
+    from sklearn.utils import Bunch
+
+    from whsklearn.logs import open_source
+    from whsklearn.logs.roles import guess
+    from whsklearn.logs.units import UNSTATED, factor_between
+
+    source = open_source(path)
+    time = options["time_column"] or (None if options.get("rate") or source.clocked else guess(source, "time"))
+    given = joint_columns(options["joints"]) if options.get("joints") else guessed_columns(arm.joints, source.names)
+    if missing := [j for j in arm.joints if j not in given]:
+        raise ValueError(
+            f"--joints names no columns for {missing[0]!r}; the robot's joints are {', '.join(arm.joints)}."
+        )
+    gains = gains_of(options["gains"]) if options.get("gains") else {}
+    positions, drives, log = [], [], None
+    for joint, slides in zip(arm.joints, arm.slides, strict=True):
+        log = longest(read(path, options, time=time, position=given[joint][0], drive=given[joint][1]))
+        place, force = ("m", "N") if slides else ("rad", "Nm")
+        unit = log.units["drive"]
+        if joint not in gains and unit not in UNSTATED and unit.endswith("A"):
+            raise ValueError(f'The drive of {joint} is in {unit}; give --gains "{joint}:NM_PER_AMPERE;...".')
+        by = gains[joint] * factor_between(unit, "A") if joint in gains else factor_between(unit, force)
+        positions.append(factor_between(log.units["position"], place) * log.y)
+        drives.append(by * log.X[:, 0])
+        if len(positions[-1]) != len(positions[0]):
+            raise ValueError(f"The columns of {joint} have gaps that those before have not; cut the log there.")
+    assert log is not None
+    if log.units["time"] == "samples":
+        raise ValueError("The log has no time; name its column with --time, or its rate with --rate.")
+    return Bunch(
+        time=log.time, position=np.column_stack(positions), drive=np.column_stack(drives), rate=log.sample_rate
+    )
+
+
+def robot_of(options: Mapping[str, Any]) -> Arm:
+    """The robot, its joints those that ``--joints`` names where it does."""
+    from whsklearn.models import as_arm
+
+    return as_arm(options["robot"], list(joint_columns(options["joints"])) if options.get("joints") else None)
+
+
+def identify(options: dict[str, Any]) -> None:
+    """``identify LOG --robot FILE``: base numbers beside the file's, and held-out errors."""
+    from whsklearn.identification import identify_arm
+    from whsklearn.models import save_model
+    from whsklearn.state.files import atomic_write
+
+    arm = robot_of(options)
+    log = read_arm(options["train"], options, arm)
+    folder = writable_folder(options["out"])
+    tracker = tracker_for("identify", options["track"], data=Path(options["train"]).stem)
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always", UserWarning)
+        found = identify_arm(log.position, log.drive, dt=1.0 / log.rate, robot=arm)
+    for text in dict.fromkeys(str(w.message) for w in said if w.category is UserWarning):
+        note(text)
+    save_model(found.model, folder / "model.json")
+    atomic_write(folder / "identify.json", json.dumps(document(found), indent=1, allow_nan=False).encode() + b"\n")
+    click.echo(f"\n{joints_table(found)}\n\n{numbers_table(found)}\n")
+    click.echo(wrapped(f"Written: {folder / 'identify.json'}, {folder / 'model.json'} (with physical inertias)."))
+    with tracker.run(f"identify {Path(options['train']).stem}") as run:
+        run.log_params({k: v for k, v in options.items() if v not in (None, (), False)})
+        run.log_tags({"recommended": "arm"})
+        run.log_metrics({f"missing_{j}": v for j, v in found.missing.items()})
+        run.log_text(f"{joints_table(found)}\n\n{numbers_table(found)}", "table.txt")
+    say_where(tracker)
+
+
+def document(found: ArmFit) -> dict[str, Any]:
+    """What identify.json holds of an arm."""
+    model, units = found.model, found.model.parameter_units
+    parameters = [
+        {"name": k, "value": v, "standard_error": model.standard_errors[k], "unit": units.get(k, ""),
+         "nominal": found.nominal.get(k), "merged": found.lags.base_.merged.get(k, {})}
+        for k, v in model.parameters.items()
+    ]  # fmt: skip
+    joints = [
+        {"name": j, "missing": v, "one_axis_at_a_time": a if (a := found.alone[j]) == a else None}
+        for j, v in found.missing.items()
+    ]
+    return {
+        "recommended": "arm", "models": [], "parameters": parameters, "joints": joints, "model_file": "model.json",
+        "cutoff_hz": found.lags.cutoff_, "unseen": list(found.lags.base_.unseen),
+    }  # fmt: skip
+
+
+def joints_table(found: ArmFit) -> str:
+    """Held-out errors, coupled and one axis at a time."""
+    rows = [[j, f"{100 * v:.1f}", f"{100 * found.alone[j]:.1f}"] for j, v in found.missing.items()]
+    return table(
+        ["joint", "coupled", "one axis at a time"], rows,
+        title="Error on held-out blocks, % of the joint's rms drive, slow samples left out",
+    )  # fmt: skip
+
+
+def numbers_table(found: ArmFit) -> str:
+    """Base numbers with intervals, the file's beside them, and how many others each holds."""
+    rows = []
+    for name, value in found.model.parameters.items():
+        half = 1.96 * found.model.standard_errors[name]
+        nominal = found.nominal.get(name)
+        unit = found.model.parameter_units.get(name, "")
+        merged = len(found.lags.base_.merged.get(name, {}))
+        rows.append([name, f"{value:.4g}", f"{value - half:.4g} to {value + half:.4g}",
+                     None if nominal is None else f"{nominal:.4g}", unit, merged or ""])  # fmt: skip
+    return table(["number", "value", "95 % interval", "file", "unit", "merged"], rows)
+
+
+def simulate(options: dict[str, Any], model: Any) -> None:
+    """``simulate MODEL LOG`` of an arm: free runs of half a second, each from the measured motion."""
+    import numpy as np
+    import pandas as pd
+
+    from whsklearn.filtering import motion
+
+    out, arm = writable_file(options["out"]), model.arm
+    log = read_arm(options["log_file"], options, arm)
+    if abs(log.rate * model.dt - 1.0) > 0.01:
+        note(f"The model was fitted at {1 / model.dt:.6g} Hz, the log has {log.rate:.6g} Hz; the log's rate is taken.")
+    smooth = [motion(x, log.rate, 0.1 * log.rate) for x in log.position.T]
+    begin = {k: np.column_stack([getattr(m, k) for m in smooth]) for k in ("position", "velocity")}
+    run = arm.simulate_drive(log.drive, sample_rate=log.rate, resync=WINDOW, **begin)
+    columns: dict[str, Any] = {"time": log.time}
+    rows = []
+    for j, (name, slides) in enumerate(zip(arm.joints, arm.slides, strict=True)):
+        # the first run begins where the filter of the velocity has no past, and is not judged
+        error = (log.position[:, j] - run.position[:, j])[round(WINDOW * log.rate) :]
+        columns |= {f"{name}_drive": log.drive[:, j], f"{name}_simulated": run.position[:, j]}
+        columns |= {f"{name}_measured": log.position[:, j]}
+        rows.append(
+            [name, float(np.sqrt(np.mean(error**2))), float(np.std(log.position[:, j])), "m" if slides else "rad"]
+        )
+    pd.DataFrame(columns).to_csv(out, index=False)
+    click.echo(table(["joint", "rms error", "rms motion", "unit"], rows, title=f"Free runs of {WINDOW} s"))
+    click.echo(f"\nWritten: {out}")

@@ -1,0 +1,92 @@
+"""Axes of a fleet that are finished, kept while the others are worked on: whoever stops it loses a batch at most."""
+
+from __future__ import annotations
+
+import io
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self
+
+import click
+
+if TYPE_CHECKING:
+    from whsklearn.cli.fleet_axis import Row
+
+EVERY_SECONDS = 30.0
+
+
+def write_table(found: Any, out: Path) -> None:
+    """A table as Parquet, in one step."""
+    from whsklearn.state import atomic_write
+
+    buffer = io.BytesIO()
+    found.to_parquet(buffer, index=False)
+    atomic_write(out, buffer.getvalue())
+
+
+class Kept:
+    """The finished rows of a fleet beside the table to come, as ``OUT.part``: Parquet, as the table itself.
+
+    A row is taken up again if settings and the axis's files are those of before.
+
+    Parameters
+    ----------
+    out : Path
+        Of the table.
+    settings : str
+        Model, columns and share of the test.
+    folder : Path
+    axis : str
+        As for `axes_of`.
+    """
+
+    def __init__(self, out: Path, settings: str, folder: Path, axis: str):
+        self.path = out.with_name(f"{out.name}.part")
+        self._settings, self._folder, self._axis = settings, folder, axis
+        self._done: list[Row] = []
+        self._written, self._due = 0, time.monotonic() + EVERY_SECONDS
+
+    def rows(self, names: list[str]) -> list[Row]:
+        """Those of an earlier start that still hold."""
+        import pandas as pd
+        import pyarrow as pa
+
+        from whsklearn.cli.fleet_axis import digest_of
+
+        try:
+            frame = pd.read_parquet(self.path)
+            same = frame[(frame["settings"] == self._settings) & frame["axis"].isin(names)]
+        except (OSError, KeyError, pa.ArrowException):  # none, or not ours
+            return []
+        digests = [digest_of(self._folder, self._axis, n) for n in same["axis"]]
+        found = same[same["digest"] == digests].drop(columns="settings")
+        # a column that an axis does not have is missing in its row, and NaN in the table
+        self._done = [{k: v for k, v in row.items() if v == v} for row in found.to_dict("records")]
+        self._written = len(self._done)
+        return list(self._done)
+
+    def add(self, rows: list[Row]) -> None:
+        """Rows that are finished; written every half minute, and at the end."""
+        self._done += rows
+        if time.monotonic() > self._due:
+            self.write()
+
+    def write(self) -> None:
+        """All rows so far."""
+        import pandas as pd
+
+        write_table(pd.DataFrame(self._done).assign(settings=self._settings), self.path)
+        self._written, self._due = len(self._done), time.monotonic() + EVERY_SECONDS
+
+    def remove(self) -> None:
+        """When the table itself is written."""
+        self.path.unlink(missing_ok=True)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
+        if kind is not None and len(self._done) > self._written:
+            self.write()
+            said = f"{len(self._done)} axes are kept in {self.path}; the same command goes on from there."
+            click.echo(said, err=True)

@@ -1,0 +1,183 @@
+"""Effects at ports that only a chain of blocks has: before L1, between L1 and the law, and behind L2.
+
+On an axis a play and a coupling stand between two inertias, and a limit stands in the drive.  A chain has no inertia,
+so the same names are other equations there, of the signal at the port ``at``.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from whsklearn.effects import codes
+from whsklearn.effects.base import Effect
+from whsklearn.effects.drive import DeadZone, Saturation
+from whsklearn.effects.quantity import Quantity
+from whsklearn.effects.timed import DisturbanceTone
+from whsklearn.effects.transmission import Backlash, FlexibleCoupling
+
+
+class AtPort:
+    """The port ``at`` decides the code; the name is that of the axis's effect, which stays the registered one."""
+
+    _codes: ClassVar[dict[str, int]]
+    at: str
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        """Not into the registry."""
+
+    @property
+    def code(self) -> int:
+        """What the compiled chain calls the effect at its port."""
+        return self._codes[self.at]
+
+
+@dataclass(frozen=True)
+class ChainPlay(AtPort, Effect):  # type: ignore[override]
+    """A play of width b at the input or between L1 and the law: a signal that lets go after each reversal.
+
+    See Also
+    --------
+    ChainDeadZone : loses the signal by its size, not after a reversal.
+
+    Examples
+    --------
+    >>> from whsklearn import WienerHammersteinSystem
+    >>> from whsklearn.effects import ChainPlay
+    >>> system = WienerHammersteinSystem([1.0], [], [1.0], [], "linear", effects=[ChainPlay(0.5, at="input")])
+    >>> system.simulate([1.0, 0.8, 0.0, 0.0]).tolist()
+    [0.0, 0.0, 0.75, 0.75]
+    """
+
+    gap: float = 0.1
+    at: str = "middle"
+
+    name: ClassVar[str] = Backlash.name
+    place: ClassVar[str] = "transmission"
+    port: ClassVar[str] = "block"
+    column_kind: ClassVar[str] = "none"
+    equation: ClassVar[str] = "play of width b"
+    size: ClassVar[str] = "gap"
+    quantities: ClassVar[dict[str, Quantity]] = {
+        "gap": Quantity("rad", 1e-5, 1e3, log=True, span=(1e-3, 1.5), starts=(0.02, 0.05, 0.12, 0.3, 0.6))
+    }
+    signature: ClassVar[str] = "after a reversal the signal stands until the gap is crossed"
+    needs: ClassVar[str] = "reversals"
+    reference: ClassVar[str] = Backlash.reference
+    choices: ClassVar[dict[str, tuple[str, ...]]] = {"at": ("middle", "input")}
+    _codes: ClassVar[dict[str, int]] = {"middle": codes.BACKLASH, "input": codes.PLAY_U}
+
+
+@dataclass(frozen=True)
+class ChainResonance(AtPort, Effect):  # type: ignore[override]
+    """A resonance of static gain one between L1 and the law or behind L2: a mass on a spring, its input held.
+
+    See Also
+    --------
+    FlexibleCoupling : the same on an axis, between two inertias.
+
+    Examples
+    --------
+    >>> from whsklearn import WienerHammersteinSystem
+    >>> from whsklearn.effects import ChainResonance
+    >>> soft = WienerHammersteinSystem([1.0], [], [1.0], [], "linear", effects=[ChainResonance(0.25, 0.1)])
+    >>> round(float(soft.simulate([1.0] * 200)[-1]), 6)
+    1.0
+    """
+
+    frequency: float = 0.1
+    damping_ratio: float = 0.1
+    at: str = "middle"
+
+    name: ClassVar[str] = FlexibleCoupling.name
+    place: ClassVar[str] = "transmission"
+    port: ClassVar[str] = "block"
+    column_kind: ClassVar[str] = "none"
+    equation: ClassVar[str] = "a resonance of gain one, natural frequency f, damping zeta"
+    size: ClassVar[str] = "frequency"
+    neutral: ClassVar[float] = math.inf
+    quantities: ClassVar[dict[str, Quantity]] = {
+        "frequency": Quantity("Hz", 1e-3, 1e6, log=True, scale="resonance", span=(0.02, 1.96),
+                              starts=(0.16, 0.36, 0.64, 1.0, 1.5)),
+        "damping_ratio": Quantity("1", 0.002, 0.95, log=True, starts=(0.1,)),
+    }  # fmt: skip
+    signature: ClassVar[str] = FlexibleCoupling.signature
+    needs: ClassVar[str] = FlexibleCoupling.needs
+    reference: ClassVar[str] = "Astrom, Wittenmark 1997, Computer-Controlled Systems, table 2.1"
+    choices: ClassVar[dict[str, tuple[str, ...]]] = {"at": ("middle", "output")}
+    _codes: ClassVar[dict[str, int]] = {"middle": codes.FLEXIBLE_COUPLING, "output": codes.RESONANCE_Y}
+
+
+@dataclass(frozen=True)
+class ChainTone(AtPort, DisturbanceTone):  # type: ignore[override]
+    """A tone A cos(2 pi f t + phi) that is added to the law's output, or to the input.
+
+    See Also
+    --------
+    DisturbanceTone : the same where it adds to the law.
+
+    Examples
+    --------
+    >>> from whsklearn import WienerHammersteinSystem
+    >>> from whsklearn.effects import ChainTone
+    >>> hums = WienerHammersteinSystem([1.0], [], [1.0], [], "linear", effects=[ChainTone(1.0, 0.25, at="input")])
+    >>> hums.simulate([0.0] * 6).round(9).tolist()
+    [0.0, 0.0, 1.0, 0.0, -1.0, 0.0]
+    """
+
+    at: str = "law"
+
+    choices: ClassVar[dict[str, tuple[str, ...]]] = {"at": ("law", "input")}
+    _codes: ClassVar[dict[str, int]] = {"law": codes.DISTURBANCE_TONE, "input": codes.TONE_U}
+
+
+@dataclass(frozen=True)
+class ChainLimit(AtPort, Saturation):  # type: ignore[override]
+    """A limit of the input, clip(u, -U, U), or of x between L1 and the law.
+
+    See Also
+    --------
+    Saturation : that of the input.
+
+    Examples
+    --------
+    >>> from whsklearn import WienerHammersteinSystem
+    >>> from whsklearn.effects import ChainLimit
+    >>> cut = WienerHammersteinSystem([1.0], [], [1.0], [], "linear", effects=[ChainLimit(0.5, at="middle")])
+    >>> cut.simulate([1.0, 0.3, 0.0, 0.0]).tolist()
+    [0.0, 0.0, 0.5, 0.3]
+    """
+
+    at: str = "input"
+
+    choices: ClassVar[dict[str, tuple[str, ...]]] = {"at": ("input", "middle")}
+    _codes: ClassVar[dict[str, int]] = {"input": codes.SATURATION, "middle": codes.SATURATION_X}
+
+
+@dataclass(frozen=True)
+class ChainDeadZone(AtPort, DeadZone):  # type: ignore[override]
+    """A dead zone of the input, u - clip(u, -d, d), or of x between L1 and the law.
+
+    See Also
+    --------
+    DeadZone : that of the input.
+
+    Examples
+    --------
+    >>> from whsklearn import WienerHammersteinSystem
+    >>> from whsklearn.effects import ChainDeadZone
+    >>> dead = WienerHammersteinSystem([1.0], [], [1.0], [], "linear", effects=[ChainDeadZone(0.5, at="middle")])
+    >>> dead.simulate([1.0, 0.3, 0.0, 0.0]).tolist()
+    [0.0, 0.0, 0.5, 0.0]
+    """
+
+    at: str = "input"
+
+    choices: ClassVar[dict[str, tuple[str, ...]]] = {"at": ("input", "middle")}
+    _codes: ClassVar[dict[str, int]] = {"input": codes.DEAD_ZONE, "middle": codes.DEAD_ZONE_X}
+
+
+CHAIN_FORMS: dict[str, type[Effect]] = {
+    c.name: c for c in (ChainPlay, ChainResonance, ChainTone, ChainLimit, ChainDeadZone)
+}

@@ -1,0 +1,249 @@
+"""Tables for drives: the torque of cogging over a turn, that of friction over speed, and what they leave.
+
+Sources: TF5200 friction compensation, Beckhoff Infosys, P-COMP-00041 to 00047 (at most 20 speeds in 0.001 degree/s
+or um/s, ascending; values in the drive's own unit, for CANopen and SERCOS drives 0.1 % of the rated torque).
+ServoOne (LTI, now KEBA) and Moog MSD, Device Help: P 380 CON_TCoggAddTab, 250 currents in A over a turn, entry = angle
+/ turn * 250; P 386 CON_SCON_TFric, steps in % of the rated torque, at the speeds of P 387 CON_SCON_TFricSpeed in rpm.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from whsklearn.effects import Effect
+from whsklearn.export.axis_code import compensated
+from whsklearn.export.losses import Loss, losses_of, parts_of
+from whsklearn.state.files import atomic_write
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    from whsklearn.export.model import Exported
+    from whsklearn.systems.servo import ServoAxis
+
+    Array = NDArray[np.float64]
+    Torque = Callable[[Array], Array]
+
+ENTRIES = 3600  # of cogging.csv: a tenth of a degree
+_FINE = 36_000  # angles of a turn at which the replay compares table and model
+_KEBA_ENTRIES = 250
+_TF5200_ENTRIES = 20
+_RPM = math.pi / 30
+_MILLIDEGREE = math.radians(1e-3)
+
+
+class Ratings(NamedTuple):
+    """What turns torques into a drive's own units; None leaves out what needs it.
+
+    Attributes
+    ----------
+    torque : float or None
+        Rated torque of the motor (Nm or N).
+    constant : float or None
+        Nm (or N) for each ampere.
+    speed : float
+        Highest speed of the friction tables (rad/s or m/s).
+
+    References
+    ----------
+    CiA 402, object 6076h, motor rated torque.
+
+    Examples
+    --------
+    >>> from whsklearn.export import Ratings
+    >>> Ratings(torque=1.3, constant=0.12).speed
+    10.0
+    """
+
+    torque: float | None = None
+    constant: float | None = None
+    speed: float = 10.0
+
+
+class Left(NamedTuple):
+    """What a table leaves of a torque, predicted by replaying it against the model.
+
+    Attributes
+    ----------
+    name : str
+        Of the table.
+    before, after : float
+        Rms of the torque without the table and with it, in its unit.
+
+    References
+    ----------
+    Beckhoff Infosys, TF5200 friction compensation (FCT-C25), for what such a table does.
+
+    Examples
+    --------
+    >>> from whsklearn.export import Left
+    >>> left = Left("cogging.csv", before=0.04, after=0.001)
+    >>> round(left.after / left.before, 3)
+    0.025
+    """
+
+    name: str
+    before: float
+    after: float
+
+
+def write_tables(model: Exported, out: Path, ratings: Ratings) -> tuple[list[Path], list[Loss], list[Left]]:
+    """Write ``cogging.csv``, ``friction.csv`` and, where ratings are given, the lists of TF5200 and ServoOne.
+
+    Raises
+    ------
+    ValueError
+        If the model is a chain, or has neither cogging nor friction.
+    """
+    axis = model.need_axis("A table for a drive")
+    unit, length = model.si
+    waves, friction, rest = parted(axis)
+    if not waves and not friction:
+        raise ValueError("The model has neither cogging nor friction, so there is nothing to put into a table.")
+    losses = model.told(losses_of(rest, "no table holds it; `--to c --what compensator` does"))
+    out.mkdir(parents=True, exist_ok=True)
+    paths: list[Path] = []
+    left: list[Left] = []
+
+    def cogging(angle: Array) -> Array:
+        return torque_of(waves, angle, np.zeros(1))
+
+    def rubbing(speed: Array) -> Array:
+        return torque_of(friction, np.zeros(1), speed)
+
+    def put(name: str, lines: list[str]) -> None:
+        atomic_write(out / name, ("\n".join(lines) + "\n").encode())
+        paths.append(out / name)
+
+    if waves and length == "rad":
+        angle = np.arange(ENTRIES) * 2 * np.pi / ENTRIES
+        put("cogging.csv", [f"angle_rad,feedforward_{unit.lower()}", *_rows(angle, cogging(angle))])
+        left.append(_over_a_turn("cogging.csv", cogging, ENTRIES, hold=False))
+    elif waves:
+        losses += model.told(losses_of(waves, "a table over a turn needs a rotary axis"))
+    if friction:
+        speeds = ratings.speed * np.concatenate([-np.geomspace(1, 1e-3, 100), np.geomspace(1e-3, 1, 100)])
+        put("friction.csv", [f"velocity_{length}_per_s,feedforward_{unit.lower()}", *_rows(speeds, rubbing(speeds))])
+        left.append(_over_speed("friction.csv", rubbing, speeds, ratings.speed, rubbing(speeds)))
+    ampere = 1.0 if unit == "A" else ratings.constant
+    rated = _rated(ratings, unit)
+    if friction and rated is not None:
+        speeds = ratings.speed * np.geomspace(1e-3, 1, _TF5200_ENTRIES)
+        unit_in = _MILLIDEGREE if length == "rad" else 1e-6
+        steps_in = np.maximum(np.round(speeds / unit_in), 1.0).astype(int)
+        values = np.round(_both_ways(rubbing, speeds) * 1000 / rated).astype(int)
+        put("tf5200_frict_comp.lis", _tf5200(steps_in, values))
+        read = values * rated / 1000
+        left.append(_over_speed("tf5200_frict_comp.lis", rubbing, steps_in * unit_in, ratings.speed, read))
+    keba = []
+    if waves and length == "rad" and ampere is not None:
+        angle = np.arange(_KEBA_ENTRIES) * 2 * np.pi / _KEBA_ENTRIES
+        current = cogging(angle) / ampere
+        keba += [f"380,{i},CON_TCoggAddTab,{x:.6g},A" for i, x in enumerate(current.tolist())]
+        left.append(_over_a_turn("servo_one.csv (P 380)", cogging, _KEBA_ENTRIES, hold=True))
+    if friction and length == "rad" and rated is not None:
+        speeds = _three(rubbing, ratings.speed)
+        read = _both_ways(rubbing, speeds)
+        steps = np.diff(read, prepend=0.0) * 100 / rated
+        keba += [f"386,{i},CON_SCON_TFric,{x:.6g},%" for i, x in enumerate(steps.tolist())]
+        keba += [f"387,{i},CON_SCON_TFricSpeed,{x:.6g},rpm" for i, x in enumerate((speeds / _RPM).tolist())]
+        left.append(_over_speed("servo_one.csv (P 386)", rubbing, speeds, ratings.speed, read))
+    if keba:
+        put("servo_one.csv", ["parameter,index,name,value,unit", *keba])
+    return paths, losses, left
+
+
+def parted(axis: ServoAxis) -> tuple[list[Effect], list[Effect], list[Effect]]:
+    """Effects that are waves over a turn, those of speed alone, and the rest.
+
+    Examples
+    --------
+    >>> from whsklearn import ServoAxis
+    >>> from whsklearn.effects import Cogging, GravityImbalance
+    >>> parts = parted(ServoAxis(effects=[Cogging(0.05, 12.0), GravityImbalance(0.2)]))
+    >>> [[e.name for e in part] for part in parts]
+    [['cogging'], ['viscous', 'coulomb'], ['gravity_imbalance']]
+    """
+    angles, speeds = np.linspace(0.0, 2 * np.pi, 73), np.array([-3.0, -0.2, 0.2, 3.0])
+    waves: list[Effect] = []
+    friction: list[Effect] = []
+    rest: list[Effect] = []
+    for effect in parts_of(axis):
+        if effect.place == "sensor" or not compensated(effect.code):
+            rest.append(effect)
+            continue
+        table = np.array([torque_of([effect], angles, np.array([v])) for v in speeds])
+        size = np.abs(table).max()
+        moves = np.ptp(table, axis=0).max() > 1e-9 * size
+        turns = np.ptp(table, axis=1).max() > 1e-9 * size
+        whole = hasattr(effect, "order") and abs(effect.order - round(effect.order)) < 1e-6
+        if size == 0.0 or (turns and (moves or not whole)):
+            rest.append(effect)
+        else:
+            (waves if turns or whole else friction).append(effect)
+    return waves, friction, rest
+
+
+def torque_of(effects: list[Effect], position: Array, velocity: Array) -> Array:
+    """The torque that some effects ask for, at positions and velocities that broadcast, in the model's units."""
+    return np.asarray(sum(e.value(position=position, velocity=velocity) for e in effects))
+
+
+def _rated(ratings: Ratings, unit: str) -> float | None:
+    """The rated torque in the unit of the tables: a current where the drive is one."""
+    if ratings.torque is None or unit != "A":
+        return ratings.torque
+    return None if ratings.constant is None else ratings.torque / ratings.constant
+
+
+def _rows(x: Array, y: Array) -> list[str]:
+    return [f"{a:.9g},{b:.9g}" for a, b in zip(x.tolist(), y.tolist(), strict=True)]
+
+
+def _both_ways(torque: Torque, speeds: Array) -> Array:
+    """Half of what the two directions differ by: a list of positive speeds serves both."""
+    return 0.5 * (torque(speeds) - torque(-speeds))
+
+
+def _tf5200(speeds: NDArray[np.int64], values: NDArray[np.int64]) -> list[str]:
+    """The compensation value list of an axis."""
+    lines = ["frict_comp.mode 3", f"frict_comp.table_entries {speeds.size}", "frict_comp.scaling_factor 1000"]
+    for i, (v, x) in enumerate(zip(speeds.tolist(), values.tolist(), strict=True)):
+        lines += [f"frict_comp.table[{i}].in {v}", f"frict_comp.table[{i}].out {x}"]
+    return lines
+
+
+def _three(torque: Torque, top: float) -> Array:
+    """Three speeds that tell most of a friction curve: next to rest, where it is least or bends most, and the top."""
+    v = top * np.geomspace(5e-3, 1, 60)
+    f = _both_ways(torque, v)
+    best = min(range(1, 59), key=lambda i: float(np.sum((np.interp(v, v[[0, i, -1]], f[[0, i, -1]]) - f) ** 2)))
+    return v[[0, best, -1]]
+
+
+def _over_a_turn(name: str, torque: Torque, entries: int, *, hold: bool) -> Left:
+    """A table read back at fine angles, an entry held until the next one or joined to it by a line."""
+    angle = np.arange(_FINE) * 2 * np.pi / _FINE
+    known = torque(angle)
+    at = angle * entries / (2 * np.pi)
+    table = torque(np.arange(entries) * 2 * np.pi / entries)
+    read = table[at.astype(int)] if hold else np.interp(at, np.arange(entries + 1), np.append(table, table[0]))
+    return Left(name, _rms(known), _rms(known - read))
+
+
+def _over_speed(name: str, torque: Torque, speeds: Array, top: float, read: Array) -> Left:
+    """A friction table read back at fine speeds of both directions; one of positive speeds serves both."""
+    fine = top * np.concatenate([-np.geomspace(1, 2e-3, 500), np.geomspace(2e-3, 1, 500)])
+    known = torque(fine)
+    table = np.interp(fine, speeds, read) if speeds[0] < 0 else np.sign(fine) * np.interp(np.abs(fine), speeds, read)
+    return Left(name, _rms(known), _rms(known - table))
+
+
+def _rms(x: Array) -> float:
+    return float(np.sqrt(np.mean(x**2)))

@@ -1,0 +1,189 @@
+"""What a number means: p-values from records that a model makes itself, and whether two explanations differ.
+
+Every decision of the gap workflow asks one of two questions, *is there an effect* and *which one*, and answers both
+by comparison with records that the fitted model makes itself (`whsklearn.gap.search`). The functions here are the
+statistics of that comparison; they know arrays only.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import gumbel_r, norm
+
+Array = NDArray[Any]
+
+# The spread of nine gains is itself known to a quarter. A gain of one superfluous number is half a chi-squared of one
+# degree of freedom a unit of log likelihood, whose largest of many has a Gumbel scale of 2: no spread is below that.
+LEAST_SCALE = 2.0
+VUONG_BLOCKS = 40  # a fortieth of a record: errors of neighbouring samples depend on each other, those of blocks hardly
+
+
+def n_effective(residual: Array, most: float = np.inf) -> float:
+    """Independent samples in a coloured residual, (sum S)^2 / sum S^2 of its spectrum S, at most ``most``.
+
+    Parameters
+    ----------
+    residual : ndarray of shape (n,)
+    most : float
+        Such as 2 f_c T of a filter that the residual has passed.
+
+    References
+    ----------
+    Bayley and Hammersley 1946, The "effective" number of independent observations in an autocorrelated time series,
+    Supplement to the JRSS 8(2), 184-197.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> white = np.random.default_rng(0).standard_normal(4000)
+    >>> 3600 < n_effective(white) < 4400
+    True
+    """
+    power = np.abs(np.fft.rfft(residual - residual.mean())[1:]) ** 2
+    total = float(power.sum())
+    if total <= 0.0:
+        return 1.0
+    # a periodogram has E P^2 = 2 S^2, and the real transform holds every second line: 2 * 2
+    return float(np.clip(4.0 * total**2 / float(power @ power), 1.0, min(most, residual.size)))
+
+
+def gain(before: float, after: float, n: float) -> float:
+    """g = n ln(RSS before / RSS after), twice the log likelihood ratio of ``n`` independent samples."""
+    return float(n * np.log(max(before, 1e-300) / max(after, 1e-300)))
+
+
+def p_value(g: float, null: Array, families: int = 1) -> float:
+    """Probability that the model's own records reach ``g``, times the number of families that were asked.
+
+    A Gumbel law with the moments of the null gains: each is the largest over a scan of shapes.
+
+    Parameters
+    ----------
+    g : float
+        Gain in the record.
+    null : ndarray of shape (m,)
+        Gains of the same scan in the model's own records.
+    families : int
+        Families asked (Bonferroni).
+
+    References
+    ----------
+    Gumbel 1958, Statistics of Extremes, Columbia University Press; Davison and Hinkley 1997, Bootstrap Methods and
+    their Application, Cambridge University Press, ch. 4.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> null = np.array([3.0, 5.0, 4.0, 6.0, 2.0, 4.0, 5.0, 3.0, 4.0])
+    >>> p_value(4.0, null) > 0.2, p_value(40.0, null, families=30) < 1e-4
+    (True, True)
+    """
+    null = np.asarray(null, dtype=float)
+    scale = max(float(np.std(null, ddof=1)) * np.sqrt(6.0) / np.pi if null.size > 1 else 0.0, LEAST_SCALE)
+    centre = float(np.mean(null)) - np.euler_gamma * scale
+    return float(min(1.0, families * gumbel_r.sf(g, centre, scale)))
+
+
+def vuong(worse: Array, better: Array) -> float:
+    """How surely one set of errors is the smaller: mean over standard error of the difference of 40 block sums.
+
+    Neither model need be right. A standard normal deviate where both are equally good.
+
+    Parameters
+    ----------
+    worse, better : ndarray of shape (n,)
+        Errors of the two models at the same samples.
+
+    References
+    ----------
+    Vuong 1989, Likelihood ratio tests for model selection and non-nested hypotheses, Econometrica 57(2), 307-333.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> rng = np.random.default_rng(0)
+    >>> e = rng.standard_normal(4000)
+    >>> vuong(e + 0.5, e) > 5.0, abs(vuong(e, e)) < 1e-9
+    (True, True)
+    """
+    size = max(1, worse.size // VUONG_BLOCKS)
+    n = worse.size // size
+    d = (worse[: n * size] ** 2 - better[: n * size] ** 2).reshape(n, size).sum(axis=1)
+    spread = float(np.std(d, ddof=1)) if n > 1 else 0.0
+    return float(np.mean(d) / (spread / np.sqrt(n))) if spread > 0.0 else 0.0
+
+
+def separable(lead: float, z: float, rival_leads: Array, alpha: float) -> bool:
+    """Whether the better of two explanations is the right one, at the level ``alpha``.
+
+    All must hold: the lead is worth 2 ln(1 / alpha) by itself, block by block it is no accident (Vuong), and records
+    that the *rival* makes give no such lead (Cox).
+
+    Parameters
+    ----------
+    lead : float
+        Gain of the better less the gain of the rival.
+    z : float
+        `vuong` of the two.
+    rival_leads : ndarray of shape (m,)
+        The same lead in records made by the rival; empty where none were made.
+    alpha : float
+
+    References
+    ----------
+    Cox 1962, Further results on tests of separate families of hypotheses, JRSS B 24(2), 406-424; Williams 1970,
+    Discrimination between regression models to determine the pattern of enzyme synthesis in synchronous cell
+    cultures, Biometrics 26(1), 23-32, for simulated records in its place.
+    """
+    if lead < 2.0 * np.log(1.0 / alpha) or z < norm.isf(alpha):
+        return False
+    return rival_leads.size == 0 or p_value(lead, rival_leads) <= alpha
+
+
+def coloured(power: Array, n: int, rng: np.random.Generator) -> Array:
+    """Gaussian noise of shape (n,) with the one-sided periodogram ``power`` of shape (n // 2 + 1,): random phases.
+
+    References
+    ----------
+    Theiler, Eubank, Longtin, Galdrikian and Farmer 1992, Testing for nonlinearity in time series: the method of
+    surrogate data, Physica D 58, 77-94.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> x = np.random.default_rng(0).standard_normal(1000)
+    >>> power = np.abs(np.fft.rfft(x)) ** 2
+    >>> bool(abs(np.std(coloured(power, 1000, np.random.default_rng(1))) / np.std(x) - 1) < 0.1)
+    True
+    """
+    size = np.sqrt(np.maximum(power, 0.0) / 2.0)
+    z = rng.standard_normal((2, power.size))
+    return np.asarray(np.fft.irfft(size * (z[0] + 1j * z[1]), n))
+
+
+# Lines either side at the least: a constant, and a wave that fits once into a record, must stand out of a band to be
+# told from slow noise.
+SLOWEST = 3
+
+
+def smoothed_power(x: Array) -> Array:
+    """Periodogram of shape (n // 2 + 1,), each line the mean over a band of half its own frequency.
+
+    A tone is spread over its band, so that noise of this spectrum has none; what is slow stays slow.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> power = smoothed_power(np.sin(2 * np.pi * 100 * np.arange(1000) / 1000))
+    >>> int(power.argmax()) in range(70, 140), bool(power.max() < 0.1 * 500.0**2)
+    (True, True)
+    """
+    power = np.abs(np.fft.rfft(x)) ** 2
+    line = np.arange(power.size)
+    half = np.maximum(SLOWEST, line // 4)
+    low, high = np.maximum(line - half, 0), np.minimum(line + half + 1, power.size)
+    total = np.concatenate([[0.0], np.cumsum(power)])
+    return (total[high] - total[low]) / (high - low)

@@ -1,0 +1,119 @@
+"""An axis's own records: what the fitted model would have logged in the same experiment, and what a look leaves of it.
+
+The model runs in the experiment again: the logged drive without what the model leaves unexplained, and a soft loop
+around the measured path, so that it passes the same places at the same speeds and turns where the axis turned.
+Filters, quantization and timing leave the same traces in both records (two records of one model correlate by 0.99
+behind the filters), so their mean is taken off, and what is left of the real record is what the model lacks: on a log
+of 30 s with nothing missing 2.2 % of the drive before, 0.2 % after, of which 0.19 % are the encoder's noise.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from whsklearn.gap.calibration import coloured, n_effective, smoothed_power
+from whsklearn.gap.plants import servo_evidence as rules
+from whsklearn.gap.plants.servo_columns import Signals as Motion
+from whsklearn.gap.plants.servo_model import AxisModel
+from whsklearn.systems._servo_kernel import DRIVE, MEASURED, N_SIGNALS, How, Signals, run
+from whsklearn.systems._servo_torques import DELAY, RESOLUTION
+
+Array = NDArray[Any]
+
+# Hz, of the soft loop: after a Stribeck curve is taken, 5 Hz leaves half of what 2 and 15 Hz leave (a slower loop lets
+# the axis stick longer than it did, a stiffer one takes the model's drive over)
+LOOP = 5.0
+LOST = 1.0  # half travels off the measured path: it is another experiment then
+N_RECORDS = 5  # whose mean is known to 0.45 of their own spread
+N_NULL = 15  # rows in which chance is looked at: the moments of a Gumbel law to a quarter
+FINE_STEP = 2.5e-4  # s, of an axis of one body: a quarter of the usual sample
+
+
+class Own(NamedTuple):
+    """What a model leaves of its own records behind the filters of a view.
+
+    Attributes
+    ----------
+    mean : ndarray of shape (n,)
+        The artefacts.
+    null : ndarray of shape (m, n)
+        What chance makes of a record in which nothing is missing, with the colour of what is not explained.
+    floor : float
+        Rms of what the encoder's noise leaves.
+    n_effective : float
+    """
+
+    mean: Array
+    null: Array
+    floor: float
+    n_effective: float
+
+
+def own_record(view: Any, model: AxisModel, rng: np.random.Generator, feed: Array, delay: float) -> Any:
+    """The record that the model leaves in the experiment of ``view``.
+
+    Parameters
+    ----------
+    feed : ndarray of shape (n,)
+        Drive to which the loop adds.
+    delay : float
+        Age of the drive in s where it acts; below zero the log has it late.
+    """
+    record, dt = view.record, view.scene.dt
+    w = 2 * np.pi * min(LOOP, 0.03 / dt)
+    quiet = view.quantum / np.sqrt(12)
+    sigma = np.sqrt(max(view.noise**2 - quiet**2, (0.3 * view.noise) ** 2))
+    plant = model.plant()
+    late = int(np.ceil(max(-delay, 0.0) / dt))
+    plant.parts[DELAY] = delay + late * dt
+    plant.parts[RESOLUTION] = view.quantum
+    out = np.zeros((N_SIGNALS, len(record)))
+    path, speed = view.motion.position, view.motion.velocity
+    signals = Signals(np.array([path, speed, feed]), sigma * rng.standard_normal(len(record)), np.zeros(0),
+                      np.zeros((2, 1)))  # fmt: skip
+    soft = (model.inertia * w * w, 0.0, 1.4 * model.inertia * w, 0.0, 1.0, np.inf, 0.0, 0.1 / w)
+    how = How(dt, max(1, int(np.ceil(dt / min(FINE_STEP, model.longest_step)))), closed=True)
+    run(out, plant, soft, signals, how, np.array([path[0], speed[0], path[0], speed[0]]))
+    drive, position = np.roll(out[DRIVE], late), out[MEASURED]
+    if not np.all(np.isfinite(position)) or np.abs(position - path).max() > LOST * view.scene.reach:
+        # a model that runs away even under a controller: the torque that it asks for along the measured path
+        motion = Motion(np.arange(len(record)) * dt, path, speed, np.gradient(speed, dt), record.drive)
+        asked = (t.effect.contribution(motion) for t in model.terms if t.effect.port in ("torque", "input"))
+        drive = model.inertia * motion.acceleration + sum(asked)
+        position = path + sigma * rng.standard_normal(len(record))
+    return dataclasses.replace(record, drive=drive, position=position)
+
+
+def own(view: Any, model: AxisModel, rng: np.random.Generator) -> tuple[Own, AxisModel]:
+    """(what the model leaves of its own records, the model corrected by what the same fit makes of its own numbers).
+
+    The correction is that of indirect inference (Gourieroux, Monfort and Renault 1993, J. Applied Econometrics 8,
+    S85-S118): a fit behind filters that finds an inertia too large by 1 % in the model's own record does so in the log.
+    """
+    bare = view.bare()
+    left, true = bare.gap(model, any_age=True), model.vector()
+    timing = min(bare.age(model), rules.LATEST * view.scene.dt)  # beyond it is a delay, which this model lacks
+    corrected, delay, feed = model, timing - view.scene.dt, view.record.drive - bare.spread(left)
+    for _ in range(2):
+        made = bare.beside(own_record(view, corrected, rng, feed, delay))
+        fitted = made.fit(model)
+        corrected = model.with_vector(np.clip(true + corrected.vector() - fitted.vector(), *model.bounds()))
+        delay += timing - min(made.age(fitted), rules.OLDEST)
+        feed = view.record.drive - bare.spread(left - made.gap(fitted, any_age=True))
+    gaps = []
+    for _ in range(N_RECORDS):
+        made = bare.beside(own_record(view, corrected, rng, feed, delay))
+        gaps.append(made.gap(made.fit(model), any_age=True))
+    rows = np.array(gaps)
+    mean = rows.mean(axis=0)
+    apart = (rows - mean) * np.sqrt(N_RECORDS / (N_RECORDS - 1.0))
+    rest = left - mean
+    power = smoothed_power(rest)
+    excess = np.maximum(power - np.mean([smoothed_power(a) for a in apart], axis=0), 0.0)
+    null = np.array([apart[k % N_RECORDS] + coloured(excess, rest.size, rng) for k in range(N_NULL)])
+    spread = coloured(power, rest.size, np.random.default_rng(0))  # its n is that of the smoothed spectrum
+    return Own(mean, null, float(np.sqrt(np.mean(apart**2))), n_effective(spread, view.n_effective)), corrected

@@ -1,0 +1,189 @@
+"""The look: what every family of effects would explain, to first order, in a record and in the model's own records.
+
+Near a fitted model all is linear: what is left is a vector, the model's own numbers span a plane of it, and an effect
+of given shape adds one column or a few.  So one scan answers both questions for a record and for any number of null
+records at once: project the plane out, and see how much of each vector the columns take.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from whsklearn.gap.calibration import p_value
+
+Array = NDArray[Any]
+
+# Share of a column that must be left beside the model's own: below it, rounding is all that is seen.
+VISIBLE = 1e-3
+# Of the power of two columns, added to the diagonal: a wave over less than a period is a line and a parabola.
+RIDGE = 1e-5
+
+
+@dataclass(frozen=True)
+class Family:
+    """One candidate with all shapes in which it is looked for.
+
+    Attributes
+    ----------
+    name : str
+        Canonical name of the effect; empty for the nameless basis.
+    blocks : callable
+        (tangent) -> triples of (shapes, columns, shares): s shapes, their columns of shape (n, s, k), and by how much
+        each makes the whole smaller than it was, shape (s,) (one, where nothing is taken off the drive).
+    start : callable
+        (shape, sizes of shape (k,)) -> what a refit starts from.
+    n_numbers : int
+        Free numbers, shape included.
+    positive : bool
+        Whether its one size must be positive.
+    offset : bool
+        Whether the columns are not scaled: the effect has no size of its own, it is there or it is not.
+    """
+
+    name: str
+    blocks: Callable[[Tangent], Iterable[tuple[Any, Array, Array | float]]]
+    start: Callable[[Any, Array], Any]
+    n_numbers: int = 1
+    positive: bool = False
+    offset: bool = False
+
+
+@dataclass(frozen=True)
+class Look:
+    """What one family explains at its best shape.
+
+    Attributes
+    ----------
+    name : str
+    gain : float
+        g = n ln(RSS without / RSS with) of the record.
+    null : ndarray of shape (m,)
+        The same of the model's own records, each at its own best shape.
+    start : object
+        What a refit starts from.
+    n_numbers : int
+    size : float
+        Rms of what it explains, in the unit of what is left.
+    visible : float
+        Share of its columns that is left beside the model's own numbers.
+    p_value : float
+        That chance reaches the gain, the number of families taken into account.
+    """
+
+    name: str
+    gain: float
+    null: Array = field(repr=False)
+    start: Any = None
+    n_numbers: int = 1
+    size: float = 0.0
+    visible: float = 1.0
+    p_value: float = 1.0
+
+    @property
+    def score(self) -> float:
+        """g - 2 mean g* (Ishiguro, Sakamoto and Kitagawa 1997, Ann. Inst. Stat. Math. 49(3), 411-434)."""
+        return self.gain - 2.0 * float(np.mean(self.null))
+
+
+@dataclass
+class Tangent:
+    """What a model leaves of a record, and of records of its own, beside its own columns.
+
+    Parameters
+    ----------
+    left : ndarray of shape (n,)
+        What the fitted model leaves of the record.
+    null : ndarray of shape (m, n)
+        What it leaves of records that it made itself.
+    columns : ndarray of shape (n, p)
+        Derivatives by its own numbers.
+    n : float
+        Independent samples among the n.
+    weight : ndarray of shape (n,), optional
+        Of every sample; zero where one is left out.
+    """
+
+    left: Array
+    null: Array
+    columns: Array
+    n: float
+    weight: Array | None = None
+
+    def __post_init__(self) -> None:
+        norm = np.linalg.norm(self.columns, axis=0)
+        used = norm > 1e-12 * max(float(norm.max(initial=0.0)), 1e-300)
+        scaled = self._weighted(self.columns[:, used] / norm[used])
+        self.plane: Array = np.linalg.qr(scaled)[0] if scaled.size else np.zeros((self.left.size, 0))
+        rows = self._weighted(np.vstack([self.left[None, :], self.null]).T)
+        self.rows = rows - self.plane @ (self.plane.T @ rows)  # (n, 1 + m), the record first
+        self.power = np.sum(self.rows**2, axis=0)
+
+    def _weighted(self, x: Array) -> Array:
+        return x if self.weight is None else x * self.weight.reshape(-1, *([1] * (x.ndim - 1)))
+
+    def taken(self, family: Family, columns: Array) -> tuple[Array, Array, Array]:
+        """What columns of s shapes take of every row.
+
+        Returns
+        -------
+        power : ndarray of shape (s, 1 + m)
+            That goes.
+        sizes : ndarray of shape (s, k)
+            Least-squares sizes in the record.
+        visible : ndarray of shape (s,)
+            Share of the columns beside the plane.
+        """
+        n, s, k = columns.shape
+        z = self._weighted(columns).reshape(n, s * k)
+        whole = np.sum(z**2, axis=0).reshape(s, k).sum(axis=1)
+        z = z - self.plane @ (self.plane.T @ z)
+        cross = (z.T @ self.rows).reshape(s, k, -1)
+        z = z.reshape(n, s, k)
+        gram = np.einsum("nsi,nsj->sij", z, z)
+        seen = np.trace(gram, axis1=1, axis2=2)
+        visible = np.sqrt(seen / np.maximum(whole, 1e-300))
+        ok = visible > VISIBLE
+        gram = gram + (RIDGE if k > 1 else 0.0) * seen[:, None, None] * np.eye(k) + 1e-300 * np.eye(k)
+        sizes = np.ones_like(cross) if family.offset else np.linalg.solve(gram, cross)
+        if family.offset:
+            power = 2.0 * cross.sum(axis=1) - gram.sum(axis=(1, 2))[:, None]
+        else:
+            power = np.einsum("ski,ski->si", sizes, cross)
+        if family.positive and k == 1:
+            power = np.where(sizes[:, 0, :] > 0.0, power, 0.0)
+        power[~ok] = 0.0
+        return np.clip(power, 0.0, (1.0 - 1e-12) * self.power), sizes[:, :, 0], visible
+
+    def look(self, family: Family) -> Look | None:
+        """The family at its best shape; None where it has no shape to look at."""
+        best = np.full(self.rows.shape[1], 0.0)
+        found: tuple[Any, Array] | None = None
+        seen = 0.0
+        for shapes, columns, shares in family.blocks(self):
+            if columns.shape[1] == 0 or not np.all(np.isfinite(columns)):
+                continue
+            power, sizes, visible = self.taken(family, columns)
+            # what is left counts as a share of the whole that there is: a limit takes off the drive and all with it
+            power = self.power - (self.power - power) / np.reshape(shares, (-1, 1)) ** 2
+            seen = max(seen, float(visible.max()))
+            i = int(np.argmax(power[:, 0]))
+            if found is None or power[i, 0] > best[0]:
+                found = shapes[i], sizes[i]
+            best = np.maximum(best, power.max(axis=0))
+        if found is None:
+            return None
+        gains = -self.n * np.log1p(-best / np.maximum(self.power, 1e-300))
+        start = family.start(*found)
+        size = float(np.sqrt(best[0] / self.left.size))
+        return Look(family.name, float(gains[0]), gains[1:], start, family.n_numbers, size, seen)
+
+
+def with_p_values(looks: list[Look]) -> list[Look]:
+    """The looks with their p-values, of as many families as were asked, the best score first."""
+    n = len(looks)
+    return sorted((replace(k, p_value=p_value(k.gain, k.null, n)) for k in looks), key=lambda k: -k.score)

@@ -1,0 +1,204 @@
+"""An arm from its log: base numbers with intervals, and how well each joint's drive is told on held-out blocks."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from whsklearn._threads import one_blas_thread
+from whsklearn.estimators.rls import RLSRegressor
+from whsklearn.lags.rigid_body import RigidBodyLags
+from whsklearn.models.arm import ArmModel
+from whsklearn.systems.arm import Arm
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import ArrayLike, NDArray
+
+    Array = NDArray[np.float64]
+
+BLOCKS = 10  # of a record, one after the other; every second one is held out, and then the others
+
+
+@dataclass(frozen=True)
+class ArmFit:
+    """What `identify_arm` found.
+
+    Attributes
+    ----------
+    model : ArmModel
+    lags : RigidBodyLags
+        As fitted: filter, base columns, weights of the joints.
+    missing : dict of str to float
+        For each joint, the rms error on held-out blocks as a share of its rms drive, slow samples left out.
+    alone : dict of str to float
+        The same where the joint is an axis of its own: inertia, friction, offset.
+    nominal : dict of str to float
+        Base numbers by the robot's file; none where it names no mass.
+    covariance : ndarray of shape (b, b)
+        Of the base numbers.
+
+    References
+    ----------
+    Swevers, Verdonck and De Schutter 2007, IEEE Control Systems Magazine 27(5), 58-71, on validation.
+
+    Examples
+    --------
+    >>> from whsklearn.datasets import default_arm, make_arm_log
+    >>> from whsklearn.identification import identify_arm
+    >>> q, torque = make_arm_log(duration=12.0, return_arrays=True)
+    >>> found = identify_arm(q, torque, dt=0.002, robot=default_arm())
+    >>> 10 * found.missing["pitch"] < found.alone["pitch"]
+    True
+    """
+
+    model: ArmModel
+    lags: RigidBodyLags
+    missing: dict[str, float]
+    alone: dict[str, float]
+    nominal: dict[str, float]
+    covariance: Array
+
+
+@one_blas_thread
+def identify_arm(position: ArrayLike, drive: ArrayLike, *, dt: float, robot: Any, **settings: Any) -> ArmFit:
+    """Fit an arm to a record of all its joints.
+
+    Parameters
+    ----------
+    position, drive : array-like of shape (n, n_joints)
+        In rad and Nm (m and N where a joint slides), in the order of the robot's joints.
+    dt : float
+        Sampling time (s).
+    robot : Arm, or path of a URDF, MJCF or model file
+    **settings
+        Of `RigidBodyLags`: ``law``, ``effects``, ``cutoff``, ``slow``.
+
+    Raises
+    ------
+    ValueError
+        If the record or the robot cannot be used.
+    """
+    q, torque = np.asarray(position, dtype=float), np.asarray(drive, dtype=float)
+    lags = RigidBodyLags(robot, sample_rate=1.0 / dt, **settings)
+    phi, target, keep = lags.joint_rows(q, torque)
+    for text in (*suspicions(lags.arm_, q, torque), *swapped(lags.arm_.joints, phi, target, keep)):
+        warnings.warn(text, UserWarning, stacklevel=2)
+    weights = lags.weights_ = lags._weights(phi, target, keep)
+    theta, covariance = fitted(phi, target, keep, weights)
+    names = lags.base_.names
+    errors = dict(zip(names, np.sqrt(np.maximum(np.diag(covariance), 0.0)).tolist(), strict=True))
+    arm = lags.arm_
+    single = all(axis in arm.joints for axis in lags._axes)
+    model = ArmModel(
+        lags.interpret(theta, covariance) if single else arm, dict(zip(names, theta.tolist(), strict=True)), dt=dt,
+        logged="position", standard_errors=errors, units={"input": "Nm", "output": "rad"},
+    )  # fmt: skip
+    joint_names = arm.joints
+    return ArmFit(
+        model, lags, dict(zip(joint_names, held_out(phi, target, keep, weights).tolist(), strict=True)),
+        {j: one_axis(lags, k, q, torque) for k, j in enumerate(joint_names)}, nominal_numbers(lags), covariance,
+    )  # fmt: skip
+
+
+def fitted(phi: Array, target: Array, keep: NDArray[np.bool_], weights: Array) -> tuple[Array, Array]:
+    """Weights of the columns and their covariance, by weighted least squares over the rows that count."""
+    model = RLSRegressor().fit((phi * weights[:, None])[keep], (target * weights)[keep])
+    return model.theta_, model.covariance_
+
+
+def held_out(phi: Array, target: Array, keep: NDArray[np.bool_], weights: Array) -> Array:
+    """For each joint the rms error on blocks that were not fitted, as a share of its rms drive there; (n_joints,)."""
+    block = np.arange(len(phi)) * BLOCKS // len(phi)
+    left, whole = np.zeros(target.shape[1]), np.zeros(target.shape[1])
+    for fold in range(2):
+        test = block % 2 == fold
+        theta, _ = fitted(phi[~test], target[~test], keep[~test], weights)
+        error = np.where(keep, target - phi @ theta, 0.0)[test]
+        left += np.sum(error**2, axis=0)
+        whole += np.sum(np.where(keep, target, 0.0)[test] ** 2, axis=0)
+    return np.asarray(np.sqrt(left / np.where(whole > 0.0, whole, np.inf)))
+
+
+def one_axis(lags: RigidBodyLags, joint: int, q: Array, torque: Array) -> float:
+    """`held_out` of one joint as an axis of its own, behind the same filter; NaN where it does not move."""
+    arm = lags.arm_
+    alone = Arm([arm.joints[joint]], [-1], [False], [np.eye(3)], [[0, 0, 0]], [[0, 0, 1]], gravity=(0, 0, 0))
+    own = RigidBodyLags(alone, lags.sample_rate, law=lags.law, cutoff=lags.cutoff_, slow=lags.slow)
+    try:
+        rows = own.joint_rows(q[:, [joint]], torque[:, [joint]])
+    except ValueError:
+        return float("nan")
+    return float(held_out(*rows, own._weights(*rows))[0])
+
+
+def nominal_numbers(lags: RigidBodyLags) -> dict[str, float]:
+    """Base numbers by the robot's file: links, motors' inertia, damping and dry friction; none without a mass."""
+    arm = lags.arm_
+    if not arm.inertial[:, 0].any():
+        return {}
+    return dict(zip(lags.base_.names, lags.weights_of(arm).tolist(), strict=True))
+
+
+FAR = 4.0 * np.pi  # rad: no limb turns further, degrees do at once
+UNLIKE = 30.0  # times the drive that the file's masses need: an ampere in mA is 1,000, gear ratios are up to 300
+CLEARLY = 0.25  # of what is left of the drives: half the error at the joints that another order moves
+
+
+def suspicions(arm: Arm, q: Array, torque: Array) -> list[str]:
+    """Sentences about what a log that cannot be meant so looks like: degrees, mA.
+
+    Parameters
+    ----------
+    arm : Arm
+    q, torque : ndarray of shape (n, n_joints)
+    """
+    out = []
+    far = [j for j, x, slides in zip(arm.joints, q.T, arm.slides, strict=True) if not slides and np.ptp(x) > FAR]
+    if far:
+        out.append(f"{', '.join(far)} travels more than two turns; if positions are in degrees, give position=deg.")
+    if not arm.inertial[:, 0].any():
+        return out
+    rest = np.zeros_like(q)
+    gravity = arm.inverse_dynamics(q, rest, rest, effects=False)
+    needed, there = np.sqrt(np.mean(gravity**2, axis=0)), np.sqrt(np.mean(torque**2, axis=0))
+    heavy = needed > 0.2 * needed.max() if needed.max() > 0 else np.zeros(len(needed), dtype=bool)
+    if not far and heavy.any() and np.median(there[heavy] / needed[heavy]) > UNLIKE:
+        times = float(np.median(there[heavy] / needed[heavy]))
+        out.append(
+            f"The drives are {times:.0f} times what gravity asks of the file's masses; "
+            "if they are currents in mA, or counts, convert them to Nm."
+        )
+    return out
+
+
+def swapped(joints: Sequence[str], phi: Array, target: Array, keep: NDArray[np.bool_]) -> list[str]:
+    """A sentence where the columns of the joints tell the drives far better in another order; else none.
+
+    Parameters
+    ----------
+    joints : sequence of str
+    phi, target, keep
+        As `RigidBodyLags.joint_rows` makes them.
+    """
+    from scipy.optimize import linear_sum_assignment
+
+    n = len(joints)
+    left = np.ones((n, n))  # of each drive (column), as a share, by the columns of each joint (row)
+    for j in range(n):
+        rows = phi[keep[:, j], j]
+        rows = rows[:, np.any(rows != 0.0, axis=0)]
+        if len(rows) > 2 * rows.shape[1]:
+            scaled, drives = rows / np.linalg.norm(rows, axis=0), target[keep[:, j]]
+            error = drives - scaled @ np.linalg.lstsq(scaled, drives, rcond=1e-9)[0]
+            left[j] = np.sum(error**2, axis=0) / np.sum(drives**2, axis=0)
+    order = linear_sum_assignment(left)[1]
+    moved = np.flatnonzero(order != np.arange(n))
+    if not moved.size or left[moved, order[moved]].sum() > CLEARLY * left[moved, moved].sum():
+        return []
+    pairs = ", ".join(f"{joints[j]} by that given for {joints[order[j]]}" for j in map(int, moved))
+    return [f"The drives fit far better in another order ({pairs}); check the columns of these joints."]

@@ -1,0 +1,112 @@
+"""A current is no torque: the constant between them is asked for, and what is not known of it is carried along."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import Any, NamedTuple
+
+from whsklearn.logs.errors import ColumnError
+from whsklearn.logs.roles import words_of
+from whsklearn.logs.units import UNKNOWN, factor_of
+
+_CURRENT = {"current", "strom", "iq", "ampere", "amps"}
+_EFFORT = {"effort", "load", "pwm"}
+_FORM = re.compile(r"\s*([0-9.]+(?:e[+-]?\d+)?)\s*(?:(?:\+-|\+/-|±)\s*([0-9.]+(?:e[+-]?\d+)?))?\s*", re.IGNORECASE)
+
+
+class TorqueConstant(NamedTuple):
+    """Nm (or N) for each ampere, and its standard deviation.
+
+    Examples
+    --------
+    >>> TorqueConstant.of("0.12+-0.01"), TorqueConstant.of(0.5).relative
+    (TorqueConstant(value=0.12, deviation=0.01), 0.0)
+    """
+
+    value: float
+    deviation: float = 0.0
+
+    @property
+    def relative(self) -> float:
+        """Standard deviation as a share of the value."""
+        return self.deviation / self.value
+
+    @classmethod
+    def of(cls, given: Any) -> TorqueConstant:
+        """The constant from a number, a pair, or text such as ``0.12+-0.01``.
+
+        Raises
+        ------
+        ValueError
+            If it is none of these, or not positive.
+        """
+        try:
+            if isinstance(given, str):
+                found = _FORM.fullmatch(given)
+                numbers = tuple(float(x) for x in found.groups() if x) if found else ()
+            else:
+                numbers = tuple(float(x) for x in (given if isinstance(given, tuple | list) else (given,)))
+        except (TypeError, ValueError):
+            numbers = ()
+        if not 1 <= len(numbers) <= 2 or not all(map(math.isfinite, numbers)) or numbers[0] <= 0 or numbers[-1] < 0:
+            raise ValueError(
+                f"The torque constant is {given!r}; expected Nm for each ampere and its standard deviation, such as "
+                "0.12+-0.01."
+            )
+        return cls(*numbers)
+
+
+def factor_to_torque(constant: TorqueConstant, unit: str, column: str) -> float:
+    """What turns the drive into Nm (or N); a drive without a known unit is taken for amperes.
+
+    Raises
+    ------
+    ColumnError
+        If the drive is no current.
+
+    Examples
+    --------
+    >>> factor_to_torque(TorqueConstant(0.12), "mA", "i")
+    0.00012
+    """
+    factor, si = factor_of(unit)
+    if si not in ("A", UNKNOWN):
+        raise ColumnError(
+            f"A torque constant was given, and the drive, column {column!r}, is in {unit}; leave the constant out, or "
+            "name the column of the current."
+        )
+    return constant.value * factor
+
+
+def is_current(column: str, unit: str) -> bool:
+    """Whether a column holds a current, by its unit or, without one, by its name.
+
+    Examples
+    --------
+    >>> is_current("i_q", UNKNOWN), is_current("u", "mA"), is_current("torque", "Nm")
+    (True, True, False)
+    """
+    si = factor_of(unit)[1]
+    return si == "A" or (si == UNKNOWN and bool(_CURRENT & set(words_of(column))))
+
+
+def doubt(column: str, unit: str) -> str:
+    """What has to be asked before a column that nobody named is taken for the drive; nothing for a torque or a voltage.
+
+    Examples
+    --------
+    >>> doubt("torque", UNKNOWN), doubt("effort [Nm]", "Nm")
+    ('', '')
+    """
+    if is_current(column, unit):
+        return (
+            f"Column {column!r} is a current and no torque. For results in Nm add --torque-constant 0.12+-0.01 (Nm for "
+            f"each A, and its standard deviation); for results in amperes name it, --drive {column!r}."
+        )
+    if factor_of(unit)[1] == UNKNOWN and _EFFORT & set(words_of(column)):
+        return (
+            f"Column {column!r} may be a torque, a current or a share of either. Name it and its unit: --drive "
+            f"{column!r} --unit drive=Nm (or A, with --torque-constant; or %)."
+        )
+    return ""

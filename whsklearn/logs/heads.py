@@ -1,0 +1,178 @@
+"""What stands above a table: names and units in one row or in stacked ones, time columns, and the clock.
+
+Controllers write a head of ``key; value`` lines (ctrlX, CODESYS) or a block of labelled rows, one of which holds the
+names (TwinCAT Scope), and give each channel a time column of its own.  Scripts put names and clock into comments.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import NamedTuple
+
+from whsklearn.logs.cells import is_number
+from whsklearn.logs.units import symbol_of
+
+COMMENTS = ("#", "%", "//", "!")
+_NAMES = {"name", "names", "signal", "signals", "channel", "channels", "variable", "variables", "kanal", "signalname"}
+_UNITS = {"unit", "units", "einheit", "einheiten", "dimension"}
+_TIME = {"time", "timestamp", "timestamps", "zeit", "zeitstempel", "t"}
+_TICKS = {"tick", "ticks"}
+_ODRIVE = 8000.0  # Hz; the loop of an ODrive v3, whose scripts log its ticks
+_SECONDS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+_HERTZ = {"hz": 1.0, "khz": 1e3, "mhz": 1e6, "1/s": 1.0, "s/s": 1.0, "sps": 1.0}
+_RATE = re.compile(r"(\d+(?:[.,]\d+)?)\s*([kM]?)Hz\b", re.IGNORECASE)
+_PERIOD = re.compile(
+    r"\W*(?:(?:sampl\w*|cycle|task|scan|trace|recording|abtast|zyklus)[\s_-]*"
+    r"(?:time|period|interval\w*|zeit|rate|frequen\w*)|d?ts?|fs|interval)"
+    r"\s*(?:[\[(]\s*([^\])]+?)\s*[\])])?\s*[;:=,\t ]\s*(?=\S)",
+    re.IGNORECASE,
+)
+_VALUE = re.compile(r"\"?(\d+(?:[.,]\d+)?(?:e[+-]?\d+)?)\s*([a-z1µμ/]+)?\"?", re.IGNORECASE)
+
+
+class Head(NamedTuple):
+    """Names and units of the columns, and for each column the place of its time column where there are several."""
+
+    names: list[str] | None
+    units: list[str] | None
+    clocks: list[int] | None = None
+
+
+def headings(above: list[list[str]], width: int) -> Head | None:
+    """The head that rows of words above a table of `width` columns make; None if they make none.
+
+    Parameters
+    ----------
+    above : list of list of str
+        Cells of the rows, from the top of the file to the first row of data.
+    width : int
+        Columns of the table.
+
+    Examples
+    --------
+    >>> head = headings([["Name", "q", "Name", "i"], ["Unit", "deg", "Unit", "A"], ["Port", "851", "Port", "851"]], 4)
+    >>> head.names, head.units, head.clocks
+    (['time', 'q', 'time.2', 'i'], ['', 'deg', '', 'A'], [0, 0, 2, 2])
+    >>> headings([["Rig 7", ""], ["t", "q"], ["ms", "deg"]], 2)[:2]
+    (['t', 'q'], ['ms', 'deg'])
+    """
+    labelled = [c for c in above if _label(c) in _NAMES and len(c) in (width, width + 1)]
+    rows = [c for c in above if len(c) == (len(labelled[-1]) if labelled else width)]
+    if labelled and len(above) > 1:
+        names = labelled[-1]
+        told = [_unit(u) for u in next((c for c in reversed(rows) if _label(c) in _UNITS), [""] * len(names))]
+        times = [i for i, n in enumerate(names) if n == names[0]]
+        ms = "ms" if any(_label(c).startswith(("sampletime[ms]", "symbolbased")) for c in rows) else ""
+        names = ["time" if i in times else n for i, n in enumerate(names)]
+        told = [ms if i in times else u for i, u in enumerate(told)]
+        drop = len(names) - width  # labels above a table without a column of time
+        return Head(unique(names[drop:]), told[drop:], None if drop else _clocks(times, width))
+    if not rows:
+        return None
+    last = max((i for i, c in enumerate(rows) if _all_units(c)), default=0)
+    names, units = (rows[last - 1], rows[last]) if last else (rows[-1], None)
+    return Head(unique(names), [_unit(u) for u in units] if units else None, _clocks(_times(names), width))
+
+
+def commented(lines: list[str], width: int) -> list[str] | None:
+    """The names that a comment holds, as ``numpy.savetxt`` and scripts for MATLAB write them."""
+    for line in reversed(lines):
+        if line.lstrip().startswith(COMMENTS):
+            text = line.strip().lstrip("#%/! ").rstrip(";, ")
+            for separator in (r"\s*[,;\t|]\s*", r"\s+"):
+                cells = re.split(separator, text)
+                if len(cells) == width > 1 and not any(is_number(c) for c in cells):
+                    return unique(cells)
+    return None
+
+
+def period_in(lines: list[str]) -> float | None:
+    """Seconds from sample to sample, where a line above the table says so with its unit.
+
+    Examples
+    --------
+    >>> period_in(["Device; drive 1", "Sampling time; 250 us"]), period_in(["Samples: 300"])
+    (0.00025, None)
+    >>> period_in(["# sample rate [kHz] = 2"])
+    0.0005
+    """
+    for line in lines:
+        line = line.strip().lstrip("#%/! ")
+        if (key := _PERIOD.match(line)) is None:
+            continue
+        cells = {c.strip() for c in re.split(r"[;\t]|,\s|,$", line[key.end() :])}
+        values = [v for v in map(_VALUE.fullmatch, cells - {"", line[: key.end()].strip()}) if v is not None]
+        if len(values) != 1:  # channels of several rates
+            continue
+        unit = (key[1] or values[0][2] or "").lower().replace("µ", "u").replace("μ", "u")
+        value = float(values[0][1].replace(",", "."))
+        if value > 0 and unit in _SECONDS:
+            return value * _SECONDS[unit]
+        if value > 0 and unit in _HERTZ:
+            return 1.0 / (value * _HERTZ[unit])
+    return None
+
+
+def ticks_in(lines: list[str], names: list[str]) -> tuple[int, float | None] | None:
+    """Which column counts ticks, and how many make a second, None where nothing says so; None without such a column.
+
+    Examples
+    --------
+    >>> ticks_in(["% ODrive, time in ticks of 8 kHz"], ["0", "1", "2"]), ticks_in([], ["ticks", "q"])
+    ((0, 8000.0), (0, None))
+    >>> ticks_in(["% 8 kHz"], ["time_ms", "q"]) is None
+    True
+    """
+    said = [t for t in lines if _TICKS & set(_words(t))]
+    column = next((i for i, n in enumerate(names) if _TICKS & set(_words(n))), None)
+    if column is None and said:
+        column = next((i for i, n in enumerate(names) if _TIME & set(_words(n))), 0)
+    if column is None or (
+        len(said) == 0 and _words(names[column])[-1] not in _TICKS and not _RATE.search(names[column])
+    ):
+        return None
+    for text in [names[column], *said, *lines]:
+        if (rate := _RATE.search(text)) is not None:
+            return column, float(rate[1].replace(",", ".")) * {"": 1.0, "k": 1e3, "m": 1e6}[rate[2].lower()]
+    return column, _ODRIVE if any("odrive" in t.lower() for t in lines) else None
+
+
+def unique(names: list[str]) -> list[str]:
+    """Names without blanks or doubles."""
+    out: list[str] = []
+    for i, name in enumerate(names):
+        name = name or f"column {i}"
+        out.append(name if name not in out else f"{name}.{i}")
+    return out
+
+
+def _label(cells: list[str]) -> str:
+    return cells[0].strip(" :").lower() if cells else ""
+
+
+def _words(text: str) -> list[str]:
+    return re.findall(r"[a-z]+", text.lower()) or [""]
+
+
+def _unit(text: str) -> str:
+    return symbol_of(text.partition(" (")[0].strip("[]() ")) or ""
+
+
+def _all_units(cells: list[str]) -> bool:
+    """Whether every cell is a unit or blank, and most are units; the first may say that they are."""
+    known = [symbol_of(c.strip("[]() ")) is not None or c.lower() in _UNITS for c in cells]
+    return sum(known) * 2 > len(cells) and all(k or len(c) <= 6 for k, c in zip(known, cells, strict=True))
+
+
+def _times(names: list[str]) -> list[int]:
+    """The columns of time, where there is one for each column or group: one name again and again, or every other."""
+    times = [i for i, n in enumerate(names) if _TIME & set(_words(n))]
+    again = len({names[i] for i in times}) == 1 < len(times)
+    return times if again or (len(times) > 1 and times == list(range(0, len(names), 2))) else []
+
+
+def _clocks(times: list[int], width: int) -> list[int] | None:
+    """For each column its time column, the next one to the left; None unless the first column begins several."""
+    if len(times) < 2 or times[0] != 0:
+        return None
+    return [max(t for t in times if t <= i) for i in range(width)]

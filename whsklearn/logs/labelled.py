@@ -1,0 +1,76 @@
+"""Logs whose every line names its numbers, as sketches for an Arduino print them: ``Time: 5001 Position: 595``."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+
+from whsklearn.logs.errors import LogError
+from whsklearn.logs.packed import DAMAGE, opened
+from whsklearn.logs.source import Column, Source
+
+_PAIR = (
+    r"([A-Za-z_\u00b5\u03bc][\w .\[\]()/\u00b0\u00b5\u03bc-]*?)\s*[:=]\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)"
+)
+_PAIRS = re.compile(_PAIR)
+_UNIT = r"(?:\s?(?:[a-zA-Z%\u00b0\u00b5]{1,5}(?:/s)?)(?=[,;\s|]|$))?"
+_LINE = re.compile(rf"(?:{_PAIR}{_UNIT}\s*[,;|]?\s*)+")
+_MONITOR = re.compile(r"^[\d:.]+\s*->\s*")  # the time of day that the serial monitor writes before each line
+_MOST = 0.8  # share of the first lines that name their numbers; the others are greetings of the sketch
+_FEWEST = 3
+
+
+def is_labelled(head: bytes) -> bool:
+    r"""Whether the lines of a text name their numbers.
+
+    Examples
+    --------
+    >>> is_labelled(b"ready\\nTime: 5001 Position: 595\\nTime: 5011 Position: 597\\nTime: 5021 Position: 601\\n")
+    True
+    >>> is_labelled(b"Samples: 3\\nDevice: rig 7\\nt,q\\n0,1\\n1,2\\n2,3\\n")
+    False
+    """
+    text = head.decode("utf-8", errors="replace")
+    lines = [t for t in text[: text.rfind("\n") + 1].splitlines() if t.strip()][:50]
+    labels = [_labels(t) for t in lines]
+    usual, count = Counter(filter(None, labels)).most_common(1)[0] if any(labels) else ((), 0)
+    return bool(usual) and count >= max(_FEWEST, _MOST * (len(lines) - 5))
+
+
+def open_labelled(path: Path) -> Source:
+    """A text of named numbers as a source of columns; lines that hold other names are left out.
+
+    Raises
+    ------
+    LogError
+        If it is damaged.
+    """
+    try:
+        with opened(path) as file:
+            lines = file.read().decode("utf-8-sig", errors="replace").splitlines()
+    except DAMAGE as error:
+        raise LogError(f"{path.name} is no whole archive ({error}); copy or pack it again.") from None
+    labels = [_labels(t) for t in lines]
+    names = Counter(filter(None, labels)).most_common(1)[0][0]
+    kept = [
+        [float(v) for _, v in _PAIRS.findall(_MONITOR.sub("", t))]
+        for t, n in zip(lines, labels, strict=True)
+        if n == names
+    ]
+    table = np.array(kept)
+    notes = [f"Each line names its numbers: {', '.join(names)}."]
+    left = sum(bool(t.strip()) for t in lines) - len(kept)
+    if left:
+        notes.append(f"{left} line(s) that name other numbers, or none, were left out.")
+    return Source(
+        path.name, list(names), lambda wanted: {w: Column(table[:, names.index(w)]) for w in wanted}, notes=notes
+    )
+
+
+def _labels(line: str) -> tuple[str, ...]:
+    """The names in a line that holds named numbers and nothing else."""
+    text = _MONITOR.sub("", line.strip())
+    return tuple(n.strip() for n, _ in _PAIRS.findall(text)) if _LINE.fullmatch(text) else ()

@@ -1,0 +1,77 @@
+"""Whether two records hold the same samples: a test on what was fitted tests nothing."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    Array = NDArray[np.float64]
+
+# Samples in a row in which every signal agrees.  Two runs of one reference differ by their noise: where nine samples in
+# ten of a coarse encoder agree by chance, one window in 40,000 does, and the drive has to agree beside it.
+RUN = 100
+NEAR = 1e-3  # of the deviation of a signal's steps: what other units, other digits and rounding leave
+DISTINCT = 0.5  # of the samples of a run must differ: an axis at rest is the same in every record
+
+
+def shared_run(first: ArrayLike, second: ArrayLike) -> tuple[int, int, int] | None:
+    """(start in the first, start in the second, length) of a run of samples that both records hold; None without one.
+
+    Contents are compared, not names: a copy, a part of the other record, or a record that begins before its end.
+
+    Parameters
+    ----------
+    first, second : array-like of shape (n, k) and (m, k)
+        Signals of the two records, in the same units.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> rng = np.random.default_rng(0)
+    >>> record = rng.standard_normal((1000, 2))
+    >>> shared_run(record, record[400:900]), shared_run(record, rng.standard_normal((1000, 2)))
+    ((400, 0, 500), None)
+    """
+    a, b = (np.atleast_2d(np.asarray(x, dtype=float)) for x in (first, second))
+    if min(len(a), len(b)) < RUN:
+        return None
+    near = np.array([_near(x, y) for x, y in zip(a.T, b.T, strict=True)])
+    finest = int(np.argmax([np.unique(np.round(x / t)).size for x, t in zip(a.T, near, strict=True)]))
+    order = np.argsort(a[:, finest], kind="stable")
+    keys = a[order, finest]
+    for start in range(0, len(b) - RUN + 1, RUN // 2):
+        window = b[start : start + RUN]
+        if len(np.unique(np.round(window / near), axis=0)) < DISTINCT * RUN:
+            continue
+        low, high = np.searchsorted(keys, window[0, finest] + near[finest] * np.array([-1.0, 1.0]))
+        places = order[low:high]
+        places = places[places <= len(a) - RUN]
+        for k in range(RUN):
+            if not places.size:
+                break
+            places = places[np.all(np.abs(a[places + k] - window[k]) <= near, axis=1)]
+        if places.size:
+            return _whole(a, b, int(places.min()), start, near)
+    return None
+
+
+def _near(x: Array, y: Array) -> float:
+    """How far two readings of one sample may lie apart."""
+    steps = [np.diff(np.unique(s)) for s in (x, y)]
+    finest = [float(s.min()) if s.size else 0.0 for s in steps]  # of a lattice its step
+    return max(0.51 * max(finest), NEAR * float(np.std(np.diff(y))), 1e-9 * float(np.ptp(y)), 1e-300)
+
+
+def _whole(a: Array, b: Array, i: int, j: int, near: Array) -> tuple[int, int, int]:
+    """A run from its first to its last sample."""
+    back = min(i, j)
+    same = np.all(np.abs(a[i - back : i] - b[j - back : j]) <= near, axis=1)
+    back = int(np.argmin(same[::-1])) if not same.all() else back
+    i, j = i - back, j - back
+    n = min(len(a) - i, len(b) - j)
+    same = np.all(np.abs(a[i : i + n] - b[j : j + n]) <= near, axis=1)
+    return i, j, n if same.all() else int(np.argmin(same))

@@ -1,0 +1,122 @@
+"""Signals that are spread over files, one a signal, or over rows, those of several motors told apart by a number."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from whsklearn.logs.errors import ColumnError, LogError
+from whsklearn.logs.roles import guess, words_of
+from whsklearn.logs.source import Column, Source
+from whsklearn.logs.timebase import on_one_clock
+from whsklearn.logs.units import unit_of
+
+_TEXTS = {".csv", ".txt", ".tsv", ".dat", ".log", ".asc"}
+_MOTOR = "(motor|joint|axis|servo|actuator|drive|node|can|canopen|device|dev|slave)"
+_ID = re.compile(rf"({_MOTOR}_?)?(id|no|nr|number|num|index|name|addr|address)|{_MOTOR}")
+_MOST_MOTORS = 64
+_FEWEST_ROWS = 3
+
+
+def by_motor(source: Source) -> Source:
+    """The columns of each motor, ``position.2``, where a column tells whose a row is; else the source itself.
+
+    Examples
+    --------
+    >>> table = {"t": [0, 0, 1, 1, 2, 2], "id": [1, 2] * 3, "q": [0.0, 5.0, 0.1, 5.1, 0.2, 5.2]}
+    >>> rows = Source("a.csv", list(table), lambda wanted: {w: Column(np.array(table[w])) for w in wanted})
+    >>> motors = by_motor(rows)
+    >>> motors.names, motors.fetch(["t", "q.2"])["q.2"].values
+    (['t', 'q.1', 'q.2'], array([5. , 5.1, 5.2]))
+    """
+    column = next((n for n in source.names if _ID.fullmatch("_".join(words_of(n)))), None)
+    if column is None or not source.header:
+        return source
+    ids = _ids(source.fetch([column])[column].values)
+    numbers, counts = np.unique(ids, return_counts=True) if ids is not None else (np.empty(0), np.empty(0))
+    if ids is None or not 2 <= numbers.size <= _MOST_MOTORS or counts.min() < _FEWEST_ROWS:
+        return source
+    times = [n for n in source.names if guess(Source("", [n], source.fetch, units=source.units), "time")]
+    shared = times[:1]
+    where = {f"{n}.{i}": (n, i) for n in source.names if n not in (column, *shared) for i in numbers.tolist()}
+
+    def fetch(wanted: Sequence[str]) -> dict[str, Column]:
+        motors = {where[w][1] for w in wanted if w in where}
+        if len(motors) > 1:
+            raise ColumnError(
+                f"{source.name}: {', '.join(w for w in wanted if w in where)} belong to several motors; name columns "
+                "of one."
+            )
+        rows = ids == next(iter(motors)) if motors else np.ones(ids.size, dtype=bool)
+        read = source.fetch([where[w][0] if w in where else w for w in wanted])
+        return {w: (c := read[where[w][0] if w in where else w])._replace(values=c.values[rows]) for w in wanted}
+
+    units = {w: source.units.get(n) or unit_of(n, "") for w, (n, _) in where.items()}
+    units |= {n: source.units[n] for n in shared if n in source.units}
+    notes = [*source.notes, f"The rows of {numbers.size} motors are told apart by column {column!r}."]
+    return Source(source.name, [*shared, *where], fetch, units={w: u for w, u in units.items() if u}, notes=notes)
+
+
+def _ids(values: Any) -> Any:
+    """Whose each row is, as text; None where the column holds measurements."""
+    if values.dtype.kind in "fiu":
+        whole = np.isfinite(values) & (values == np.round(values))
+        return np.array([f"{v:.0f}" for v in values]) if whole.all() else None
+    return values.astype(str) if values.dtype.kind in "OUS" else None
+
+
+def open_folder(path: Path, opener: Callable[[Path], Source]) -> Source:
+    """A folder of text tables, one a signal, each with its time or none: columns are called as the files are.
+
+    Raises
+    ------
+    LogError
+        If there is no table, only some have a time, or their times are in different units.
+    """
+    files = sorted(f for f in path.iterdir() if f.is_file() and f.suffix.lower() in _TEXTS and f.name[0] != ".")
+    if not files:
+        raise LogError(
+            f"{path} is a folder with no table of text, no ROS 2 bag (metadata.yaml) and no LeRobot data set "
+            "(meta/info.json); give the file of a log, or a folder with a CSV for each signal."
+        )
+    where: dict[str, tuple[Source, str, str | None]] = {}
+    units: dict[str, str] = {}
+    for file in files:
+        source = opener(file)
+        time = _time_of(source)
+        values = [n for n in source.names if n != time]
+        for name in values:
+            called = file.stem if len(values) == 1 else f"{file.stem}.{name}"
+            where[called] = (source, name, time)
+            units[called] = source.units.get(name) or unit_of(name, "") or unit_of(called, "")
+    timed = {time is not None for _, _, time in where.values()}
+    clocks = {unit_of(t, s.units.get(t, "")) if not s.units.get(t) else s.units[t] for s, _, t in where.values() if t}
+    if len(timed) > 1 or len(clocks) > 1:
+        raise LogError(
+            f"The files of {path.name} differ in their time ({', '.join(sorted(clocks)) or 'some have none'}); export "
+            "all alike."
+        )
+
+    def fetch(wanted: Sequence[str]) -> dict[str, Column]:
+        read = {w: where[w][0].fetch([n for n in where[w][1:] if n is not None]) for w in wanted}
+        if not timed or timed == {False}:
+            return {w: read[w][where[w][1]] for w in wanted}
+        clock = next(iter(clocks))
+        stamps = on_one_clock([read[w][str(where[w][2])].values for w in wanted], clock, str(where[wanted[0]][2]))
+        return {w: read[w][where[w][1]]._replace(stamps=t) for w, t in zip(wanted, stamps, strict=True)}
+
+    notes = [f"{len(files)} files of a folder hold a signal each."]
+    return Source(
+        path.name, list(where), fetch, units={n: u for n, u in units.items() if u}, notes=notes, clocked=timed == {True}
+    )
+
+
+def _time_of(source: Source) -> str | None:
+    """The column of time: by its name, or the first of two without names."""
+    if source.header:
+        return guess(source, "time")
+    return source.names[0] if len(source.names) == 2 else None

@@ -1,0 +1,82 @@
+"""An arm as it was identified: physical links, effects of the joints, and the base numbers measured."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from whsklearn.models.base import IdentifiedModel
+from whsklearn.systems.arm import Arm
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+
+@dataclass(frozen=True)
+class ArmModel(IdentifiedModel):
+    """Joints that pull at each other, from a log of their drives and positions.
+
+    Parameters
+    ----------
+    arm : Arm
+        Physical, and as near to the numbers measured as a physical arm can be.
+    numbers : mapping of str to float
+        Base numbers as measured, by name, such as ``elbow.mx``; each holds what is merged in it.
+
+    References
+    ----------
+    Swevers, Verdonck and De Schutter 2007, Dynamic model identification for industrial robots, IEEE Control Systems
+    Magazine 27(5), 58-71.
+
+    Examples
+    --------
+    >>> from whsklearn import Arm
+    >>> from whsklearn.models import ArmModel
+    >>> table = Arm.from_dh([(0, 0, 0, 0)], inertial=[[0.0] * 9 + [0.05]])
+    >>> model = ArmModel(table, {"joint1.Izz": 0.05}, dt=0.001, logged="position")
+    >>> bool(abs(model.simulate([[0.1]] * 1000)[-1, 0] - 1.0) < 0.01)  # 2 rad/s2 for one second
+    True
+    """
+
+    arm: Arm
+    numbers: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def kind(self) -> str:
+        """``arm``."""
+        return "arm"
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Base numbers by name."""
+        return {k: float(v) for k, v in self.numbers.items()}
+
+    @property
+    def parameter_units(self) -> dict[str, str]:
+        """Units of `parameters` that name a link's or a motor's number."""
+        from whsklearn.systems.arm import number_unit
+
+        return {k: unit for k in self.numbers if (unit := number_unit(k))}
+
+    def simulate(self, u: ArrayLike, *, start: Any = 0.0) -> NDArray[np.float64]:
+        """Positions (n, n_joints) from the drives (n, n_joints) alone, at rest before the first sample.
+
+        Parameters
+        ----------
+        u : array-like of shape (n, n_joints)
+            In ``units``.
+        start : float or array-like of shape (n_joints,), default=0.0
+            Positions before the first sample, in ``units``.
+        """
+        by, far = self.factors
+        u = np.asarray(u, dtype=float) * by
+        begin = np.broadcast_to(np.asarray(start, dtype=float) * far, (1, self.arm.n_joints))
+        record = self.arm.simulate_drive(u, sample_rate=1.0 / self.dt, position=begin)
+        return (record.position if self.logged == "position" else record.velocity) / far
+
+    def from_logged(self) -> ArmModel:
+        """The arm itself: it has been in SI from the first version on."""
+        return self

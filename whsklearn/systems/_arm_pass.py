@@ -1,0 +1,178 @@
+"""The one pass along a record of an arm: encoders, controllers or logged drives, and fine steps of all joints.
+
+Half a drift, a kick, half a drift, as for an axis (`whsklearn.systems._servo_step`); the kick solves for all joints at
+once, linearly implicit in each joint's friction.  sign(v) is tanh(v / smoothing), and what it carries is divided by v
+rather than differentiated: a step can then bring a joint to rest but not throw it backwards.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from whsklearn._numba import njit, part
+from whsklearn.effects.hysteresis import AHEAD, N_STATES
+from whsklearn.effects.sensor import quantized
+from whsklearn.effects.signs import smooth_sign
+from whsklearn.systems._arm_kernels import move, pay, room, weigh
+from whsklearn.systems._servo_drive import Chain, chain_of, effective, held, hold_weights
+from whsklearn.systems._servo_kernel import control, lattice_of
+from whsklearn.systems._servo_torques import (
+    Ends,
+    Plant,
+    added_inertia,
+    advance_memories,
+    arranged,
+    load_sum,
+    motor_sum,
+    read,
+)
+
+N_SIGNALS = 4
+DRIVE, MEASURED, POSITION, VELOCITY = range(N_SIGNALS)  # rows of a simulated record
+
+
+class Joints(NamedTuple):
+    """What acts at the joints: rows of joint j from ``first[j]`` to ``first[j + 1]``, as in a servo's `Plant`."""
+
+    codes: Any
+    p: Any
+    own: Any
+    first: Any
+    parts: Any  # of a servo axis (n, 12): limit, resolution, sharpness of sign(v)
+    armature: Any
+
+
+class Course(NamedTuple):
+    """What a pass is given: sample time, fine steps a sample, whether the controllers write the drive, samples between
+    returns to ``measured`` (2, n, n_samples; 0: none); ``reference`` (3, n, n_samples), ``feed`` (n, n_samples) added
+    to what the controllers ask for, ``noise`` (n, n_samples) of the encoders, ``controllers`` (n, 8).
+    """
+
+    sample_time: float
+    substeps: int
+    closed: bool
+    every: int
+    measured: Any
+    reference: Any
+    feed: Any
+    noise: Any
+    controllers: Any
+
+
+@part
+def solve(mass, right):
+    """The symmetric positive system in place, by Cholesky's factors; ``right`` (n,) becomes the answer."""
+    n = right.size
+    for i in range(n):
+        for j in range(i + 1):
+            total = mass[i, j]
+            for k in range(j):
+                total -= mass[i, k] * mass[j, k]
+            mass[i, j] = math.sqrt(max(total, 1e-300)) if i == j else total / mass[j, j]
+        for k in range(i):
+            right[i] -= mass[i, k] * right[k]
+        right[i] /= mass[i, i]
+    for i in range(n - 1, -1, -1):
+        for k in range(i + 1, n):
+            right[i] -= mass[k, i] * right[k]
+        right[i] /= mass[i, i]
+
+
+@part
+def torque_at(codes, p, own, e, z, t, q, v, s, ds, u):
+    """Torque of a joint's effects with this sign of its velocity, and its slope: asked for twice, compiled once."""
+    return motor_sum(codes, p, own, e, z, t, q, v, s, ds, u)
+
+
+@part
+def ends_of(ends, j):
+    """Joint j's row of ends as the sums over effects take it."""
+    return Ends(ends[j, 0], ends[j, 1], ends[j, 2], ends[j, 3], ends[j, 4], ends[j, 5])
+
+
+@part
+def fine_step(links, inertial, joints, ends, z, state, u, t, h, space):
+    """Move ``state`` (2, n) by h under the drives u (n,); ``space`` holds a `Work`, rest, right and mass."""
+    work, rest, right, mass = space
+    q, v = state
+    for j in range(rest.size):
+        q[j] += 0.5 * h * v[j]
+    move(links, q, v, rest, work)
+    right[:] = 0.0
+    pay(links, inertial, work, right)
+    weigh(links, inertial, work, mass)
+    middle = t + 0.5 * h
+    for j in range(rest.size):
+        part_of = slice(joints.first[j], joints.first[j + 1])
+        codes, p, zj, e = joints.codes[part_of], joints.p[part_of], z[part_of], ends_of(ends, j)
+        if e.memory > e.own:
+            advance_memories(codes, p, e, zj, 0.5 * h * v[j], v[j])
+        s, ds = smooth_sign(v[j], joints.parts[j, 1])
+        smooth, at_rest = torque_at(codes, p, joints.own, e, zj, middle, q[j], v[j], 0.0, 0.0, u[j])
+        whole, slope = torque_at(codes, p, joints.own, e, zj, middle, q[j], v[j], s, ds, u[j])
+        if abs(v[j]) * joints.parts[j, 1] > 1e-6:
+            slope = at_rest + max((whole - smooth) / v[j], 0.0)
+        right[j] = u[j] - right[j] - whole - load_sum(codes, p, e, middle, q[j], v[j])
+        mass[j, j] += joints.armature[j] + added_inertia(p, e, middle)
+        give = h * max(slope, 0.0)
+        mass[j, j] += 0.5 * give if give < 0.5 * mass[j, j] else give
+    solve(mass, right)
+    for j in range(rest.size):
+        v[j] += h * right[j]
+        q[j] += 0.5 * h * v[j]
+        if joints.first[j + 1] > joints.first[j] and ends[j, 2] > ends[j, 1]:
+            z[joints.first[j] + ends[j, 1], AHEAD] = 0.5 * h * v[j]
+
+
+@njit(nogil=True, error_model="numpy")
+def run(out, links, inertial, joints, course, state):
+    """Fill ``out`` (4, n, n_samples) with drive, measured and true position, velocity, from ``state`` (2, n).
+
+    In open loop row 0 of ``out`` is the drive as logged.
+    """
+    n, dt, substeps = links.parent.size, course.sample_time, course.substeps
+    h = dt / substeps
+    space = room(n), np.zeros(n), np.zeros(n), np.zeros((n, n))
+    ends = np.zeros((n, 6), dtype=np.int64)
+    chain, lag, memory = np.zeros((n, 5)), np.zeros((n, 2)), np.zeros((n, 3))
+    lattice, u = np.zeros(n), np.zeros(n)
+    first = np.zeros((n, substeps), dtype=np.int64)
+    weight = np.zeros((n, substeps))
+    z = np.zeros((joints.codes.size + 1, N_STATES + 1))
+    for j in range(n):
+        rows = slice(joints.first[j], joints.first[j + 1])
+        plant = Plant(joints.codes[rows], joints.p[rows], joints.parts[j], joints.own)
+        c = chain_of(plant)
+        lattice[j] = lattice_of(plant)[0]
+        chain[j, 0], chain[j, 1], chain[j, 2], chain[j, 3], chain[j, 4] = c
+        first[j], weight[j] = hold_weights(c.delay / dt, substeps, False)
+        codes, p, e = arranged(joints.codes[rows], joints.p[rows])
+        ends[j, 0], ends[j, 1], ends[j, 2], ends[j, 3], ends[j, 4], ends[j, 5] = e
+        joints.codes[joints.first[j] : joints.first[j] + codes.size] = codes
+        joints.p[joints.first[j] : joints.first[j] + codes.size] = p
+        lag[j] = 0.0 if course.closed else out[DRIVE, j, 0]
+    for k in range(out.shape[2]):
+        t = k * dt
+        if course.every > 0 and k % course.every == 0:
+            state[0], state[1] = course.measured[0, :, k], course.measured[1, :, k]
+        for j in range(n):
+            rows = slice(joints.first[j], joints.first[j + 1])
+            y = read(joints.codes[rows], joints.p[rows], joints.own, ends_of(ends, j), t, state[0, j])
+            if course.noise.size > 0:
+                y += course.noise[j, k]
+            if lattice[j] > 0.0:
+                y = quantized(lattice[j], y)
+            if course.closed:
+                asked = control(course.controllers[j], memory[j], course.reference[:, j], k, y, dt)
+                out[DRIVE, j, k] = asked + course.feed[j, k]
+            out[MEASURED, j, k], out[POSITION, j, k], out[VELOCITY, j, k] = y, state[0, j], state[1, j]
+        for i in range(substeps):
+            for j in range(n):
+                before = 0.0 if course.closed else out[DRIVE, j, 0]
+                asked = held(out[DRIVE, j], k + first[j, i], weight[j, i], before)
+                c = Chain(chain[j, 0], chain[j, 1], chain[j, 2], chain[j, 3], chain[j, 4])
+                u[j], lag[j, 0], lag[j, 1] = effective(c, asked, lag[j, 0], lag[j, 1], h)
+            fine_step(links, inertial, joints, ends, z, state, u, t + i * h, h, space)

@@ -1,0 +1,414 @@
+"""Joints that pull at each other: an arm, a gimbal, a turntable of several axes, as one rigid-body model.
+
+torque = Y(q, v, a) numbers + armature a + effects of each joint; q, v, a are rad and s (m for a joint that slides), the
+ten numbers of a link are those of `whsklearn.systems.arm_files.body_numbers`, in the frame of its joint.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+from sklearn.utils import Bunch
+
+from whsklearn.effects import Effect
+from whsklearn.effects.columns import values
+from whsklearn.systems import arm_simulation
+from whsklearn.systems._arm_kernels import N_BODY, Links, fill_mass, fill_regressor, fill_torque
+from whsklearn.systems.arm_files import STANDARD_GRAVITY, across, body_numbers, dh_fields, file_fields
+from whsklearn.systems.base_parameters import BaseParameters, base_parameters
+from whsklearn.systems.consistent_inertias import consistent_numbers
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    Array = NDArray[np.float64]
+
+NUMBERS = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
+
+UNITS = {"m": "kg", "mx": "kg m", "my": "kg m", "mz": "kg m", "armature": "kg m²"}
+
+
+def number_unit(name: str) -> str:
+    """Unit of a link's number, such as ``elbow.mx``, or of ``elbow.armature``; empty for others."""
+    number = name.rpartition(".")[2]
+    return UNITS.get(number, "kg m²" if number in NUMBERS else "")
+
+
+@dataclass(frozen=True, eq=False)
+class Arm:
+    """A tree of n joints with a link behind each; from a file by `from_file`, from rows by `from_dh`.
+
+    Parameters
+    ----------
+    joints : sequence of str
+        Names, each joint after the one that carries it.
+    parents : array-like of shape (n,)
+        Index of the joint that carries it; -1 for the base.
+    slides : array-like of shape (n,)
+        Whether the joint is prismatic.
+    rotations, places : array-like of shape (n, 3, 3) and (n, 3)
+        Frame of the joint at zero, in the frame of the joint that carries it (m).
+    axes : array-like of shape (n, 3)
+        Unit vectors in the joint's own frame.
+    inertial : array-like of shape (n, 10), optional
+        m, m c, and inertia about the joint's frame: m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz (kg, m).
+    gravity : array-like of shape (3,), default=(0, 0, -9.81)
+        In the base's frame (m/s2).
+    armature : array-like of shape (n,), optional
+        Inertia of the motors, on the joint's side (kg m2).
+    effects : mapping of str to effects, or a sequence of n of them, optional
+        Friction and whatever else acts at single joints, from the catalogue.
+
+    Attributes
+    ----------
+    n_joints : int
+    number_names : tuple of str
+        Names of the 10 n numbers of the links, such as ``elbow.mx``.
+
+    Notes
+    -----
+    Numbers of one link mean nothing alone; only combinations of them move the drives (`base`).
+
+    References
+    ----------
+    Atkeson, An and Hollerbach 1986, Estimation of inertial parameters of manipulator loads and links, Int. J. Robotics
+    Research 5(3), 101-119; Siciliano, Sciavicco, Villani and Oriolo 2009, Robotics, Springer, ch. 7.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from whsklearn import Arm
+    >>> rod = np.array([1.0, 0, 0, -0.5, 1 / 3, 0, 1 / 3, 0, 0, 0])  # 1 kg, 1 m, hanging from a horizontal axis
+    >>> pendulum = Arm(["hinge"], [-1], [False], [np.eye(3)], [[0, 0, 0]], [[0, 1, 0]], inertial=[rod])
+    >>> pendulum.inverse_dynamics([[np.pi / 2]], [[0.0]], [[0.0]]).round(3)  # held level: m g l
+    array([[4.905]])
+    >>> pendulum.base().names
+    ('hinge.mx', 'hinge.mz', 'hinge.Iyy')
+    """
+
+    joints: Sequence[str]
+    parents: Any
+    slides: Any
+    rotations: Any
+    places: Any
+    axes: Any
+    inertial: Any = None
+    gravity: Any = STANDARD_GRAVITY
+    armature: Any = None
+    effects: Any = ()
+    _links: Links = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        joints = tuple(str(j) for j in self.joints)
+        n = len(joints)
+        if not n or len(set(joints)) < n:
+            raise ValueError(f"joints is {joints}, expected at least one name, none of them twice.")
+        shapes = {
+            "slides": (n,), "rotations": (n, 3, 3), "places": (n, 3), "axes": (n, 3), "inertial": (n, N_BODY),
+            "gravity": (3,), "armature": (n,),
+        }  # fmt: skip
+        object.__setattr__(self, "joints", joints)
+        object.__setattr__(self, "parents", np.asarray(self.parents, dtype=np.int64))
+        for name, shape in shapes.items():
+            given = getattr(self, name)
+            value = np.array(np.zeros(shape) if given is None else given, dtype=bool if name == "slides" else float)
+            if value.shape != shape or not np.isfinite(value).all():
+                raise ValueError(f"{name} has shape {value.shape}, expected {shape} finite numbers for {n} joints.")
+            object.__setattr__(self, name, value)
+        if self.parents.shape != (n,) or (self.parents >= np.arange(n)).any() or (self.parents < -1).any():
+            raise ValueError("parents holds a joint that comes later, expected one before each or -1; sort the joints.")
+        object.__setattr__(self, "effects", self._by_joint(self.effects))
+        object.__setattr__(self, "_links", self._packed())
+
+    @classmethod
+    def from_file(
+        cls,
+        path: str | os.PathLike[str],
+        joints: Iterable[str] | None = None,
+        gravity: ArrayLike | None = None,
+    ) -> Self:
+        """An arm from a URDF or MJCF file, read by MuJoCo; for a model file see `whsklearn.models.as_arm`.
+
+        Parameters
+        ----------
+        path : str or path
+            The file; for URDF and MJCF its text will do.  Meshes of a URDF need not be there.
+        joints : iterable of str, optional
+            The joints that move; the others are locked at zero, and what they carry is lumped with the link before
+            them.  All by default.
+        gravity : array-like of shape (3,), optional
+            Instead of the file's (m/s2).
+
+        Raises
+        ------
+        ImportError
+            If MuJoCo is not installed.
+        ValueError
+            If the file cannot be read, a joint is not there, follows another one or is no hinge or slide, or links
+            close a loop.
+        """
+        arm = cls(**file_fields(path, joints))
+        return arm if gravity is None else dataclasses.replace(arm, gravity=gravity)
+
+    @classmethod
+    def from_dh(cls, rows: Iterable[Sequence[Any]], *, modified: bool = False, **fields: Any) -> Self:
+        """An arm from Denavit-Hartenberg rows.
+
+        Parameters
+        ----------
+        rows : iterable of (a, alpha, d, theta) or (a, alpha, d, theta, "prismatic")
+            In m and rad; theta (or d, where the joint slides) is its value at q = 0.
+        modified : bool, default=False
+            Craig's convention instead of the standard one.
+        **fields
+            Others of `Arm`, such as ``joints``, ``inertial`` (n, 10) and ``gravity``.  A link's numbers are told in the
+            frame that turns with its joint about z, which in the standard convention lies before the row's constant
+            part.
+
+        Examples
+        --------
+        >>> from whsklearn import Arm
+        >>> Arm.from_dh([(0.3, 0, 0, 0), (0.2, 0, 0, 0)], gravity=(0, -9.81, 0)).places.tolist()
+        [[0.0, 0.0, 0.0], [0.3, 0.0, 0.0]]
+        """
+        return cls(**{**dh_fields(rows, modified=modified), **fields})
+
+    def __repr__(self) -> str:
+        return f"Arm({self.n_joints} joints: {', '.join(self.joints)})"
+
+    # -- what it is ---------------------------------------------------------------------
+
+    @property
+    def n_joints(self) -> int:
+        """How many joints move."""
+        return len(self.joints)
+
+    @property
+    def number_names(self) -> tuple[str, ...]:
+        """Names of the 10 n numbers of the links, in the order of the regressor's columns."""
+        return tuple(f"{joint}.{number}" for joint in self.joints for number in NUMBERS)
+
+    def index(self, joint: str) -> int:
+        """Index of a joint by its name.
+
+        Parameters
+        ----------
+        joint : str
+
+        Raises
+        ------
+        ValueError
+            If the arm has no such joint.
+        """
+        if joint not in self.joints:
+            raise ValueError(f"The arm has no joint {joint!r}; it has {', '.join(self.joints)}.")
+        return self.joints.index(joint)
+
+    def with_effects(self, effects: Mapping[str, Any]) -> Self:
+        """The same arm with more effects at some joints.
+
+        Parameters
+        ----------
+        effects : mapping of str to effects
+            By the joints' names.
+        """
+        more = self._by_joint(effects)
+        return dataclasses.replace(self, effects=tuple(a + b for a, b in zip(self.effects, more, strict=True)))
+
+    def with_body(
+        self, joint: str, mass: float, centre: ArrayLike = (0, 0, 0), inertia: ArrayLike | None = None
+    ) -> Self:
+        """The same arm with a body fixed to a link: a payload.
+
+        Parameters
+        ----------
+        joint : str
+            The joint that carries it.
+        mass : float
+            In kg.
+        centre : array-like of shape (3,)
+            Of its mass, in the joint's frame (m).
+        inertia : array-like of shape (3, 3), optional
+            About that centre (kg m2).
+        """
+        numbers = self.inertial.copy()
+        numbers[self.index(joint)] += body_numbers(mass, centre, np.zeros((3, 3)) if inertia is None else inertia)
+        return dataclasses.replace(self, inertial=numbers)
+
+    # -- dynamics -----------------------------------------------------------------------
+
+    def regressor(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
+        """Y of torque = Y numbers, for every sample.
+
+        Parameters
+        ----------
+        q, v, a : array-like of shape (n_samples, n_joints)
+            Position, velocity, acceleration.
+
+        Returns
+        -------
+        ndarray of shape (n_samples, n_joints, 10 n_joints)
+        """
+        q, v, a = self._motion(q, v, a)
+        out = np.zeros((*q.shape, N_BODY * self.n_joints))
+        fill_regressor(out, self._links, q, v, a)
+        return out
+
+    def inverse_dynamics(self, q: ArrayLike, v: ArrayLike, a: ArrayLike, *, effects: bool = True) -> Array:
+        """Drives that a motion asks for, shape (n_samples, n_joints) in Nm (N where a joint slides).
+
+        Parameters
+        ----------
+        q, v, a : array-like of shape (n_samples, n_joints)
+        effects : bool, default=True
+            Whether friction and the other effects of the joints are paid for too; those of the drive are left out.
+        """
+        q, v, a = self._motion(q, v, a)
+        out = np.zeros(q.shape)
+        fill_torque(out, self._links, self.inertial, q, v, a)
+        out += self.armature * a
+        if effects:
+            for j, acting in enumerate(self.effects):
+                signals = Bunch(position=q[:, j], velocity=v[:, j], acceleration=a[:, j])
+                out[:, j] += sum(values(e, e.row, signals) for e in acting if e.port == "torque")
+        return out
+
+    def mass_matrix(self, q: ArrayLike) -> Array:
+        """M(q) with the motors' inertia, shape (n_samples, n_joints, n_joints).
+
+        Parameters
+        ----------
+        q : array-like of shape (n_samples, n_joints)
+        """
+        q = self._motion(q)[0]
+        out = np.zeros((*q.shape, self.n_joints))
+        fill_mass(out, self._links, self.inertial, q)
+        return out + np.diag(self.armature)
+
+    def forward_dynamics(self, q: ArrayLike, v: ArrayLike, torque: ArrayLike) -> Array:
+        """Accelerations under the drives, shape (n_samples, n_joints); sign(v) of friction is taken as it is.
+
+        Parameters
+        ----------
+        q, v, torque : array-like of shape (n_samples, n_joints)
+        """
+        q, v, torque = self._motion(q, v, torque)
+        left = torque - self.inverse_dynamics(q, v, np.zeros(q.shape))
+        return np.asarray(np.linalg.solve(self.mass_matrix(q), left[:, :, None])[:, :, 0], dtype=float)
+
+    def simulate(self, reference: ArrayLike, **options: Any) -> Bunch:
+        """Closed loop along references; see `whsklearn.systems.arm_simulation.simulate`.
+
+        Parameters
+        ----------
+        reference : array-like of shape (n_samples, n_joints)
+            Positions asked for.
+        **options
+            ``controller``, ``sample_rate``, ``substeps``, ``noise``, ``resolution``, ``random_state`` ...
+        """
+        return arm_simulation.simulate(self, reference=reference, **options)
+
+    def simulate_drive(self, drive: ArrayLike, **options: Any) -> Bunch:
+        """Open loop: replay logged drives, held between samples; see `whsklearn.systems.arm_simulation.simulate`.
+
+        Parameters
+        ----------
+        drive : array-like of shape (n_samples, n_joints)
+            In Nm.
+        **options
+            ``position``, ``velocity`` (n_samples, n_joints) to begin at and ``resync`` (s) to return to them ...
+        """
+        return arm_simulation.simulate(self, drive=drive, **options)
+
+    # -- numbers ------------------------------------------------------------------------
+
+    def base(self) -> BaseParameters:
+        """Base parameters of the links' numbers: which remain, and what is merged into them."""
+        q, v, a = self.drawn_motion(4 * N_BODY * self.n_joints)
+        columns = self.regressor(q, v, a).reshape(-1, N_BODY * self.n_joints)
+        return base_parameters(columns, self.number_names, [N_BODY] * self.n_joints)
+
+    def drawn_motion(self, n_samples: int, random_state: Any = 0) -> tuple[Array, Array, Array]:
+        """q, v, a drawn at random, (n_samples, n_joints) each: motion that excites everything that can be excited.
+
+        Parameters
+        ----------
+        n_samples : int
+        random_state : int, Generator or None
+        """
+        rng = np.random.default_rng(random_state)
+        shape = (n_samples, self.n_joints)
+        return rng.uniform(-math.pi, math.pi, shape), rng.normal(size=shape), rng.normal(size=shape)
+
+    def consistent(self, base: BaseParameters, values: ArrayLike, covariance: ArrayLike | None = None) -> Self:
+        """The arm whose links are physical (masses above zero, inertias that bodies have) and have these base numbers.
+
+        Parameters
+        ----------
+        base : BaseParameters
+            Its columns begin with the links' numbers; after them may come ``armature`` of joints.
+        values : array-like of shape (b,)
+            Of the base parameters.
+        covariance : array-like of shape (b, b), optional
+            By which they are weighted.
+
+        Notes
+        -----
+        Of all sets that agree with the values, that nearest to the present one is taken, which is the file's.
+
+        References
+        ----------
+        Rucker and Wensing 2022, Smooth parameterization of rigid-body inertia, IEEE Robotics and Automation Letters
+        7(2), 2771-2778.
+        """
+        inertial, armature = consistent_numbers(self.inertial, self.armature, base, values, covariance)
+        return dataclasses.replace(self, inertial=inertial, armature=armature)
+
+    # -- inside -------------------------------------------------------------------------
+
+    def _by_joint(self, effects: Any) -> tuple[tuple[Effect, ...], ...]:
+        """Effects of every joint."""
+        if isinstance(effects, Mapping):
+            for name in effects:
+                self.index(name)
+            effects = [effects.get(j, ()) for j in self.joints]
+        rows = [(e,) if isinstance(e, Effect) else tuple(e) for e in effects] or [()] * len(self.joints)
+        if len(rows) != len(self.joints):
+            raise ValueError(f"effects has {len(rows)} entries, expected {len(self.joints)}, one a joint.")
+        for e in (e for row in rows for e in row):
+            if not isinstance(e, Effect):
+                raise ValueError(f"{e!r} is no effect; expected instances such as Coulomb(0.3).")
+            if e.port == "block":
+                raise ValueError(f"{e.name} splits a joint in two, which an arm has not; leave it out.")
+        return tuple(rows)
+
+    def _packed(self) -> Links:
+        """Geometry as the kernels take it: R0 (1 + sin(q) K + (1 - cos(q)) K K)."""
+        turn = np.zeros((self.n_joints, 3, 3, 3))
+        for k, (r, e) in enumerate(zip(self.rotations, self.axes, strict=True)):
+            length = float(np.linalg.norm(e))
+            if abs(length - 1.0) > 1e-6 or not np.allclose(r @ r.T, np.eye(3), atol=1e-6):
+                raise ValueError(f"Axis or rotation of {self.joints[k]!r} is of no unit length; normalise it.")
+            c = across(e)
+            turn[k] = (r, np.zeros((3, 3)), np.zeros((3, 3))) if self.slides[k] else (r + r @ c @ c, r @ c, -r @ c @ c)
+        travel = np.einsum("kij,kj->ki", self.rotations, self.axes) * self.slides[:, None]
+        return Links(self.parents, self.slides, turn, self.places, travel, self.axes, self.gravity)
+
+    def _motion(self, *signals: ArrayLike) -> list[Array]:
+        """Signals as finite contiguous arrays of one shape (n_samples, n_joints)."""
+        arrays = [np.ascontiguousarray(np.asarray(s, dtype=float)) for s in signals]
+        for x in arrays:
+            if x.ndim != 2 or x.shape[1] != self.n_joints or len(x) != len(arrays[0]):
+                raise ValueError(
+                    f"A signal has shape {x.shape}, expected ({len(arrays[0]) if arrays[0].ndim else 'n'}, "
+                    f"{self.n_joints}): a row a sample, a column a joint."
+                )
+            if not np.isfinite(x).all():
+                raise ValueError("A signal holds NaN or infinity, expected finite numbers; clean the log.")
+        return arrays

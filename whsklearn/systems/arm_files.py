@@ -1,0 +1,267 @@
+"""The geometry, inertias and joints of an arm from URDF or MJCF (read by MuJoCo), or from Denavit-Hartenberg rows."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from xml.etree import ElementTree
+
+import numpy as np
+
+from whsklearn.effects import CableSpring, Coulomb, Effect, Viscous
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    Array = NDArray[np.float64]
+
+STANDARD_GRAVITY = (0.0, 0.0, -9.81)
+
+
+def body_numbers(mass: float, centre: ArrayLike, inertia: ArrayLike) -> Array:
+    """Ten numbers of a body, shape (10,): m, m c, and the inertia about the origin.
+
+    Parameters
+    ----------
+    mass : float
+        In kg.
+    centre : array-like of shape (3,)
+        Centre of mass (m).
+    inertia : array-like of shape (3, 3)
+        About the centre of mass (kg m2).
+
+    Returns
+    -------
+    ndarray of shape (10,)
+        m, h_x, h_y, h_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> body_numbers(2.0, [0.5, 0, 0], np.zeros((3, 3))).tolist()
+    [2.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.5, 0.0, 0.0, 0.5]
+    """
+    c = np.asarray(centre, dtype=float)
+    about = np.asarray(inertia, dtype=float) + mass * (c @ c * np.eye(3) - np.outer(c, c))
+    return np.array([mass, *(mass * c), *(about[i, j] for i, j in ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2)))])
+
+
+def rotation_about(axis: ArrayLike, angle: float) -> Array:
+    """Rotation matrix (3, 3) about a unit vector, by Rodrigues' formula.
+
+    Parameters
+    ----------
+    axis : array-like of shape (3,)
+    angle : float
+        In rad.
+    """
+    k = across(axis)
+    return np.eye(3) + math.sin(angle) * k + (1.0 - math.cos(angle)) * (k @ k)
+
+
+def across(axis: ArrayLike) -> Array:
+    """The matrix (3, 3) that makes a x b of b."""
+    x, y, z = np.asarray(axis, dtype=float)
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
+def dh_fields(rows: Iterable[Sequence[Any]], *, modified: bool) -> dict[str, Any]:
+    """Fields of an `Arm` from rows (a, alpha, d, theta, and "prismatic" where a joint slides).
+
+    The link's frame is that of the joint, before the constant part of its own row in the standard convention.
+    """
+    slides, rotations, places = [], [], []
+    rotation, place = np.eye(3), np.zeros(3)  # of what is constant behind the last joint
+    for row in rows:
+        a, alpha, d, theta, *kind = row
+        slides.append(bool(kind) and str(kind[0]).startswith("p"))
+        turn, twist = rotation_about([0, 0, 1], theta), rotation_about([1, 0, 0], alpha)
+        if modified:  # Craig: Rot x (alpha) Trans x (a) Rot z (theta) Trans z (d)
+            rotations.append(twist @ turn)
+            places.append(twist @ np.array([a, 0.0, d]))
+        else:  # Rot z (theta) Trans z (d) Trans x (a) Rot x (alpha)
+            rotations.append(rotation @ turn)
+            places.append(place)
+            rotation, place = twist, np.array([a, 0.0, d])
+    n = len(slides)
+    return {
+        "joints": tuple(f"joint{i + 1}" for i in range(n)), "parents": np.arange(n) - 1, "slides": slides,
+        "rotations": rotations, "places": places, "axes": np.tile([0.0, 0.0, 1.0], (n, 1)),
+    }  # fmt: skip
+
+
+def file_fields(source: str | os.PathLike[str], joints: Iterable[str] | None) -> dict[str, Any]:
+    """Fields of an `Arm` from a URDF or an MJCF file, or its text; joints that are not named are locked at zero.
+
+    Raises
+    ------
+    ImportError
+        If MuJoCo is not installed.
+    ValueError
+        If the file cannot be read, has no such joint, or is no tree of hinges and slides.
+    """
+    try:
+        import mujoco
+    except ImportError:
+        raise ImportError("MuJoCo, which reads robot files, is missing; pip install 'whsklearn[mujoco]'.") from None
+    try:
+        model, given = _compiled(mujoco, source)
+    except (ValueError, ElementTree.ParseError) as error:
+        raise ValueError(f"The robot's file cannot be read: {' '.join(str(error).split())}") from None
+    names = [model.joint(i).name or f"joint{i + 1}" for i in range(model.njnt)]
+    wanted = names if joints is None else list(joints)
+    if missing := [n for n in wanted if n not in names]:
+        raise ValueError(f"The robot has no joint {missing[0]!r}; it has {', '.join(names)}.")
+    if not wanted:
+        raise ValueError("The robot's file has no joint, expected hinges or slides; give the file of the whole robot.")
+    slide, hinge = int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HINGE)
+    for i, name in enumerate(names):
+        if name in wanted and model.jnt_type[i] not in (slide, hinge):
+            raise ValueError(
+                f"Joint {name!r} is a ball or a free joint, expected hinges and slides; fix the base, or name the "
+                "joints that were logged."
+            )
+    link_of, fields = _tree(model, names, wanted, given)
+    _refuse_loops(mujoco, model, names, wanted, link_of)
+    return fields
+
+
+def _compiled(mujoco: Any, source: str | os.PathLike[str]) -> tuple[Any, dict[str, Array]]:
+    """MuJoCo's model, and the ten numbers of each body in its own frame where the file is a URDF.
+
+    MuJoCo demands masses and inertias above zero; nominal files often lack them.  So a URDF is compiled with bodies of
+    one kilogram, for its kinematics, and its inertias are kept beside.
+    """
+    text = str(source)
+    if not text.lstrip().startswith("<"):
+        text = Path(source).read_text(encoding="utf-8")
+    root = ElementTree.fromstring(text)
+    if root.tag != "robot":
+        spec = mujoco.MjSpec.from_string(text) if text == str(source) else mujoco.MjSpec.from_file(str(source))
+        return spec.compile(), {}
+    for link in root.iter("link"):  # meshes are often not there, and say nothing of the dynamics
+        for kind in ("visual", "collision"):
+            for element in link.findall(kind):
+                link.remove(element)
+    spec = mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode"))
+    spec.compiler.fusestatic = False
+    given = {}
+    for body in spec.bodies[1:]:
+        xx, yy, zz, xy, xz, yz = np.nan_to_num(np.array(body.fullinertia, dtype=float))
+        turn = _matrix(mujoco, body.iquat)
+        inertia = turn @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ turn.T
+        given[body.name] = body_numbers(float(body.mass), np.nan_to_num(np.array(body.ipos)), inertia)
+        body.explicitinertial, body.mass, body.ipos, body.inertia = True, 1.0, np.zeros(3), np.ones(3)
+        body.fullinertia = np.full(6, np.nan)
+    return spec.compile(), given
+
+
+def _matrix(mujoco: Any, quaternion: Any) -> Array:
+    """Rotation matrix of a quaternion (w, x, y, z)."""
+    out = np.zeros(9)
+    mujoco.mju_quat2Mat(out, np.asarray(quaternion, dtype=float))
+    return out.reshape(3, 3)
+
+
+def moved_numbers(numbers: Array, rotation: Array, place: Array) -> Array:
+    """Ten numbers of a body in another frame, in which its own has this rotation and origin; shape (10,).
+
+    Parameters
+    ----------
+    numbers : ndarray of shape (10,)
+    rotation : ndarray of shape (3, 3)
+    place : ndarray of shape (3,)
+    """
+    m, h, inertia = numbers[0], rotation @ numbers[1:4], rotation @ inertia_matrix(numbers) @ rotation.T
+    p = place
+    inertia = inertia + (2.0 * h @ p + m * p @ p) * np.eye(3) - np.outer(h, p) - np.outer(p, h) - m * np.outer(p, p)
+    lower = [inertia[i, j] for i, j in ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))]
+    return np.array([m, *(h + m * p), *lower])
+
+
+def inertia_matrix(numbers: Array) -> Array:
+    """Inertia (3, 3) about the frame's origin, of ten numbers."""
+    xx, xy, yy, xz, yz, zz = numbers[4:]
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+def _tree(model: Any, names: list[str], wanted: list[str], given: dict[str, Array]) -> tuple[list[int], dict[str, Any]]:
+    """The link that each body belongs to (-1: the base), and the fields of the arm."""
+    import mujoco
+
+    link_of, poses = [-1], [(np.eye(3), np.zeros(3))]  # of bodies, within their link
+    out: dict[str, list[Any]] = {
+        k: [] for k in ("joints", "parents", "slides", "rotations", "places", "axes", "inertial", "armature", "effects")
+    }
+    for b in range(1, model.nbody):
+        parent = int(model.body_parentid[b])
+        link, (turn, at) = link_of[parent], poses[parent]
+        at = at + turn @ model.body_pos[b]
+        turn = turn @ _matrix(mujoco, model.body_quat[b])
+        for i in range(model.body_jntadr[b], model.body_jntadr[b] + model.body_jntnum[b]):
+            if names[i] not in wanted:
+                continue
+            anchor, axis = model.jnt_pos[i], model.jnt_axis[i]
+            slides, zero = (
+                model.jnt_type[i] == int(mujoco.mjtJoint.mjJNT_SLIDE),
+                float(model.qpos0[model.jnt_qposadr[i]]),
+            )
+            place = at + turn @ anchor
+            out["joints"].append(names[i])
+            out["parents"].append(link)
+            out["slides"].append(slides)
+            out["axes"].append(np.array(axis))
+            out["rotations"].append(turn if slides else turn @ rotation_about(axis, -zero))
+            out["places"].append(place - turn @ axis * zero if slides else place)
+            out["inertial"].append(np.zeros(10))
+            out["armature"].append(float(model.dof_armature[model.jnt_dofadr[i]]))
+            out["effects"].append(_passive(model, i))
+            link, turn, at = len(out["joints"]) - 1, np.eye(3), -np.array(anchor)
+        link_of.append(link)
+        poses.append((turn, at))
+        if link >= 0:
+            name, inner = model.body(b).name, _matrix(mujoco, model.body_iquat[b])
+            numbers = given.get(name)
+            if numbers is None:
+                inertia = inner @ np.diag(model.body_inertia[b]) @ inner.T
+                numbers = body_numbers(float(model.body_mass[b]), model.body_ipos[b], inertia)
+            out["inertial"][link] = out["inertial"][link] + moved_numbers(numbers, turn, at)
+    return link_of, {**out, "joints": tuple(out["joints"]), "gravity": np.array(model.opt.gravity)}
+
+
+def _passive(model: Any, i: int) -> tuple[Effect, ...]:
+    """Damping, dry friction and spring of a joint, as effects; those that are zero are none."""
+    dof = model.jnt_dofadr[i]
+    found: list[Effect] = []
+    if model.dof_damping[dof] > 0:
+        found.append(Viscous(float(model.dof_damping[dof])))
+    if model.dof_frictionloss[dof] > 0:
+        found.append(Coulomb(float(model.dof_frictionloss[dof])))
+    if model.jnt_stiffness[i] > 0:
+        found.append(CableSpring(float(model.jnt_stiffness[i]), float(model.qpos_spring[model.jnt_qposadr[i]])))
+    return tuple(found)
+
+
+def _refuse_loops(mujoco: Any, model: Any, names: list[str], wanted: list[str], link_of: list[int]) -> None:
+    """Raise where joints that were asked for are bound to each other."""
+    kinds = mujoco.mjtEq
+    for i in range(model.neq):
+        kind, one, other = int(model.eq_type[i]), int(model.eq_obj1id[i]), int(model.eq_obj2id[i])
+        if kind == int(kinds.mjEQ_JOINT):
+            bound = [names[k] for k in (one, other) if k >= 0 and names[k] in wanted]
+            if bound:
+                raise ValueError(
+                    f"Joint {bound[0]!r} follows another one (mimic), and an arm's joints are independent; name the "
+                    "others with joints."
+                )
+        elif kind in (int(kinds.mjEQ_CONNECT), int(kinds.mjEQ_WELD)):
+            if int(model.eq_objtype[i]) == int(mujoco.mjtObj.mjOBJ_SITE):
+                one, other = (int(model.site_bodyid[k]) if k >= 0 else 0 for k in (one, other))
+            if link_of[one] != link_of[max(other, 0)]:
+                raise ValueError(
+                    "The robot has a closed chain (connect or weld), expected a tree of joints; give a file without "
+                    "the loop, or name the joints outside of it."
+                )
