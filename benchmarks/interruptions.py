@@ -8,14 +8,16 @@ there it gets SIGTERM or SIGINT (Ctrl-C) after a drawn time, or twice in a secon
 run that is still RUNNING afterwards would stand in the table for ever.
 
 With ``--deaths`` it is the tracking server that is ended: a real one, which is killed, stopped (SIGSTOP: it takes
-connections and answers none) or becomes slow (every piece of an answer comes 5 s late) once the command has opened its
-record there. What counts is the time from its death, or from the report on the disk if that comes later, to the end.
+connections and answers none) or becomes slow (every piece of an answer comes 5 s late) once it has opened the command's
+run. What counts is the time from its death, or from the report on the disk if that comes later, to the end.
+``simulate`` and ``export`` ask no server, and ``ui`` asks it for its experiments.
 """
 
 from __future__ import annotations
 
 import contextlib
 import os
+import re
 import shutil
 import signal
 import socket
@@ -27,41 +29,53 @@ import threading
 import time
 import urllib.request
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import click
 import numpy as np
 
+from whsklearn import ServoAxis
+from whsklearn.cli.job import ENDED
 from whsklearn.cli.ui import free_port, serve, stop, wait_for
 from whsklearn.datasets import make_servo_log
+from whsklearn.gap.repaired import as_model
+from whsklearn.models import save_model
 
 LOG = "--drive torque_nm --position position_rad".split()
+LOG_BY_INPUT = "--input torque_nm --output position_rad".split()
 ROWS = "--input torque_nm --output velocity_rad_s --time time_s".split()
 COMMANDS = {
     "gap": ["gap", "axis.csv", *LOG, "--report", "report"],
-    "identify": ["identify", "axis.csv", "--input", "torque_nm", "--output", "position_rad", "--out", "model"],
+    "identify": ["identify", "axis.csv", *LOG_BY_INPUT, "--out", "model"],
     "tune": ["tune", "--samples", "5000", "--p", "1,2,4,8", "--P0", "1,100,1e6"],
     "stream": ["stream", "axis.csv", *ROWS, "--follow", "--every", "50", "--out", "out.jsonl"],
-    "demo": ["demo"],
+    "demo": ["demo", "--out", "reports"],
     "fleet": ["fleet", "logs", *ROWS, "--in-process", "--out", "fleet.parquet"],
 }
-EXPERIMENTS = {"gap": "close_gap", "demo": "simulated_example"}  # where it is not the command's name
+OTHERS = {  # that open no run: what becomes of them where the server is dead from the start, or dies under `ui`
+    "simulate": ["simulate", "model.json", "axis.csv", *LOG_BY_INPUT, "--out", "simulated.csv"],
+    "export": ["export", "model.json", "--to", "mjcf", "--out", "export"],
+    "ui": ["ui", "--no-browser", "--port", "0"],
+}
 REPORTS = {"gap": "report/gap.html", "identify": "model/identify.html", "fleet": "fleet.parquet"}
+REPORTS |= {"simulate": "simulated.csv", "export": "export/model.xml"}
 DEATHS = ("killed", "stopped", "slow", "stopped, then SIGTERM")
 ALLOWED = 15.0  # s from the server's death, or from the report, to the end
-BEGINS = ("gap", "tune", "demo")  # with a run that is RUNNING; the others record it when the work is done
-OPENED = 3.0  # s after its experiment is there such a command has opened its record; before, it ends without its work
+AT_RUN = b"mlflow/runs/create"  # the request at which a server dies: the first run is open, and nothing is in it
+AT = {"ui": b"mlflow/experiments/search"}
 LATE = 5.0  # s, each piece of a slow server's answer
 DEADLINE = 60.0
 
 
-def material(folder: Path) -> None:
-    """A servo log as a file, and a fleet of it."""
-    frame = make_servo_log(["cogging"], duration=40.0, random_state=0)
+def material(folder: Path, duration: float = 40.0, axes: int = 12) -> None:
+    """A servo log as a file, a fleet of it, and a model."""
+    frame = make_servo_log(["cogging"], duration=duration, random_state=0)
+    save_model(as_model(ServoAxis(0.05), ("Nm", "rad")), folder / "model.json")
     frame["velocity_rad_s"] = np.gradient(frame["position_rad"], frame["time_s"])
     frame.to_csv(folder / "axis.csv", index=False)
-    for k in range(12):
+    for k in range(axes):
         home = folder / "logs" / f"axis=joint{k:02d}"
         home.mkdir(parents=True)
         frame.to_parquet(home / "part.parquet", index=False)
@@ -107,7 +121,7 @@ def trial(name: str, how: str, after: float, folder: Path) -> tuple[str, float, 
 
 
 class Server:
-    """A real MLflow server with a store of its own, and a door before it that can hold answers up."""
+    """A real MLflow server with a store of its own."""
 
     def __init__(self, folder: Path, database: Path | None = None):
         self.store = folder / "server.db"
@@ -119,9 +133,6 @@ class Server:
         began = time.monotonic()
         while not self.answers() and time.monotonic() - began < DEADLINE:
             time.sleep(0.2)
-        self._late = threading.Event()
-        self._door = socket.create_server(("127.0.0.1", 0))
-        threading.Thread(target=self._open, daemon=True).start()
 
     def answers(self) -> bool:
         """Whether it is well."""
@@ -131,94 +142,163 @@ class Server:
             return False
         return True
 
-    def address(self, how: str) -> str:
-        """Through the door for a server that will be slow."""
-        return f"http://127.0.0.1:{self._door.getsockname()[1] if how == 'slow' else self.port}"
-
     def strike(self, how: str) -> None:
-        """Let it be killed, stopped or slow from now on."""
-        if how == "slow":
-            self._late.set()
-        elif how != "alive":
-            os.killpg(self.process.pid, signal.SIGKILL if how == "killed" else signal.SIGSTOP)
-
-    def revive(self) -> None:
-        """As before, unless it was killed."""
-        self._late.clear()
-        with contextlib.suppress(ProcessLookupError):
-            os.killpg(self.process.pid, signal.SIGCONT)
-
-    def forget(self) -> None:
-        """Leave no experiment and no run open, so that a command's next one is seen."""
-        with sqlite3.connect(self.store, timeout=30.0) as db:
-            db.execute("update runs set status = 'KILLED' where status = 'RUNNING'")
-            db.execute("update experiments set name = 'before ' || experiment_id || name where name != 'Default'")
+        """Kill or stop the process itself."""
+        if how == "killed":
+            os.killpg(self.process.pid, signal.SIGKILL)
+        elif how.startswith("stopped"):
+            os.killpg(self.process.pid, signal.SIGSTOP)
 
     def close(self) -> None:
         """End it."""
-        self.revive()
-        self._door.close()
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(self.process.pid, signal.SIGCONT)
         stop(self.process)
 
-    def _open(self) -> None:
+
+class Door:
+    """The way to a server, which counts as dead once it has answered a request that holds ``at``.
+
+    A death at a fixed request is the same on a fast machine and on a slow one.  Behind the door the server lives on,
+    so that several commands can lose it at the same time.
+
+    Parameters
+    ----------
+    server : Server
+    how : str
+        ``killed``: connections are cut and refused; ``stopped``: they are taken, and nothing is answered; ``slow``:
+        every piece of an answer comes 5 s late; ``alive``: nothing happens.
+    at : bytes
+        Of the request.
+    on_death : callable, optional
+        Called when it happens.
+    """
+
+    def __init__(self, server: Server, how: str, at: bytes, on_death: Callable[[str], None] | None = None):
+        self.how, self.at, self._on_death = how, at, on_death
+        self.died = threading.Event()
+        self._server, self._open_ones = server, set[socket.socket]()
+        self._socket = socket.create_server(("127.0.0.1", 0))
+        self.address = f"http://127.0.0.1:{self._socket.getsockname()[1]}"
+        threading.Thread(target=self._take, daemon=True).start()
+
+    def close(self) -> None:
+        """Cut every connection, and take no more."""
+        with contextlib.suppress(OSError):
+            self._socket.shutdown(socket.SHUT_RDWR)  # closed alone, it would take one more
+        self._socket.close()
+        for s in list(self._open_ones):
+            with contextlib.suppress(OSError):
+                s.shutdown(socket.SHUT_RDWR)
+
+    def _take(self) -> None:
         with contextlib.suppress(OSError):  # closed
             while True:
-                client, _ = self._door.accept()
-                server = socket.create_connection(("127.0.0.1", self.port))
-                threading.Thread(target=self._carry, args=(client, server, False), daemon=True).start()
-                threading.Thread(target=self._carry, args=(server, client, True), daemon=True).start()
+                client, _ = self._socket.accept()
+                server = socket.create_connection(("127.0.0.1", self._server.port))
+                self._open_ones |= {client, server}
+                asked = threading.Event()  # the request at which the server dies has been seen on this connection
+                threading.Thread(target=self._carry, args=(client, server, asked, False), daemon=True).start()
+                threading.Thread(target=self._carry, args=(server, client, asked, True), daemon=True).start()
 
-    def _carry(self, source: socket.socket, target: socket.socket, answer: bool) -> None:
+    def _carry(self, source: socket.socket, target: socket.socket, asked: threading.Event, answer: bool) -> None:
+        whole = b""
         with source, contextlib.suppress(OSError):  # the other direction closes its own
             while data := source.recv(65536):
-                if answer and self._late.is_set():
+                if self.died.is_set() and self.how.startswith("stopped"):
+                    continue  # nobody reads it
+                if self.died.is_set() and answer and self.how == "slow":
                     time.sleep(LATE)
+                if not answer and self.at in data:
+                    asked.set()
                 target.sendall(data)
+                if answer and asked.is_set() and not self.died.is_set():
+                    whole += data
+                    if is_whole(whole):
+                        self._die()
             target.shutdown(socket.SHUT_WR)
 
-    def experiments(self) -> set[str]:
-        """Names of those in its store."""
-        try:
-            with sqlite3.connect(f"file:{self.store}?mode=ro", uri=True, timeout=5.0) as db:
-                return {row[0] for row in db.execute("select name from experiments")}
-        except sqlite3.OperationalError:
-            return set()
+    def _die(self) -> None:
+        self.died.set()
+        if self._on_death is not None:
+            self._on_death(self.how)
+        if self.how == "killed":
+            self.close()
 
 
-def death(server: Server, name: str, arguments: Sequence[str], how: str, folder: Path) -> tuple[float, float, int, str]:
-    """(seconds from the death to the end, the same from the later of death and report, exit status, what was said)."""
-    env = os.environ | {"MLFLOW_TRACKING_URI": server.address(how)}
-    report, experiment = folder / REPORTS.get(name, "none"), EXPERIMENTS.get(name, name)
-    before = server.experiments()
+def is_whole(answer: bytes) -> bool:
+    """Whether an answer of HTTP has come to its end."""
+    head, _, body = answer.partition(b"\r\n\r\n")
+    length = re.search(rb"content-length: *(\d+)", head, re.IGNORECASE)
+    return length is not None and len(body) >= int(length[1])
+
+
+@dataclass(frozen=True)
+class Ending:
+    """How a command ended.
+
+    Attributes
+    ----------
+    whole, after : float
+        Seconds from the death of its server, and from the later of death and report.
+    code : int
+        Exit status.
+    said : str
+    report : bool
+        Whether its report is on the disk.
+    lost : bool
+        Whether its server died at all.
+    """
+
+    whole: float
+    after: float
+    code: int
+    said: str
+    report: bool
+    lost: bool
+
+    def faults(self, how: str, most: float = ALLOWED) -> list[str]:
+        """What is wrong with it; empty if nothing."""
+        sigterm = how.endswith("SIGTERM")
+        found = {
+            f"it took {self.after:.1f} s": self.after > most,
+            "no report": not (self.report or sigterm),
+            "a traceback": "Traceback" in self.said,
+            f"exit status {self.code}": self.code != (0 if not self.lost else ENDED if sigterm else 1),
+        }
+        return [text for text, wrong in found.items() if wrong]
+
+
+def death(name: str, door: Door, folder: Path) -> Ending:
+    """A command whose server dies in mid-run; SIGTERM follows the death where the door says so."""
+    env = os.environ | {"MLFLOW_TRACKING_URI": door.address}
+    report = folder / REPORTS.get(name, "said.txt")
     with (folder / "said.txt").open("w") as said:
-        process = subprocess.Popen(
-            [sys.executable, "-m", "whsklearn", *arguments], cwd=folder, env=env, stdout=said, stderr=said
-        )
-    while process.poll() is None:
-        if "RUNNING" in statuses(server.store) or (name not in BEGINS and experiment in server.experiments() - before):
-            break
-        time.sleep(0.02)
-    time.sleep(0.2 if name in BEGINS else OPENED)
-    server.strike(how)
-    died, written = time.time(), None
-    if how.endswith("SIGTERM"):
+        command = [sys.executable, "-m", "whsklearn", *(COMMANDS | OTHERS)[name]]
+        process = subprocess.Popen(command, cwd=folder, env=env, stdout=said, stderr=said)
+    while process.poll() is None and not door.died.wait(0.02):
+        pass
+    died = time.time()
+    if process.poll() is None and door.how.endswith("SIGTERM"):
+        time.sleep(0.2)
         process.send_signal(signal.SIGTERM)
-    while process.poll() is None and time.time() - died < 4 * DEADLINE:
-        if written is None and report.exists():
-            written = report.stat().st_mtime
-        time.sleep(0.05)
+    with contextlib.suppress(subprocess.TimeoutExpired):
+        process.wait(4 * DEADLINE)
     ended = time.time()
     if process.poll() is None:
         process.kill()
         process.wait()
-    server.revive()
-    return ended - died, ended - max(died, written or died), process.returncode, (folder / "said.txt").read_text()
+    there = report.exists()
+    written = max(died, report.stat().st_mtime if there else died)
+    told = (folder / "said.txt").read_text()
+    lost = door.died.is_set() and door.how != "alive"
+    return Ending(ended - died, ended - written, process.returncode, told, there, lost)
 
 
 def deaths(only: str) -> None:
     """Every command with every death; a line each."""
     worst, good, count = 0.0, 0, 0
-    for name, arguments in COMMANDS.items():
+    for name in COMMANDS | OTHERS:
         if name == "stream" or (only and name not in only.split(",")):
             continue  # a stream goes on without its record, see `benchmarks.dead_server`
         for how in DEATHS:
@@ -226,17 +306,18 @@ def deaths(only: str) -> None:
                 folder = Path(name_of_folder)
                 material(folder)
                 server = Server(folder)
+                door = Door(server, how, AT.get(name, AT_RUN), server.strike)
                 try:
-                    whole, after, code, said = death(server, name, arguments, how, folder)
+                    ending = death(name, door, folder)
                 finally:
+                    door.close()
                     server.close()
-                there = how.endswith("SIGTERM") or name not in REPORTS or (folder / REPORTS[name]).exists()
-            fine = after <= ALLOWED and there and "Traceback" not in said
-            worst, good, count = max(worst, after), good + fine, count + 1
-            last = (said.strip().splitlines() or [""])[-1][:70]
+            faults = ending.faults(how)
+            worst, good, count = max(worst, ending.after), good + (not faults), count + 1
+            last = (ending.said.strip().splitlines() or [""])[-1][:70]
             click.echo(
-                f"{name:<10}{how:<23}{whole:6.1f} s after the death, {after:5.1f} s after the report, exit {code}"
-                f"{'' if there else ', NO REPORT'}   {last}"
+                f"{name:<10}{how:<23}{ending.whole:6.1f} s after the death, {ending.after:5.1f} s after the report, "
+                f"exit {ending.code}{'' if ending.lost else ', asks no server'}   {'; '.join(faults) or last}"
             )
     click.echo(f"{good} of {count} end within {ALLOWED:g} s, report on the disk; the slowest took {worst:.1f} s")
 

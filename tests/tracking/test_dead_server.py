@@ -1,75 +1,74 @@
-"""A real tracking server that is killed, stopped or slow in mid-run: commands end, and their report is on the disk.
+"""A tracking server that is killed, stopped or slow in mid-run: commands end, and their report is on the disk.
 
-`python -m benchmarks.interruptions --deaths` does it with every command and every death, and with full-sized logs.
+All commands lose one real server at the same time, each behind a door of its own (`benchmarks.interruptions.Door`).
+`python -m benchmarks.interruptions --deaths` ends the server itself, with full-sized logs.
 """
 
 from __future__ import annotations
 
 import sqlite3
-from pathlib import Path
+from concurrent.futures import ThreadPoolExecutor
 
-import numpy as np
 import pytest
 
-from benchmarks.interruptions import ALLOWED, COMMANDS, REPORTS, Server, death
-from whsklearn.datasets import make_servo_log
+from benchmarks.interruptions import ALLOWED, AT, AT_RUN, COMMANDS, DEATHS, OTHERS, Door, Server, death, material
 
 pytest.importorskip("mlflow", reason="needs the extra mlflow")
 pytestmark = [
-    pytest.mark.timeout(900),
+    pytest.mark.timeout(600),
     # connections that a killed server leaves behind close when they are collected
     pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning"),
 ]
 LOADED = 2.0  # times ALLOWED on a machine that does more than this; MLflow itself waits for more than 600 s
+AT_ONCE = 4
+RECORDING = [name for name in COMMANDS if name != "stream"]
 
 
-def material(folder: Path) -> None:
-    """A short servo log as a file, and a fleet of one."""
-    folder.mkdir()
-    frame = make_servo_log([], duration=5.0, random_state=0)[::2]
-    frame["velocity_rad_s"] = np.gradient(frame["position_rad"], frame["time_s"])
-    frame.to_csv(folder / "axis.csv", index=False)
-    home = folder / "logs" / "axis=joint"
-    home.mkdir(parents=True)
-    frame.to_parquet(home / "part.parquet", index=False)
+@pytest.fixture(scope="module")
+def server(tmp_path_factory, migrated_database):
+    server = Server(tmp_path_factory.mktemp("server"), migrated_database)
+    yield server
+    server.close()
 
 
-def ended(server: Server, name: str, how: str, folder: Path) -> tuple[int, str]:
-    """Exit status and what was said, of a command that ended in time with its report on the disk and no traceback."""
-    material(folder)
-    _, after, code, said = death(server, name, COMMANDS[name], how, folder)
-    assert after < LOADED * ALLOWED, (name, how, said)
-    assert name not in REPORTS or how.endswith("SIGTERM") or (folder / REPORTS[name]).exists(), (name, how, said)
-    assert "Traceback" not in said
-    return code, said
+def endings(server, cases, folder):
+    """How each (command, death) ended, several at a time: they wait most of it."""
+
+    def one(case):
+        name, how = case
+        own = folder / f"{name} {how}"
+        own.mkdir()
+        material(own, duration=5.0, axes=1)
+        door = Door(server, how, AT.get(name, AT_RUN))
+        try:
+            return death(name, door, own)
+        finally:
+            door.close()
+
+    with ThreadPoolExecutor(AT_ONCE) as pool:
+        return dict(zip(cases, pool.map(one, cases), strict=True))
 
 
-def test_gap_ends_whatever_becomes_of_its_server(tmp_path, migrated_database):
-    server = Server(tmp_path, migrated_database)
-    try:
-        assert ended(server, "gap", "alive", tmp_path / "alive")[0] == 0
-        with sqlite3.connect(server.store) as database:
-            runs = database.execute("select status from runs").fetchall()
-        assert runs
-        assert {status for (status,) in runs} == {"FINISHED"}
-        server.forget()
-        for how in ("stopped", "slow", "killed"):
-            code, said = ended(server, "gap", how, tmp_path / how)
-            assert code == 1
-            assert said.count("cannot be written (") == 1
-            server.forget()
-    finally:
-        server.close()
+def test_on_a_server_that_lives_every_run_is_finished(server, tmp_path):
+    found = endings(server, [("gap", "alive"), ("fleet", "alive")], tmp_path)
+    assert {case: e.faults("alive") for case, e in found.items() if e.faults("alive")} == {}
+    with sqlite3.connect(server.store) as database:
+        runs = database.execute("select status from runs").fetchall()
+    assert {status for (status,) in runs} == {"FINISHED"}
 
 
-def test_every_other_command_ends_when_its_server_is_stopped(tmp_path, migrated_database):
-    server = Server(tmp_path, migrated_database)
-    try:
-        for name in ("identify", "fleet", "tune"):
-            code, said = ended(server, name, "stopped", tmp_path / name)
-            assert code == 1, said
-            assert said.count("cannot be") + said.count("does not answer") == 1, said
-            server.forget()
-        assert ended(server, "gap", "stopped, then SIGTERM", tmp_path / "gap")[0] == 143
-    finally:
-        server.close()
+def test_every_command_outlives_its_server(server, tmp_path):
+    cases = [("gap", how) for how in DEATHS] + [(name, "stopped") for name in RECORDING if name != "gap"]
+    found = endings(server, [*cases, ("identify", "killed"), ("fleet", "slow"), ("ui", "stopped")], tmp_path)
+    wrong = {case: (f, e.said) for case, e in found.items() if (f := e.faults(case[1], LOADED * ALLOWED))}
+    assert not wrong, "\n".join(f"{case}: {faults}\n{said[-500:]}" for case, (faults, said) in wrong.items())
+    assert all(e.lost for e in found.values())
+    for (name, how), e in found.items():
+        if not how.endswith("SIGTERM"):
+            assert e.said.count("cannot be") + e.said.count("does not answer") == 1, (name, how, e.said)
+
+
+def test_what_opens_no_run_asks_no_server(server, tmp_path):
+    found = endings(server, [(name, "stopped") for name in OTHERS if name != "ui"], tmp_path)
+    assert {case: e.faults("stopped") for case, e in found.items() if e.faults("stopped")} == {}
+    assert not any(e.lost for e in found.values())

@@ -28,9 +28,9 @@ def is_labelled(head: bytes) -> bool:
 
     Examples
     --------
-    >>> is_labelled(b"ready\\nTime: 5001 Position: 595\\nTime: 5011 Position: 597\\nTime: 5021 Position: 601\\n")
+    >>> is_labelled(b"ready\nTime: 5001 Position: 595\nTime: 5011 Position: 597\nTime: 5021 Position: 601\n")
     True
-    >>> is_labelled(b"Samples: 3\\nDevice: rig 7\\nt,q\\n0,1\\n1,2\\n2,3\\n")
+    >>> is_labelled(b"Samples: 3\nDevice: rig 7\nt,q\n0,1\n1,2\n2,3\n")
     False
     """
     text = head.decode("utf-8", errors="replace")

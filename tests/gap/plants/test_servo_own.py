@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 from whsklearn.datasets import make_servo_log
 from whsklearn.effects import Cogging
 from whsklearn.gap.plants import servo_own
+from whsklearn.gap.plants.servo_candidates import candidate
+from whsklearn.gap.plants.servo_model import Term
 from whsklearn.gap.plants.servo_start import start_of
 from whsklearn.gap.record import ServoRecord
 
@@ -31,6 +35,19 @@ def test_artefacts_of_the_filters_are_those_of_the_record(empty):
     view.artefact = None
     assert left < 0.25 * view.rms(raw)
     assert left < 2.5 * own.floor
+
+
+def test_where_the_axis_turns_the_true_model_leaves_noise():
+    """A drive that begins without the artefacts of the filters sticks at other times, and that is no missing effect."""
+    log = make_servo_log([Cogging(0.03, 12.0)], duration=12.0, amplitude=1.0, random_state=0)
+    view, base = start_of(ServoRecord.from_frame(log), ("viscous", "coulomb"), 0.004)
+    viscous, coulomb = base.terms
+    cogging = Term(candidate("cogging"), (0.03, 0.0, 12.0))
+    terms = (viscous.with_slot(0, 0.12), coulomb.with_slot(0, 0.3), cogging)
+    true = dataclasses.replace(base, inertia=0.05, terms=terms)
+    bare = view.bare()
+    own, _ = servo_own.own(bare, true, np.random.default_rng(0))
+    assert view.rms(bare.gap(true, any_age=True) - own.mean) < 1.8 * own.floor
 
 
 def test_a_fit_behind_filters_is_corrected_to_the_truth(empty):
