@@ -98,4 +98,4 @@ def test_a_name_or_a_number_tells_whose_column_it_is():
         "a": ("a_angle_deg", "a_current_a")
     }
     assert joint_columns(" a: q , i ;") == {"a": ("q", "i")}
-    assert gains_of("a:1.5") == {"a": 1.5}
+    assert gains_of("a:1.5;b:2+-0.1") == {"a": (1.5, 0.0), "b": (2.0, 0.1)}

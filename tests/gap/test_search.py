@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from whsklearn.gap.plant import PlantDefaults
 from whsklearn.gap.search import Search
 from whsklearn.gap.tangent import Family, Tangent, with_p_values
 
@@ -28,7 +29,7 @@ class Regression:
         return Regression(terms)
 
 
-class Columns:
+class Columns(PlantDefaults):
     """A plant of columns by name."""
 
     scale, tolerance, n_effective = 1.0, 0.02, float(N)

@@ -12,7 +12,7 @@ PLANT = SimpleNamespace(gap_word="missing torque", whole="drive")
 
 
 def effect(name, aliases=()):
-    return SimpleNamespace(name=name, aliases=list(aliases), parameters={"size_nm": 0.5})
+    return SimpleNamespace(name=name, label=name, aliases=list(aliases), parameters={"size_nm": 0.5})
 
 
 def diagnosis(verdict="named", effects=(), figures=(0.1, 0.02, 0.01), closure=0.9, **more):

@@ -68,19 +68,20 @@ def guessed_columns(joints: Sequence[str], names: Sequence[str]) -> dict[str, tu
     return {joint: (of(k, joint, POSITIONS), of(k, joint, DRIVES)) for k, joint in enumerate(joints)}
 
 
-def gains_of(text: str) -> dict[str, float]:
-    """Nm per unit of the logged drive by joint, from ``shoulder:11.2;elbow:9.8``.
+def gains_of(text: str) -> dict[str, tuple[float, float]]:
+    """Nm per unit of the logged drive and its standard error by joint, from ``shoulder:11.2;elbow:9.8+-0.3``.
 
     Examples
     --------
-    >>> gains_of("shoulder:11.2;elbow:9.8")
-    {'shoulder': 11.2, 'elbow': 9.8}
+    >>> gains_of("shoulder:11.2;elbow:9.8+-0.3")
+    {'shoulder': (11.2, 0.0), 'elbow': (9.8, 0.3)}
     """
     out = {}
     for part in filter(None, (p.strip() for p in text.split(";"))):
         name, _, value = part.partition(":")
+        gain, _, error = value.replace("±", "+-").partition("+-")
         try:
-            out[name.strip()] = float(value)
+            out[name.strip()] = float(gain), float(error or 0.0)
         except ValueError:
             raise ValueError(
                 f"--gains holds {part!r}; expected NAME:NM_PER_AMPERE of each joint, parted by ;"
@@ -105,6 +106,8 @@ def read_arm(path: str, options: Mapping[str, Any], arm: Arm) -> Bunch:
             f"--joints names no columns for {missing[0]!r}; the robot's joints are {', '.join(arm.joints)}."
         )
     gains = gains_of(options["gains"]) if options.get("gains") else {}
+    if unknown := [j for j in gains if j not in arm.joints]:
+        raise ValueError(f"--gains names {unknown[0]!r}; the robot's joints are {', '.join(arm.joints)}.")
     positions, drives, log = [], [], None
     for joint, slides in zip(arm.joints, arm.slides, strict=True):
         log = longest(read(path, options, time=time, position=given[joint][0], drive=given[joint][1]))
@@ -112,7 +115,7 @@ def read_arm(path: str, options: Mapping[str, Any], arm: Arm) -> Bunch:
         unit = log.units["drive"]
         if joint not in gains and unit not in UNSTATED and unit.endswith("A"):
             raise ValueError(f'The drive of {joint} is in {unit}; give --gains "{joint}:NM_PER_AMPERE;...".')
-        by = gains[joint] * factor_between(unit, "A") if joint in gains else factor_between(unit, force)
+        by = gains[joint][0] * factor_between(unit, "A") if joint in gains else factor_between(unit, force)
         positions.append(factor_between(log.units["position"], place) * log.y)
         drives.append(by * log.X[:, 0])
         if len(positions[-1]) != len(positions[0]):
@@ -130,6 +133,58 @@ def robot_of(options: Mapping[str, Any]) -> Arm:
     from whsklearn.models import as_arm
 
     return as_arm(options["robot"], list(joint_columns(options["joints"])) if options.get("joints") else None)
+
+
+def base_of(options: Mapping[str, Any]) -> Any:
+    """What `gap` begins with: an identified model, whose numbers stay, or the robot of a file."""
+    from whsklearn.models import load_model
+
+    if Path(options["robot"]).suffix == ".json":
+        return load_model(options["robot"])
+    return robot_of(options)
+
+
+def gap_log(options: dict[str, Any]) -> Bunch:
+    """The log of an arm as `gap` takes it; drive gains by a known load are put in the place of ``--gains``."""
+    from sklearn.utils import Bunch
+
+    arm = robot_of(options)
+    if bool(options["load"]) != bool(options["loaded"]):
+        raise ValueError("--load is the mass of a known load and --loaded the log with it; give both, or neither.")
+    if options["load"]:
+        options["gains"] = gains_by_load(options, arm)
+        note(f"Gains by the known load: {options['gains']}")
+    log = read_arm(options["log_file"], options, arm)
+    errors = [e / g for g, e in gains_of(options["gains"] or "").values() if g]
+    return Bunch(
+        name=Path(options["log_file"]).name, time=log.time, X=log.drive, y=log.position, sample_rate=log.rate,
+        units={"drive": "Nm", "position": "rad"}, columns={}, notes=(), drive_error=max(errors, default=0.0),
+    )  # fmt: skip
+
+
+def gains_by_load(options: dict[str, Any], arm: Arm) -> str:
+    """``--gains`` from the log without and the log with a load of known mass at the last joint."""
+    import numpy as np
+
+    from whsklearn import RigidBodyLags
+    from whsklearn.identification import gains_from_load
+    from whsklearn.systems.arm_files import body_numbers
+
+    mass, _, place = options["load"].partition(":")
+    try:
+        numbers = body_numbers(float(mass), [float(x) for x in (place or "0,0,0").split(",")], np.zeros((3, 3)))
+    except ValueError:
+        raise ValueError(
+            f"--load is {options['load']!r}; expected KG or KG:X,Y,Z, such as 2.8 or 2.8:0,0,0.1."
+        ) from None
+    raw = options | {"gains": ";".join(f"{j}:1" for j in arm.joints)}
+    pair = [read_arm(options[name], raw, arm) for name in ("log_file", "loaded")]
+    lags = RigidBodyLags(arm, pair[0].rate)
+    empty, loaded = ((log.position, log.drive) for log in pair)
+    found = gains_from_load(lags, empty, loaded, joint=arm.joints[-1], numbers=numbers)
+    if untold := [j for j, (g, _) in found.items() if g != g]:
+        note(f"The load moves no drive of {', '.join(untold)}; each keeps its own unit.")
+    return ";".join(f"{j}:{g:.6g}+-{e:.3g}" if g == g else f"{j}:1" for j, (g, e) in found.items())
 
 
 def identify(options: dict[str, Any]) -> None:

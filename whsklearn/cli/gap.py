@@ -88,6 +88,13 @@ def orders_of(_context: Any, _option: Any, text: str | None) -> tuple[int, int, 
 @click.option(
     "--effects", type=click.Path(exists=True, dir_okay=False), help="A Python file with effects of your own to search."
 )
+@click.option(
+    "--robot", type=click.Path(exists=True, dir_okay=False), help="URDF, MJCF or model.json: LOG is one of an arm."
+)
+@click.option("--joints", help='Of the robot: "NAME:POSITION,DRIVE;...", columns of each; by their names if left out.')
+@click.option("--gains", help='Of the robot: "NAME:NM_PER_AMPERE+-ERROR;...", where drives are currents.')
+@click.option("--load", help="Of the robot: mass in kg (and place, KG:X,Y,Z in m) of a known load at the last joint.")
+@click.option("--loaded", type=click.Path(exists=True), help="A log with that load, for the gains; LOG is without.")
 @click.option("--simulator", type=click.Path(exists=True, dir_okay=False), help="A MuJoCo model.xml or an FMU.")
 @click.option("--joint", help="Joint of the simulator.")
 @click.option("--actuator", help="Actuator of that joint whose control was logged, where it has several.")
@@ -101,11 +108,19 @@ def main(**options: Any) -> None:
     \b
     whsklearn gap axis.csv --time time_s --drive torque_nm --position position_rad --report gap
     whsklearn gap axis.csv --effects my_effects.py --report gap
+    whsklearn gap arm.csv --robot arm.urdf --joints "shoulder:q1,i1;elbow:q2,i2"
     whsklearn gap robot.mcap --drive /joint_states.effort.elbow --position /joint_states.position.elbow
     """  # noqa: D301 - click reads the backspace
     from whsklearn.logs.errors import ColumnError, LogError
 
     folder = writable_folder(options["report"])
+    if options["robot"]:
+        from whsklearn.cli.arm import gap_log
+
+        finder = diagnose(options, gap_log(options), None, folder)
+        if finder.verdict_ == "data_problem":
+            raise SystemExit(UNUSABLE)
+        return
     if options["effects"]:
         from whsklearn.cli.own_effects import load_effects  # it compiles, and --help does not
 
@@ -167,7 +182,7 @@ def diagnose(options: dict[str, Any], log: Bunch, second: Bunch | None, folder: 
     from whsklearn.logs.slips import slips_in
 
     record, columns = as_record(options, log)
-    for slip in slips_in(log) if options["kind"] == "servo" else []:
+    for slip in slips_in(log) if options["kind"] == "servo" and not options["robot"] else []:
         note(str(slip))
         log.notes = (*log.notes, str(slip))
     tracker = tracker_for("close_gap", options["track"], data=Path(options["log_file"]).stem)
@@ -179,7 +194,7 @@ def diagnose(options: dict[str, Any], log: Bunch, second: Bunch | None, folder: 
             bar.update(1)
 
         finder = GapFinder(
-            options["kind"] if options["simulator"] is None else simulator_of(options),
+            model_of(options),
             law=options["law"],
             orders=options["orders"],
             direct=options["direct"],
@@ -288,6 +303,8 @@ def as_record(options: dict[str, Any], log: Bunch) -> tuple[Any, dict[str, Any]]
     from whsklearn.gap.record import ServoRecord
     from whsklearn.logs.units import UNKNOWN, factor_between, factor_of
 
+    if options["robot"]:
+        return (log.time, log.y, log.X), {}
     if options["kind"] != "servo":
         u, y = (f"{name} [{log.units.get(role, '')}]" for name, role in (("u", "drive"), ("y", "position")))
         frame = pd.DataFrame({"time": log.time, u: log.X[:, 0], y: log.y})
@@ -316,6 +333,15 @@ def as_record(options: dict[str, Any], log: Bunch) -> tuple[Any, dict[str, Any]]
     ), {}  # fmt: skip
 
 
+def model_of(options: dict[str, Any]) -> Any:
+    """What the options say is the base model."""
+    if options["robot"]:
+        from whsklearn.cli.arm import base_of
+
+        return base_of(options)
+    return options["kind"] if options["simulator"] is None else simulator_of(options)
+
+
 def simulator_of(options: dict[str, Any]) -> Any:
     """The simulator that the options name, behind the three methods that the finder asks for."""
     from whsklearn import simulators
@@ -341,7 +367,7 @@ def data_problem(error: LogError, folder: Path) -> None:
 def track(parent: Any, finder: GapFinder, folder: Path) -> None:
     """The parent run's metrics before and after, a child run for each round, and the report."""
     d = finder.diagnosis_
-    parent.log_tags({"verdict": d.verdict, "effects": ", ".join(e.name for e in d.effects)})
+    parent.log_tags({"verdict": d.verdict, "effects": ", ".join(e.label for e in d.effects)})
     for step, values in enumerate((d.before, d.after)):
         parent.log_metrics({k: v for k, v in values.items() if k in ("nmse", "mu_e", "rmse")}, step=step)
     if d.rounds:

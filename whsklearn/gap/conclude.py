@@ -36,7 +36,7 @@ def conclude(plant: Any, found: Found, rng: np.random.Generator, say: Callable[[
     """The diagnosis in the units of the log; ``found.model``, in SI, is left at the model that is handed back."""
     say("prove")
     own, motion = plant.own_units, plant.units[1]
-    gap = plant.units[0] if plant.whole == "drive" else motion
+    gap = plant.gap_unit
     diagnosis, rows = _proved(plant, found, rng, alpha)
     diagnosis.alpha = alpha
     if diagnosis.verdict in UNFINISHED and not diagnosis.shortfall:
@@ -74,6 +74,7 @@ def conclude(plant: Any, found: Found, rng: np.random.Generator, say: Callable[[
     diagnosis.horizon, diagnosis.horizon_unit = plant.headline, plant.horizon_unit
     before, after, floor = (x / plant.scale for x in plant.figures(found.base, found.model))
     diagnosis.figures = (before, after, floor)
+    diagnosis.joints = plant.joints(found.base, found.model)
     diagnosis.sentence = summary(diagnosis, plant)
     return diagnosis
 
@@ -182,7 +183,7 @@ def shown_at(look: Look, step: Any, alpha: float) -> float:
 
 def candidates(found: Found, diagnosis: Diagnosis, plant: Any, alpha: float) -> list[CandidateLine]:
     """The table of candidates: every catalogue name once, its evidence and why it is or is not the answer."""
-    named = {e.name: e for e in diagnosis.effects}
+    named = {e.label: e for e in diagnosis.effects}
     aliases = {a for e in diagnosis.effects for a in e.aliases}
     lines: dict[str, CandidateLine] = {}
     if found.steps:
@@ -267,10 +268,11 @@ def _effects(plant: Any, found: Found) -> list[NamedEffect]:
     for i, (taken, rivals) in enumerate(zip(found.taken, found.rivals, strict=True)):
         index = found.model.n_base + i
         effect = found.model.terms[index].effect
-        aliases = list(dict.fromkeys([*plant.aliases(effect.name), *rivals]))
+        aliases = list(dict.fromkeys([*plant.aliases(taken.name), *rivals]))
         out.append(NamedEffect(
             effect, labelled_errors(fit, index), taken.delta_bic, 1.0 - taken.look.p_value,
             float(min(taken.size / max(gap, 1e-300), 1.0) ** 2), aliases, p_value=taken.look.p_value,
+            joint=getattr(found.model.terms[index], "joint", ""),
         ))  # fmt: skip
     order = sorted(range(len(out)), key=lambda i: -found.taken[i].size)
     return families([out[i] for i in order])

@@ -43,6 +43,8 @@ class NamedEffect:
         Further waves of the same family.
     p_value : float
         Probability that a record in which nothing is missing shows as much, all families taken into account.
+    joint : str
+        Of an arm, at which it acts; a sum of two joints where it acts along both.
 
     References
     ----------
@@ -66,11 +68,17 @@ class NamedEffect:
     units: tuple[str, str] = ("Nm", "rad")  # of drive and position
     orders: list[NamedEffect] = field(default_factory=list)  # further ones of a family of waves
     p_value: float = 0.0
+    joint: str = ""
 
     @property
     def name(self) -> str:
         """Canonical name."""
         return str(self.effect.name)
+
+    @property
+    def label(self) -> str:
+        """The name, of an arm's effect with its joint: ``coulomb at elbow``."""
+        return f"{self.name} at {self.joint}" if self.joint else self.name
 
     @property
     def parameters(self) -> dict[str, float | str]:
@@ -102,17 +110,21 @@ class NamedEffect:
 
     def as_dict(self) -> dict[str, Any]:
         """For the report's file; a family of waves has its orders and its map over one turn besides."""
-        return {
-            "name": self.name,
-            "place": self.effect.place,
-            "equation": self.effect.equation,
-            "parameters": {k: _plain(v) for k, v in self.parameters.items()},
-            "standard_errors": self.errors,
-            "delta_bic": self.delta_bic,
-            "p_value": self.p_value,
-            "confidence": self.confidence,
-            "aliases": self.aliases,
-        } | ({"orders": self.family, "map": self.map_over_turn()} if self.of_orders else {})
+        return (
+            {
+                "name": self.name,
+                "place": self.effect.place,
+                "equation": self.effect.equation,
+                "parameters": {k: _plain(v) for k, v in self.parameters.items()},
+                "standard_errors": self.errors,
+                "delta_bic": self.delta_bic,
+                "p_value": self.p_value,
+                "confidence": self.confidence,
+                "aliases": self.aliases,
+            }
+            | ({"joint": self.joint} if self.joint else {})
+            | ({"orders": self.family, "map": self.map_over_turn()} if self.of_orders else {})
+        )
 
     @property
     def of_orders(self) -> bool:
@@ -287,6 +299,8 @@ class Diagnosis:
         By role, in which all numbers are told.
     logged : tuple of two str
         Units of the columns of drive and position, which the repaired model takes and gives.
+    joints : list of dict
+        Of an arm: what is missing at each joint before and after, as a share of its drive, the floor, and the names.
     rows : dict of str to int
         Rows of the log: ``used``, ``given``, and in how many ``segments`` they are.
     need : float
@@ -350,6 +364,7 @@ class Diagnosis:
     logged: tuple[str, str] = ("", "")  # units of the columns of drive and position
     test: list[dict[str, float]] = field(default_factory=list)  # free run on a second record, a row a horizon
     rows: dict[str, int] = field(default_factory=dict)  # used, given, segments; empty where no file was read
+    joints: list[dict[str, Any]] = field(default_factory=list)
     figures: tuple[float, float, float] = (0.0, 0.0, 0.0)  # missing share of drive or output: before, after, floor
 
     @property
@@ -383,7 +398,7 @@ class Diagnosis:
             "base": self.base_parameters,
             "horizon": self.horizon,
             "alpha": self.alpha,
-        } | ({"rows": self.rows} if self.rows else {})
+        } | {name: part for name in ("rows", "joints") if (part := getattr(self, name))}
         return _plain(raw)
 
     def run(self) -> dict[str, Any]:
@@ -408,11 +423,11 @@ def _plain(value: Any) -> Any:
 
 
 def families(effects: list[NamedEffect]) -> list[NamedEffect]:
-    """One entry a name: further orders of a wave are kept beside the first one."""
+    """One entry a name, at a joint: further orders of a wave are kept beside the first one."""
     out: dict[str, NamedEffect] = {}
     for e in effects:
-        if e.name in out:
-            out[e.name].orders.append(e)
+        if e.label in out:
+            out[e.label].orders.append(e)
         else:
-            out[e.name] = e
+            out[e.label] = e
     return list(out.values())

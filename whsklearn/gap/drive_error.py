@@ -7,7 +7,7 @@ import re
 
 from whsklearn.gap.diagnosis import Diagnosis
 
-_OF_DRIVE = re.compile(r"_nm(?=_|$)")  # in the labels of an effect's numbers
+_OF_DRIVE = re.compile(r"_(nm|kg)(?=_|$)")  # in the labels of an effect's numbers
 _UNITS = re.compile(r"\b(Nm|N|kg)\b")
 
 

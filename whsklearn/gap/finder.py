@@ -29,8 +29,9 @@ class GapFinder(BaseEstimator):
     ----------
     model : str or object
         ``"servo"`` (a rigid axis with the friction law ``law``), ``"wiener-hammerstein"``, a `ServoAxis` or
-        `WienerHammersteinSystem` whose law is the base model's, or a simulator of your own with the methods
-        ``simulate``, ``refit`` and ``with_effect``.
+        `WienerHammersteinSystem` whose law is the base model's, an `Arm` (the effects of its joints are the base
+        law), an `ArmModel` (its numbers stay), or a simulator of your own with the methods ``simulate``, ``refit`` and
+        ``with_effect``.
     law : str, optional
         Friction terms of the base model, joined by commas; ``"viscous,coulomb"`` for an axis and law (4)
         for a Wiener-Hammerstein system by default.
@@ -56,7 +57,7 @@ class GapFinder(BaseEstimator):
     verdict_ : str
         One of ``no_gap named ambiguous partial unknown coloured_noise not_testable data_problem``.
     effects_ : list of NamedEffect
-        In the order of adding; empty unless the verdict is named, ambiguous or partial.
+        In the order of adding, of an arm with their joints; empty unless the verdict is named, ambiguous or partial.
     model_ : ServoAxis, WienerHammersteinSystem or the simulator
         The repaired model.
     diagnosis_ : Diagnosis
@@ -112,7 +113,8 @@ class GapFinder(BaseEstimator):
         ----------
         log : DataFrame, record or array
             A frame with the columns named in ``columns`` (``time``, ``drive``, ``position``, ``reference``; or
-            ``input``, ``output``), or u of shape (n,) or (n, 1) with ``y`` given.
+            ``input``, ``output``), or u of shape (n,) or (n, 1) with ``y`` given; of an arm time (n,), positions
+            and drives (n, n_joints), in SI and in the order of its joints.
         y : array-like of shape (n,), optional
             Output, if ``log`` is the input of a Wiener-Hammerstein system.
 

@@ -47,6 +47,9 @@ def draw(d: Diagnosis) -> list[tuple[str, str, str]]:
         image = _paint(painter, d)
         if image:
             out.append((title, caption, image))
+    for joint in d.pictures.get("joints", {}):
+        caption = "Drive of the joint behind the filter, what the model lacks of it before and after."
+        out.append((f"Joint {joint}", caption, _paint(_of_joint(joint), d)))
     return out
 
 
@@ -115,6 +118,23 @@ def _overlay(axes: Any, d: Diagnosis) -> bool:
     axes.set(xlabel=titled("time", p.get("clock", "s")), ylabel=titled(p.get("output", "position"), p["units"][1]))
     axes.legend(frameon=False, fontsize=8)
     return True
+
+
+def _of_joint(joint: str) -> Callable[[Any, Diagnosis], bool]:
+    """The painter of one joint of an arm."""
+
+    def painter(axes: Any, d: Diagnosis) -> bool:
+        time, drive, before, after = d.pictures["joints"][joint]
+        axes.plot(*thinned(time, drive), color=MEASURED, lw=0.8, label="drive")
+        axes.plot(time, before, color=BEFORE, lw=0.8, label="missing before")
+        if d.repaired:
+            axes.plot(time, after, color=AFTER, lw=0.8, label="missing after")
+        axes.set(xlabel="time (s)", ylabel=titled(f"drive of {joint}", d.pictures["units"][0]))
+        axes.legend(frameon=False, fontsize=8)
+        return True
+
+    painter.__name__ = f"joint {joint}"
+    return painter
 
 
 def _over_time(axes: Any, d: Diagnosis) -> bool:
@@ -210,7 +230,7 @@ def _map(axes: Any, d: Diagnosis) -> bool:
         return False
     for e, colour in zip(families, (AFTER, BEFORE, MEASURED), strict=False):
         over = e.map_over_turn()
-        axes.plot(np.rad2deg(over["angle_rad"]), over["value"], color=colour, lw=0.8, label=e.name.replace("_", " "))
+        axes.plot(np.rad2deg(over["angle_rad"]), over["value"], color=colour, lw=0.8, label=e.label.replace("_", " "))
     axes.axhline(0, color=FLOOR, lw=0.6)
     axes.set(xlabel="angle in the turn (deg)", ylabel=titled("size", families[0].amplitude_unit), xlim=(0, 360))
     axes.set_xticks(range(0, 361, 60))

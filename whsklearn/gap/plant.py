@@ -310,6 +310,19 @@ class PlantDefaults:
 
     horizon_unit = "s"
 
+    @property
+    def gap_unit(self: Any) -> str:
+        """In which the gap is told: that of the drive, or of the output."""
+        return str(self.units[0] if self.whole == "drive" else self.units[1])
+
+    def size(self, before: Array, after: Array) -> float:
+        """Rms of what is gone between the errors of two models, in the unit of `Plant.scale`."""
+        return float(np.sqrt(max(0.0, float(before @ before) - float(after @ after)) / before.size))
+
+    def joints(self, base: Any, model: Any) -> list[dict[str, Any]]:
+        """None: an axis is its only joint."""
+        return []
+
     def doubtful(self, model: Any, index: int, taken: Evidence, rival: Evidence) -> bool:
         """Never: a margin and redrawn blocks tell any two effects apart."""
         return False

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from whsklearn.models import AxisModel, ChainModel
+from whsklearn.models import ArmModel, AxisModel, ChainModel
 
 
-def as_model(system: Any, units: tuple[str, str] = ("Nm", "rad")) -> AxisModel | ChainModel | None:
+def as_model(system: Any, units: tuple[str, str] = ("Nm", "rad")) -> AxisModel | ChainModel | ArmModel | None:
     """A repaired `ServoAxis` or `WienerHammersteinSystem` as an identified model; None for a user's simulator.
 
     Parameters
@@ -31,6 +31,8 @@ def as_model(system: Any, units: tuple[str, str] = ("Nm", "rad")) -> AxisModel |
     from whsklearn.systems.wiener_hammerstein import WienerHammersteinSystem
 
     known = {k: u for k, u in zip(("input", "output"), units, strict=True) if u}
+    if isinstance(system, ArmModel):
+        return system
     if isinstance(system, ServoAxis):
         delay = (InputDelay(system.drive.delay),) if system.drive.delay else ()
         return AxisModel(

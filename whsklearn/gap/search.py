@@ -34,6 +34,11 @@ LEAST_SHARE = 0.2
 AS_WELL = 1.02
 
 
+def meet(a: Look, b: Look) -> bool:
+    """Whether two looks have a place in common, so that one may stand for the other."""
+    return not a.place or not b.place or bool(a.place & b.place)
+
+
 @dataclass(frozen=True)
 class Named:
     """One effect of a model, and what speaks for it.
@@ -179,27 +184,41 @@ class Search:
         """Take one more member of the last effect's family."""
         before, errors = self.plant.errors(found.model), self.plant.errors(grown)
         g = gain(float(before @ before), float(errors @ errors), self.plant.n_effective)
-        size = np.sqrt(max(0.0, float(before @ before) - float(errors @ errors)) / errors.size) / self.plant.scale
+        size = self.plant.size(before, errors) / self.plant.scale
         found.taken.append(Named(look, grown, errors, g, float(size)))
         found.rivals.append([])
         found.model = grown
 
     def fitted(self, model: Any, looks: list[Look]) -> list[Named]:
-        """The looks that chance does not explain and that are worth a name, fitted; the best score first."""
+        """The looks that chance does not explain and that are worth a name, fitted; the best score first.
+
+        Where looks have a place, those are asked first that share one with the best; the others only where none of
+        them is sound.
+        """
         least = self.plant.tolerance * self.plant.scale
-        nameless = max((k.size for k in looks if not k.name and k.p_value <= self.alpha), default=0.0)
         worth = [k for k in looks if k.name and k.p_value <= self.alpha and k.size >= least]
         before = self.plant.errors(model)
         out: list[Named] = []
+        while worth and all(f.reason for f in out):
+            here = [k for k in worth if meet(k, worth[0])]
+            worth = [k for k in worth if not meet(k, here[0])]
+            nameless = (k.size for k in looks if not k.name and k.p_value <= self.alpha and meet(k, here[0]))
+            out += self._fitted(model, here, before, max(nameless, default=0.0))
+        return sorted(out, key=lambda f: -f.score)
+
+    def _fitted(self, model: Any, looks: list[Look], before: Array, nameless: float) -> list[Named]:
+        """Looks of one place fitted, where nameless functions of the motion explain so much."""
+        least = self.plant.tolerance * self.plant.scale
+        out: list[Named] = []
         strongest, demand = 0.0, self.plant.demand(model) * self.plant.rms(before)
-        for look in worth:
+        for look in looks:
             # one that physics forbids is no yardstick: only sound ones make others not worth a fit
             if len(out) == MOST_FITTED or look.size**2 < WORTH_FITTING * strongest**2:
                 continue
             grown = self.plant.refine(model, look)
             errors = self.plant.errors(grown)
             g = gain(float(before @ before), float(errors @ errors), self.plant.n_effective)
-            size = np.sqrt(max(0.0, -np.expm1(-g / self.plant.n_effective))) * self.plant.rms(before)
+            size = self.plant.size(before, errors)
             reason = self.plant.objection(grown, len(grown.terms) - 1)
             if not reason and size < least:
                 reason = "fitted, it explains less than the tolerance"
@@ -210,12 +229,12 @@ class Search:
             if not reason:
                 strongest = max(strongest, float(size))
             out.append(Named(look, grown, errors, g, float(size / self.plant.scale), reason))
-        return sorted(out, key=lambda f: -f.score)
+        return out
 
     def rivals(self, taken: Named, fitted: list[Named]) -> list[str]:
         """Names of the sound fits that this record does not tell from the one taken."""
         names = []
-        for other in fitted:
+        for other in (f for f in fitted if meet(f.look, taken.look)):
             if other.reason or other.name == taken.name or other.name in self.plant.aliases(taken.name):
                 continue
             lead = taken.score - other.score

@@ -73,17 +73,17 @@ def summary(d: Any, plant: Any) -> str:
     if before == after:  # a coarse reading: it is in the record, not in the model's run
         left = "That is all the noise there is: nothing else is missing that this record could show."
     if d.verdict == "named":
-        parts = [f"{e.name.replace('_', ' ')} ({numbers(e)})" for e in d.effects]
+        parts = [f"{e.label.replace('_', ' ')} ({numbers(e)})" for e in d.effects]
         alias = sorted({a for e in d.effects for a in e.aliases})
         tail = f" No such record can tell it from {article_list(alias)}." if alias else ""
         return opening + "Consistent with " + " and ".join(parts) + ". " + left + tail
     if d.verdict == "ambiguous":
-        groups = [article_list([e.name, *e.aliases]).replace(" and ", " or ") for e in d.effects]
+        groups = [article_list([e.label, *e.aliases]).replace(" and ", " or ") for e in d.effects]
         return opening + "Something is missing, and this record cannot tell which: " + "; ".join(groups) + ". " + left
     if d.verdict == "partial":
         return (
             opening
-            + f"The gap resembles {article_list([e.name for e in d.effects])}, which explains a part only. "
+            + f"The gap resembles {article_list([e.label for e in d.effects])}, which explains a part only. "
             + learned(d)
             + left
         )
@@ -112,7 +112,7 @@ def next_experiment(d: Any) -> str:
         return "None before the base model has the order and the law that the record asks for."
     if d.verdict == "named" and not any(e.aliases for e in d.effects):
         return "None needed for this verdict; validate the repaired model on a second record."
-    open_names = {n for e in d.effects for n in (e.name, *e.aliases)}
+    open_names = {n.partition(" at ")[0] for e in d.effects for n in (e.name, *e.aliases)}
     for pair, text in MENU.items():
         if pair <= open_names:
             return text

@@ -22,6 +22,7 @@ Array = NDArray[Any]
 VISIBLE = 1e-3
 # Of the power of two columns, added to the diagonal: a wave over less than a period is a line and a parabola.
 RIDGE = 1e-5
+ALL = slice(None)
 
 
 @dataclass(frozen=True)
@@ -43,6 +44,10 @@ class Family:
         Whether its one size must be positive.
     offset : bool
         Whether the columns are not scaled: the effect has no size of its own, it is there or it is not.
+    rows : slice
+        On which the columns lie; they are zero elsewhere.
+    place : frozenset of str
+        Where the effect acts; effects without a place in common are no rivals.  Empty: everywhere.
     """
 
     name: str
@@ -51,6 +56,8 @@ class Family:
     n_numbers: int = 1
     positive: bool = False
     offset: bool = False
+    rows: slice = field(default_factory=lambda: ALL)
+    place: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True)
@@ -73,6 +80,8 @@ class Look:
         Share of its columns that is left beside the model's own numbers.
     p_value : float
         That chance reaches the gain, the number of families taken into account.
+    place : frozenset of str
+        Of its family.
     """
 
     name: str
@@ -83,6 +92,7 @@ class Look:
     size: float = 0.0
     visible: float = 1.0
     p_value: float = 1.0
+    place: frozenset[str] = frozenset()
 
     @property
     def score(self) -> float:
@@ -123,8 +133,8 @@ class Tangent:
         self.rows = rows - self.plane @ (self.plane.T @ rows)  # (n, 1 + m), the record first
         self.power = np.sum(self.rows**2, axis=0)
 
-    def _weighted(self, x: Array) -> Array:
-        return x if self.weight is None else x * self.weight.reshape(-1, *([1] * (x.ndim - 1)))
+    def _weighted(self, x: Array, rows: slice = ALL) -> Array:
+        return x if self.weight is None else x * self.weight[rows].reshape(-1, *([1] * (x.ndim - 1)))
 
     def taken(self, family: Family, columns: Array) -> tuple[Array, Array, Array]:
         """What columns of s shapes take of every row.
@@ -139,13 +149,13 @@ class Tangent:
             Share of the columns beside the plane.
         """
         n, s, k = columns.shape
-        z = self._weighted(columns).reshape(n, s * k)
-        whole = np.sum(z**2, axis=0).reshape(s, k).sum(axis=1)
-        z = z - self.plane @ (self.plane.T @ z)
-        cross = (z.T @ self.rows).reshape(s, k, -1)
-        z = z.reshape(n, s, k)
-        gram = np.einsum("nsi,nsj->sij", z, z)
-        seen = np.trace(gram, axis1=1, axis2=2)
+        z = self._weighted(columns, family.rows)
+        flat = z.reshape(n, s * k)
+        whole = np.sum(flat**2, axis=0).reshape(s, k).sum(axis=1)
+        inside = (self.plane[family.rows].T @ flat).reshape(-1, s, k)
+        cross = (flat.T @ self.rows[family.rows]).reshape(s, k, -1)
+        gram = np.einsum("nsi,nsj->sij", z, z) - np.einsum("psi,psj->sij", inside, inside)
+        seen = np.maximum(np.trace(gram, axis1=1, axis2=2), 0.0)
         visible = np.sqrt(seen / np.maximum(whole, 1e-300))
         ok = visible > VISIBLE
         gram = gram + (RIDGE if k > 1 else 0.0) * seen[:, None, None] * np.eye(k) + 1e-300 * np.eye(k)
@@ -180,7 +190,9 @@ class Tangent:
         gains = -self.n * np.log1p(-best / np.maximum(self.power, 1e-300))
         start = family.start(*found)
         size = float(np.sqrt(best[0] / self.left.size))
-        return Look(family.name, float(gains[0]), gains[1:], start, family.n_numbers, size, seen)
+        return Look(
+            family.name, float(gains[0]), gains[1:], start, family.n_numbers, size, seen, place=family.place
+        )  # fmt: skip
 
 
 def with_p_values(looks: list[Look]) -> list[Look]:

@@ -42,6 +42,9 @@ __all__ = ["RigidBodyLags"]
 FINE = 5.0  # cut-offs of the columns: motion is read with a filter so much wider, so that signs and products stay sharp
 WIDEST = 0.2  # of the sampling rate, for that filter: beyond it the central difference is no derivative
 ROWS = 10.0  # rows a weight, at least, in a record: a lower cut-off would leave fewer
+EDGE = (
+    3  # periods of the cut-off left out at each end: without noise the filter's end leaves 12, 3, 0.7, 0.1 % a half one
+)
 NOISY = 5.0  # times the velocity's noise: a joint whose rms speed is less does not move
 
 
@@ -51,6 +54,29 @@ class Stream(NamedTuple):
     path: Any
     drive: Any
     seen: int
+
+
+class Seen(NamedTuple):
+    """One record behind the filters.
+
+    Attributes
+    ----------
+    phi : ndarray of shape (m, n_joints, n_columns)
+    target : ndarray of shape (m, n_joints)
+        Drives.
+    keep : ndarray of bool, shape (m, n_joints)
+        Rows that count: those of fast joints.
+    moved : Motion
+        Of all samples behind the finer filter, (n, n_joints) each.
+    kept : ndarray of int, shape (m,)
+        Samples of the rows.
+    """
+
+    phi: Any
+    target: Any
+    keep: Any
+    moved: Any
+    kept: Any
 
 
 class RigidBodyLags(TransformerMixin, BaseEstimator):
@@ -191,7 +217,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
             if self.causal:
                 pieces.append(self._advance(self._at_start(), X[s], drive[s])[0])
             else:
-                pieces.append(self._record(X[s], drive[s])[0])
+                pieces.append(self._filtered(self._columns_along(X[s], drive[s])[0]))
         return np.concatenate(pieces)
 
     def rows(self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None) -> tuple[Array, Array]:
@@ -241,9 +267,32 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
                 phi, late = phi[self.warmup_ :], late[self.warmup_ :]
                 out.append((phi, late, np.ones(late.shape, dtype=bool)))
             else:
-                out.append(self._thinned(X[s], drive[s], target[s]))
+                out.append(self._seen(X[s], drive[s], target[s])[:3])
         phis, lates, keeps = zip(*out, strict=True)
         return np.concatenate(phis), np.concatenate(lates), np.concatenate(keeps)
+
+    def _view(self, X: ArrayLike, y: ArrayLike) -> Seen:
+        """One record behind the filters: its rows before they are weighted, and the motion that they are made of.
+
+        Parameters
+        ----------
+        X, y
+            As for `rows`.
+        """
+        X = np.asarray(check_array(X, dtype=np.float64))
+        self.fit(X)
+        target = self._checked_drives(y, len(X))
+        return self._seen(X, self._drive(X, target), target)
+
+    def _filtered(self, signals: Array) -> Array:
+        """Signals (n, ...) of a record as the columns are filtered."""
+        flat = zero_phase(signals.reshape(len(signals), -1), self.sample_rate, self.cutoff_)
+        return flat.reshape(signals.shape)
+
+    def _moved(self, X: Array) -> Motion:
+        """Motion of a record behind the finer filter, (n, n_joints) each."""
+        each = [motion(x, self.sample_rate, self._fine) for x in X[:, : self.arm_.n_joints].T]
+        return Motion(*(np.column_stack(signals) for signals in zip(*each, strict=True)))
 
     # -- streams --------------------------------------------------------------------------
 
@@ -323,7 +372,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         check_is_fitted(self, "base_")
         return np.array(self.base_.names, dtype=object)
 
-    def interpret(self, theta: ArrayLike, covariance: ArrayLike | None = None) -> Arm:
+    def interpret(self, theta: ArrayLike, covariance: ArrayLike | None = None, *, physical: bool = True) -> Arm:
         """The arm that these weights are of: physical links near the file's, motors' inertia, effects of the joints.
 
         Parameters
@@ -331,6 +380,8 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         theta : array-like of shape (n_columns,)
         covariance : array-like of shape (n_columns, n_columns), optional
             By which links are made physical.
+        physical : bool, default=True
+            False: links with these weights to the digit, whether or not a body has such numbers; they move alike.
 
         Raises
         ------
@@ -344,9 +395,14 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         if sums := [a for a in self._axes if a not in self.arm_.joints]:
             raise ValueError(f"Axis {sums[0]!r} is a sum of joints, and an Arm has effects of single joints only.")
         bare = dataclasses.replace(self.arm_, effects=[()] * self.arm_.n_joints)
-        arm = bare.consistent(self.base_, theta, covariance)
-        effects, at = {}, (N_BODY + 1) * self.arm_.n_joints
-        full[self.base_.kept] = self._beside(arm, theta, covariance)
+        n = self.arm_.n_joints
+        effects, at = {}, (N_BODY + 1) * n
+        if physical:
+            arm = bare.consistent(self.base_, theta, covariance)
+            full[self.base_.kept] = self._beside(arm, theta, covariance)
+        else:
+            links, motors = full[: N_BODY * n].reshape(n, N_BODY), full[N_BODY * n : at]
+            arm = dataclasses.replace(bare, inertial=links, armature=motors)
         for axis in (a for group in self._groups for a in group):
             terms = self._axes[axis][1]
             width = sum(len(t.coefficients) for t in terms)
@@ -448,33 +504,31 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
     def _columns(self, moved: Motion, drive: Array, time: Array) -> Array:
         return self._all_columns(moved, drive, time)[:, :, self.base_.kept]
 
-    def _record(self, X: Array, drive: Array) -> tuple[Array, Array]:
-        """Columns of one record behind the filter, and the velocities (n, n_joints)."""
-        n, rate = self.arm_.n_joints, self.sample_rate
-        fine = min(FINE * self.cutoff_, WIDEST * rate)
-        each = [motion(X[:, j], rate, fine) for j in range(n)]
-        moved = Motion(*(np.column_stack(signals) for signals in zip(*each, strict=True)))
-        columns = self._columns(moved, zero_phase(drive, rate, fine), np.arange(len(X)) / rate)
-        flat = zero_phase(columns.reshape(len(X), -1), rate, self.cutoff_)
-        return flat.reshape(columns.shape), moved.velocity
+    @property
+    def _fine(self) -> float:
+        """Cut-off of the motion (Hz)."""
+        return min(FINE * self.cutoff_, WIDEST * self.sample_rate)
 
-    def _thinned(self, X: Array, drive: Array, target: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+    def _columns_along(self, X: Array, drive: Array) -> tuple[Array, Motion]:
+        """Columns of one record before the filter, and its motion."""
+        moved, rate = self._moved(X), self.sample_rate
+        return self._columns(moved, zero_phase(drive, rate, self._fine), np.arange(len(X)) / rate), moved
+
+    def _seen(self, X: Array, drive: Array, target: Array) -> Seen:
         """Rows of one record, two in a period of the cut-off, without the filter's ends; and where joints are fast."""
-        phi, velocity = self._record(X, drive)
-        late = zero_phase(target, self.sample_rate, self.cutoff_)
+        columns, moved = self._columns_along(X, drive)
         period = max(int(self.sample_rate / self.cutoff_), 1)
-        keep = np.abs(velocity) >= self._limits(X, velocity)
+        keep = np.abs(moved.velocity) >= self._limits(X, moved.velocity)
         if self.slow:
             keep = minimum_filter1d(keep.astype(np.uint8), period + 1, axis=0).astype(bool)
-        edge = min(period, len(X) // 4)
+        edge = min(EDGE * period, len(X) // 4)
         kept = np.arange(edge, len(X) - edge, max(round(0.5 * self.sample_rate / self.cutoff_), 1))
-        return phi[kept], late[kept], keep[kept]
+        return Seen(self._filtered(columns)[kept], self._filtered(target)[kept], keep[kept], moved, kept)
 
     def _limits(self, X: Array, velocity: Array) -> Array:
         """Speed of each joint below which its rows are left out, (n_joints,); infinite where it does not move."""
-        fine = min(FINE * self.cutoff_, WIDEST * self.sample_rate)
         speeds = np.sqrt(np.mean(velocity**2, axis=0))
-        noise = np.array([velocity_noise(x, self.sample_rate, fine) for x in X[:, : self.arm_.n_joints].T])
+        noise = np.array([velocity_noise(x, self.sample_rate, self._fine) for x in X[:, : self.arm_.n_joints].T])
         still = speeds <= NOISY * noise
         if still.all():
             raise ValueError("No joint moves more than its encoder's noise; record a motion, or check the columns.")

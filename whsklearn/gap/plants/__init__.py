@@ -39,6 +39,8 @@ def make_plant(model: Any, log: Any, y: Any, base: Base, *, tolerance: float, co
     ValueError
         If the kind is not known.
     """
+    from whsklearn.models.arm import ArmModel
+    from whsklearn.systems.arm import Arm
     from whsklearn.systems.servo import ServoAxis
     from whsklearn.systems.wiener_hammerstein import WienerHammersteinSystem
 
@@ -53,6 +55,10 @@ def make_plant(model: Any, log: Any, y: Any, base: Base, *, tolerance: float, co
         plant = _chain(model, u * by, v * far, base, tolerance, sampling_time(log, columns))
         plant.units, plant.logged, plant.own_units = (into, out), logged, own_units((into, out), logged)
         return plant
+    if isinstance(model, (Arm, ArmModel)):
+        from whsklearn.gap.plants.arm import arm_plant
+
+        return arm_plant(model, log, law=base.law, tolerance=tolerance)
     if all(hasattr(model, name) for name in ("simulate", "refit", "with_effect")):
         from whsklearn.gap.plants.simulator import simulator_plant
 

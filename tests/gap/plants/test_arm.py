@@ -1,0 +1,120 @@
+"""The gap of an arm: what is hidden at a joint is named there, and nothing else."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+
+from whsklearn.datasets import default_arm, make_arm_log
+from whsklearn.effects import CableSpring, Cogging, LoadFriction, Stribeck
+from whsklearn.gap import GapFinder
+from whsklearn.gap.plants.arm import ArmRecord, arm_plant
+from whsklearn.identification import identify_arm
+
+ARM = default_arm()
+
+
+def record(effects=None, robot=ARM, **settings):
+    q, u = make_arm_log(robot, effects, return_arrays=True, **settings)
+    return ArmRecord(np.arange(len(q)) / 500.0, q, u)
+
+
+def lacking(joint, name):
+    """The arm without one effect of its law."""
+    rows = [
+        tuple(e for e in row if (j, e.name) != (joint, name)) for j, row in zip(ARM.joints, ARM.effects, strict=True)
+    ]
+    return dataclasses.replace(ARM, effects=rows)
+
+
+def names(finder):
+    return [e.label for e in finder.effects_]
+
+
+@pytest.mark.parametrize(
+    ("joint", "effect"),
+    [
+        ("pitch", Cogging(0.1, order=7.0)),
+        ("pitch", LoadFriction(0.08)),
+        ("yaw", Stribeck(0.2, 0.2)),
+        ("yaw", CableSpring(1.0)),
+    ],
+)
+def test_an_effect_is_named_at_its_joint(joint, effect):
+    found = GapFinder(ARM).fit(record({joint: [effect]}))
+    assert found.verdict_ == "named"
+    assert names(found) == [f"{effect.name} at {joint}"]
+    assert found.effects_[0].effect.magnitude == pytest.approx(effect.magnitude, rel=0.1)
+    assert found.diagnosis_.closure > 0.95
+
+
+@pytest.mark.parametrize("joint", ARM.joints)
+@pytest.mark.parametrize("name", ["viscous", "coulomb"])
+def test_friction_that_the_base_law_lacks_is_named(joint, name):
+    found = GapFinder(lacking(joint, name)).fit(record())
+    assert names(found) == [f"{name} at {joint}"]
+
+
+def test_gravity_is_named_where_the_file_has_none():
+    found = GapFinder(dataclasses.replace(ARM, gravity=(0.0, 0.0, 0.0))).fit(record())
+    assert names(found) == ["gravity"]
+    row = next(r for r in found.diagnosis_.joints if r["joint"] == "pitch")
+    assert row["before"] > 10 * row["after"]
+
+
+def test_two_joints_have_a_name_each():
+    found = GapFinder(ARM).fit(record({"yaw": [CableSpring(0.5)], "pitch": [Cogging(0.1, order=7.0)]}))
+    assert set(names(found)) == {"cable_spring at yaw", "cogging at pitch"}
+    assert not any(e.aliases for e in found.effects_)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_nothing_is_named_where_nothing_is_missing(seed):
+    found = GapFinder(ARM).fit(record(random_state=seed))
+    assert found.verdict_ == "no_gap"
+
+
+def test_a_load_is_named_against_the_numbers_without_it():
+    empty = identify_arm(*make_arm_log(return_arrays=True), dt=0.002, robot=ARM)
+    loaded = record(robot=ARM.with_body("pitch", 0.3, (0.15, 0.0, 0.02)), random_state=3)
+    found = GapFinder(empty.model).fit(loaded)
+    assert names(found)[0] == "payload at pitch"
+    assert found.effects_[0].effect.mass == pytest.approx(0.3, rel=0.15)
+    assert GapFinder(empty.model).fit(record(random_state=3)).verdict_ == "no_gap"
+
+
+def test_the_report_tells_every_joint(tmp_path):
+    pytest.importorskip("matplotlib")
+    found = GapFinder(ARM).fit(record({"pitch": [Cogging(0.1, order=7.0)]}, duration=12.0))
+    page = found.report(tmp_path).read_text()
+    written = json.loads((tmp_path / "gap.json").read_text())
+    assert written["effects"][0]["joint"] == "pitch"
+    rows = {r["joint"]: r for r in written["joints"]}
+    assert rows["pitch"]["names"] == ["cogging at pitch"]
+    assert rows["pitch"]["before"] > 5 * rows["pitch"]["after"]
+    assert "Joint yaw" in page
+    assert (tmp_path / "repaired.json").exists()
+
+
+def test_a_joint_that_does_not_move_is_told():
+    r = record(duration=12.0)
+    still = r._replace(position=r.position * [1.0, 0.0])
+    plant = arm_plant(ARM, still, law=None, tolerance=0.004)
+    assert any("does not move" in p.explanation for p in plant.check())
+
+
+def test_degrees_and_other_orders_are_told():
+    r = record(duration=12.0)
+    degrees = arm_plant(ARM, r._replace(position=np.rad2deg(r.position)), law=None, tolerance=0.004).check()
+    assert any("degrees" in p.explanation for p in degrees)
+    crossed = arm_plant(ARM, r._replace(drive=r.drive[:, ::-1]), law=None, tolerance=0.004).check()
+    assert any("order" in p.explanation for p in crossed)
+
+
+def test_a_model_of_another_law_is_refused():
+    empty = identify_arm(*make_arm_log(return_arrays=True), dt=0.002, robot=ARM, law="viscous")
+    with pytest.raises(ValueError, match=r"no number .*coulomb"):
+        GapFinder(empty.model, law="viscous,coulomb").fit(record(duration=12.0))

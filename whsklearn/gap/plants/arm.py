@@ -1,0 +1,440 @@
+"""An arm as a plant: drives and positions of all joints, one rigid-body model; names are (effect, joint).
+
+All joints' residuals are weighed by what is left at each; candidates are ranked within a joint, the best joint's first.
+With numbers of another record (an `ArmModel` that was identified) these stay, and what is named has come since.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from whsklearn.effects import InputOffset
+from whsklearn.gap.data_check import Problem
+from whsklearn.gap.filters import whiteness
+from whsklearn.gap.localisation import spectra
+from whsklearn.gap.plant import PlantDefaults
+from whsklearn.gap.plants.arm_families import families, nameless, polished
+from whsklearn.gap.plants.arm_terms import Load, candidates, present
+from whsklearn.gap.plants.arm_view import LATEST, ArmState, ArmView, law_of
+from whsklearn.gap.plants.servo_candidates import aliases as of_axis
+from whsklearn.gap.plants.servo_candidates import candidate
+from whsklearn.gap.plants.servo_model import Term
+from whsklearn.gap.plants.servo_objections import negative_damping, too_large
+from whsklearn.gap.record import SPLIT, held_out_blocks
+from whsklearn.gap.tangent import Look, Tangent, with_p_values
+from whsklearn.gap.values import Linearised
+from whsklearn.identification.arm_fit import suspicions, swapped
+from whsklearn.lags.rigid_body import RigidBodyLags
+from whsklearn.models.arm import ArmModel
+from whsklearn.systems.arm import Arm
+
+Array = NDArray[Any]
+LAW = "viscous,coulomb"
+# Of what it closes, at one joint, that an effect may ask for: a spring against gravity is there to cancel it.
+CANCELS = 20.0
+SUBSTEPS = 4  # fine steps a sample of a proof
+
+
+class ArmRecord(NamedTuple):
+    """Time (n,) in s, positions and drives (n, n_joints) in rad and Nm (m and N), in the order of the joints."""
+
+    time: Array
+    position: Array
+    drive: Array
+
+
+class ArmPlant(PlantDefaults):
+    """Joints that pull at each other, whose drives and positions are logged.
+
+    Parameters
+    ----------
+    record : ArmRecord
+    lags : RigidBodyLags
+        Arm, law and filter.
+    given_model : object
+        What is handed back if nothing can be diagnosed.
+    tolerance : float
+        Smallest effect worth a name, rms as a share of its joint's rms drive.
+    given, covariance : ndarray, optional
+        Numbers of another record, that stay, and their covariance.
+    """
+
+    units: tuple[str, str] = ("Nm", "rad")
+    logged: tuple[str, str] = ("Nm", "rad")
+    gap_word, whole, gap_unit = "missing drive", "drive", ""
+    scale, n_effective = 1.0, 2.0
+    horizons: tuple[float, ...] = (0.1, 0.2, 0.5)
+    headline = 0.2
+
+    def __init__(
+        self, record: ArmRecord, lags: RigidBodyLags, given_model: Any, tolerance: float, given: Any = None,
+        covariance: Any = None,
+    ):  # fmt: skip
+        self.record, self.lags, self.given_model, self.tolerance = record, lags, given_model, tolerance
+        self.given, self.covariance = given, covariance
+        self.own_units: dict[str, str] = {}
+
+    # --- the base model ----------------------------------------------------------------------
+    def check(self) -> list[Problem]:
+        """Degrees, mA, another order of the columns, joints that do not move."""
+        from whsklearn.models.files import as_arm
+
+        arm, (_, q, u) = as_arm(self.lags.robot), self.record
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always", UserWarning)
+            try:
+                self.view = ArmView(self.lags, q, u, self.given, self.covariance)
+            except ValueError as error:
+                return [Problem("data-arm", "The log cannot be used", str(error))]
+        v = self.view
+        texts = [str(w.message) for w in said if w.category is UserWarning]
+        texts += [*suspicions(arm, q, u), *swapped(arm.joints, v.phi, v.target, v.keep)]
+        return [Problem("data-arm", "The log may not be what it says", text, fatal=False) for text in texts]
+
+    def base(self, rng: np.random.Generator) -> ArmState:
+        """The rigid arm with its law, fitted; or as given, with the offsets fitted."""
+        n = self.view.n_joints
+        return self.settled(ArmState(np.zeros(len(self.lags.base_.names)), np.zeros(n)))
+
+    # --- the search --------------------------------------------------------------------------
+    def settled(self, model: ArmState) -> ArmState:
+        """Joints weighed by what is left at each, shapes polished beside all others, twice: each moves the other."""
+        view = self.view
+        for _ in range(2):
+            model = view.fit(model)
+            view.weigh(model)
+            for i, t in enumerate(model.terms):
+                if t.shape:
+                    rest = view.fit(model.without(i))
+                    term = polished(view, self._tangent(rest, np.zeros((0, view.keep.size))), t)
+                    model = view.fit(model.with_terms((*model.terms[:i], term, *model.terms[i + 1 :])))
+        return view.fit(model)
+
+    def _tangent(self, model: ArmState, null: Array) -> Tangent:
+        """What a fitted model leaves beside its own numbers, and the ages of drives that are no question."""
+        view = self.view
+        told = model.timing >= LATEST * view.dt  # then the age is no nuisance but the question
+        x, _ = view.design(model, ~told & np.any(view.rate != 0.0, axis=0))
+        return Tangent(view.left(model).ravel(), null, x, self.n_effective, view.flat_weight())
+
+    def looks(self, model: ArmState, rng: np.random.Generator, beside: Any = None) -> list[Look]:
+        """Every candidate at every joint, and nameless functions of each joint's motion, beside the model's columns."""
+        view = self.view
+        self.own = view.own(view.fit(model), rng)
+        view.artefact, self.n_effective = self.own.mean, self.own.n_effective
+        view._fits = {}
+        model = view.fit(model)
+        self.tangent = self._tangent(model, self.own.null.reshape(len(self.own.null), -1))
+        there = present(law_of(self.lags._axes), model.terms)
+        kinds = candidates(
+            view.arm, there, frozen=self.given is not None, weight=view.weights_of_links.shape[2]
+        )  # fmt: skip
+        asked = [*families(view, kinds), *nameless(view)]
+        looks = [self._sized(look) for f in asked if (look := self.tangent.look(f)) is not None]
+        return with_p_values(looks)
+
+    def _sized(self, look: Look) -> Look:
+        """The look with its size as a share of the drive of the joint where it shows most."""
+        view, names = self.view, self.view.arm.joints
+        if len(look.place) == 1:  # its columns lie on one joint's rows
+            j = names.index(next(iter(look.place)))
+            power = look.size**2 * view.keep.size
+            each = power / max(int(view.keep[:, j].sum()), 1) / view.weight[j] ** 2
+            return replace(look, size=float(np.sqrt(each) / max(view.drive_rms[j], 1e-300)))
+        before = self.tangent.rows[:, 0]
+        kind = look.start.kind
+        columns = view.body(kind) if kind.cls is Load else view.columns(kind, look.start.shape)
+        columns = self.tangent._weighted(columns)
+        columns -= self.tangent.plane @ (self.tangent.plane.T @ columns)
+        after = before - columns @ np.linalg.lstsq(columns, before, rcond=1e-9)[0]
+        return replace(look, size=self.size(before, after))
+
+    def size(self, before: Array, after: Array) -> float:
+        """Rms of what is gone, as a share of the drive of the joint at which it is most."""
+        view = self.view
+        count = np.maximum(view.keep.sum(axis=0), 1) * (view.weight * np.maximum(view.drive_rms, 1e-300)) ** 2
+        gone = np.sum((before**2 - after**2).reshape(-1, view.n_joints), axis=0) / count
+        return float(np.sqrt(max(float(gone.max()), 0.0)))
+
+    def refine(self, model: ArmState, look: Look) -> ArmState:
+        """The candidate with its shape polished, all sizes solved."""
+        return self.view.fit(model.with_term(polished(self.view, self.tangent, look.start)))
+
+    def family(self, model: ArmState) -> Iterator[ArmState]:
+        """None: further orders are candidates like any other."""
+        return iter(())
+
+    def fit(self, model: ArmState) -> ArmState:
+        """Sizes solved."""
+        return self.view.fit(model)
+
+    def errors(self, model: ArmState) -> Array:
+        """What the model leaves, every joint's weighed, instant by instant."""
+        return np.asarray((self.view.left(self.view.fit(model)) * self.view.weight).ravel())
+
+    def rms(self, errors: Array) -> float:
+        """Of all joints, as a share of their drives."""
+        return float(np.sqrt(np.mean(self._shares(errors) ** 2)))
+
+    def _shares(self, errors: Array) -> Array:
+        """By joint, as a share of its drive."""
+        view = self.view
+        return view.by_joint(errors.reshape(-1, view.n_joints) / view.weight) / np.maximum(view.drive_rms, 1e-300)
+
+    def demand(self, model: ArmState) -> float:
+        """No more than the tolerance."""
+        return 0.0
+
+    def leads(self, taken: Any, other: Any, rng: np.random.Generator) -> Array:
+        """None made: the records of a rival are not simulated."""
+        return np.zeros(0)
+
+    def aliases(self, name: str) -> tuple[str, ...]:
+        """Names that no record of drives and positions tells from this one, at the same joint."""
+        effect, at, joint = name.partition(" at ")
+        try:
+            return tuple(f"{a}{at}{joint}" for a in of_axis(effect))
+        except ValueError:
+            return ()
+
+    def objection(self, model: ArmState, index: int) -> str:
+        """What physics has against a term's numbers."""
+        t, view = model.terms[index], self.view
+        base = dict(zip(self.lags.base_.names, model.numbers, strict=True))
+        total = t.q[0] + base.get(f"{t.joint}.{t.effect.name}", 0.0) if t.kind.linear == 1 else 1.0
+        if t.kind.positive and total <= 0.0:
+            return f"its size would be {total:.3g}, and a physical one is positive"
+        if t.kind.catalogued is not None:
+            ranges = t.kind.catalogued.ranged(view.scene(t.kind))[:1]
+            beside = [Term(candidate(n), (base.get(f"{t.joint}.{n}", 0.0),)) for n in ("viscous",)]
+            here = SimpleNamespace(terms=[Term(t.kind.catalogued, t.q), *beside])
+            if said := too_large(here, 0) or negative_damping(here, 0):  # type: ignore[arg-type]
+                return said
+            for value, (low, high) in zip(t.shape, ranges, strict=False):  # the first says where or how wide
+                if value <= low + 1e-3 * abs(low) or value >= high - 1e-3 * abs(high):
+                    return f"its {t.kind.catalogued.fields[t.kind.linear]} runs to the end of the plausible range"
+        asked = view.by_joint(view.contribution(t))  # a mass is weighed by all joints, and gravity is always large
+        closed = view.by_joint(view.left(view.fit(model.without(index)))) ** 2 - view.by_joint(view.left(model)) ** 2
+        j = int(np.argmax(closed / np.maximum(view.drive_rms, 1e-300) ** 2))
+        if t.kind.place and asked[j] > CANCELS * np.sqrt(max(closed[j], 0.0)):
+            return f"it would ask for {asked[j]:.3g} to close {np.sqrt(max(closed[j], 0.0)):.3g}: others cancel it"
+        return ""
+
+    def remains(self, model: ArmState, nameless: float) -> float:
+        """What still follows the motion without a name."""
+        return nameless
+
+    def linearised(self, model: ArmState) -> Linearised:
+        """Residual and derivatives by all open numbers, scaled to as many rows as are independent."""
+        view = self.view
+        model = view.fit(model)
+        factor = np.sqrt(self.n_effective / max(int(view.keep.sum()), 1)) * view.flat_weight()
+        blocks = [view.phi[:, :, view.open].reshape(factor.size, -1)]
+        for t in model.terms:
+            for slot in range(len(t.q)):
+                step = 1e-4 * max(abs(t.q[slot]), 1e-6)
+                q = (*t.q[:slot], t.q[slot] + step, *t.q[slot + 1 :])
+                moved = view.contribution(replace(t, q=q)) - view.contribution(t)
+                blocks.append((moved / step).reshape(-1, 1))
+        jacobian = np.hstack(blocks) * factor[:, None]
+        x = np.concatenate([model.numbers[view.open], *(t.q for t in model.terms)])
+
+        def rebuild(z: Array) -> ArmState:
+            numbers = np.array(model.numbers)
+            numbers[view.open] = z[: view.open.size]
+            at, terms = view.open.size, []
+            for t in model.terms:
+                terms.append(replace(t, q=tuple(map(float, z[at : at + len(t.q)]))))
+                at += len(t.q)
+            return replace(model, numbers=numbers, terms=tuple(terms))
+
+        wide = np.full(x.size, np.inf)
+        return Linearised(x, -wide, wide, view.left(model).ravel() * factor, -jacobian, rebuild)
+
+    # --- proof -------------------------------------------------------------------------------
+    def surrogate(self, model: ArmState, rng: np.random.Generator) -> ArmPlant:
+        """The plant of a record that the model itself made along the measured motion."""
+        view = self.view
+        other = ArmPlant(self.record, self.lags, None, self.tolerance, self.given, self.covariance)
+        record = ArmRecord(self.record.time, view.read(view.moved.position, rng), view.along(model, view.moved))
+        other.record, other.view = record, view
+        other._made = True
+        return other
+
+    _made = False
+
+    def simulate(self, model: ArmState, horizon: float) -> Array:
+        """Free runs of all joints from the drives, restarted at the measured motion; (n n_joints,).
+
+        What an `Arm` cannot hold (friction along two joints, gravity that its file lacks) is paid along the measured
+        motion.
+        """
+        view = self.view
+        drive, path = self.record.drive, self.record.position
+        moved = view.moved if not self._made else self.lags._moved(path)
+        arm, beside = self._arm(model)
+        if not self._made:
+            drive = drive - beside
+        run = arm.simulate_drive(
+            drive, sample_rate=self.lags.sample_rate, resync=horizon, position=moved.position, velocity=moved.velocity,
+            substeps=SUBSTEPS,
+        )  # fmt: skip
+        return np.asarray(run.position.ravel())
+
+    def _arm(self, model: ArmState) -> tuple[Arm, Array]:
+        """(the arm that moves as the model does, drives along the measured motion of what it cannot hold)."""
+        view = self.view
+        arm = self.lags.interpret(model.numbers, physical=False)
+        beside = np.zeros_like(self.record.drive)
+        for t in model.terms:
+            name, d = t.effect.name, np.array(t.kind.direction)
+            if name == "payload":
+                arm = arm.with_body(t.joint, t.q[0], t.shape)
+            elif name == "joint_inertia" and t.kind.index is not None:
+                arm = replace(arm, armature=arm.armature + t.q[0] * d)
+            elif name == "gravity":
+                seen = view.contribution(t)
+                beside += np.column_stack([np.interp(view.time, view.time[view.kept], x) for x in seen.T])
+            elif t.kind.index is not None:
+                arm = arm.with_effects({t.joint: t.effect})
+            elif name == "joint_inertia":
+                beside += t.q[0] * (view.moved.acceleration @ d)[:, None] * d
+            else:
+                beside += t.effect.contribution(view.signals(t.kind))[:, None] * d
+        return arm, beside
+
+    def measured(self, *models: ArmState) -> tuple[Array, NDArray[np.bool_]]:
+        """Positions of all joints one after the other, and the held-out samples away from the ends."""
+        n = len(self.record.time)
+        _, train = held_out_blocks(n)
+        edge = max(int(self.view.kept[0]), round(max(self.horizons) * self.lags.sample_rate))
+        train[:edge] = train[n - edge :] = True
+        return self.record.position.ravel(), np.repeat(~train, self.view.n_joints)
+
+    def figures(self, base: ArmState, model: ArmState) -> tuple[float, float, float]:
+        """(gap before, after, floor) at the joint where most was closed, or where most is left, of its drive."""
+        before, after = (self._shares(self.errors(m)) for m in (base, model))
+        j = int(np.argmax(before**2 - after**2 if model.terms else after / np.maximum(self.own.floor, 1e-12)))
+        return float(before[j]), float(after[j]), float(self.own.floor[j])
+
+    # --- report ------------------------------------------------------------------------------
+    def joints(self, base: ArmState, model: ArmState) -> list[dict[str, Any]]:
+        """A row for each joint: what is missing before and after, the floor, and the names."""
+        before, after = (self._shares(self.errors(m)) for m in (base, model))
+        return [
+            {"joint": name, "before": float(b), "after": float(a), "floor": float(f),
+             "names": [t.name for t in model.terms if name in t.kind.place]}
+            for name, b, a, f in zip(self.view.arm.joints, before, after, self.own.floor, strict=True)
+        ]  # fmt: skip
+
+    def _worst(self, model: ArmState) -> int:
+        """The joint that is told first: that of the first term, or where most is left over the floor."""
+        shares = self._shares(self.errors(model)) / np.maximum(self.own.floor, 1e-12)
+        at = [t.kind.index for t in model.terms if t.kind.index is not None]
+        return at[0] if at else int(np.argmax(np.nan_to_num(shares)))
+
+    def gap_to_locate(self, model: ArmState) -> Array:
+        """The gap of the joint that has most of it, as a share of its drive."""
+        j = self._worst(model)
+        return np.asarray(self.view.left(self.view.fit(model))[:, j] / max(self.view.drive_rms[j], 1e-300))
+
+    def signals(self, model: ArmState) -> dict[str, tuple[Array, str]]:
+        """Name -> (signal of that joint at the rows, unit)."""
+        view, j = self.view, self._worst(model)
+        unit = "m" if view.arm.slides[j] else "rad"
+        name, moved = view.arm.joints[j], (x[view.kept, j] for x in view.moved)
+        out = {"time": (view.time[view.kept], "s")}
+        for what, x, u in zip(("position", "velocity"), moved, (unit, f"{unit}/s"), strict=False):
+            out[f"{what} of {name}"] = (x, u)
+        return out | {f"drive of {name}": (view.target[:, j], "N" if view.arm.slides[j] else "Nm")}
+
+    def regressors(self, model: ArmState) -> tuple[dict[str, Any], Array, float]:
+        """None: no constant of an arm is let go by itself."""
+        return {}, self.gap_to_locate(model), self.view.step
+
+    def residual_tests(self, base: ArmState, model: ArmState) -> list[dict[str, Any]]:
+        """Whiteness of what is left at that joint, before and after."""
+        return [whiteness(self.gap_to_locate(m), name) for name, m in (("before", base), ("after", model))]
+
+    def parameters(self, model: ArmState) -> dict[str, float]:
+        """Base numbers."""
+        return dict(zip(self.lags.base_.names, map(float, model.numbers), strict=True))
+
+    def parameter_units(self, model: ArmState) -> dict[str, str]:
+        """Of links and motors."""
+        from whsklearn.systems.arm import number_unit
+
+        return {name: number_unit(name) for name in self.lags.base_.names}
+
+    def notes(self, base: ArmState, model: ArmState) -> list[str]:
+        """Remarks on how the record was used."""
+        numbers = "stay as they were identified" if self.given is not None else "are fitted to this record"
+        return [
+            f"Every joint's gap is a share of its own rms drive, below {self.lags.cutoff_:.1f} Hz and without slow "
+            f"samples; the numbers of the arm {numbers}. A free run covers all joints.",
+            SPLIT,
+        ]
+
+    def pictures(self, base: ArmState, model: ArmState) -> dict[str, Any]:
+        """Series of the joint that is told first, and of every joint."""
+        view, j = self.view, self._worst(model)
+        n = view.n_joints
+        gaps = [view.left(view.fit(m)) for m in (base, model)]
+        runs = {name: self.simulate(m, self.headline) for name, m in (("before", base), ("after", model))}
+        orders = np.arange(0.5, 40.0, 0.25)
+        share = max(view.drive_rms[j], 1e-300)
+        rows = view.time[view.kept]
+        return {
+            "time": self.record.time, "measured": self.record.position[:, j],
+            "runs": {k: x.reshape(-1, n)[:, j] for k, x in runs.items()},
+            "held": self.measured()[1].reshape(-1, n)[:, j], "gap_time": rows, "usable": view.keep[:, j],
+            "floor": float(self.own.floor[j]), "axes": self.signals(model), "units": self.units,
+            "what": f"{self.gap_word} of {view.arm.joints[j]}",
+            "joints": {
+                name: (rows, view.target[:, i], *(np.where(view.keep[:, i], g[:, i], np.nan) for g in gaps))
+                for i, name in enumerate(view.arm.joints)
+            },
+            **spectra(
+                gaps[0][:, j] / share, gaps[1][:, j] / share, view.step, view.moved.position[view.kept, j], orders
+            ),
+        }  # fmt: skip
+
+    def system(self, model: ArmState) -> ArmModel:
+        """The repaired arm, its links physical; effects along two joints are in the report alone."""
+        view = self.view
+        arm = self.lags.interpret(model.numbers)
+        for t in model.terms:
+            if t.effect.name == "payload":
+                arm = arm.with_body(t.joint, t.q[0], t.shape)
+            elif t.effect.name == "joint_inertia" and t.kind.index is not None:
+                arm = replace(arm, armature=arm.armature + t.q[0] * np.array(t.kind.direction))
+            elif t.kind.catalogued is not None and t.kind.index is not None:
+                arm = arm.with_effects({t.joint: t.effect})
+        return ArmModel(arm, self.parameters(model), dt=view.dt, logged="position",
+                        units={"input": "Nm", "output": "rad"})  # fmt: skip
+
+
+def arm_plant(model: Any, log: Any, *, law: str | None, tolerance: float) -> ArmPlant:
+    """The plant of a log; the effects of the joints of an `Arm` are its base law, the numbers of an `ArmModel` stay."""
+    record = log if isinstance(log, ArmRecord) else ArmRecord(*log)
+    rate = (len(record.time) - 1) / float(record.time[-1] - record.time[0])
+    arm = model.arm if isinstance(model, ArmModel) else model
+    if law is not None or not any(arm.effects):
+        lags = RigidBodyLags(arm, rate, law=LAW if law is None else law)
+    else:
+        own = {j: (*e, *(() if any(isinstance(x, InputOffset) for x in e) else (InputOffset(),)))
+               for j, e in zip(arm.joints, arm.effects, strict=True)}  # fmt: skip
+        lags = RigidBodyLags(arm, rate, law=(), effects=own)
+    if not isinstance(model, ArmModel):
+        return ArmPlant(record, lags, model, tolerance)
+    lags._settle()
+    if missing := [n for n in lags.base_.names if n not in model.numbers]:
+        raise ValueError(f"The model has no number {missing[0]!r}; give one that identify wrote of this robot and law.")
+    return ArmPlant(record, lags, model, tolerance, np.array([model.numbers[n] for n in lags.base_.names]))

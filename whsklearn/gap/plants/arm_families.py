@@ -1,0 +1,212 @@
+"""Every candidate of an arm as a family of columns on the rows of its joint, and the polish of its shape."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+
+from whsklearn.gap.plants.arm_terms import AtJoint, JointTerm, Load
+from whsklearn.gap.plants.arm_view import LATEST, OLDEST, ArmView
+from whsklearn.gap.plants.servo_nameless import generic_basis
+from whsklearn.gap.tangent import Family, Tangent
+
+Array = NDArray[Any]
+Blocks = Iterator[tuple[Any, Array, Array | float]]
+AT_ONCE = 64  # shapes of one product
+N_STEPS, N_LIMITS, N_AGES = 25, 24, 16
+HIGHEST = 60.0  # order of a wave over a joint's angle
+LEAST_LEFT = 0.5  # of a drive, by its rms, that a limit or a dead zone must leave to tell the joint by
+FEWEST = 4  # rows a column of a nameless family
+EVALUATIONS = 80  # of a polish
+FAR = 1.0  # m from a joint's frame, at which a search for a load begins at the furthest
+
+
+def families(view: ArmView, kinds: Iterable[AtJoint]) -> Iterator[Family]:
+    """Those that a row of the log can show."""
+    for kind in kinds:
+        yield Family(
+            kind.name, partial(_blocks, view, kind), partial(_start, kind), kind.n_numbers,
+            kind.positive and kind.cls is not Load, kind.transforms, kind.rows, kind.place,
+        )  # fmt: skip
+
+
+def _start(kind: AtJoint, shape: tuple[float, ...], sizes: Array) -> JointTerm:
+    if kind.cls is Load:  # of the ten numbers, each scaled, those of a mass at a place no further than `FAR`
+        numbers = sizes / np.array(shape)
+        centre = numbers[1:4] / numbers[0] if abs(numbers[0]) > 1e-9 else np.zeros(3)
+        return JointTerm(kind, (float(numbers[0]), *(float(c) for c in np.clip(centre, -FAR, FAR))))
+    return JointTerm(kind, (*((0.0,) * kind.linear), *shape))
+
+
+def _blocks(view: ArmView, kind: AtJoint, tangent: Tangent) -> Blocks:
+    """Shapes and columns of one candidate."""
+    c = kind.catalogued
+    if kind.cls is Load:
+        body = view.body(kind)
+        scale = np.linalg.norm(body, axis=0)
+        scale = np.where(scale > 1e-9 * scale.max(), scale, np.inf)
+        yield [tuple(scale)], (body / scale)[:, None, :], 1.0
+    elif c is None:
+        yield [()], view.columns(kind, ())[:, None, :], 1.0
+    elif c.transforms:
+        yield from _taken_off(view, kind)
+    elif c.scanned == "position" and c.paired:
+        yield from _orders(view, kind)
+    elif c.scanned == "time":
+        yield from _tones(view, kind, tangent)
+    else:
+        scene = view.scene(kind)
+        low, high = c.ranged(scene)[0] if c.scanned == "step" else (0.0, 0.0)
+        shapes = [(float(t),) for t in np.linspace(low, high, N_STEPS)] if c.scanned == "step" else c.starts(scene)
+        for shape in shapes:
+            yield [shape], view.columns(kind, shape)[:, None, :], 1.0
+
+
+def _taken_off(view: ArmView, kind: AtJoint) -> Blocks:
+    """What a limit or a dead zone of several widths takes off the drive, or a delay of several ages."""
+    c = kind.catalogued
+    assert c is not None
+    assert kind.index is not None
+    j = kind.index
+    low, high = c.ranged(view.scene(kind))[0]
+    if c.delays:
+        values = np.geomspace(LATEST * view.dt, max(OLDEST, 10 * LATEST * view.dt), N_AGES)
+        book = view.columns(kind, (LATEST * view.dt,))
+    else:
+        values, book = np.geomspace(low, high, N_LIMITS), np.zeros((view.n_rows, 1))
+    for value in values:
+        columns = view.columns(kind, (float(value),))
+        if _leaves_enough(view, j, columns):
+            yield [(float(value),)], (columns - book)[:, None, :], 1.0
+
+
+def _leaves_enough(view: ArmView, j: int, columns: Array) -> bool:
+    """Whether a drive without these columns still tells its joint."""
+    left = view.target[:, j] - columns[:, 0]
+    return bool(left @ left > LEAST_LEFT**2 * (view.target[:, j] @ view.target[:, j]))
+
+
+def _orders(view: ArmView, kind: AtJoint) -> Blocks:
+    """Waves over the angle; the filter damps one by its frequency at the speed of each instant."""
+    c = kind.catalogued
+    assert c is not None
+    assert kind.index is not None
+    scene, j = view.scene(kind), kind.index
+    q, v = (x[view.kept, j] for x in view.moved[:2])
+    low = c.ranged(scene)[0][0]
+    speed = max(float(np.median(np.abs(v))), 1e-9)
+    high = float(np.clip(2 * np.pi * 1.5 * view.lags.cutoff_ / speed, 4.0 * max(low, 1.0), HIGHEST))
+    step = max(0.2 * np.pi / scene.reach, high / 300)
+    values = np.union1d(np.arange(np.ceil(low), high + 1), np.arange(low, max(high, low + step), step))
+    values = values[values > 0.0]
+    size = view.blur(c.unit_columns((0.0,), view.signals(kind))[:, :1])
+    for i in range(0, values.size, AT_ONCE):
+        part = values[None, i : i + AT_ONCE]
+        damped = size / (1.0 + (np.abs(v)[:, None] * part / (2 * np.pi * view.lags.cutoff_)) ** 8)
+        phase = q[:, None] * part
+        yield [(float(o),) for o in part[0]], np.stack([damped * np.cos(phase), damped * np.sin(phase)], axis=2), 1.0
+
+
+def _tones(view: ArmView, kind: AtJoint, tangent: Tangent) -> Blocks:
+    """The strongest line of the record at a joint and of every null row, from their spectra."""
+    c = kind.catalogued
+    assert c is not None
+    assert kind.index is not None
+    low = c.ranged(view.scene(kind))[0][0]
+    rows = tangent.rows[kind.rows].T
+    n = 4 * rows.shape[1]
+    frequency = np.fft.rfftfreq(n, view.step)
+    inside = np.flatnonzero((frequency >= low) & (frequency <= min(1.5 * view.lags.cutoff_, 0.5 / view.step)))
+    if inside.size == 0:
+        return
+    power = np.abs(np.fft.rfft(rows, n)[:, inside]) ** 2
+    best = np.unique(frequency[inside[np.argmax(power, axis=1)]])
+    phase = 2 * np.pi * view.time[view.kept][:, None] * best
+    yield [(float(f),) for f in best], np.stack([np.cos(phase), np.sin(phase)], axis=2), 1.0
+
+
+def nameless(view: ArmView) -> Iterator[Family]:
+    """Functions of each joint's position, speed, torque and time, each kind a family without a name."""
+    for j, (joint, row) in enumerate(zip(view.arm.joints, np.eye(view.n_joints), strict=True)):
+        if not view.keep[:, j].any():
+            continue
+        kind = AtJoint(object, joint, tuple(row))  # type: ignore[arg-type]
+        q, v = (x[view.kept, j] for x in view.moved[:2])
+        for block in generic_basis(view.scene(kind), q, v, view.torque[view.kept, j]):
+            if FEWEST * block.shape[1] < view.keep[:, j].sum():
+                columns = (block / (block.std(axis=0) + 1e-12))[:, None, :]
+                yield Family(
+                    "", partial(lambda c, _: iter([([()], c, 1.0)]), columns), lambda *_: None, columns.shape[2],
+                    rows=slice(j, None, view.n_joints), place=frozenset([joint]),
+                )  # fmt: skip
+
+
+def polished(view: ArmView, tangent: Tangent, term: JointTerm) -> JointTerm:
+    """The term at the shape at which its columns take most of what is left."""
+    kind, c = term.kind, term.kind.catalogued
+    if kind.cls is Load:
+        return _placed(view, tangent, term)
+    free = [i for i in range(len(term.shape)) if c is not None and i not in c.held]
+    if not free:
+        return term
+    scene = view.scene(kind)
+    ranges = [c.ranged(scene)[i] for i in free]
+    logs = [c.ratios(i) and low > 0.0 and term.shape[i] > 0.0 for i, (low, _) in zip(free, ranges, strict=True)]
+    family = Family(kind.name, lambda _: (), lambda *_: None, positive=kind.positive, offset=kind.transforms,
+                    rows=kind.rows)  # fmt: skip
+
+    def shape_at(x: Array) -> tuple[float, ...]:
+        shape = list(term.shape)
+        for i, value, logarithm in zip(free, x, logs, strict=True):
+            shape[i] = float(np.exp(value) if logarithm else value)
+        return tuple(shape)
+
+    def cost(x: Array) -> float:
+        columns = view.columns_at(kind, shape_at(x))
+        if kind.transforms and kind.index is not None and not _leaves_enough(view, kind.index, columns):
+            return 0.0
+        return -float(tangent.taken(family, columns[:, None, :])[0][0, 0])
+
+    start = [np.log(term.shape[i]) if g else term.shape[i] for i, g in zip(free, logs, strict=True)]
+    bounds = [(np.log(a), np.log(b)) if g else (a, b) for (a, b), g in zip(ranges, logs, strict=True)]
+    widths = np.array([_width(view, kind, g, b) for g, b in zip(logs, bounds, strict=True)])
+    simplex = np.vstack([start, *(np.array(start) + w for w in np.diag(widths))])
+    simplex = np.clip(simplex, [b[0] for b in bounds], [b[1] for b in bounds])
+    found = minimize(
+        cost, start, method="Nelder-Mead", bounds=bounds,
+        options={"maxfev": EVALUATIONS, "initial_simplex": simplex, "xatol": 1e-3, "fatol": 1e-9},
+    )  # fmt: skip
+    x = found.x if found.fun <= cost(np.array(start)) else np.array(start)
+    return JointTerm(kind, (*term.q[: kind.linear], *shape_at(x)))
+
+
+def _placed(view: ArmView, tangent: Tangent, term: JointTerm) -> JointTerm:
+    """A mass at the place at which it takes most of what is left."""
+    family = Family(term.kind.name, lambda _: (), lambda *_: None, positive=True)
+
+    def cost(x: Array) -> float:
+        return -float(tangent.taken(family, view.columns_at(term.kind, tuple(x))[:, None, :])[0][0, 0])
+
+    found = min(
+        (minimize(cost, start, method="Nelder-Mead", bounds=[(-2 * FAR, 2 * FAR)] * 3,
+                  options={"initial_simplex": np.vstack([start, start + 0.05 * np.eye(3)]), "maxfev": 2 * EVALUATIONS,
+                           "xatol": 1e-4, "fatol": 1e-9})
+         for start in (np.array(term.shape), np.zeros(3))), key=lambda r: float(r.fun),
+    )  # fmt: skip
+    return JointTerm(term.kind, (term.q[0], *map(float, found.x)))
+
+
+def _width(view: ArmView, kind: AtJoint, logarithm: bool, bounds: tuple[float, float]) -> float:
+    """First step of a polish: a fifth in ratios, a fiftieth of the range, a part of a wave's period."""
+    c, scene = kind.catalogued, view.scene(kind)
+    assert c is not None
+    if c.scanned == "position":
+        return float(0.1 / scene.reach)
+    if c.scanned == "time":
+        return 0.1 / scene.duration
+    return 0.2 if logarithm else 0.02 * (bounds[1] - bounds[0])

@@ -1,0 +1,210 @@
+"""What an arm may be missing: an effect of the catalogue at a joint or along a sum of two, inertia, a mass, gravity.
+
+A name is (effect, joint): ``coulomb at elbow``; along two joints that one gear turns, ``viscous at wrist+hand``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+
+from whsklearn.effects import Effect, Quantity
+from whsklearn.gap.plants.servo_candidates import Candidate, catalogue
+from whsklearn.gap.values import FittedTerm
+from whsklearn.systems.arm import Arm
+
+# Of the catalogue, not asked for at a joint: what splits it in two has no place in an `Arm`, what an encoder adds to a
+# reading moves all joints' columns, and a joint's weight is that of the links.
+ELSEWHERE = ("encoder_eccentricity", "gravity_imbalance")
+ALONG_TWO = ("viscous", "coulomb")  # friction that depends on a neighbour's motion
+
+
+@dataclass(frozen=True)
+class Load(Effect):
+    """A body at a link, as a point: its mass, and the place of its centre in the joint's frame."""
+
+    mass: float = 0.0
+    x: float = 0.0
+    y: float = 0.0
+    z: float = 0.0
+    name: ClassVar[str] = "payload"
+    place: ClassVar[str] = "link"
+    equation: ClassVar[str] = "m Y(q, v, a) (1, c, -[c]²)"
+    size: ClassVar[str] = "mass"
+    quantities: ClassVar[dict[str, Quantity]] = {
+        "mass": Quantity("kg", 0.0, 1e3), **{x: Quantity("m", -2.0, 2.0) for x in "xyz"}
+    }  # fmt: skip
+
+
+@dataclass(frozen=True)
+class JointInertia(Effect):
+    """Inertia of a motor, on the joint's side."""
+
+    inertia: float = 0.0
+    name: ClassVar[str] = "joint_inertia"
+    place: ClassVar[str] = "link"
+    equation: ClassVar[str] = "J a"
+    size: ClassVar[str] = "inertia"
+    quantities: ClassVar[dict[str, Quantity]] = {"inertia": Quantity("kg m2", 0.0, 1e3)}
+
+
+@dataclass(frozen=True)
+class Weight(Effect):
+    """Gravity of all links, where the model has none."""
+
+    acceleration: float = 9.81
+    name: ClassVar[str] = "gravity"
+    place: ClassVar[str] = "link"
+    equation: ClassVar[str] = "g(q)"
+    size: ClassVar[str] = "acceleration"
+    quantities: ClassVar[dict[str, Quantity]] = {"acceleration": Quantity("m/s2", 0.0, 20.0)}
+
+    def labelled(self) -> dict[str, float | str]:
+        """None: what is fitted are the links' moments."""
+        return {}
+
+
+@dataclass(frozen=True)
+class AtJoint:
+    """An effect at a joint, along a sum of joints, or of the whole arm.
+
+    Parameters
+    ----------
+    cls : type
+        The effect.
+    joint : str
+        Name of the joint or of the sum; empty for the whole arm.
+    direction : tuple of float, shape (n_joints,)
+        Of the sum over the joints.
+    catalogued : Candidate, optional
+        The effect as a search of one axis takes it; its columns have shapes.
+    width : int
+        Columns of what has no shape.
+    place : frozenset of str
+        The joints at which it acts; empty where all may pay.
+    """
+
+    cls: type[Effect]
+    joint: str
+    direction: tuple[float, ...]
+    catalogued: Candidate | None = None
+    width: int = 1
+    place: frozenset[str] = frozenset()
+
+    @property
+    def name(self) -> str:
+        """Effect and joint."""
+        return f"{self.cls.name} at {self.joint}" if self.joint else self.cls.name
+
+    @property
+    def index(self) -> int | None:
+        """Index of the joint; None where more than one has to pay."""
+        at = np.flatnonzero(self.direction)
+        return int(at[0]) if at.size == 1 and self.cls is not Load else None
+
+    @property
+    def rows(self) -> slice:
+        """Rows of joint after joint, instant by instant, on which its columns lie."""
+        return slice(None) if self.index is None else slice(self.index, None, len(self.direction))
+
+    @cached_property
+    def linear(self) -> int:
+        """Leading numbers of a row in which it is linear."""
+        return self.width if self.catalogued is None else self.catalogued.linear
+
+    @property
+    def positive(self) -> bool:
+        """Whether its one size must be positive."""
+        return self.catalogued.positive if self.catalogued is not None else self.cls in (JointInertia, Load)
+
+    @property
+    def transforms(self) -> bool:
+        """Whether it changes the drive as a whole."""
+        return self.catalogued is not None and self.catalogued.transforms
+
+    @property
+    def n_numbers(self) -> int:
+        """Free numbers."""
+        if self.catalogued is None:
+            return 4 if self.cls is Load else self.width
+        return self.catalogued.n_slots - len(self.catalogued.held)
+
+    def effect(self, q: Any) -> Effect:
+        """The effect with these numbers."""
+        if self.catalogued is not None:
+            return self.catalogued.effect(q)
+        return Weight() if self.cls is Weight else self.cls(*map(float, q))
+
+
+@dataclass(frozen=True)
+class JointTerm(FittedTerm):
+    """An `AtJoint` with its numbers."""
+
+    @property
+    def joint(self) -> str:
+        """Where it acts."""
+        return str(self.kind.joint)
+
+    @property
+    def shape(self) -> tuple[float, ...]:
+        """The numbers behind the linear ones."""
+        return self.q[self.kind.linear :]
+
+
+def present(base: dict[str, tuple[str, ...]], terms: Any) -> dict[str, set[str]]:
+    """Names of effects by joint: those of the base model, and of the terms added."""
+    out = {joint: set(names) for joint, names in base.items()}
+    for t in terms:
+        out.setdefault(t.joint, set()).add(t.effect.name)
+    return out
+
+
+def candidates(arm: Arm, there: dict[str, set[str]], *, frozen: bool, weight: int) -> Iterator[AtJoint]:
+    """All that may be missing of an arm beside what is there.
+
+    Parameters
+    ----------
+    arm : Arm
+    there : dict of str to set of str
+        Effects at each joint.
+    frozen : bool
+        Whether the model's numbers are those of another record: then they may have changed, and a mass or an inertia
+        may have come.
+    weight : int
+        Columns of gravity, where the arm has none; 0 where it has.
+    """
+    eye = np.eye(arm.n_joints)
+    each = [(joint, tuple(map(float, row))) for joint, row in zip(arm.joints, eye, strict=True)]
+    for joint, row in each:
+        names = there.get(joint, set())
+        said = {n for e in catalogue() if e.name in names for n in e.cls.covers}
+        for c in catalogue():
+            again = c.repeats or (frozen and c.elementary)
+            if c.cls.port == "block" or c.name in ELSEWHERE or c.name in said or c.cls.sought:
+                continue
+            if (c.name not in names or again) and (not c.parent or c.parent in names):
+                yield AtJoint(c.cls, joint, row, c, place=frozenset([joint]))
+        if frozen and "joint_inertia" not in names:
+            yield AtJoint(JointInertia, joint, row, place=frozenset([joint]))
+    frictions = [next(c for c in catalogue() if c.name == name) for name in ALONG_TWO]
+    for k, parent in enumerate(arm.parents):
+        if parent < 0 or arm.slides[k] != arm.slides[parent]:
+            continue
+        both = frozenset([arm.joints[parent], arm.joints[k]])
+        for sign, word in ((1.0, "+"), (-1.0, "-")):
+            axis, along = f"{arm.joints[parent]}{word}{arm.joints[k]}", tuple(map(float, eye[parent] + sign * eye[k]))
+            for c in frictions:
+                if c.name not in there.get(axis, set()):
+                    yield AtJoint(c.cls, axis, along, c, place=both)
+            if "joint_inertia" not in there.get(axis, set()):
+                yield AtJoint(JointInertia, axis, along, place=both)
+    if frozen:
+        for joint, row in each:
+            if "payload" not in there.get(joint, set()):
+                yield AtJoint(Load, joint, row)
+    elif weight and "gravity" not in there.get("", set()):
+        yield AtJoint(Weight, "", tuple(np.ones(arm.n_joints)), width=weight)

@@ -1,0 +1,359 @@
+"""One record of an arm behind the filters of `RigidBodyLags`: rows of joint after joint, and what a model leaves there.
+
+The fit is linear in all sizes and weighs every joint by what is left at it.  What chance makes of a record comes from
+records that the fitted arm makes itself: the drives that it asks for along the measured motion, read through the same
+encoders and filters, and noise with the colour of what is not explained, joint by joint.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from whsklearn.effects import Scales
+from whsklearn.filtering import Motion, zero_phase
+from whsklearn.filtering.encoder import encoder_noise
+from whsklearn.gap.calibration import coloured, n_effective, smoothed_power
+from whsklearn.gap.plants.arm_terms import AtJoint, JointInertia, JointTerm, Load, Weight
+from whsklearn.gap.plants.servo_columns import Signals
+from whsklearn.gap.plants.servo_inverse import later, reaching
+from whsklearn.gap.record import lattice, rms
+from whsklearn.lags.rigid_body import RigidBodyLags
+from whsklearn.systems._arm_kernels import N_BODY
+from whsklearn.systems.arm_files import STANDARD_GRAVITY, body_numbers
+
+Array = NDArray[Any]
+
+N_RECORDS = 5  # of the arm's own, as of an axis (`servo_own`)
+N_NULL = 15  # rows in which chance is looked at
+LATEST = 2.0  # samples of age of a drive that are bookkeeping; beyond, it is a delay
+OLDEST = 0.06  # s, of a drive in any logger
+SEEN = 1e-9  # of the largest singular value: a column that adds less is made of the others
+
+
+@dataclass(frozen=True)
+class ArmState:
+    """Base numbers, ages of the drives, and terms beside them; ``n_base`` terms are the base model's: none."""
+
+    numbers: Any  # (n_columns,)
+    timing: Any  # (n_joints,), s
+    terms: tuple[JointTerm, ...] = ()
+    n_base: int = 0
+
+    def with_terms(self, terms: tuple[JointTerm, ...]) -> ArmState:
+        """The same with other terms."""
+        return dataclasses.replace(self, terms=tuple(terms))
+
+    def with_term(self, term: JointTerm) -> ArmState:
+        """The same with one term more."""
+        return self.with_terms((*self.terms, term))
+
+    def without(self, index: int) -> ArmState:
+        """The same without its term ``index``."""
+        return self.with_terms(self.terms[:index] + self.terms[index + 1 :])
+
+
+class Own(NamedTuple):
+    """What a model leaves of its own records.
+
+    Attributes
+    ----------
+    mean : ndarray of shape (m, n_joints)
+        The artefacts.
+    null : ndarray of shape (k, m, n_joints)
+        What chance makes of a record in which nothing is missing.
+    floor : ndarray of shape (n_joints,)
+        Rms of what the encoders' noise leaves, as a share of each joint's drive.
+    n_effective : float
+    """
+
+    mean: Array
+    null: Array
+    floor: Array
+    n_effective: float
+
+
+class ArmView:
+    """One record behind the filters.
+
+    Parameters
+    ----------
+    lags : RigidBodyLags
+    position, drive : ndarray of shape (n, n_joints)
+    given : ndarray of shape (n_columns,), optional
+        Numbers of another record, which stay; only the offsets of the drives are open.
+    covariance : ndarray of shape (n_columns, n_columns), optional
+        Of those.
+    """
+
+    def __init__(
+        self, lags: RigidBodyLags, position: Array, drive: Array, given: Array | None = None,
+        covariance: Array | None = None,
+    ):  # fmt: skip
+        self.lags, self.position, self.drive, self.covariance = lags, position, drive, covariance
+        self.phi, self.target, self.keep, self.moved, self.kept = lags._view(position, drive)
+        self.arm, self.dt = lags.arm_, 1.0 / lags.sample_rate
+        self.n_rows, self.n_joints = self.target.shape
+        self.time = np.arange(len(position)) * self.dt
+        self.step = float(self.kept[1] - self.kept[0]) * self.dt
+        self.given = given
+        names = lags.base_.names
+        offset = np.array([n.endswith(".input_offset") for n in names])
+        self.open = np.flatnonzero(np.ones(len(names), dtype=bool) if given is None else offset)
+        self.noise = np.array([encoder_noise(x, lags.sample_rate) for x in position.T])
+        self.grid = np.array([lattice(x) for x in position.T])
+        self.weight = np.ones(self.n_joints)
+        self.artefact = np.zeros_like(self.target)
+        self.torque = zero_phase(drive, lags.sample_rate, lags._fine)  # that a model predicts, once there is one
+        self.rate = np.zeros_like(self.target)
+        self._columns: dict[Any, Array] = {}
+        self._fits: dict[Any, ArmState] = {}
+        self.drive_rms = self.by_joint(self.target)
+
+    # -- rows ---------------------------------------------------------------------------------
+    def by_joint(self, x: Array) -> Array:
+        """Rms over the rows that count, by joint."""
+        count = np.maximum(self.keep.sum(axis=0), 1)
+        return np.asarray(np.sqrt(np.sum(np.where(self.keep, x, 0.0) ** 2, axis=0) / count))
+
+    def blur(self, x: Array) -> Array:
+        """Signals of all samples (n, ...) at the rows, behind the filter."""
+        return self.lags._filtered(x)[self.kept]
+
+    def flat_weight(self) -> Array:
+        """Of every row, joint after joint, instant by instant; zero where it does not count."""
+        return np.asarray((self.keep * self.weight).ravel())
+
+    def scene(self, kind: AtJoint) -> Scales:
+        """Scales of the record along a joint or a sum of joints."""
+        d = np.array(kind.direction)
+        q, v, a = (x @ d for x in self.moved)
+        u = self.drive @ d
+        return Scales(
+            torque=rms(u), peak=float(np.abs(u).max()), speed=max(rms(v), 1e-9), reach=max(float(np.ptp(q)) / 2, 1e-9),
+            centre=float(q.max() + q.min()) / 2, duration=float(self.time[-1]), dt=self.dt,
+            inertia=max(rms(u) / max(rms(a), 1e-9), 1e-9),
+        )  # fmt: skip
+
+    def signals(self, kind: AtJoint, moved: Motion | None = None, torque: Array | None = None) -> Signals:
+        """The motion along a joint or a sum of joints; its drive is the torque that the model predicts."""
+        d = np.array(kind.direction)
+        q, v, a = (x @ d for x in (self.moved if moved is None else moved))
+        return Signals(self.time, q, v, a, (self.torque if torque is None else torque) @ d)
+
+    # -- columns ------------------------------------------------------------------------------
+    def columns(self, kind: AtJoint, shape: tuple[float, ...]) -> Array:
+        """Of a kind at its shape, on its rows: (rows, linear), or (rows, 1) taken off the drive as a whole."""
+        key = kind, shape
+        if key not in self._columns:
+            self._columns[key] = self.columns_at(kind, shape)
+        return self._columns[key]
+
+    def columns_at(self, kind: AtJoint, shape: tuple[float, ...]) -> Array:
+        """The same, not remembered."""
+        if kind.cls is Load:
+            return self.body(kind) @ point(shape)[:, None]
+        if kind.cls is Weight:
+            return self.weights_of_links.reshape(-1, kind.width)
+        if kind.cls is JointInertia:
+            along = (self.moved.acceleration @ np.array(kind.direction))[:, None]
+        elif kind.transforms:
+            along = self.lost(kind, shape)[:, None]
+        else:
+            assert kind.catalogued is not None
+            along = kind.catalogued.unit_columns(shape, self.signals(kind))
+        seen = self.blur(along)
+        if kind.index is not None:
+            return seen
+        return (np.array(kind.direction)[None, :, None] * seen[:, None, :]).reshape(-1, seen.shape[1])
+
+    def body(self, kind: AtJoint) -> Array:
+        """Columns of the ten numbers of a body at a link, (rows, 10)."""
+        at = N_BODY * self.arm.index(kind.joint)
+        return (self.phi @ self.lags.base_.mapping[:, at : at + N_BODY]).reshape(-1, N_BODY)
+
+    def lost(self, kind: AtJoint, shape: tuple[float, ...]) -> Array:
+        """What an effect takes off a joint's drive, (n,).
+
+        Of a limit or a dead zone off the drive as logged; a delay has the drive ask early for the torque that the model
+        predicts, since a logged drive would explain its own noise.
+        """
+        if kind.catalogued is not None and kind.catalogued.delays:
+            asked = (self.torque @ np.array(kind.direction))[::-1]
+            return np.asarray((later(kind.catalogued.code, asked, shape[0], self.dt) - asked)[::-1])
+        u = self.drive @ np.array(kind.direction)
+        return np.asarray(u - reaching(JointTerm(kind.catalogued, shape), u, self.signals(kind), self.dt))  # type: ignore[arg-type]
+
+    @cached_property
+    def weights_of_links(self) -> Array:
+        """Columns of gravity (m, n_joints, k) where the arm has none, as few as say all."""
+        if np.any(self.arm.gravity):
+            return np.zeros((self.n_rows, self.n_joints, 0))
+        still = np.zeros_like(self.moved.position)
+        heavy = dataclasses.replace(self.arm, gravity=STANDARD_GRAVITY, effects=())
+        every = heavy.regressor(self.moved.position, still, still)
+        u, s, _ = np.linalg.svd(self.blur(every).reshape(self.n_rows * self.n_joints, -1), full_matrices=False)
+        return (u * s)[:, s > 1e-6 * s[0]].reshape(self.n_rows, self.n_joints, -1)
+
+    def contribution(self, term: JointTerm) -> Array:
+        """What a term asks of the drives, (m, n_joints)."""
+        out = np.zeros(self.n_rows * self.n_joints)
+        sizes = np.ones(1) if term.kind.transforms else np.array(term.q[: term.kind.linear])
+        out[term.kind.rows] = self.columns(term.kind, term.shape) @ sizes
+        return out.reshape(self.n_rows, self.n_joints)
+
+    def design(self, model: ArmState, timed: NDArray[np.bool_]) -> tuple[Array, Array]:
+        """(columns of all open numbers, ages of the joints ``timed`` last; what they are to explain), row by row."""
+        n = self.n_rows * self.n_joints
+        target = (self.target - self.artefact).ravel()
+        if self.given is not None:
+            fixed = np.array(self.given)
+            fixed[self.open] = 0.0
+            target = target - (self.phi @ fixed).ravel()
+        parts = [self.phi[:, :, self.open].reshape(n, -1)]
+        for t in model.terms:
+            if t.kind.transforms:
+                target = target - self.contribution(t).ravel()
+            else:
+                columns = np.zeros((n, t.kind.linear))
+                columns[t.kind.rows] = self.columns(t.kind, t.shape)
+                parts.append(columns)
+        ages = np.zeros((n, int(timed.sum())))
+        for i, j in enumerate(np.flatnonzero(timed)):
+            ages[j :: self.n_joints, i] = self.rate[:, j]
+        late = ~timed * model.timing * self.rate
+        return np.hstack([*parts, ages]), target - late.ravel()
+
+    # -- fits ---------------------------------------------------------------------------------
+    def fit(self, model: ArmState) -> ArmState:
+        """All sizes solved at the model's shapes, every drive as old as it may be without a word."""
+        key = tuple((t.kind, t.shape) for t in model.terms)
+        if key not in self._fits:
+            delayed = {t.joint for t in model.terms if t.kind.catalogued is not None and t.kind.catalogued.delays}
+            timed = np.any(self.rate != 0.0, axis=0) & np.array([j not in delayed for j in self.arm.joints])
+            model = dataclasses.replace(model, timing=np.zeros(self.n_joints))
+            fitted = self._solved(model, timed)
+            bound = np.clip(fitted.timing, -OLDEST, LATEST * self.dt)
+            if np.any(bound != fitted.timing):
+                timed &= bound == fitted.timing
+                fitted = self._solved(dataclasses.replace(model, timing=np.where(timed, 0.0, bound)), timed)
+            self._fits[key] = fitted
+        return self._fits[key]
+
+    def _solved(self, model: ArmState, timed: NDArray[np.bool_]) -> ArmState:
+        x, y = self.design(model, timed)
+        sizes = solved(x, y, self.flat_weight())
+        numbers = np.zeros(len(self.lags.base_.names)) if self.given is None else np.array(self.given)
+        numbers[self.open] = sizes[: self.open.size]
+        at, terms = self.open.size, []
+        for t in model.terms:
+            n = 0 if t.kind.transforms else t.kind.linear
+            terms.append(dataclasses.replace(t, q=(*map(float, sizes[at : at + n]), *t.shape)))
+            at += n
+        timing = np.array(model.timing)
+        timing[timed] = sizes[at:]
+        return dataclasses.replace(model, numbers=numbers, timing=timing, terms=tuple(terms))
+
+    def left(self, model: ArmState) -> Array:
+        """What a fitted model leaves of the drives, (m, n_joints); zero at rows that do not count."""
+        out = self.target - self.artefact - self.phi @ model.numbers - model.timing * self.rate
+        return np.where(self.keep, out - sum(self.contribution(t) for t in model.terms), 0.0)
+
+    def weigh(self, model: ArmState) -> None:
+        """Weigh joints by what the model leaves, and take its torque for what effects see of the drive."""
+        left = self.by_joint(self.left(model))
+        self.weight = 1.0 / np.maximum(left, 1e-6 * np.maximum(self.drive_rms, 1e-12))
+        self.torque = self.along(model, self.moved)
+        self.rate = self.blur(np.gradient(self.torque, self.dt, axis=0))
+        self._forget()
+
+    def _forget(self) -> None:
+        self._fits = {}
+        for key in list(self._columns):
+            c = key[0].catalogued
+            if c is not None and c.driven and (c.delays or not c.transforms):
+                del self._columns[key]
+
+    # -- own records --------------------------------------------------------------------------
+    def along(self, model: ArmState, moved: Motion) -> Array:
+        """Drives that the model asks for along a motion, (n, n_joints); what it takes off a drive is left out."""
+        arm = self.lags.interpret(model.numbers, physical=False)
+        out = arm.inverse_dynamics(*moved, effects=False)
+        eye = np.eye(self.n_joints)
+        for j, (joint, effects) in enumerate(zip(arm.joints, arm.effects, strict=True)):
+            s = self.signals(AtJoint(JointInertia, joint, tuple(eye[j])), moved, self.torque)
+            out[:, j] += sum(e.contribution(s) for e in effects)
+        for t in model.terms:
+            d = np.array(t.kind.direction)
+            if t.kind.cls is Load:
+                numbers = np.zeros((self.n_joints, N_BODY))
+                numbers[self.arm.index(t.joint)] = t.q[0] * point(t.shape)
+                body = dataclasses.replace(self.arm, inertial=numbers, armature=None, effects=())
+                out += body.inverse_dynamics(*moved)
+            elif t.kind.cls is JointInertia:
+                out += t.q[0] * (moved.acceleration @ d)[:, None] * d
+            elif t.kind.catalogued is not None and not t.kind.transforms:
+                out += t.effect.contribution(self.signals(t.kind, moved))[:, None] * d
+        return np.asarray(out)
+
+    def read(self, path: Array, rng: np.random.Generator) -> Array:
+        """A path (n, n_joints) as the encoders would have read it."""
+        quiet = np.sqrt(np.maximum(self.noise**2 - self.grid**2 / 12.0, (0.3 * self.noise) ** 2))
+        out = path + quiet * rng.standard_normal(path.shape)
+        grid = np.where(self.grid > 0.0, self.grid, 1.0)
+        return np.where(self.grid > 0.0, np.round(out / grid) * grid, out)
+
+    def own(self, model: ArmState, rng: np.random.Generator) -> Own:
+        """See `Own`; the model is fitted.  What a refit would take of them the look takes by itself.
+
+        The path read is the measured one behind the finer filter, which it passes once more with noise and without:
+        what that pass takes of the noise already in it is no artefact.
+        """
+        asked = self.blur(self.along(model, self.lags._moved(self.moved.position)))
+        made = [self.along(model, self.lags._moved(self.read(self.moved.position, rng))) for _ in range(N_RECORDS)]
+        rows = np.where(self.keep, asked - np.array([self.blur(x) for x in made]), 0.0)
+        mean = rows.mean(axis=0)
+        apart = (rows - mean) * np.sqrt(N_RECORDS / (N_RECORDS - 1.0))
+        rest = self.left(model) + np.where(self.keep, self.artefact, 0.0) - mean
+        null = np.empty((N_NULL, self.n_rows, self.n_joints))
+        n = 0.0
+        for j in range(self.n_joints):
+            share = max(float(self.keep[:, j].mean()), 1e-9)
+            power = smoothed_power(rest[:, j])
+            seen = np.mean([smoothed_power(a[:, j]) for a in apart], axis=0)
+            excess = np.maximum(power - seen, 0.0) / share
+            null[:, :, j] = [apart[i % N_RECORDS, :, j] + coloured(excess, self.n_rows, rng) for i in range(N_NULL)]
+            spread = coloured(power, self.n_rows, np.random.default_rng(0))
+            if self.keep[:, j].any():
+                n += share * n_effective(spread, self.n_rows)
+        if self.covariance is not None and self.given is not None:
+            draws = rng.multivariate_normal(np.zeros(len(self.given)), self.covariance, N_NULL, method="eigh")
+            null += np.einsum("tjb,kb->ktj", self.phi, draws)
+        floor = np.sqrt(np.mean([self.by_joint(a) ** 2 for a in apart], axis=0))
+        return Own(mean, np.where(self.keep, null, 0.0), floor / np.maximum(self.drive_rms, 1e-300), max(n, 2.0))
+
+
+def point(centre: tuple[float, ...]) -> Array:
+    """Ten numbers of 1 kg at a place, (10,)."""
+    return body_numbers(1.0, centre, np.zeros((3, 3)))
+
+
+def solved(x: Array, y: Array, weight: Array) -> Array:
+    """Weighted least squares; of columns that say the same the smallest weights."""
+    at = weight > 0.0
+    rows: Array = np.column_stack([x, y])[at] * weight[at, None]
+    scale = np.linalg.norm(rows[:, :-1], axis=0)
+    scale = np.where(scale > 0.0, scale, 1.0)
+    r: Array = np.asarray(np.linalg.qr(np.column_stack([rows[:, :-1] / scale, rows[:, -1]]), mode="r"))
+    return np.asarray(np.linalg.lstsq(r[:, :-1], r[:, -1], rcond=SEEN)[0] / scale)
+
+
+def law_of(names: Mapping[str, Any]) -> dict[str, tuple[str, ...]]:
+    """Names of the base model's effects by joint, of the axes of a `RigidBodyLags`."""
+    return {joint: tuple(t.name for t in terms) for joint, (_, terms) in names.items()}
