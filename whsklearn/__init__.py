@@ -1,8 +1,8 @@
 """Identify servo axes as Wiener-Hammerstein systems with friction, and find what the model misses."""
 
-from typing import TYPE_CHECKING, Any
+import typing as _typing
 
-if TYPE_CHECKING:
+if _typing.TYPE_CHECKING:
     from whsklearn.estimators import (
         DifferentialEvolutionRegressor,
         MILSRegressor,
@@ -48,7 +48,7 @@ _ELSEWHERE = {
 }
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> _typing.Any:
     if name not in __all__:
         raise AttributeError(f"module 'whsklearn' has no attribute {name!r}")
     import importlib
@@ -60,4 +60,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted([*globals(), *__all__])
+    return sorted({*__all__, *(name for name in globals() if not name.startswith("_") or name.startswith("__"))})

@@ -58,3 +58,25 @@ def test_a_log_at_another_rate_is_refused(files):
     done = run(files)
     assert done.exit_code == 1
     assert "a sample every 0.01 s, the log every 0.02 s" in done.output
+
+
+def test_every_segment_is_simulated_from_its_own_start(files):
+    model = AxisModel(0.05, as_law("viscous").reweighted([5.0]), dt=0.01, logged="position")
+    save_model(model, files / "model.json")
+    u = np.where(np.arange(300) % 50 < 20, 1.0, 0.0)  # at rest for 30 samples, five times the axis's memory
+    position = model.simulate(u, start=0.7)
+    log = pd.DataFrame({"time_s": 0.01 * np.arange(300), "torque_nm": u, "position_rad": position})
+    log.drop(index=range(140, 150)).to_csv(files / "log.csv", index=False)
+    done = run(files)
+    assert done.exit_code == 0, done.output
+    assert "each of its 2 segments is simulated from its own start" in done.output
+    table = pd.read_csv(files / "out.csv")
+    assert table.segment.value_counts().to_dict() == {0: 140, 1: 150}
+    np.testing.assert_allclose(table.simulated, table.measured, atol=1e-3)
+
+
+def test_worse_than_the_mean_is_told(files):
+    log = pd.read_csv(files / "log.csv")
+    log["torque_nm"] *= -3.0
+    log.to_csv(files / "log.csv", index=False)
+    assert "Worse than the mean of the output (an NMSE above 1): model.json" in run(files).output

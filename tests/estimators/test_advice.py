@@ -5,12 +5,15 @@ from __future__ import annotations
 import warnings
 
 import numpy as np
+import pandas as pd
 import pytest
+from sklearn.base import clone
+from sklearn.model_selection import KFold, TimeSeriesSplit, cross_val_score, train_test_split
 
-from whsklearn import PEMRegressor, RMILSRegressor, WienerHammersteinLags
-from whsklearn.datasets import make_wiener_hammerstein
+from whsklearn import InverseDynamicsLags, PEMRegressor, RLSRegressor, RMILSRegressor, WienerHammersteinLags
+from whsklearn.datasets import make_servo_log, make_wiener_hammerstein
 from whsklearn.effects import as_law
-from whsklearn.estimators import _advice
+from whsklearn.estimators import _advice, base
 from whsklearn.metrics import nmse
 
 LAW = as_law(None)
@@ -61,3 +64,67 @@ def test_what_is_advised_helps(record):
     within = nmse(truth[50:], fitted(X, y + 2.0, "reduced,offset").predict(fresh)[50:] - 2.0)
     assert max(subtracted, within) < 0.01
     assert bare > 30 * max(subtracted, within)
+
+
+@pytest.fixture(scope="module")
+def axis():
+    log = make_servo_log([], duration=12.0, random_state=0)
+    return log["position_rad"].to_numpy(), log["torque_nm"].to_numpy()
+
+
+@pytest.mark.parametrize(
+    ("mistake", "told"),
+    [
+        (
+            lambda q, u: (q[:200], u[:200]),
+            r"leave \d+ rows for 4 parameters, expected 40 or more; give a longer record",
+        ),
+        (lambda q, u: (u, q), "check that X is the position and y the drive"),
+        (lambda q, u: (-q, u), "gives inertia -0.05.* both with the same positive sense"),
+        (lambda q, u: (np.rad2deg(20 * q) % 360.0, u), r"leaps by 360, .* np.unwrap\(position, period=360\)"),
+        (lambda q, u: (20 * q % (2 * np.pi), u), "leaps by 6.28319"),
+    ],
+)
+def test_numbers_that_no_axis_has_are_told_with_the_likely_mistake(axis, mistake, told):
+    q, u = mistake(*axis)
+    with pytest.warns(UserWarning, match=told):
+        RLSRegressor(InverseDynamicsLags()).fit(q[:, None], u)
+
+
+def test_nothing_is_said_of_a_sound_axis(axis):
+    q, u = axis
+    for scale in (1.0, 1e3):  # a torque in mNm is as good
+        RLSRegressor(InverseDynamicsLags()).fit(q[:, None], scale * u)
+
+
+@pytest.mark.parametrize("scale", [1e-9, 1e9])
+def test_a_pure_recursion_says_that_it_does_not_reach_the_scale(record, scale):
+    X, y = record
+    pure = RMILSRegressor(WienerHammersteinLags(), memory=0, n_starts=4, random_state=0)
+    for method in ("fit", "partial_fit"):
+        with pytest.warns(UserWarning, match=r"rms of y is 7.*: divide y by 7e.*, or give memory=4096"):
+            getattr(pure, method)(X, y * scale)
+        pure = clone(pure)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert fitted(X, y * scale).score(X, y * scale) > 0.9  # a memory finds it by itself
+    bad = RMILSRegressor(WienerHammersteinLags(), gradient="pseudolinear").fit(X[:50], y[:50])
+    with pytest.warns(UserWarning, match=r"worse than the mean of the output \(NMSE"):
+        bad.score(X, 10.0 - 30.0 * y)
+
+
+def test_shuffled_samples_are_told_once(record, monkeypatch):
+    X, y = record
+    model = RMILSRegressor(WienerHammersteinLags(), n_starts=2, memory=64, random_state=0)
+    monkeypatch.setattr(base, "TOLD", set())
+    for folds in (KFold(3), TimeSeriesSplit(3)):
+        cross_val_score(model, X, y, cv=folds)
+    with pytest.warns(UserWarning, match="not in their order") as told:
+        cross_val_score(model, X, y, cv=KFold(3, shuffle=True, random_state=0))
+    assert len(told) == 1
+    monkeypatch.setattr(base, "TOLD", set())
+    frame = pd.DataFrame(X, columns=["u"])
+    model.fit(frame[::2], y[::2])
+    part, _, target, _ = train_test_split(frame, y, random_state=0)
+    with pytest.warns(UserWarning, match="use whsklearn.validation.time_series_split"):
+        model.fit(part, target)

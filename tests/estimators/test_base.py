@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+import time
 
 import numpy as np
 import pandas as pd
@@ -18,10 +19,12 @@ import whsklearn.metrics  # noqa: F401  enters the scorers' names
 from whsklearn import (
     DifferentialEvolutionRegressor,
     InverseDynamicsLags,
+    MILSRegressor,
     MultiInnovationGradientRegressor,
     PEMRegressor,
     RLSRegressor,
     RMILSRegressor,
+    StreamingPEMRegressor,
     WienerHammersteinLags,
 )
 from whsklearn.checks import state_difference
@@ -49,12 +52,14 @@ def fitted(record):
     return {name: clone(model).fit(*record) for name, model in MODELS.items()}
 
 
+@pytest.mark.filterwarnings("ignore:The free run is worse")
 @pytest.mark.parametrize("name", list(MODELS))
 def test_score_is_the_r2_of_the_free_run(fitted, record, name):
     X, y = record
     assert fitted[name].score(X, y) == pytest.approx(r2_score(y, fitted[name].predict(X)))
 
 
+@pytest.mark.filterwarnings("ignore:The free run is worse")
 @pytest.mark.parametrize("name", list(MODELS))
 def test_predicting_changes_nothing_and_knows_no_output(fitted, record, name):
     X, y = record
@@ -67,6 +72,50 @@ def test_predicting_changes_nothing_and_knows_no_output(fitted, record, name):
     assert state_difference(before, model.get_state()) == 0.0
     np.testing.assert_array_equal(model.predict(X), first)
     np.testing.assert_array_equal(model.predict(X[:50]), first[:50])  # causal
+
+
+def in_mid_stream(record):
+    """A model of every kind that learns as it goes, fed in blocks, and its record."""
+    X, y = record
+    lags = WienerHammersteinLags()
+    kinds = [
+        RLSRegressor(lags, random_state=0),
+        MILSRegressor(lags, random_state=0),
+        MODELS["published"],
+        RMILSRegressor(lags, random_state=0),
+        MODELS["gradient"],
+        StreamingPEMRegressor(n_start=400, block=200),
+    ]
+    for kind in kinds:
+        model = clone(kind)
+        for k in range(0, len(y), 300):
+            model.partial_fit(X[k : k + 300], y[k : k + 300])
+        yield model
+
+
+def test_the_running_estimate_answers_at_once_and_changes_nothing():
+    X, y = make_wiener_hammerstein(1200, snr_db=20, random_state=0)
+    for model in in_mid_stream((X, y)):
+        before = model.get_state()
+        ahead = model.predict_ahead(X[-300:], y[-300:], settle=False)
+        assert state_difference(before, model.get_state()) == 0.0
+        # of the same arrays, checked in full
+        np.testing.assert_array_equal(ahead, model.predict_ahead(X[-300:].tolist(), y[-300:].tolist(), settle=False))
+        settled = model.predict_ahead(X[-300:], y[-300:])
+        assert np.std(y[-300:] - ahead) < 1.2 * np.std(y[-300:] - settled), type(model).__name__
+        model.partial_fit(X[-1:], y[-1:])
+        spent = []
+        for _ in range(20):
+            began = time.thread_time()
+            model.predict_ahead(X[-4:], y[-4:], settle=False)
+            spent.append(time.thread_time() - began)
+        assert min(spent) < 200e-6, (type(model).__name__, min(spent))
+
+
+def test_before_its_start_a_streaming_fit_has_no_running_estimate(record):
+    model = StreamingPEMRegressor(n_start=400).partial_fit(*record)
+    with pytest.raises(ValueError, match="no running estimate before 400 samples, and 160 were learnt"):
+        model.predict_ahead(*record, settle=False)
 
 
 @pytest.mark.parametrize("name", list(MODELS))
@@ -190,7 +239,7 @@ def test_rows_of_a_lag_transformer_are_predicted_group_by_group():
     rate, t = 200.0, np.arange(800) / 200.0
     q = 0.4 * np.sin(2 * t) + 0.1 * np.sin(7 * t)
     v = 0.8 * np.cos(2 * t) + 0.7 * np.cos(7 * t)
-    torque = 0.6 * v + 0.3 * np.sign(v)
+    torque = 0.6 * v + 0.3 * np.sign(v) - 0.08 * np.sin(2 * t) - 0.245 * np.sin(7 * t)
     groups = np.repeat(["a", "b"], 400)
     model = RLSRegressor(InverseDynamicsLags(sample_rate=rate)).fit(q[:, None], torque, groups=groups)
     together = model.predict(q[:, None], groups=groups)

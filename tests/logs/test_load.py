@@ -7,6 +7,7 @@ import pytest
 
 from tests.logs.rig import NAMES, RATE
 from tests.logs.rig import columns as table
+from whsklearn import InverseDynamicsLags, RLSRegressor
 from whsklearn.datasets import load_turntable, make_servo_log
 from whsklearn.logs import LogWarning, check_log, load_log
 
@@ -146,3 +147,15 @@ def test_a_report_reads_as_text_html_and_json():
     assert "<li>LOG008" in report._repr_html_()
     assert json.loads(json.dumps(report.to_dict()))["findings"][0]["title"] == "The drive is zero throughout"
     assert str(check_log(c["time_s"], {"drive": c["torque_nm"], "position": c["position_rad"]})) == "Nothing to remark."
+
+
+def test_a_log_is_what_either_kind_of_model_takes(tmp_path):
+    frame = make_servo_log([], duration=12.0, random_state=0)
+    frame.to_csv(tmp_path / "axis.csv", index=False)
+    log = load_log(tmp_path / "axis.csv", time="time_s", drive="torque_nm", position="position_rad")
+    np.testing.assert_array_equal(log.position, log.y[:, None])
+    np.testing.assert_array_equal(log.drive, log.X[:, 0])
+    axis = RLSRegressor(InverseDynamicsLags(sample_rate=log.sample_rate)).fit(log.position, log.drive)
+    assert axis.parameters_["inertia"] == pytest.approx(0.05, rel=0.05)
+    with pytest.warns(UserWarning, match="check that X is the position and y the drive"):
+        RLSRegressor(InverseDynamicsLags(sample_rate=log.sample_rate)).fit(log.X, log.y)

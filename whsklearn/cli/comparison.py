@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from sklearn.base import clone
 from tqdm import tqdm
 
-from whsklearn.cli.job import table, wrapped
+from whsklearn.cli.job import table, worse_than_mean, wrapped
 from whsklearn.metrics import mu_e, nmse, parameter_error, rmse
 from whsklearn.plot import flat_parameters, parameter_paths
 from whsklearn.tracking import Run, TrackingError, estimator_params
@@ -203,7 +203,8 @@ def results_table(outcomes: Sequence[Outcome], title: str) -> str:
     told = [
         f"{o.candidate.name} ({o.candidate.reading}) could not be fitted: {o.failure}" for o in outcomes if o.failure
     ]
-    return "\n".join([text, *told])
+    bad = worse_than_mean({f"{o.candidate.name} ({o.candidate.reading})": o.indices.get("nmse", 0.0) for o in outcomes})
+    return "\n".join([text, *told, *([wrapped(bad)] if bad else [])])
 
 
 def by_name(outcomes: Sequence[Outcome], **wanted: str) -> Mapping[str, Outcome]:

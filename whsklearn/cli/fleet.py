@@ -168,6 +168,11 @@ def summary(found: Any, apart: Any, failed: Any, out: Path, seconds: float) -> s
         f"{len(failed)} failed; table in {out}."
     )
     lines = [wrapped(text)]
+    bad = int((found["nmse"].astype(float) > 1.0).sum())
+    if bad:
+        lines.append(
+            wrapped(f"{bad} have an NMSE above 1, worse than the mean of their output; their model says nothing.")
+        )
     if len(apart):
         lines += ["", "Outliers, the worst first: what lies how many robust standard deviations from the median"]
         lines += [_entry(f"{r['axis']}: NMSE {cell(r['nmse'])};", r["why"]) for _, r in apart.head(SHOWN).iterrows()]

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from tqdm import tqdm
 
-from whsklearn.cli.job import job, say_where, table, tracker_for, wrapped, writable_folder
+from whsklearn.cli.job import job, say_where, table, tracker_for, worse_than_mean, wrapped, writable_folder
 from whsklearn.cli.records import logged_option, longest, note_assumed, read, reading_options, refuse_fitted
 
 if TYPE_CHECKING:
@@ -85,7 +85,10 @@ def main(**options: Any) -> None:
         )
     page = write(found, options["out"])
     told = wrapped(on_intervals(found))
+    bad = worse_than_mean({found.recommended.name: found.recommended.test.get("nmse", 0.0)})
     click.echo(f"\n{comparison(found)}\n\n{wrapped(found.reason)}\n\n{numbers(found)}\n")
+    if bad:
+        click.echo(wrapped(bad))
     click.echo(f"{told}\n\nThe page is {page}." if told else f"The page is {page}.")
     with tracker.run(f"identify {name}") as run:
         run.log_params({k: v for k, v in options.items() if v not in (None, (), False)})

@@ -6,7 +6,7 @@ import functools
 import os
 import signal
 import textwrap
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -157,6 +157,25 @@ def say_where(tracker: Tracker) -> None:
     """Tell where the runs are, and what shows them."""
     if tracker.client is not None:
         click.echo(f"\nRecorded in MLflow, experiment {tracker.experiment}: {tracker.place}\n`whsklearn ui` shows it.")
+
+
+def worse_than_mean(nmse: Mapping[str, float]) -> str:
+    """A sentence on the models whose free run is worse than a constant; empty if there is none.
+
+    Examples
+    --------
+    >>> worse_than_mean({"ARX": 0.2, "axis": 0.9})
+    ''
+    >>> print(wrapped(worse_than_mean({"ARX": 0.2, "axis": 1.4})))
+    Worse than the mean of the output (an NMSE above 1): axis. It does not describe this record; check
+    columns, units and the sense of the drive.
+    """
+    bad = [name for name, value in nmse.items() if value > 1.0]
+    if not bad:
+        return ""
+    text = f"Worse than the mean of the output (an NMSE above 1): {', '.join(bad)}."
+    who = "It does" if len(bad) == 1 else "They do"
+    return f"{text} {who} not describe this record; check columns, units and the sense of the drive."
 
 
 def wrapped(text: str) -> str:

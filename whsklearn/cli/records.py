@@ -225,9 +225,7 @@ def liveliest(log: Bunch) -> Bunch:
 
 def _cut(log: Bunch, rows: Any) -> Bunch:
     """Some rows of a log."""
-    from sklearn.utils import Bunch
-
-    return Bunch(**{k: v[rows] if k in _SIGNALS and v is not None else v for k, v in log.items()})
+    return type(log)(**{k: v[rows] if k in _SIGNALS and v is not None else v for k, v in log.items()})
 
 
 def record_of(options: dict[str, Any]) -> Record:

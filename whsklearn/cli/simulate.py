@@ -7,8 +7,8 @@ from typing import Any
 
 import click
 
-from whsklearn.cli.job import job, writable_file
-from whsklearn.cli.records import longest, note, read, reading_options, roles_of
+from whsklearn.cli.job import job, worse_than_mean, wrapped, writable_file
+from whsklearn.cli.records import note, read, reading_options, roles_of
 
 
 @job
@@ -48,7 +48,7 @@ def main(**options: Any) -> None:
     if given["time"] is None and not options["rate"] and not source.clocked:
         given["time"] = guess(source, "time")
     roles = roles_of(source, given, ("drive", "position"), {}, options)
-    log = longest(read(options["log_file"], options, **roles))
+    log = read(options["log_file"], options, **roles)
     timed = log.units["time"] == model.units.get("time", "s" if model.dt != 1.0 else "samples") == "s"
     if timed and abs(1.0 / log.sample_rate / model.dt - 1.0) > 0.01:
         raise ValueError(
@@ -64,14 +64,23 @@ def main(**options: Any) -> None:
                 f"{known.pop() if known else 'that of the model, SI'}."
             )
     by, far = model.column_factor("input", drive), model.column_factor("output", unit)
-    start = far * float(log.y[0]) if model.logged == "position" else 0.0
-    y = np.asarray(model.simulate(by * log.X[:, 0], start=start)) / far
+    y, kept = np.empty(log.y.size), np.zeros(log.y.size, dtype=bool)
+    for segment in range(int(log.groups[-1]) + 1):  # each starts where the log does
+        rows = np.flatnonzero(log.groups == segment)
+        start = far * float(log.y[rows[0]]) if model.logged == "position" else 0.0
+        y[rows] = np.asarray(model.simulate(by * log.X[rows, 0], start=start)) / far
+        kept[rows[min(options["skip"], rows.size - 1) :]] = True
     table = pd.DataFrame({"time": log.time, "drive": log.X[:, 0], "simulated": y, "measured": log.y})
+    if log.groups[-1]:
+        table["segment"] = log.groups
+        note(f"The log has holes; each of its {log.groups[-1] + 1} segments is simulated from its own start.")
     table.to_csv(out, index=False)
-    kept = slice(min(options["skip"], y.size - 2), None)
     unit = model.units.get("output", "") if unit in UNSTATED else unit
     unit = f" {unit}" if unit else ""
-    click.echo(f"Free run: NMSE {nmse(log.y[kept], y[kept]):.3g}, RMSE {rmse(log.y[kept], y[kept]):.4g}{unit}.")
+    index = nmse(log.y[kept], y[kept])
+    click.echo(f"Free run: NMSE {index:.3g}, RMSE {rmse(log.y[kept], y[kept]):.4g}{unit}.")
+    if bad := worse_than_mean({Path(options["model"]).name: index}):
+        click.echo(wrapped(bad))
     click.echo(f"Written: {Path(out)}")
 
 

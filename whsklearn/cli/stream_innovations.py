@@ -44,7 +44,7 @@ class Innovations:
         e = np.full(self.new, np.nan)
         if self._before is not None:
             X, y = self.rows[:, :-1], self.rows[:, -1]
-            y_hat = self._before.predict_ahead(X, y, horizon=1, groups=self.experiments)
+            y_hat = self._before.predict_ahead(X, y, horizon=1, groups=self.experiments, settle=False)
             e = (y - y_hat)[len(y) - self.new :]
         self._before = copy.copy(self.model)  # what set_state of a clone does, without its checks
         self._before.state_ = copy.deepcopy(self.model.state_)

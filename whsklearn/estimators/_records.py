@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -10,6 +11,9 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     Array = NDArray[np.float64]
+
+
+LARGEST = 1e30  # of a number that passes for sane
 
 
 class Given(NamedTuple):
@@ -24,6 +28,33 @@ class Given(NamedTuple):
     def apart(self, values: Array) -> Any:
         """An answer for every sample, as a list if records came as one."""
         return values if self.lengths is None else np.split(values, np.cumsum(self.lengths)[:-1])
+
+
+def sample_numbers(X: Any) -> NDArray[np.int64] | None:
+    """Where the samples stood in the record that they come from, shape (n,); None where nothing tells.
+
+    A frame's index tells, and so does scikit-learn while it fits a fold.
+    """
+    index = getattr(X, "index", None)
+    if getattr(getattr(index, "dtype", None), "kind", "") in ("i", "u"):
+        return np.asarray(index, dtype=np.int64)
+    fold = fold_of_a_search()
+    train = None if fold is None else fold.get("train")
+    same = isinstance(train, np.ndarray) and train.dtype.kind in "iu" and train.size == len(X)
+    return train.astype(np.int64) if same else None  # type: ignore[union-attr]
+
+
+def fold_of_a_search() -> dict[str, Any] | None:
+    """What scikit-learn knows of the fold that it fits or scores; None outside of a search or a cross-validation.
+
+    It hands an estimator the samples of a fold without their numbers.
+    """
+    frame = sys._getframe()
+    while frame is not None:
+        if frame.f_code.co_name in ("_fit_and_score", "_fit_and_predict"):
+            return frame.f_locals
+        frame = frame.f_back  # type: ignore[assignment]
+    return None
 
 
 def is_list_of_records(X: Any) -> bool:
@@ -114,3 +145,25 @@ def checked_weights(sample_weight: ArrayLike | None, n: int, *, some: bool) -> A
     if some and n and not weights.any():
         raise ValueError("sample_weight is zero for every sample, expected at least one above zero; weight some.")
     return None if (weights == 1.0).all() else np.ascontiguousarray(weights)
+
+
+def is_plain(X: Any, y: Any, n_features: int) -> bool:
+    """Whether X and y are what validation would return unchanged: the guarded fast path."""
+    if type(X) is not np.ndarray or type(y) is not np.ndarray:
+        return False
+    if X.dtype != np.float64 or y.dtype != np.float64 or X.ndim != 2 or y.ndim != 1:
+        return False
+    if X.shape[0] != y.shape[0] or X.shape[1] != n_features or y.shape[0] == 0:
+        return False
+    if not (X.flags.carray and y.flags.carray):
+        return False
+    return bool(_usable(X, y))
+
+
+def _usable(X: Array, y: Array) -> bool:
+    """Finite and of sane size; the sum of squares is not finite if any number is not."""
+    if y.size == 1:
+        # plain numbers, as one call of NumPy takes longer than a row of a few; no comparison holds for NaN
+        return abs(y.item()) < LARGEST and all(abs(v) < LARGEST for v in X.ravel().tolist())
+    with np.errstate(over="ignore"):
+        return bool(np.dot(y, y) < 1e60) and bool(np.vdot(X, X) < 1e60)

@@ -11,11 +11,12 @@ from numpy import ndarray
 from sklearn.utils.validation import check_is_fitted
 
 from whsklearn._inputs import starts
+from whsklearn.estimators import _advice
 from whsklearn.estimators import _model as wh
-from whsklearn.estimators._records import Given, checked_weights, joined
+from whsklearn.estimators._records import Given, checked_weights, is_plain, joined
 from whsklearn.estimators._streams import FullStream, PublishedStream, RowsStream, Stream, noise_variance
 from whsklearn.estimators._undo import copied
-from whsklearn.estimators.base import AxisRegressor
+from whsklearn.estimators.base import AxisRegressor, warn
 from whsklearn.recursion.pseudolinear import BLOCK
 from whsklearn.recursion.reading import FIRST_RERUN, Reading
 
@@ -79,6 +80,7 @@ class RecursiveRegressor(AxisRegressor):
             self._need_rows(len(X))
             restart = starts(groups, len(X), first=True)
             weights = self._weights(given.sample_weight, len(X), some=True)
+            self._warn_of_order(given.X)
             self._warn_of_record(X, y)
             self._warn_of_structure(X, y, restart)
             rows, targets = (X, y) if self._is_wiener_hammerstein else self._rows(X, y, groups)
@@ -90,6 +92,7 @@ class RecursiveRegressor(AxisRegressor):
             stream.run(state, rows, targets, restart, weights)
             stream.settle(state)
             self._keep(stream, state, seed, groups)
+            self._warn_of_an_axis(X[:, 0], len(targets))
         return self
 
     def partial_fit(
@@ -133,7 +136,7 @@ class RecursiveRegressor(AxisRegressor):
         """`partial_fit` of one thread at a time."""
         stream = self._stream
         told = groups is not None or sample_weight is not None
-        if stream is None or told or not _plain(X, y, self.n_features_in_):
+        if stream is None or told or not is_plain(X, y, self.n_features_in_):
             return self._partial_fit_checked(X, y, groups, sample_weight)
         n = len(y)  # type: ignore[arg-type]  # an array, as _plain has seen
         undo = stream.undo
@@ -242,6 +245,21 @@ class RecursiveRegressor(AxisRegressor):
         if self._is_wiener_hammerstein:
             return self.innovation_variance_
         return noise_variance(self.state_["loss"], self.state_["theta"].size)
+
+    # -- advice --------------------------------------------------------------------------
+
+    def _warn_of_record(self, X: Array, y: Array, stacklevel: int = 3) -> None:
+        super()._warn_of_record(X, y, stacklevel + 1)
+        if self._is_wiener_hammerstein and self.gradient == "full" and not getattr(self, "memory", 0):
+            warn(_advice.of_scale(X, y), stacklevel + 1)
+
+    def _warn_of_an_axis(self, path: Array, n_rows: int, stacklevel: int = 4) -> None:
+        """Numbers of a rigid axis that no axis has."""
+        if self.lags is None or self._is_wiener_hammerstein or self._answers_several:
+            return
+        names, variances = self._column_names(), np.diag(self._covariance())
+        errors = np.sqrt(np.maximum(variances, 0.0))
+        warn(_advice.of_an_axis(names, self._theta(), errors, n_rows, path), stacklevel)
 
     # -- settings ------------------------------------------------------------------------
 
@@ -375,6 +393,13 @@ class RecursiveRegressor(AxisRegressor):
         with self._lock:
             return self._reader().theta(self.state_)
 
+    def _running(self) -> tuple[Array, wh.Structure]:
+        with self._lock:
+            reader = self._reader()
+            if isinstance(reader, (FullStream, PublishedStream)):
+                return reader.running(self.state_), reader.structure
+            return super()._running()
+
     def _covariance(self) -> Array:
         with self._lock:
             return self._reader().covariance(self.state_)
@@ -449,28 +474,5 @@ class RecursiveRegressor(AxisRegressor):
         return state
 
 
-LARGEST = 1e30
 _NO_STATE = "_stream", "_asked"  # of an estimator's attributes: both can be made anew
 _NO_RESTART = np.zeros(1, dtype=np.bool_)
-
-
-def _plain(X: Any, y: Any, n_features: int) -> bool:
-    """Whether X and y are what validation would return unchanged: the guarded fast path."""
-    if type(X) is not np.ndarray or type(y) is not np.ndarray:
-        return False
-    if X.dtype != np.float64 or y.dtype != np.float64 or X.ndim != 2 or y.ndim != 1:
-        return False
-    if X.shape[0] != y.shape[0] or X.shape[1] != n_features or y.shape[0] == 0:
-        return False
-    if not (X.flags.carray and y.flags.carray):
-        return False
-    return bool(_usable(X, y))
-
-
-def _usable(X: Array, y: Array) -> bool:
-    """Finite and of sane size; the sum of squares is not finite if any number is not."""
-    if y.size == 1:
-        # plain numbers, as one call of NumPy takes longer than a row of a few; no comparison holds for NaN
-        return abs(y.item()) < LARGEST and all(abs(v) < LARGEST for v in X.ravel().tolist())
-    with np.errstate(over="ignore"):
-        return bool(np.dot(y, y) < 1e60) and bool(np.vdot(X, X) < 1e60)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numba
 import numpy as np
 
-from whsklearn.estimators._model import Structure, paper_jacobian, paper_vector
+from whsklearn.estimators._model import Structure, natural_vector, paper_jacobian, paper_vector
 from whsklearn.estimators._undo import Undo
 from whsklearn.recursion import multistart
 from whsklearn.recursion.covariance import WIND_UP, covariance, inflate
@@ -234,6 +234,10 @@ class PublishedStream:
         """P widens as it would have under so much forgetting."""
         _forget_past(state, samples, self.ceiling)
 
+    def running(self, state: State) -> Array:
+        """Natural parameters as the recursion has them."""
+        return natural_vector(state["theta"], self.structure)
+
     def theta(self, state: State) -> Array:
         """Products, in the paper's order."""
         return state["theta"].copy()
@@ -296,6 +300,10 @@ class FullStream:
         if found is not None:
             return found
         return Gaussian(state["theta"][s], noise_variance(state["loss"][s], 0) * covariance(state["ud"][s]))
+
+    def running(self, state: State) -> Array:
+        """Natural parameters of the model that answers, as the recursion has them."""
+        return state["theta"][multistart.answer(state)].copy()
 
     def natural(self, state: State) -> Array:
         """The posterior mean, or the parameters of the model that answers."""

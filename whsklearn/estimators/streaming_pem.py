@@ -24,6 +24,7 @@ from whsklearn.recursion.simulation_search import SKIP
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
+    from whsklearn.estimators._model import Structure
     from whsklearn.recursion.simulation_error import Chain
 
     Array = NDArray[np.float64]
@@ -248,6 +249,14 @@ class StreamingPEMRegressor(ChainRegressor):
 
     def _natural(self) -> Array:
         return self._answer()["theta"].copy()
+
+    def _running(self) -> tuple[Array, Structure]:
+        if self.state_["lags"] is None:
+            raise ValueError(
+                f"There is no running estimate before {self.n_start} samples, and {self.state_['seen']} were learnt; "
+                "wait, or leave settle at True, which fits what there is."
+            )
+        return super()._running()
 
     def _natural_covariance(self) -> Array:
         answer = self._answer()

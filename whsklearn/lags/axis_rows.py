@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import itertools
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from sklearn.utils import Bunch
 
 from whsklearn.effects import Effect, FrictionLaw, as_law, get_effect
 from whsklearn.filtering.streams import causal_delay, causal_motion
@@ -60,7 +60,7 @@ def sized_effects(terms: tuple[Effect, ...], weights: Array) -> tuple[Effect, ..
 
 def stack_columns(terms: tuple[Effect, ...], moved: Motion, drive: Array, time: Array) -> Array:
     """Acceleration and every term's columns side by side."""
-    signals = Bunch(time=time, drive=drive, **moved._asdict())
+    signals = SimpleNamespace(time=time, drive=drive, **moved._asdict())
     return np.column_stack([moved.acceleration, *(t.columns(signals) for t in terms)])
 
 

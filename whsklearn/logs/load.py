@@ -30,6 +30,36 @@ _MENDED = {"LOG001", "LOG002", "LOG003", "LOG004", "LOG010", "LOG011", "LOG013",
 _STAMPS = {"LOG001", "LOG002", "LOG003", "LOG004", "LOG010"}
 
 
+class Log(Bunch):
+    """A log as it was read; the same numbers in the two orders in which models take them.
+
+    Attributes
+    ----------
+    X, y : ndarray of shape (n, 1), (n,)
+        Drive and position: a model that simulates, as `WienerHammersteinLags`.
+    position, drive : ndarray of shape (n, 1), (n,)
+        The same the other way round: what inverse dynamics takes, as in
+        ``RLSRegressor(InverseDynamicsLags(sample_rate=log.sample_rate)).fit(log.position, log.drive)``.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> log = Log(X=np.array([[1.0], [2.0]]), y=np.array([0.1, 0.3]))
+    >>> log.position.shape, log.drive
+    ((2, 1), array([1., 2.]))
+    """
+
+    @property
+    def position(self) -> Array:
+        """The output as a column."""
+        return np.asarray(self.y)[:, None]
+
+    @property
+    def drive(self) -> Array:
+        """The input as one row of numbers."""
+        return np.asarray(self.X)[:, 0]
+
+
 def load_log(
     path: str | os.PathLike[str],
     *,
@@ -85,8 +115,9 @@ def load_log(
 
     Returns
     -------
-    Bunch
-        ``X`` (n, 1), ``y`` (n,), ``time`` (n,) in s from 0, ``reference`` and ``command`` (n,) or None, ``groups``
+    Log
+        ``X`` (n, 1), ``y`` (n,), the drive and the position; ``position`` (n, 1) and ``drive`` (n,), the same as
+        inverse dynamics takes them; ``time`` (n,) in s from 0, ``reference`` and ``command`` (n,) or None, ``groups``
         (n,) int, the segment of each row, ``sample_rate`` in Hz, ``units`` and ``columns`` by role, ``frame`` (the
         signals by role), ``drive_error`` (standard deviation of the
         torque constant as a share of it), ``report`` (`LogReport`), ``notes`` (its sentences), ``name``.
@@ -379,7 +410,7 @@ def _bunch(name: str, table: _Table, done: Any, report: LogReport) -> Bunch:
     time = done.time - done.time[0]
     roles = [r for r in ("drive", "command", "position", "reference", "velocity") if r in done.signals]
     frame = pd.DataFrame({"time": time, **{r: done.signals[r] for r in roles}}, copy=False)
-    return Bunch(
+    return Log(
         X=lead[:, None],
         y=done.signals["position"],
         time=time,
