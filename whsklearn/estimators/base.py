@@ -353,7 +353,8 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
             If an argument cannot be, or ``settle`` is False and there is no running estimate yet.
         """
         if not settle and groups is None and type(horizon) is int and horizon >= 1:
-            u, known = (writeable(v) if type(v) is np.ndarray else v for v in (X, y))  # a column of pandas is not
+            # a column of pandas is read-only
+            u, known = (writeable(v) if isinstance(v, np.ndarray) else np.empty(0) for v in (X, y))
             if self._is_plain(u, known):
                 return self._ahead_now(u, known, horizon)
         check_is_fitted(self, "state_")
