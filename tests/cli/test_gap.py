@@ -58,6 +58,21 @@ def test_a_record_that_holes_cut_to_pieces_is_told_by_its_holes(log, tmp_path):
     assert "Record too short" not in result.output
 
 
+def test_every_long_segment_of_a_log_counts(log, tmp_path):
+    head, *rows = log.read_text().splitlines()
+    n = len(rows)
+    kept = [*rows[: n // 4], *rows[n // 4 + 60 : n // 2], *rows[n // 2 + 900 : n // 2 + 1000], *rows[n // 2 + 1500 :]]
+    (tmp_path / "holes.csv").write_text("\n".join([head, *kept]) + "\n")
+    result = run(tmp_path / "holes.csv", "--report", tmp_path / "r", "--no-track")
+    assert result.exit_code == 0, result.output
+    assert "1 of 4 segments are shorter than 2 s" in result.output.replace("\n", " ")
+    data = json.loads((tmp_path / "r" / "gap.json").read_text(encoding="utf-8"))
+    assert (data["verdict"], data["effects"][0]["name"]) == ("named", "gravity_imbalance")
+    used = len(kept) - 100
+    page = (tmp_path / "r" / "gap.html").read_text(encoding="utf-8")
+    assert f"{used} of {len(kept)}, in 3 of 4 segments" in page
+
+
 @pytest.mark.parametrize(
     ("arguments", "status", "message"),
     [

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks.blind_logs.servo import COLUMNS, make_case
+from whsklearn.datasets import make_servo_log
 from whsklearn.gap import VERDICTS, GapFinder
 from whsklearn.gap.plants.servo_candidates import candidate
 from whsklearn.gap.plants.servo_model import Term
@@ -203,3 +204,18 @@ def test_a_repair_that_runs_worse_loses_its_last_effect_only(monkeypatch):
     assert finder.model_.effects == ()
     assert finder.diagnosis_.after == finder.diagnosis_.before
     assert len(finder.diagnosis_.horizons) == 3
+
+
+@pytest.mark.parametrize(("effect", "verdict"), [("cogging", "named"), ("friction_drift", "named"), (None, "no_gap")])
+def test_a_log_with_holes_tells_what_the_whole_one_tells(effect, verdict):
+    frame = make_servo_log([effect] if effect else [], duration=24.0, random_state=3)
+    time = frame["time_s"].to_numpy()
+    kept = np.flatnonzero(~((time >= 8.0) & (time < 8.5) | (time >= 15.0) & (time < 17.0)))
+    signals = (frame[c].to_numpy()[kept] for c in ("time_s", "torque_nm", "position_rad"))
+    starts = tuple(int(k) + 1 for k in np.flatnonzero(np.diff(kept) > 1))
+    holed, whole = GapFinder("servo").fit(ServoRecord(*signals, starts=starts)), GapFinder("servo").fit(frame)
+    assert holed.verdict_ == whole.verdict_ == verdict
+    assert [e.name for e in holed.effects_] == ([effect] if effect else [])
+    for a, b in zip(holed.effects_, whole.effects_, strict=True):
+        assert a.parameters == pytest.approx(b.parameters, rel=0.02, abs=0.02)
+        assert holed.diagnosis_.closure > 0.9

@@ -32,9 +32,9 @@ def test_numbers_have_four_digits(value, text):
 
 
 def test_the_first_card_says_how_many_rows_were_used():
-    rows = {"used": 6000, "given": 11900, "segments": 2}
+    rows = {"used": 6000, "given": 11900, "taken": 1, "segments": 2}
     page = render(Diagnosis("no_gap", "Nothing is missing.", rows=rows))
     cards = page[page.index('class="tile"') :]
     assert cards.index("rows used") < cards.index("before")
-    assert "<b>50 %</b>6000 of 11900, one of 2 segments" in cards
+    assert "<b>50 %</b>6000 of 11900, in 1 of 2 segments" in cards
     assert "rows used" not in render(Diagnosis("no_gap", "Nothing is missing."))

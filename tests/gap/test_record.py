@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from whsklearn.gap.data_check import check_servo
 from whsklearn.gap.plants.servo_sensors import coarse_encoder
 from whsklearn.gap.record import ServoRecord, held_out_blocks, lattice, noise_level
 
@@ -109,3 +110,32 @@ def test_a_step_of_the_encoder_goes_with_the_position():
     assert record.resolution == pytest.approx(2 * np.pi / 4096)
     assert record.told(record.resolution, "rad") == "0.00153 rad"  # a count is no unit to speak in
     assert ServoRecord(T, PATH, PATH, units=("Nm", "deg")).told(np.pi, "rad/s") == "180 deg/s"
+
+
+def in_pieces():
+    """A record of 10 s at 1 kHz without the samples from 4 to 5 s and from 8 to 8.5 s."""
+    there = ~((T >= 4.0) & (T < 5.0) | (T >= 8.0) & (T < 8.5)) & (T < 10.0)
+    return ServoRecord(T[there], PATH[there], PATH[there], starts=(4000, 7000))
+
+
+def test_segments_have_their_own_time_and_the_record_one_rate():
+    record = in_pieces()
+    assert record.dt == pytest.approx(1e-3, rel=1e-9)
+    assert [(s.stop - s.start, round(t, 9)) for s, t in record.pieces] == [(4000, 0.0), (3000, 5.0), (1500, 8.5)]
+    np.testing.assert_allclose(record.clock, record.time, atol=1e-9)
+    assert check_servo(record) == []
+    bad = check_servo(ServoRecord(record.time, record.drive, record.position))
+    assert [p.code for p in bad] == ["data-uneven-time"]
+
+
+def test_what_runs_by_piece_never_sees_two_of_them():
+    record = in_pieces()
+    rates = record.by_piece(lambda x: np.gradient(x, record.dt), record.position)
+    slope = 2 * np.cos(2 * record.time) + 2.1 * np.cos(7 * record.time)
+    np.testing.assert_allclose(rates, slope, atol=0.02)
+    near = record.near_a_hole(10, 20)
+    assert near.sum() == 60
+    assert near[[3990, 4019, 6990, 7019]].all()
+    flat = record.smoothed(lambda x: np.convolve(x, np.ones(51) / 51, mode="same"), record.position, 25)
+    inside = slice(25, -25)  # the record's own ends are as `convolve` leaves them at padded ones
+    np.testing.assert_allclose(flat[inside], record.position[inside], atol=0.01)

@@ -17,6 +17,7 @@ from tqdm import tqdm
 from whsklearn.cli.job import UNUSABLE, job, say_where, tracker_for, wrapped, writable_folder
 from whsklearn.cli.records import (
     liveliest,
+    long_segments,
     note,
     note_assumed,
     read,
@@ -127,13 +128,11 @@ def main(**options: Any) -> None:
         load_effects(options["effects"])
     try:
         whole = read_log(options)
-        log, *others = segments(whole)
+        log = liveliest(taken(options, whole))
         note_assumed(log)
-        if options["kind"] == "servo":
-            in_pieces(log, others)
-        log = liveliest(log)
-        log.rows = {"used": int(log.y.size), "given": int(whole.y.size), "segments": len(others) + 1}
-        second = liveliest(segments(read_log(options, options["second"]))[0]) if options["second"] else None
+        used, given = (len(set(x.groups.tolist())) for x in (log, whole))
+        log.rows = {"used": int(log.y.size), "given": int(whole.y.size), "taken": used, "segments": given}
+        second = liveliest(taken(options, read_log(options, options["second"]))) if options["second"] else None
     except ColumnError:
         raise
     except LogError as error:
@@ -141,40 +140,21 @@ def main(**options: Any) -> None:
         raise
     if second is not None:
         refuse_fitted(log, second)
-    elif others and options["kind"] == "servo":
-        second = liveliest(others[0])
-        second.name = f"the next segment of {log.name}"
     finder = diagnose(options, log, second, folder)
     if finder.verdict_ == "data_problem":
         raise SystemExit(UNUSABLE)
 
 
-def in_pieces(log: Bunch, others: list[Bunch]) -> None:
-    """Refuse a log of which holes leave no segment long enough.
-
-    Raises
-    ------
-    LogError
-        With how many holes there are, and what is left between them.
-    """
-    from whsklearn.gap.evidence import FEWEST_SAMPLES, SHORTEST_RECORD
-    from whsklearn.logs.errors import LogError
-
-    span = log.time[-1] - log.time[0]
-    if not others or (log.y.size >= FEWEST_SAMPLES and span >= SHORTEST_RECORD):
-        return
-    rows = log.y.size + sum(o.y.size for o in others)
-    raise LogError(
-        f"{log.name}: {len(others)} holes cut its {rows} samples into {len(others) + 1} segments. The longest has "
-        f"{log.y.size} samples over {span:.3g} s, where {FEWEST_SAMPLES} samples and {SHORTEST_RECORD:g} s are needed. "
-        "Log at a lower rate, or over a line that loses no samples."
-    )
+def taken(options: dict[str, Any], log: Bunch) -> Bunch:
+    """Of a log with holes what the kind of model can use: all long segments of an axis, else the longest one."""
+    axis = options["kind"] == "servo" and options["simulator"] is None
+    return long_segments(log) if axis else segments(log)[0]
 
 
 def diagnose(options: dict[str, Any], log: Bunch, second: Bunch | None, folder: Path) -> GapFinder:
     """Run the finder on a log, write the report, say what it holds, and record both: the record comes last.
 
-    `second` is another record of the axis, of which nothing is fitted: a log of its own or another segment.
+    `second` is another record of the axis, of which nothing is fitted.
     """
     from whsklearn.gap import GapFinder
     from whsklearn.gap.drive_error import with_drive_error
@@ -297,6 +277,7 @@ def _own_clock(source: Any) -> bool:
 
 def as_record(options: dict[str, Any], log: Bunch) -> tuple[Any, dict[str, Any]]:
     """The log as the kind of model takes it, an axis in SI, and the names of its columns."""
+    import numpy as np
     import pandas as pd
 
     from whsklearn.gap.following_error import following_error
@@ -330,6 +311,7 @@ def as_record(options: dict[str, Any], log: Bunch) -> tuple[Any, dict[str, Any]]
     return ServoRecord(
         log.time, drive, log.y, reference, units, resolution=1.0 if unit.startswith("counts") else 0.0,
         error_for_drive=log.command is not None, logged=(drive_unit, unit),
+        starts=tuple(int(k) + 1 for k in np.flatnonzero(np.diff(log.groups))),
     ), {}  # fmt: skip
 
 

@@ -180,6 +180,44 @@ def note_assumed(log: Bunch) -> None:
             note(f"The unit of the {role} is not stated and taken for SI ({si}); --unit {role}=UNIT says another.")
 
 
+SHORTEST_SEGMENT = 2.0  # s, below which a filter of 2 Hz and an observer leave nothing of a segment to judge
+
+
+def long_segments(log: Bunch, shortest: float = SHORTEST_SEGMENT) -> Bunch:
+    """All segments of a log of at least ``shortest`` s, in their order; a note on what is left out.
+
+    Raises
+    ------
+    LogError
+        If there are holes, and what is left between them is too little for a diagnosis.
+    """
+    import numpy as np
+
+    from whsklearn.gap.evidence import FEWEST_SAMPLES, SHORTEST_RECORD
+    from whsklearn.logs.errors import LogError
+
+    counts = np.bincount(log.groups)
+    if counts.size == 1:
+        return log
+    kept = counts / log.sample_rate >= shortest
+    rows, n = int(counts[kept].sum()), int(counts.max())
+    if rows < FEWEST_SAMPLES or rows / log.sample_rate < SHORTEST_RECORD:
+        raise LogError(
+            f"{log.name}: {counts.size - 1} holes cut its {log.y.size} samples into {counts.size} segments. The "
+            f"longest has {n} samples over {(n - 1) / log.sample_rate:.3g} s, where {FEWEST_SAMPLES} samples and "
+            f"{SHORTEST_RECORD:g} s are needed. Log at a lower rate, or over a line that loses no samples."
+        )
+    part = log if kept.all() else _cut(log, kept[log.groups])
+    if not kept.all():
+        text = (
+            f"{rows} of {log.y.size} samples are used: {np.count_nonzero(~kept)} of {counts.size} segments are shorter "
+            f"than {shortest:g} s."
+        )
+        note(text)
+        part.notes = (*part.notes, text)
+    return part
+
+
 def longest(log: Bunch) -> Bunch:
     """The longest segment of a log; a note if there are others."""
     return segments(log)[0]

@@ -73,7 +73,7 @@ def _shape_problems(r: ServoRecord) -> list[Problem]:
             "are needed. Log longer."
         )
         return [Problem("data-too-short", "Record too short", text)]
-    steps = np.diff(r.time)
+    steps = np.delete(np.diff(r.time), np.array(r.starts, dtype=int) - 1)
     typical = float(np.median(steps))
     longest = int(np.argmax(steps))
     if steps[longest] > rules.HOLE * typical:
@@ -123,7 +123,7 @@ def _value_problems(r: ServoRecord) -> list[Problem]:
         )  # fmt: skip
         title = "The position is clipped" if cut else "The position rests at its extreme"
         out.append(Problem("data-clipped-position" if cut else "data-rest-at-extreme", title, text, fatal=cut))
-    jumps = np.abs(np.diff(r.position, 2))
+    jumps = np.abs(r.by_piece(lambda x: np.diff(x, 2), r.position))
     scale = np.quantile(jumps, 0.999) + 1e-300
     spikes = int(np.sum(jumps > rules.SPIKE * scale))
     if spikes > rules.SPIKES_BORNE:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -44,6 +46,8 @@ class ServoRecord:
         Step of the encoder where the log states it (a log in counts), in the position's unit; 0 where it does not.
     error_for_drive : bool
         Whether command minus position stands for a drive that was not logged.
+    starts : tuple of int
+        Samples before which the log has a hole: filters, simulations and free runs begin anew there.
     logged : tuple of two str, optional
         The units of drive and position as logged, in which reports speak; `units` as given by default.
 
@@ -72,6 +76,7 @@ class ServoRecord:
     resolution: float = 0.0
     error_for_drive: bool = False
     logged: tuple[str, str] = ("", "")
+    starts: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         if not any(self.logged):
@@ -165,7 +170,52 @@ class ServoRecord:
     @property
     def dt(self) -> float:
         """Sampling time in s."""
-        return float((self.time[-1] - self.time[0]) / (self.time.size - 1))
+        spans = sum(float(self.time[s.stop - 1] - self.time[s.start]) for s, _ in self.pieces)
+        return spans / (self.time.size - 1 - len(self.starts))
+
+    @property
+    def clock(self) -> Array:
+        """Time of every sample since the first, shape (n,), in steps of `dt` where there is no hole (s)."""
+        return np.concatenate([t + np.arange(s.stop - s.start) * self.dt for s, t in self.pieces])
+
+    @property
+    def pieces(self) -> list[tuple[slice, float]]:
+        """The samples of every segment, and the time of its first (s since the record's first)."""
+        bounds = (0, *self.starts, self.time.size)
+        return [(slice(a, b), float(self.time[a] - self.time[0])) for a, b in pairwise(bounds)]
+
+    def by_piece(self, function: Callable[..., Any], *signals: Array) -> Any:
+        """What a function makes of every segment of signals (n, ...), one after the other: an array or a tuple."""
+        found = [function(*(x[s] for x in signals)) for s, _ in self.pieces]
+        if len(found) == 1:
+            return found[0]
+        if isinstance(found[0], tuple):
+            return tuple(np.concatenate(parts) for parts in zip(*found, strict=True))
+        return np.concatenate(found)
+
+    def smoothed(self, function: Callable[..., Any], x: Array, reach: int) -> Any:
+        """`by_piece` of a filter that reaches so many samples either way: beyond a hole its signal goes on as it went.
+
+        Point symmetry at the last sample keeps position and speed; a signal that stands still there would halve the
+        speed from which a simulation of the segment starts.
+        """
+        if not self.starts:
+            return function(x)
+
+        def inside(part: Array) -> Any:
+            room = min(reach, part.size - 1)
+            found = function(np.pad(part, room, mode="reflect", reflect_type="odd"))
+            cut = slice(room, room + part.size)
+            return tuple(f[cut] for f in found) if isinstance(found, tuple) else found[cut]
+
+        return self.by_piece(inside, x)
+
+    def near_a_hole(self, before: int, after: int) -> NDArray[np.bool_]:
+        """Samples up to ``before`` ahead of a hole, or ``after`` behind it, shape (n,)."""
+        near = np.zeros(len(self), dtype=bool)
+        for k in self.starts:
+            near[max(k - before, 0) : k + after] = True
+        return near
 
     def __len__(self) -> int:
         return self.time.size

@@ -58,7 +58,8 @@ class Signals(NamedTuple):
 
 class How(NamedTuple):
     """How a pass runs: sample time (s), fine steps a sample, closed loop, samples between returns to the measurement
-    (0: none), the observer's two gains (0: none), whether the drive is interpolated between samples.
+    (0: none), the observer's two gains (0: none), whether the drive is interpolated between samples, time of the first
+    sample (s).
     """
 
     sample_time: float
@@ -67,6 +68,7 @@ class How(NamedTuple):
     every: int = 0
     gains: tuple[float, float] = (0.0, 0.0)
     linear: bool = False
+    start: float = 0.0
 
 
 @part
@@ -136,7 +138,7 @@ def run(out, plant, controller, signals, how, initial):
     lag = second = before
     state = (initial[0], initial[1], initial[2], initial[3])
     for k in range(n):
-        t = k * dt
+        t = how.start + k * dt
         if every > 0 and k % every == 0:
             state = returned(state, measured, k, on_load, -1.0 if folded and state[0] < 0.0 else 1.0)
         y = read(effects, p, own, ends, t, state[2] if on_load else state[0])

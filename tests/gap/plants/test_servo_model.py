@@ -103,3 +103,15 @@ def test_steps_are_no_longer_than_the_finest_effect_asks_for():
     assert m.longest_step == LONGEST_STEP
     kind = candidate("flexible_coupling")
     assert m.with_term(Term(kind, kind.starts(SCENE)[0])).longest_step < LONGEST_STEP
+
+
+def test_a_run_in_pieces_begins_anew_in_each_at_the_time_of_its_start():
+    tone = Term(candidate("disturbance_tone"), (0.3, 0.1, 2.3))
+    m = model(*friction(0.1, 0.0), tone)
+    whole = m.follow(np.zeros(2000), np.zeros(2000), (0.0, 0.0), start=(np.zeros(2000), np.zeros(2000)))
+    angle, speed = whole[1], whole[2]
+    there = np.r_[0:800, 1300:2000]  # a hole of half a second
+    pieces = [(slice(0, 800), 0.0), (slice(800, 1500), 1300 * SCENE.dt)]
+    start = angle[there], speed[there]
+    y, *_ = m.follow(np.zeros(1500), np.zeros(1500), (0.0, 0.0), start=start, pieces=pieces)
+    np.testing.assert_allclose(y, angle[there], atol=1e-9)

@@ -55,12 +55,12 @@ def restart_states(view: Any, model: AxisModel) -> tuple[tuple[Array, Array], Ar
     """
     dt = view.scene.dt
     width = smoothing_width(view.record.position, dt, view.noise)
-    q, v = smoothed(view.record.position, dt, width)
+    q, v = view.record.by_piece(lambda x: smoothed(x, dt, width), view.record.position)
     y_hat, angle, speed, twist = view.held_near(model)
     folded = any(t.kind.name == "sensor_rectification" for t in model.terms)  # unfolded at the restart
     if folded or not (np.all(np.isfinite(y_hat)) and np.all(np.isfinite(twist))):
         return (q, v), np.zeros((0, 2))
-    own_q, own_v = smoothed(y_hat, dt, width)
+    own_q, own_v = view.record.by_piece(lambda x: smoothed(x, dt, width), y_hat)
     if model.load_side:
         angle, speed = angle - twist[:, 0], speed - twist[:, 1]
     if rms(speed - own_v) > rules.OWN_MOTION * view.scene.speed:
@@ -103,8 +103,9 @@ def free_run(view: Any, model: AxisModel, horizon: float) -> Array:
     every = max(1, round(horizon / view.scene.dt))
     start, twist = restart_states(view, model)
     return model.follow(
-        view.record.drive, view.record.position, (0.0, 0.0), start=start, reset_every=every, twist=twist
-    )[0]
+        view.record.drive, view.record.position, (0.0, 0.0), start=start, reset_every=every, twist=twist,
+        pieces=view.record.pieces,
+    )[0]  # fmt: skip
 
 
 def held_out(view: Any) -> NDArray[np.bool_]:
@@ -115,7 +116,7 @@ def held_out(view: Any) -> NDArray[np.bool_]:
     edge = int(0.5 / view.scene.dt)
     mask[:edge] = False
     mask[n - view.filter.half_width :] = False
-    return mask
+    return mask & ~view.record.near_a_hole(view.filter.half_width, edge)
 
 
 def misfit(view: Any, model: AxisModel) -> float:

@@ -88,8 +88,10 @@ class InverseView(ViewDefaults):
         self.every = max(1, int(1.0 / (PER_CUTOFF * cutoff * dt)))
         fine = gaussian_derivatives(CUTOFF_SIGMA / (2 * np.pi * min(2 * cutoff, 0.1 / dt)), dt)
         centre = float(np.mean(y))
-        q, v, a = (filtered(y - centre, kernel, 1) for kernel in fine)
-        self.time = np.arange(y.size) * dt
+        q, v, a = record.smoothed(
+            lambda x: tuple(filtered(x, kernel, 1) for kernel in fine), y - centre, fine[0].size // 2
+        )
+        self.time = record.clock
         self.motion = Signals(self.time, q + centre, v, a, u)
         self.slowest = max(rules.NOISY * self.noise * float(np.linalg.norm(fine[1])), rules.SLOW * scene.speed)
         self.motion = self.motion._replace(kappa=2.0 / self.slowest)
@@ -115,10 +117,11 @@ class InverseView(ViewDefaults):
                 keep[a:b] = False
         half = self.g.size // 2
         keep[:half] = keep[n - half :] = False
+        keep &= ~(holes := self.record.near_a_hole(2 * half, 2 * half))
         if self.skipped is not None:
             keep[(self.time > self.skipped[0]) & (self.time < self.skipped[1])] = False
         out = keep[:: self.every]
-        return out if out.sum() >= rules.FEWEST_A_BLOCK * ols.N_BLOCKS else np.ones_like(out)
+        return out if out.sum() >= rules.FEWEST_A_BLOCK * ols.N_BLOCKS else ~holes[:: self.every]
 
     def bare(self) -> InverseView:
         """The view without the artefacts taken off."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -187,14 +188,29 @@ class AxisModel:
         start: tuple[Array, Array],
         reset_every: int = 0,
         twist: Array | None = None,
+        pieces: Sequence[tuple[slice, float]] = (),
     ) -> tuple[Array, Array, Array, Array]:
-        """Predicted position, angle, velocity and twist (see `whsklearn.systems.servo_observer.follow`)."""
+        """Predicted position, angle, velocity and twist (see `whsklearn.systems.servo_observer.follow`).
+
+        Every one of the ``pieces``, samples and the time of the first of them, starts anew.
+        """
+        if len(pieces) > 1:
+            known = twist is not None and len(twist) > 0
+            runs = [
+                self.follow(
+                    drive[s], position[s], gains, start=(start[0][s], start[1][s]), reset_every=reset_every,
+                    twist=twist[s] if known else None, pieces=[(s, t)],  # type: ignore[index]
+                )
+                for s, t in pieces
+            ]  # fmt: skip
+            q, angle, speed, twists = (np.concatenate(parts) for parts in zip(*runs, strict=True))
+            return q, angle, speed, twists
         dt = self.scene.dt
         substeps = int(np.ceil(dt / self.longest_step))
         measured = [position if max(gains) > 0.0 else start[0], start[1]]
         if twist is not None and len(twist) > 0:
             measured += [twist[:, 0], twist[:, 1]]
-        how = How(dt, substeps, every=reset_every, gains=gains)
+        how = How(dt, substeps, every=reset_every, gains=gains, start=pieces[0][1] if pieces else 0.0)
         out = follow(self.plant(), drive, np.array(measured), how, start=(start[0][0], start[1][0]))
         twists = np.zeros((drive.size, 2))
         if any(t.kind.cls.port == "block" for t in self.terms):  # one body has none, and most runs are of one

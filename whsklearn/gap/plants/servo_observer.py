@@ -77,7 +77,8 @@ class ObserverView(ViewDefaults):
 
     def held_near(self, model: AxisModel) -> tuple[Array, Array, Array, Array]:
         """The same, and the twist of the coupling with its rate, shape (n, 2); a run that diverges is held finite."""
-        out = model.follow(self.record.drive, self.record.position, self.filter.gains, start=self.start)
+        r = self.record
+        out = model.follow(r.drive, r.position, self.filter.gains, start=self.start, pieces=r.pieces)
         far = LOST * (self.scene.reach + abs(self.scene.centre)), LOST * self.scene.speed
         if all(-f < x.min() and x.max() < f for x, f in zip(out[:3], (far[0], far[0], far[1]), strict=True)):
             return out

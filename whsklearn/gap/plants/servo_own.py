@@ -19,7 +19,8 @@ from whsklearn.gap.calibration import coloured, n_effective, smoothed_power
 from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants.servo_columns import Signals as Motion
 from whsklearn.gap.plants.servo_model import AxisModel
-from whsklearn.systems._servo_kernel import DRIVE, MEASURED, N_SIGNALS, How, Signals, run
+from whsklearn.gap.plants.servo_surrogate import run_by_piece
+from whsklearn.systems._servo_kernel import DRIVE, MEASURED, How
 from whsklearn.systems._servo_torques import DELAY, RESOLUTION
 
 Array = NDArray[Any]
@@ -28,7 +29,6 @@ Array = NDArray[Any]
 # the axis stick longer than it did, a stiffer one takes the model's drive over)
 LOOP = 5.0
 LOST = 1.0  # half travels off the measured path: it is another experiment then
-N_ALIGNED = 3  # own records until drive and age are those of the log; a fourth and fifth change no digit that counts
 N_RECORDS = 5  # whose mean is known to 0.45 of their own spread
 N_NULL = 15  # rows in which chance is looked at: the moments of a Gumbel law to a quarter
 FINE_STEP = 2.5e-4  # s, of an axis of one body: a quarter of the usual sample
@@ -72,17 +72,15 @@ def own_record(view: Any, model: AxisModel, rng: np.random.Generator, feed: Arra
     late = int(np.ceil(max(-delay, 0.0) / dt))
     plant.parts[DELAY] = delay + late * dt
     plant.parts[RESOLUTION] = view.quantum
-    out = np.zeros((N_SIGNALS, len(record)))
     path, speed = view.motion.position, view.motion.velocity
-    signals = Signals(np.array([path, speed, feed]), sigma * rng.standard_normal(len(record)), np.zeros(0),
-                      np.zeros((2, 1)))  # fmt: skip
+    noise = sigma * rng.standard_normal(len(record))
     soft = (model.inertia * w * w, 0.0, 1.4 * model.inertia * w, 0.0, 1.0, np.inf, 0.0, 0.1 / w)
     how = How(dt, max(1, int(np.ceil(dt / min(FINE_STEP, model.longest_step)))), closed=True)
-    run(out, plant, soft, signals, how, np.array([path[0], speed[0], path[0], speed[0]]))
+    out = run_by_piece(record, plant, soft, how, (path, speed, feed), noise)
     drive, position = np.roll(out[DRIVE], late), out[MEASURED]
     if not np.all(np.isfinite(position)) or np.abs(position - path).max() > LOST * view.scene.reach:
         # a model that runs away even under a controller: the torque that it asks for along the measured path
-        motion = Motion(np.arange(len(record)) * dt, path, speed, np.gradient(speed, dt), record.drive)
+        motion = Motion(record.clock, path, speed, np.gradient(speed, dt), record.drive)
         asked = (t.effect.contribution(motion) for t in model.terms if t.effect.port in ("torque", "input"))
         drive = model.inertia * motion.acceleration + sum(asked)
         position = path + sigma * rng.standard_normal(len(record))
@@ -100,7 +98,7 @@ def own(view: Any, model: AxisModel, rng: np.random.Generator) -> tuple[Own, Axi
     timing = min(bare.age(model), rules.LATEST * view.scene.dt)  # beyond it is a delay, which this model lacks
     # from the drive as logged: what is left at first holds the filters' artefacts, which the first own record shows
     corrected, delay, feed = model, timing - view.scene.dt, view.record.drive
-    for _ in range(N_ALIGNED):
+    for _ in range(2):  # more of them run away where the drive has a limit, above which more of it changes nothing
         made = bare.beside(own_record(view, corrected, rng, feed, delay))
         fitted = made.fit(model)
         corrected = model.with_vector(np.clip(true + corrected.vector() - fitted.vector(), *model.bounds()))

@@ -77,7 +77,7 @@ def _gains(kind: Candidate, columns: Array, ar: Array, mask: NDArray[np.bool_], 
 def _seen(kind: Candidate, view: Any, angle: Array, speed: Array) -> tuple[Signals, Array]:
     """(signals of the tracked motion, decimated; what stands before a wave, blurred: its column at order zero)."""
     f, dt = view.filter, view.scene.dt
-    time, drive, acceleration = np.arange(angle.size) * dt, view.record.drive, np.gradient(speed, dt)
+    time, drive, acceleration = view.record.clock, view.record.drive, np.gradient(speed, dt)
     front = np.ones(0)
     if kind.paired:
         front = f.blur(kind.unit_columns((0.0,), Signals(time, angle, speed, acceleration, drive))[:, 0])

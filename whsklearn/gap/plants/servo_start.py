@@ -25,7 +25,7 @@ FIRST_CUTOFF = 8.0  # Hz, for the first guess of the inertia: above any referenc
 
 
 def motion(position: Array, dt: float, cutoff: float) -> tuple[Array, Array, Array]:
-    """Position, velocity and acceleration behind one Gaussian of the cut-off (Hz), shape (n,) each."""
+    """Position, velocity and acceleration of a segment behind one Gaussian of the cut-off (Hz), shape (n,) each."""
     g, g1, g2 = gaussian_derivatives(CUTOFF_SIGMA / (2 * np.pi * cutoff), dt)
     half = g.size // 2
     centre = float(np.mean(position))  # what the kernels sum to is rounding, and it would multiply a large angle
@@ -74,7 +74,7 @@ def start_of(record: ServoRecord, law: tuple[str, ...], goal: float) -> tuple[In
     """
     dt, y = record.dt, record.position
     first = min(FIRST_CUTOFF, 0.04 / dt)
-    q, v, a = motion(y, dt, first)
+    q, v, a = record.smoothed(lambda x: motion(x, dt, first), y, round(1.0 / (first * dt)))
     torque = rms(record.drive)
     scene = Scales(
         torque=torque,
@@ -126,6 +126,7 @@ def observer_view(
     settle = int(max(1.0, 3 / (2 * np.pi * tracking)) / dt) + guard
     usable[:settle] = False
     usable[n - guard :] = False
+    usable &= ~record.near_a_hole(guard, settle)
     return ObserverView(
         record, chosen, scene, noise, start,
         chosen.pick(train & ~edge), chosen.pick(np.where(edge, -1, number)), chosen.pick(usable), tolerance, quantum,

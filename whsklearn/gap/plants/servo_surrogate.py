@@ -37,20 +37,32 @@ def surrogate_record(view: Any, model: AxisModel, rng: np.random.Generator) -> A
     plant = model.plant()
     plant.parts[DELAY] = max(plant.parts[DELAY], 0.0)  # a controller cannot be ahead of itself
     plant.parts[RESOLUTION] = view.quantum
-    out = np.zeros((N_SIGNALS, len(record)))
     path, speed = view.start
     # the logged drive is what the controller adds to its feedback: it stands for a reference's acceleration
-    signals = Signals(np.array([path, speed, record.drive]), sigma * rng.standard_normal(len(record)), np.zeros(0),
-                      np.zeros((2, 1)))  # fmt: skip
+    noise = sigma * rng.standard_normal(len(record))
     stiffness = model.inertia * w * w
     soft = (stiffness, 0.0, 1.4 * model.inertia * w, 0.0, 1.0, np.inf, 0.0, 0.1 / w)
     how = How(dt, max(1, int(np.ceil(dt / 1e-4))), closed=True)
-    run(out, plant, soft, signals, how, np.array([path[0], speed[0], path[0], speed[0]]))
+    out = run_by_piece(record, plant, soft, how, (path, speed, record.drive), noise)
     drive, position = out[DRIVE], out[MEASURED]
     if not np.all(np.isfinite(position)) or np.abs(position - path).max() > LOST * view.scene.reach:
         # a model that runs away even under a controller: the torque that it asks for along the measured path
-        motion = Motion(np.arange(len(record)) * dt, path, speed, np.gradient(speed, dt), record.drive)
+        motion = Motion(record.clock, path, speed, np.gradient(speed, dt), record.drive)
         asked = (t.effect.contribution(motion) for t in model.terms if t.effect.port in ("torque", "input"))
         drive = model.inertia * motion.acceleration + sum(asked)
         position = path + sigma * rng.standard_normal(len(record))
     return dataclasses.replace(record, drive=drive, position=position)
+
+
+def run_by_piece(
+    record: Any, plant: Any, controller: tuple[float, ...], how: How, reference: tuple[Array, ...], noise: Array
+) -> Array:
+    """What the kernel leaves of every segment of a record, each begun on the reference's path; shape (7, n)."""
+    out = np.zeros((N_SIGNALS, len(record)))
+    for s, t in record.pieces:
+        part, path = np.zeros((N_SIGNALS, s.stop - s.start)), np.array([x[s] for x in reference])
+        q, v = path[:2, 0]
+        signals = Signals(path, noise[s], np.zeros(0), np.zeros((2, 1)))
+        run(part, plant, controller, signals, how._replace(start=t), np.array([q, v, q, v]))
+        out[:, s] = part
+    return out
