@@ -319,6 +319,10 @@ class PlantDefaults:
         """Rms of what is gone between the errors of two models, in the unit of `Plant.scale`."""
         return float(np.sqrt(max(0.0, float(before @ before) - float(after @ after)) / before.size))
 
+    def preferred(self, sound: list[Any]) -> Any:
+        """Which of several sound fits (`whsklearn.gap.search.Named`) is taken, the best score first: that."""
+        return sound[0]
+
     def joints(self, base: Any, model: Any) -> list[dict[str, Any]]:
         """None: an axis is its only joint."""
         return []

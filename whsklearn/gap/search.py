@@ -161,7 +161,7 @@ class Search:
         left = self.plant.rms(self.plant.errors(found.model))
         full = len({t.name for t in found.taken}) >= self.max_effects
         fitted = [] if full else self.fitted(found.model, looks)
-        taken = next((f for f in fitted if not f.reason), None)
+        taken = self._taken(fitted)
         found.steps.append(Step(len(found.steps) + 1, left, self.plant.n_effective, looks, fitted, taken))
         if taken is None:
             self._said(found)
@@ -175,6 +175,11 @@ class Search:
                 self._add(found, taken.look, grown)
         self._said(found)
         return True
+
+    def _taken(self, fitted: list[Named]) -> Named | None:
+        """The sound fit that the plant prefers."""
+        sound = [f for f in fitted if not f.reason]
+        return self.plant.preferred(sound) if sound else None
 
     def _said(self, found: Found) -> None:
         if self.on_round is not None:
@@ -237,6 +242,9 @@ class Search:
         for other in (f for f in fitted if meet(f.look, taken.look)):
             if other.reason or other.name == taken.name or other.name in self.plant.aliases(taken.name):
                 continue
+            grown, effect = (f.model.terms[-1].effect for f in (other, taken))
+            if effect is not None and grown.parent == effect.name:  # it holds the one taken and more, and is asked next
+                continue
             lead = taken.score - other.score
             z = vuong(other.errors, taken.errors)
             leads = self.plant.leads(taken, other, self.rng) if lead > 0 else np.zeros(0)
@@ -261,7 +269,7 @@ class Search:
                     del found.taken[i], found.rivals[i]
                 continue
             fitted = self.fitted(without, self.plant.looks(without, self.rng, found.model))
-            best = next((f for f in fitted if not f.reason), None)
+            best = self._taken(fitted)
             if best is None:
                 found.model, changed = without, True
                 del found.taken[i], found.rivals[i]

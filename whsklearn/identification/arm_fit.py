@@ -41,6 +41,8 @@ class ArmFit:
         Base numbers by the robot's file; none where it names no mass.
     covariance : ndarray of shape (b, b)
         Of the base numbers.
+    ages : dict of str to float
+        For each joint that moves, by how much its drive acts later than it is logged (s).
 
     References
     ----------
@@ -62,6 +64,7 @@ class ArmFit:
     alone: dict[str, float]
     nominal: dict[str, float]
     covariance: Array
+    ages: dict[str, float]
 
 
 @one_blas_thread
@@ -89,19 +92,25 @@ def identify_arm(position: ArrayLike, drive: ArrayLike, *, dt: float, robot: Any
     for text in (*suspicions(lags.arm_, q, torque), *swapped(lags.arm_.joints, phi, target, keep)):
         warnings.warn(text, UserWarning, stacklevel=2)
     weights = lags.weights_ = lags._weights(phi, target, keep)
-    theta, covariance = fitted(phi, target, keep, weights)
     names = lags.base_.names
+    # a drive is held for a sample, and logged late or early: beside its age, friction and inertia are what they are
+    rate = lags._rate(q, torque, fitted(phi, target, keep, weights)[0])
+    moving = np.flatnonzero(np.any(keep & (rate != 0.0), axis=0))
+    phi = np.concatenate([phi, rate[:, :, None] * np.eye(target.shape[1])[:, moving]], axis=2)
+    theta, covariance = fitted(phi, target, keep, weights)
+    ages = dict(zip([lags.arm_.joints[int(j)] for j in moving], theta[len(names) :].tolist(), strict=True))
+    theta, covariance = theta[: len(names)], covariance[: len(names), : len(names)]
     errors = dict(zip(names, np.sqrt(np.maximum(np.diag(covariance), 0.0)).tolist(), strict=True))
     arm = lags.arm_
     single = all(axis in arm.joints for axis in lags._axes)
     model = ArmModel(
         lags.interpret(theta, covariance) if single else arm, dict(zip(names, theta.tolist(), strict=True)), dt=dt,
-        logged="position", standard_errors=errors, units={"input": "Nm", "output": "rad"},
+        logged="position", standard_errors=errors, units={"input": "Nm", "output": "rad"}, covariance=covariance,
     )  # fmt: skip
     joint_names = arm.joints
     return ArmFit(
         model, lags, dict(zip(joint_names, held_out(phi, target, keep, weights).tolist(), strict=True)),
-        {j: one_axis(lags, k, q, torque) for k, j in enumerate(joint_names)}, nominal_numbers(lags), covariance,
+        {j: one_axis(lags, k, q, torque) for k, j in enumerate(joint_names)}, nominal_numbers(lags), covariance, ages,
     )  # fmt: skip
 
 

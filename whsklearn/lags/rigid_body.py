@@ -21,7 +21,7 @@ from sklearn.utils.validation import check_array, check_is_fitted, validate_data
 
 from whsklearn.effects import PreslidingHysteresis
 from whsklearn.filtering.encoder import motion_cutoff
-from whsklearn.filtering.records import Motion, motion, velocity_noise, zero_phase
+from whsklearn.filtering.records import Motion, central_difference, motion, velocity_noise, zero_phase
 from whsklearn.filtering.streams import causal_delay, causal_kernels, causal_motion, causal_window
 from whsklearn.lags.axis_rows import DRIVEN, column_names, effect_terms, runs, sized_effects, stack_columns
 from whsklearn.models.files import as_arm
@@ -504,6 +504,18 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
     def _columns(self, moved: Motion, drive: Array, time: Array) -> Array:
         return self._all_columns(moved, drive, time)[:, :, self.base_.kept]
 
+    def _rate(self, X: Array, drive: Array, theta: Array) -> Array:
+        """What a second of age takes of each joint's drive by these weights, at the rows of `joint_rows`."""
+        columns, _ = self._columns_along(X, drive)
+        torque = self._filtered(columns @ theta)
+        return np.asarray(central_difference(torque, self.sample_rate)[self._rows_of(len(X))])
+
+    def _rows_of(self, length: int) -> NDArray[np.int64]:
+        """Samples of the rows: two in a period of the cut-off, without the filter's ends."""
+        period = max(int(self.sample_rate / self.cutoff_), 1)
+        edge = min(EDGE * period, length // 4)
+        return np.arange(edge, length - edge, max(round(0.5 * self.sample_rate / self.cutoff_), 1))
+
     @property
     def _fine(self) -> float:
         """Cut-off of the motion (Hz)."""
@@ -521,8 +533,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         keep = np.abs(moved.velocity) >= self._limits(X, moved.velocity)
         if self.slow:
             keep = minimum_filter1d(keep.astype(np.uint8), period + 1, axis=0).astype(bool)
-        edge = min(EDGE * period, len(X) // 4)
-        kept = np.arange(edge, len(X) - edge, max(round(0.5 * self.sample_rate / self.cutoff_), 1))
+        kept = self._rows_of(len(X))
         return Seen(self._filtered(columns)[kept], self._filtered(target)[kept], keep[kept], moved, kept)
 
     def _limits(self, X: Array, velocity: Array) -> Array:

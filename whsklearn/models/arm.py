@@ -25,6 +25,8 @@ class ArmModel(IdentifiedModel):
         Physical, and as near to the numbers measured as a physical arm can be.
     numbers : mapping of str to float
         Base numbers as measured, by name, such as ``elbow.mx``; each holds what is merged in it.
+    covariance : array-like of shape (b, b), optional
+        Of those numbers, in their order.
 
     References
     ----------
@@ -43,6 +45,7 @@ class ArmModel(IdentifiedModel):
 
     arm: Arm
     numbers: Mapping[str, float] = field(default_factory=dict)
+    covariance: Any = None
 
     @property
     def kind(self) -> str:

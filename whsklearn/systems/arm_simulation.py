@@ -105,7 +105,7 @@ def simulate(
     course = Course(
         1.0 / sample_rate, int(substeps), closed, round(resync * sample_rate), _rows(q, v), _rows(*path),
         np.ascontiguousarray(feed.T), noise * rng.standard_normal((n, n_samples)) if noise else np.zeros((0, 0)),
-        _controllers(arm, controller),
+        _controllers(arm, controller) if closed else np.zeros((n, 8)),
     )  # fmt: skip
     run(out, arm._links, arm.inertial, _packed(arm, resolution), course, np.stack([q[0], v[0]]))
     bad = ~np.isfinite(out).all(axis=(0, 1))

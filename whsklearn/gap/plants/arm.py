@@ -7,7 +7,7 @@ With numbers of another record (an `ArmModel` that was identified) these stay, a
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, NamedTuple
@@ -20,14 +20,16 @@ from whsklearn.gap.data_check import Problem
 from whsklearn.gap.filters import whiteness
 from whsklearn.gap.localisation import spectra
 from whsklearn.gap.plant import PlantDefaults
-from whsklearn.gap.plants.arm_families import families, nameless, polished
-from whsklearn.gap.plants.arm_terms import Load, candidates, present
+from whsklearn.gap.plants.arm_families import families, look_at_limit, nameless, polished
+from whsklearn.gap.plants.arm_terms import AtJoint, Load, candidates, present
 from whsklearn.gap.plants.arm_view import LATEST, ArmState, ArmView, law_of
 from whsklearn.gap.plants.servo_candidates import aliases as of_axis
 from whsklearn.gap.plants.servo_candidates import candidate
+from whsklearn.gap.plants.servo_evidence import OWN_MOTION
 from whsklearn.gap.plants.servo_model import Term
 from whsklearn.gap.plants.servo_objections import negative_damping, too_large
-from whsklearn.gap.record import SPLIT, held_out_blocks
+from whsklearn.gap.record import SPLIT, held_out_blocks, rms
+from whsklearn.gap.search import meet
 from whsklearn.gap.tangent import Look, Tangent, with_p_values
 from whsklearn.gap.values import Linearised
 from whsklearn.identification.arm_fit import suspicions, swapped
@@ -39,7 +41,9 @@ Array = NDArray[Any]
 LAW = "viscous,coulomb"
 # Of what it closes, at one joint, that an effect may ask for: a spring against gravity is there to cancel it.
 CANCELS = 20.0
+AS_MUCH = 0.995  # of the rms that the best explains: a commoner law that does goes first
 SUBSTEPS = 4  # fine steps a sample of a proof
+SOME = 200  # places at which a mass matrix is asked for its sign
 
 
 class ArmRecord(NamedTuple):
@@ -71,7 +75,8 @@ class ArmPlant(PlantDefaults):
     gap_word, whole, gap_unit = "missing drive", "drive", ""
     scale, n_effective = 1.0, 2.0
     horizons: tuple[float, ...] = (0.1, 0.2, 0.5)
-    headline = 0.2
+    headline = 0.5
+    looked: Sequence[Look] = ()
 
     def __init__(
         self, record: ArmRecord, lags: RigidBodyLags, given_model: Any, tolerance: float, given: Any = None,
@@ -101,7 +106,9 @@ class ArmPlant(PlantDefaults):
     def base(self, rng: np.random.Generator) -> ArmState:
         """The rigid arm with its law, fitted; or as given, with the offsets fitted."""
         n = self.view.n_joints
-        return self.settled(ArmState(np.zeros(len(self.lags.base_.names)), np.zeros(n)))
+        model = self.settled(ArmState(np.zeros(len(self.lags.base_.names)), np.zeros(n)))
+        self.view.hear_stops(model)
+        return self.settled(model)
 
     # --- the search --------------------------------------------------------------------------
     def settled(self, model: ArmState) -> ArmState:
@@ -133,12 +140,15 @@ class ArmPlant(PlantDefaults):
         model = view.fit(model)
         self.tangent = self._tangent(model, self.own.null.reshape(len(self.own.null), -1))
         there = present(law_of(self.lags._axes), model.terms)
-        kinds = candidates(
-            view.arm, there, frozen=self.given is not None, weight=view.weights_of_links.shape[2]
-        )  # fmt: skip
-        asked = [*families(view, kinds), *nameless(view)]
-        looks = [self._sized(look) for f in asked if (look := self.tangent.look(f)) is not None]
-        return with_p_values(looks)
+        kinds = candidates(view.arm, there, frozen=self.given is not None, weight=view.weights_of_links.shape[2])
+        limits: list[AtJoint] = []
+        rest: list[AtJoint] = []
+        for k in kinds:
+            (limits if k.transforms and not k.delays else rest).append(k)
+        looks = [self.tangent.look(f) for f in (*families(view, rest), *nameless(view))]
+        looks += [look_at_limit(view, k, self.tangent) for k in limits]
+        self.looked = with_p_values([self._sized(look) for look in looks if look is not None])
+        return self.looked
 
     def _sized(self, look: Look) -> Look:
         """The look with its size as a share of the drive of the joint where it shows most."""
@@ -166,6 +176,19 @@ class ArmPlant(PlantDefaults):
     def refine(self, model: ArmState, look: Look) -> ArmState:
         """The candidate with its shape polished, all sizes solved."""
         return self.view.fit(model.with_term(polished(self.view, self.tangent, look.start)))
+
+    def preferred(self, sound: list[Any]) -> Any:
+        """The commonest law at the joints of the best among those that explain as much of the gap as it does."""
+
+        def rank(f: Any) -> tuple[int, int]:
+            effect = f.model.terms[-1].effect
+            return -int(effect.elementary) - sum(
+                effect.name in other.effect.commoner for other in last
+            ), f.look.n_numbers
+
+        as_much = [f for f in sound if meet(f.look, sound[0].look) and f.size >= AS_MUCH * sound[0].size]
+        last = [f.model.terms[-1] for f in as_much]
+        return min(as_much, key=rank)
 
     def family(self, model: ArmState) -> Iterator[ArmState]:
         """None: further orders are candidates like any other."""
@@ -228,15 +251,18 @@ class ArmPlant(PlantDefaults):
         return ""
 
     def remains(self, model: ArmState, nameless: float) -> float:
-        """What still follows the motion without a name."""
-        return nameless
+        """What still follows the motion without a name: at the joints that have one, and where it is worth one."""
+        named = frozenset().union(*(t.kind.place for t in model.terms))
+        here = [k.size for k in self.looked if not k.name and (k.size >= self.tolerance or k.place & named)]
+        return max((size for size in here if size <= nameless), default=0.0)
 
     def linearised(self, model: ArmState) -> Linearised:
         """Residual and derivatives by all open numbers, scaled to as many rows as are independent."""
         view = self.view
         model = view.fit(model)
         factor = np.sqrt(self.n_effective / max(int(view.keep.sum()), 1)) * view.flat_weight()
-        blocks = [view.phi[:, :, view.open].reshape(factor.size, -1)]
+        numbers = view.open if self.covariance is None else np.arange(len(model.numbers))
+        blocks = [view.phi[:, :, numbers].reshape(factor.size, -1)]
         for t in model.terms:
             for slot in range(len(t.q)):
                 step = 1e-4 * max(abs(t.q[slot]), 1e-6)
@@ -244,19 +270,38 @@ class ArmPlant(PlantDefaults):
                 moved = view.contribution(replace(t, q=q)) - view.contribution(t)
                 blocks.append((moved / step).reshape(-1, 1))
         jacobian = np.hstack(blocks) * factor[:, None]
-        x = np.concatenate([model.numbers[view.open], *(t.q for t in model.terms)])
+        residual = view.left(model).ravel() * factor
+        if self.covariance is not None:  # what was known of the numbers counts as further rows
+            s = np.sqrt(residual @ residual / max(residual.size, 1))
+            values, vectors = np.linalg.eigh(self.covariance)
+            known = (vectors * (s / np.sqrt(np.maximum(values, 1e-12 * values.max())))).T
+            known[:, [n.endswith(".input_offset") for n in self.lags.base_.names]] = 0.0
+            jacobian = np.vstack([jacobian, np.pad(known, ((0, 0), (0, jacobian.shape[1] - len(numbers))))])
+            residual = np.append(residual, np.zeros(len(known)))
+        x = np.concatenate([model.numbers[numbers], *(t.q for t in model.terms)])
 
         def rebuild(z: Array) -> ArmState:
-            numbers = np.array(model.numbers)
-            numbers[view.open] = z[: view.open.size]
-            at, terms = view.open.size, []
+            moved = np.array(model.numbers)
+            moved[numbers] = z[: len(numbers)]
+            at, terms = len(numbers), []
             for t in model.terms:
                 terms.append(replace(t, q=tuple(map(float, z[at : at + len(t.q)]))))
                 at += len(t.q)
-            return replace(model, numbers=numbers, terms=tuple(terms))
+            return replace(model, numbers=moved, terms=tuple(terms))
 
         wide = np.full(x.size, np.inf)
-        return Linearised(x, -wide, wide, view.left(model).ravel() * factor, -jacobian, rebuild)
+        return Linearised(x, -wide, wide, residual, -jacobian, rebuild)
+
+    def settle(self, model: ArmState) -> ArmState:
+        """The model as it is; the headline is the longest horizon at which it can run on a record of its own."""
+        other = self.surrogate(model, np.random.default_rng(0))
+        y, held = other.measured()
+        for horizon in reversed(self.horizons):
+            self.headline = horizon
+            error = (y - other.simulate(model, horizon))[held]
+            if rms(error) < OWN_MOTION * np.std(y[held]):
+                break
+        return model
 
     # --- proof -------------------------------------------------------------------------------
     def surrogate(self, model: ArmState, rng: np.random.Generator) -> ArmPlant:
@@ -282,16 +327,22 @@ class ArmPlant(PlantDefaults):
         arm, beside = self._arm(model)
         if not self._made:
             drive = drive - beside
-        run = arm.simulate_drive(
-            drive, sample_rate=self.lags.sample_rate, resync=horizon, position=moved.position, velocity=moved.velocity,
-            substeps=SUBSTEPS,
-        )  # fmt: skip
+        try:
+            run = arm.simulate_drive(
+                drive, sample_rate=self.lags.sample_rate, resync=horizon, position=moved.position,
+                velocity=moved.velocity, substeps=SUBSTEPS,
+            )  # fmt: skip
+        except FloatingPointError:
+            return np.full(path.size, np.nan)
         return np.asarray(run.position.ravel())
 
     def _arm(self, model: ArmState) -> tuple[Arm, Array]:
         """(the arm that moves as the model does, drives along the measured motion of what it cannot hold)."""
         view = self.view
         arm = self.lags.interpret(model.numbers, physical=False)
+        some = view.moved.position[:: max(len(view.time) // SOME, 1)]
+        if np.linalg.eigvalsh(arm.mass_matrix(some)).min() <= 0.0:  # the record tells too little to run on its numbers
+            arm = self.lags.interpret(model.numbers)
         beside = np.zeros_like(self.record.drive)
         for t in model.terms:
             name, d = t.effect.name, np.array(t.kind.direction)
@@ -437,4 +488,7 @@ def arm_plant(model: Any, log: Any, *, law: str | None, tolerance: float) -> Arm
     lags._settle()
     if missing := [n for n in lags.base_.names if n not in model.numbers]:
         raise ValueError(f"The model has no number {missing[0]!r}; give one that identify wrote of this robot and law.")
-    return ArmPlant(record, lags, model, tolerance, np.array([model.numbers[n] for n in lags.base_.names]))
+    names = list(model.numbers)
+    at = [names.index(n) for n in lags.base_.names]
+    covariance = None if model.covariance is None else np.asarray(model.covariance)[np.ix_(at, at)]
+    return ArmPlant(record, lags, model, tolerance, np.array([model.numbers[n] for n in lags.base_.names]), covariance)

@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
+from whsklearn.effects import ContactStop
 from whsklearn.gap.plants.arm_terms import AtJoint, JointTerm, Load
 from whsklearn.gap.plants.arm_view import LATEST, OLDEST, ArmView
 from whsklearn.gap.plants.servo_nameless import generic_basis
-from whsklearn.gap.tangent import Family, Tangent
+from whsklearn.gap.tangent import Family, Look, Tangent
 
 Array = NDArray[Any]
 Blocks = Iterator[tuple[Any, Array, Array | float]]
@@ -23,6 +24,7 @@ HIGHEST = 60.0  # order of a wave over a joint's angle
 LEAST_LEFT = 0.5  # of a drive, by its rms, that a limit or a dead zone must leave to tell the joint by
 FEWEST = 4  # rows a column of a nameless family
 EVALUATIONS = 80  # of a polish
+OUTER = np.array([0.7, 0.8, 0.86, 0.9, 0.93, 0.96, 0.98, 0.99])  # quantiles of a joint's path at which a stop may lie
 FAR = 1.0  # m from a joint's frame, at which a search for a load begins at the furthest
 
 
@@ -53,8 +55,13 @@ def _blocks(view: ArmView, kind: AtJoint, tangent: Tangent) -> Blocks:
         yield [tuple(scale)], (body / scale)[:, None, :], 1.0
     elif c is None:
         yield [()], view.columns(kind, ())[:, None, :], 1.0
-    elif c.transforms:
-        yield from _taken_off(view, kind)
+    elif kind.delays:
+        yield from _delayed(view, kind)
+    elif c.cls is ContactStop:  # at the outer fifth of the way, on one side
+        place = np.quantile(view.position[:, kind.index], (OUTER if c.options["side"] == "upper" else 1.0 - OUTER))
+        for angle in place:
+            shape: tuple[float, ...] = (float(angle), 0.0, 0.0)
+            yield [shape], view.columns(kind, shape)[:, None, :], 1.0
     elif c.scanned == "position" and c.paired:
         yield from _orders(view, kind)
     elif c.scanned == "time":
@@ -67,22 +74,41 @@ def _blocks(view: ArmView, kind: AtJoint, tangent: Tangent) -> Blocks:
             yield [shape], view.columns(kind, shape)[:, None, :], 1.0
 
 
-def _taken_off(view: ArmView, kind: AtJoint) -> Blocks:
-    """What a limit or a dead zone of several widths takes off the drive, or a delay of several ages."""
-    c = kind.catalogued
+def _delayed(view: ArmView, kind: AtJoint) -> Blocks:
+    """Ages of a drive beyond bookkeeping."""
+    book = view.columns(kind, (LATEST * view.dt,))
+    for value in np.geomspace(LATEST * view.dt, max(OLDEST, 10 * LATEST * view.dt), N_AGES):
+        yield [(float(value),)], (view.columns(kind, (float(value),)) - book)[:, None, :], 1.0
+
+
+def look_at_limit(view: ArmView, kind: AtJoint, tangent: Tangent) -> Look | None:
+    """A limit or a dead zone of several widths: what each takes off the drive, of every record off its own drive.
+
+    A drive holds whatever is not explained, so a limit just below its peaks always explains some of that.
+    """
+    c, j = kind.catalogued, kind.index
     assert c is not None
-    assert kind.index is not None
-    j = kind.index
-    low, high = c.ranged(view.scene(kind))[0]
-    if c.delays:
-        values = np.geomspace(LATEST * view.dt, max(OLDEST, 10 * LATEST * view.dt), N_AGES)
-        book = view.columns(kind, (LATEST * view.dt,))
-    else:
-        values, book = np.geomspace(low, high, N_LIMITS), np.zeros((view.n_rows, 1))
-    for value in values:
-        columns = view.columns(kind, (float(value),))
-        if _leaves_enough(view, j, columns):
-            yield [(float(value),)], (columns - book)[:, None, :], 1.0
+    assert j is not None
+    weight = view.flat_weight()[kind.rows]
+    left = np.where(weight > 0.0, tangent.rows[kind.rows].T / np.where(weight > 0.0, weight, 1.0), 0.0)
+    drives = view.target[:, j] - left[0] + left  # (records, m): each its own
+    plane = tangent.plane[kind.rows]
+    best, shape = np.zeros(len(left)), None
+    for value in np.geomspace(*c.ranged(view.scene(kind))[0], N_LIMITS):
+        lost = c.effect(np.array([value])).value(drive=drives)
+        if not _leaves_enough(view, j, lost[0][:, None]):
+            continue
+        z = (lost * weight).T
+        through = plane.T @ z
+        power = 2.0 * np.sum(z * tangent.rows[kind.rows], axis=0) - np.sum(z**2, axis=0) + np.sum(through**2, axis=0)
+        if shape is None or power[0] > best[0]:
+            shape = (float(value),)
+        best = np.maximum(best, power)
+    if shape is None:
+        return None
+    gains = -tangent.n * np.log1p(-np.clip(best / np.maximum(tangent.power, 1e-300), 0.0, 1.0 - 1e-12))
+    size = float(np.sqrt(best[0] / weight.size / view.n_joints))
+    return Look(kind.name, float(gains[0]), gains[1:], JointTerm(kind, shape), 1, size, place=kind.place)
 
 
 def _leaves_enough(view: ArmView, j: int, columns: Array) -> bool:
@@ -166,8 +192,10 @@ def polished(view: ArmView, tangent: Tangent, term: JointTerm) -> JointTerm:
             shape[i] = float(np.exp(value) if logarithm else value)
         return tuple(shape)
 
+    book = view.columns(kind, (LATEST * view.dt,)) if kind.delays else 0.0
+
     def cost(x: Array) -> float:
-        columns = view.columns_at(kind, shape_at(x))
+        columns = view.columns_at(kind, shape_at(x)) - book
         if kind.transforms and kind.index is not None and not _leaves_enough(view, kind.index, columns):
             return 0.0
         return -float(tangent.taken(family, columns[:, None, :])[0][0, 0])
@@ -188,6 +216,9 @@ def polished(view: ArmView, tangent: Tangent, term: JointTerm) -> JointTerm:
 def _placed(view: ArmView, tangent: Tangent, term: JointTerm) -> JointTerm:
     """A mass at the place at which it takes most of what is left."""
     family = Family(term.kind.name, lambda _: (), lambda *_: None, positive=True)
+    four = tangent._weighted(view.body(term.kind)[:, :4])  # of the mass and its moments alone: its weight
+    numbers = np.linalg.lstsq(four - tangent.plane @ (tangent.plane.T @ four), tangent.rows[:, 0], rcond=1e-6)[0]
+    heavy = np.clip(numbers[1:] / numbers[0], -FAR, FAR) if numbers[0] > 0.0 else np.zeros(3)
 
     def cost(x: Array) -> float:
         return -float(tangent.taken(family, view.columns_at(term.kind, tuple(x))[:, None, :])[0][0, 0])
@@ -196,7 +227,7 @@ def _placed(view: ArmView, tangent: Tangent, term: JointTerm) -> JointTerm:
         (minimize(cost, start, method="Nelder-Mead", bounds=[(-2 * FAR, 2 * FAR)] * 3,
                   options={"initial_simplex": np.vstack([start, start + 0.05 * np.eye(3)]), "maxfev": 2 * EVALUATIONS,
                            "xatol": 1e-4, "fatol": 1e-9})
-         for start in (np.array(term.shape), np.zeros(3))), key=lambda r: float(r.fun),
+         for start in (np.array(term.shape), heavy, np.zeros(3))), key=lambda r: float(r.fun),
     )  # fmt: skip
     return JointTerm(term.kind, (term.q[0], *map(float, found.x)))
 

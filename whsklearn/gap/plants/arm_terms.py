@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from whsklearn.effects import Effect, Quantity
+from whsklearn.effects import ContactStop, Effect, Quantity
 from whsklearn.gap.plants.servo_candidates import Candidate, catalogue
 from whsklearn.gap.values import FittedTerm
 from whsklearn.systems.arm import Arm
@@ -127,6 +127,11 @@ class AtJoint:
         return self.catalogued is not None and self.catalogued.transforms
 
     @property
+    def delays(self) -> bool:
+        """Whether that is by time alone."""
+        return self.catalogued is not None and self.catalogued.delays
+
+    @property
     def n_numbers(self) -> int:
         """Free numbers."""
         if self.catalogued is None:
@@ -179,10 +184,11 @@ def candidates(arm: Arm, there: dict[str, set[str]], *, frozen: bool, weight: in
     """
     eye = np.eye(arm.n_joints)
     each = [(joint, tuple(map(float, row))) for joint, row in zip(arm.joints, eye, strict=True)]
+    stops = tuple(Candidate(ContactStop, (("side", side),)) for side in ("upper", "lower"))
     for joint, row in each:
         names = there.get(joint, set())
         said = {n for e in catalogue() if e.name in names for n in e.cls.covers}
-        for c in catalogue():
+        for c in (*catalogue(), *stops):
             again = c.repeats or (frozen and c.elementary)
             if c.cls.port == "block" or c.name in ELSEWHERE or c.name in said or c.cls.sought:
                 continue
@@ -197,14 +203,14 @@ def candidates(arm: Arm, there: dict[str, set[str]], *, frozen: bool, weight: in
         both = frozenset([arm.joints[parent], arm.joints[k]])
         for sign, word in ((1.0, "+"), (-1.0, "-")):
             axis, along = f"{arm.joints[parent]}{word}{arm.joints[k]}", tuple(map(float, eye[parent] + sign * eye[k]))
-            for c in frictions:
-                if c.name not in there.get(axis, set()):
+            for c in frictions:  # beside each joint's own: a joint that moves alone tells no sum from itself
+                own = all(c.name in there.get(j, set()) for j in both)
+                if own and c.name not in there.get(axis, set()):
                     yield AtJoint(c.cls, axis, along, c, place=both)
             if "joint_inertia" not in there.get(axis, set()):
                 yield AtJoint(JointInertia, axis, along, place=both)
-    if frozen:
+    if frozen and not any("payload" in names for names in there.values()):  # a hand carries one
         for joint, row in each:
-            if "payload" not in there.get(joint, set()):
-                yield AtJoint(Load, joint, row)
+            yield AtJoint(Load, joint, row)
     elif weight and "gravity" not in there.get("", set()):
         yield AtJoint(Weight, "", tuple(np.ones(arm.n_joints)), width=weight)

@@ -20,6 +20,7 @@ from whsklearn.effects import Scales
 from whsklearn.filtering import Motion, zero_phase
 from whsklearn.filtering.encoder import encoder_noise
 from whsklearn.gap.calibration import coloured, n_effective, smoothed_power
+from whsklearn.gap.evidence import MAD
 from whsklearn.gap.plants.arm_terms import AtJoint, JointInertia, JointTerm, Load, Weight
 from whsklearn.gap.plants.servo_columns import Signals
 from whsklearn.gap.plants.servo_inverse import later, reaching
@@ -34,6 +35,7 @@ N_RECORDS = 5  # of the arm's own, as of an axis (`servo_own`)
 N_NULL = 15  # rows in which chance is looked at
 LATEST = 2.0  # samples of age of a drive that are bookkeeping; beyond, it is a delay
 OLDEST = 0.06  # s, of a drive in any logger
+HELD, STANDS_OUT = 2.0, 4.0  # dry friction at rest, either way of that in motion; deviations of what is left
 SEEN = 1e-9  # of the largest singular value: a column that adds less is made of the others
 
 
@@ -184,7 +186,8 @@ class ArmView:
         Of a limit or a dead zone off the drive as logged; a delay has the drive ask early for the torque that the model
         predicts, since a logged drive would explain its own noise.
         """
-        if kind.catalogued is not None and kind.catalogued.delays:
+        if kind.delays:
+            assert kind.catalogued is not None
             asked = (self.torque @ np.array(kind.direction))[::-1]
             return np.asarray((later(kind.catalogued.code, asked, shape[0], self.dt) - asked)[::-1])
         u = self.drive @ np.array(kind.direction)
@@ -235,7 +238,7 @@ class ArmView:
         """All sizes solved at the model's shapes, every drive as old as it may be without a word."""
         key = tuple((t.kind, t.shape) for t in model.terms)
         if key not in self._fits:
-            delayed = {t.joint for t in model.terms if t.kind.catalogued is not None and t.kind.catalogued.delays}
+            delayed = {t.joint for t in model.terms if t.kind.delays}
             timed = np.any(self.rate != 0.0, axis=0) & np.array([j not in delayed for j in self.arm.joints])
             model = dataclasses.replace(model, timing=np.zeros(self.n_joints))
             fitted = self._solved(model, timed)
@@ -266,12 +269,29 @@ class ArmView:
         return np.where(self.keep, out - sum(self.contribution(t) for t in model.terms), 0.0)
 
     def weigh(self, model: ArmState) -> None:
-        """Weigh joints by what the model leaves, and take its torque for what effects see of the drive."""
+        """Weigh joints by what the model leaves, and take its torque for what effects see of the drive.
+
+        Numbers of another record leave most where most has come since: there a joint is first weighed by what it would
+        leave if its own numbers were fitted.
+        """
         left = self.by_joint(self.left(model))
         self.weight = 1.0 / np.maximum(left, 1e-6 * np.maximum(self.drive_rms, 1e-12))
+        if self.given is not None and not model.terms:
+            self.weight = self.lags._weights(self.phi, self.target, self.keep)
         self.torque = self.along(model, self.moved)
         self.rate = self.blur(np.gradient(self.torque, self.dt, axis=0))
         self._forget()
+
+    def hear_stops(self, model: ArmState) -> None:
+        """Let slow rows count at which more is missing than friction can ask for: a joint at its stop is at rest."""
+        names = self.lags.base_.names
+        left = (self.target - self.artefact) - self.phi @ model.numbers - model.timing * self.rate
+        for j, joint in enumerate(self.arm.joints):
+            if self.keep[:, j].any():
+                friction = abs(model.numbers[names.index(f"{joint}.coulomb")]) if f"{joint}.coulomb" in names else 0.0
+                most = HELD * friction + STANDS_OUT * MAD * float(np.median(np.abs(left[self.keep[:, j], j])))
+                self.keep[:, j] |= np.abs(left[:, j]) > most
+        self._fits = {}
 
     def _forget(self) -> None:
         self._fits = {}
