@@ -1,17 +1,22 @@
 """Real arms: held-out error of each joint, coupled and one axis at a time; speed beside Pinocchio's.
 
-    OMP_NUM_THREADS=1 python -m benchmarks.arms [--only tx40]
+    OMP_NUM_THREADS=1 python -m benchmarks.arms [--only tx40] [--gap]
 
 reads the records beside the checkout (``../shared/data/arms`` or ``WHSKLEARN_DATA``; none is shipped).  An error is of
 blocks that were not fitted, a share of that joint's rms drive, slow samples left out, all settings at their defaults;
 `identify_arm` says how.  "wrist" is the TX40 with viscous and Coulomb friction along joint_5 + joint_6, which its
 owners publish; "physical" is the arm whose links are bodies, on the samples fitted, and "free" the same for the base
-numbers as measured.  Speed is CPU time over 25,000 samples of six joints; Pinocchio's (extra ``bench``) is called for
-each sample, as it has no other way.
+numbers as measured.  With ``--gap`` the gap of each record is asked instead: what the arm lacks in truth is found
+first (the TX40's wrist, blind), then Coulomb and viscous friction are taken from the law of one joint at a time, and
+gravity from all; "first" has the hidden effect first within its joint, of those that a record shows at all.  A load on
+the AIRBOT is asked for against the numbers without it, and half of the record without against the other half.  Speed
+is CPU time over 25,000 samples of six joints; Pinocchio's (extra ``bench``) is called for each sample, as it has no
+other way.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import time
 from pathlib import Path
@@ -22,6 +27,9 @@ import numpy as np
 import pandas as pd
 
 from whsklearn import Arm
+from whsklearn.effects import Coulomb, Viscous
+from whsklearn.gap import GapFinder
+from whsklearn.gap.plants.arm import arm_plant
 from whsklearn.identification import find_payload, identify_arm
 
 WRIST = {**{f"joint_{k}": "input_offset" for k in range(1, 7)}, "joint_5+joint_6": "viscous,coulomb"}
@@ -82,6 +90,58 @@ def payload() -> None:
         print(f"{name:22} {told}, leaves {100 * found.left:.1f} %")
 
 
+def without(arm: Arm, joint: str = "", name: str = "") -> Arm:
+    """The arm with viscous and Coulomb friction as base law, but for one at one joint."""
+    law = (Viscous(1.0), Coulomb(1.0))
+    rows = [tuple(e for e in law if (j, e.name) != (joint, name)) for j in arm.joints]
+    return dataclasses.replace(arm, effects=rows)
+
+
+def hidden(rig: str, urdf: str) -> tuple[int, int]:
+    """How many effects hidden at the joints of a record come first within their joint, and how many are seen."""
+    q, torque, dt = record(rig)
+    log, arm = (np.arange(len(q)) * dt, q, torque), Arm.from_file(folder() / f"{urdf}.urdf")
+    begun = time.process_time()
+    finder = GapFinder(without(arm), max_effects=10).fit(log)
+    told = "; ".join(f"{e.label} {dict(e.parameters)}" for e in finder.effects_)
+    print(f"{rig}: {finder.verdict_}, {time.process_time() - begun:.1f} s: {told}")
+    right = seen = 0
+    for joint, name in [("", "gravity"), *((j, n) for j in arm.joints for n in ("coulomb", "viscous"))]:
+        base = without(arm, joint, name)
+        plant = arm_plant(
+            base if joint else dataclasses.replace(base, gravity=(0, 0, 0)), log, law=None, tolerance=0.004
+        )
+        plant.check()
+        real = finder.found_.model.terms if joint else ()
+        model = plant.settled(plant.base(np.random.default_rng(0)).with_terms(real))
+        looks = [k for k in plant.looks(model, np.random.default_rng(0)) if k.name]
+        label = f"{name} at {joint}" if joint else name
+        own = [k for k in looks if not k.place or not joint or joint in k.place]
+        it = next(k for k in own if k.name == label)
+        if it.p_value <= 0.01 and it.size >= plant.tolerance:
+            seen, right = seen + 1, right + (own[0] is it)
+            if own[0] is not it:
+                print(f"    {label}: behind {', '.join(k.name for k in own[: own.index(it)])}")
+    print(f"    first within its joint: {right} of {seen}")
+    return right, seen
+
+
+def gap() -> None:
+    """Names on real arms."""
+    rigs = ("double_pendulum", "double_pendulum"), ("airbot", "airbot"), ("airbot_loaded", "airbot"), ("tx40", "tx40")
+    counts = [hidden(*rig) for rig in rigs]
+    print(f"hidden: {sum(c[0] for c in counts)} of {sum(c[1] for c in counts)}")
+    q, torque, dt = record("airbot")
+    robot, half = folder() / "airbot.urdf", len(q) // 2
+    for name, (a, b), (c, d) in (
+        ("loaded against empty", (q, torque), record("airbot_loaded")[:2]),
+        ("empty against empty", (q[:half], torque[:half]), (q[half:], torque[half:])),
+    ):
+        finder = GapFinder(identify_arm(a, b, dt=dt, robot=robot).model).fit((np.arange(len(c)) * dt, c, d))
+        found = [f"{e.label} {e.parameters} +- {e.errors}" for e in finder.effects_ if e.name == "payload"]
+        print(f"{name}: {finder.verdict_}, {'; '.join(found) or 'no payload'}")
+
+
 def speed() -> None:
     """Joint rows of the regressor per second of CPU."""
     arm = Arm.from_file(folder() / "tx40.urdf")
@@ -109,7 +169,11 @@ def speed() -> None:
 
 @click.command()
 @click.option("--only", default="", help="Rigs whose names begin so.")
-def main(only: str) -> None:
+@click.option("--gap", "names", is_flag=True, help="What is missing, by name.")
+def main(only: str, names: bool) -> None:
+    if names:
+        gap()
+        return
     print("Held-out error, % of each joint's rms drive\n")
     for name, (urdf, settings) in RIGS.items():
         if not name.startswith(only):

@@ -164,7 +164,7 @@ def model_document(model: IdentifiedModel) -> dict[str, Any]:
         "dt": float(model.dt),
         "logged": model.logged,
         "units": {"time": "s", "input": UNKNOWN, "output": UNKNOWN} | dict(model.units),
-        "structure": {name: _coded(value) for name, value in own.items()},
+        "structure": {name: _coded(value) for name, value in own.items() if value is not None},
         "parameters": model.parameters,
         "standard_errors": {k: float(v) for k, v in model.standard_errors.items() if math.isfinite(v)},
         "parameter_units": model.parameter_units,

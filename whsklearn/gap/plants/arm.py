@@ -15,12 +15,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from whsklearn.effects import InputOffset
+from whsklearn.effects import ContactStop, InputOffset
 from whsklearn.gap.data_check import Problem
 from whsklearn.gap.filters import whiteness
 from whsklearn.gap.localisation import spectra
 from whsklearn.gap.plant import PlantDefaults
-from whsklearn.gap.plants.arm_families import families, look_at_limit, nameless, polished
+from whsklearn.gap.plants.arm_families import FURTHEST, families, look_at_limit, nameless, polished
 from whsklearn.gap.plants.arm_terms import AtJoint, Load, candidates, present
 from whsklearn.gap.plants.arm_view import LATEST, ArmState, ArmView, law_of
 from whsklearn.gap.plants.servo_candidates import aliases as of_axis
@@ -230,19 +230,22 @@ class ArmPlant(PlantDefaults):
     def objection(self, model: ArmState, index: int) -> str:
         """What physics has against a term's numbers."""
         t, view = model.terms[index], self.view
+        if t.kind.cls is Load and max(map(abs, t.shape)) >= FURTHEST:
+            return "its centre runs to the end of where a hand reaches"
         base = dict(zip(self.lags.base_.names, model.numbers, strict=True))
         total = t.q[0] + base.get(f"{t.joint}.{t.effect.name}", 0.0) if t.kind.linear == 1 else 1.0
         if t.kind.positive and total <= 0.0:
             return f"its size would be {total:.3g}, and a physical one is positive"
         if t.kind.catalogued is not None:
-            ranges = t.kind.catalogued.ranged(view.scene(t.kind))[:1]
+            fields, ranges = t.kind.catalogued.fields[t.kind.linear :], t.kind.catalogued.ranged(view.scene(t.kind))
             beside = [Term(candidate(n), (base.get(f"{t.joint}.{n}", 0.0),)) for n in ("viscous",)]
             here = SimpleNamespace(terms=[Term(t.kind.catalogued, t.q), *beside])
             if said := too_large(here, 0) or negative_damping(here, 0):  # type: ignore[arg-type]
                 return said
-            for value, (low, high) in zip(t.shape, ranges, strict=False):  # the first says where or how wide
-                if value <= low + 1e-3 * abs(low) or value >= high - 1e-3 * abs(high):
-                    return f"its {t.kind.catalogued.fields[t.kind.linear]} runs to the end of the plausible range"
+            told = 2 if t.kind.cls is ContactStop else 1  # the first says where or how wide, a stop's second how soft
+            for field, value, (low, high) in list(zip(fields, t.shape, ranges, strict=True))[:told]:
+                if (low and value <= low + 1e-3 * abs(low)) or value >= high - 1e-3 * abs(high):
+                    return f"its {field} runs to the end of the plausible range"
         asked = view.by_joint(view.contribution(t))  # a mass is weighed by all joints, and gravity is always large
         closed = view.by_joint(view.left(view.fit(model.without(index)))) ** 2 - view.by_joint(view.left(model)) ** 2
         j = int(np.argmax(closed / np.maximum(view.drive_rms, 1e-300) ** 2))

@@ -25,7 +25,7 @@ LEAST_LEFT = 0.5  # of a drive, by its rms, that a limit or a dead zone must lea
 FEWEST = 4  # rows a column of a nameless family
 EVALUATIONS = 80  # of a polish
 OUTER = np.array([0.7, 0.8, 0.86, 0.9, 0.93, 0.96, 0.98, 0.99])  # quantiles of a joint's path at which a stop may lie
-FAR = 1.0  # m from a joint's frame, at which a search for a load begins at the furthest
+FAR, FURTHEST = 1.0, 2.0  # m from a joint's frame, at which a search for a load begins and ends at the furthest
 
 
 def families(view: ArmView, kinds: Iterable[AtJoint]) -> Iterator[Family]:
@@ -224,7 +224,7 @@ def _placed(view: ArmView, tangent: Tangent, term: JointTerm) -> JointTerm:
         return -float(tangent.taken(family, view.columns_at(term.kind, tuple(x))[:, None, :])[0][0, 0])
 
     found = min(
-        (minimize(cost, start, method="Nelder-Mead", bounds=[(-2 * FAR, 2 * FAR)] * 3,
+        (minimize(cost, start, method="Nelder-Mead", bounds=[(-FURTHEST, FURTHEST)] * 3,
                   options={"initial_simplex": np.vstack([start, start + 0.05 * np.eye(3)]), "maxfev": 2 * EVALUATIONS,
                            "xatol": 1e-4, "fatol": 1e-9})
          for start in (np.array(term.shape), heavy, np.zeros(3))), key=lambda r: float(r.fun),
