@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -10,9 +11,11 @@ from click.testing import CliRunner
 
 from whsklearn.cli.arm import gains_of, guessed_columns, joint_columns
 from whsklearn.cli.export import main as export
+from whsklearn.cli.gap import main as gap
 from whsklearn.cli.identify import main as identify
 from whsklearn.cli.simulate import main as simulate
 from whsklearn.datasets import default_arm, make_arm_log
+from whsklearn.effects import Cogging
 from whsklearn.export import export_model
 from whsklearn.models import load_model
 
@@ -99,3 +102,48 @@ def test_a_name_or_a_number_tells_whose_column_it_is():
     }
     assert joint_columns(" a: q , i ;") == {"a": ("q", "i")}
     assert gains_of("a:1.5;b:2+-0.1") == {"a": (1.5, 0.0), "b": (2.0, 0.1)}
+
+
+def test_gap_names_what_a_joint_lacks(folder):
+    out, _ = folder
+    make_arm_log(effects={"pitch": [Cogging(0.1, order=7.0)]}, duration=12.0).to_csv(out / "hidden.csv", index=False)
+    done = run(gap, out / "hidden.csv", "--robot", out / "arm.xml", "--report", out / "gap", "--no-track")
+    assert done.exit_code == 0, done.output
+    written = json.loads((out / "gap" / "gap.json").read_text())
+    assert [(e["name"], e["joint"]) for e in written["effects"]] == [("cogging", "pitch")]
+    assert "cogging at pitch" in " ".join(done.output.split())
+    assert load_model(out / "gap" / "repaired.json").kind == "arm"
+
+
+def test_gap_finds_gains_by_a_load_and_a_load_by_an_identified_model(folder):
+    out, _ = folder
+    place = (0.1, 0.0, 0.05)
+    heavy = default_arm().with_body("pitch", 0.8, place)
+    for name, arm in (("empty", default_arm()), ("loaded", heavy)):
+        log = make_arm_log(arm, duration=12.0)
+        amperes = log.rename(columns=lambda c: c.replace("torque_nm", "current_a"))
+        amperes[[c for c in amperes if c.endswith("_a")]] /= 5.0
+        amperes.to_csv(out / f"{name}_a.csv", index=False)
+        log.to_csv(out / f"{name}.csv", index=False)
+    known = ["--load", "0.8:0.1,0,0.05", "--loaded", out / "loaded_a.csv"]
+    done = run(gap, out / "empty_a.csv", "--robot", out / "arm.xml", *known, "--report", out / "by_load", "--no-track")
+    assert done.exit_code == 0, done.output
+    gains = gains_of(re.search(r"known load: (\S+)", done.output)[1])
+    assert gains["pitch"][0] == pytest.approx(5.0, rel=0.03)
+    model = out / "model" / "model.json"
+    done = run(gap, out / "loaded.csv", "--robot", model, "--report", out / "load", "--no-track")
+    assert done.exit_code == 0, done.output
+    found = json.loads((out / "load" / "gap.json").read_text())["effects"][0]
+    assert (found["name"], found["joint"]) == ("payload", "pitch")
+    assert abs(found["parameters"]["mass_kg"] - 0.8) < 4 * found["standard_errors"]["mass_kg"] + 0.02
+
+
+def test_gap_refuses_half_a_load_in_a_sentence(folder):
+    out, _ = folder
+    done = run(gap, out / "arm.csv", "--robot", out / "arm.xml", "--load", "2.8", "--report", out / "g", "--no-track")
+    assert done.exit_code != 0
+    assert "give both, or neither" in " ".join(done.output.split())
+    done = run(
+        gap, out / "arm.csv", "--robot", out / "arm.xml", "--gains", "hip:1", "--report", out / "g", "--no-track"
+    )
+    assert "names 'hip'" in " ".join(done.output.split())

@@ -34,7 +34,8 @@ class Columns(PlantDefaults):
 
     scale, tolerance, n_effective = 1.0, 0.02, float(N)
 
-    def __init__(self, truth, names="abcdef", seed=0, forbidden=()):
+    def __init__(self, truth, names="abcdef", seed=0, forbidden=(), places=None):
+        self.places = places or {}
         rng = np.random.default_rng(1000 + seed)
         self.columns = {n: rng.standard_normal(N) for n in names}
         self.columns["twin"] = self.columns["a"] + 1e-3 * rng.standard_normal(N)
@@ -55,7 +56,12 @@ class Columns(PlantDefaults):
         tangent = Tangent(left, null, x, N)
         present = {t.name for t in model.terms}
         families = (
-            Family(n, lambda _, c=c: [([0], c[:, None, None], 1.0)], lambda *_: None)
+            Family(
+                n,
+                lambda _, c=c: [([0], c[:, None, None], 1.0)],
+                lambda *_: None,
+                place=frozenset(self.places.get(n, "")),
+            )
             for n, c in self.columns.items()
             if n not in present
         )
@@ -129,3 +135,12 @@ def test_an_interruption_keeps_what_is_taken():
     found = run(Columns({"b": 0.2, "c": 0.3}), on_round=stop)
     assert found.interrupted
     assert [t.name for t in found.taken] == ["c"]
+
+
+def test_what_acts_elsewhere_is_no_rival_and_is_asked_after_what_physics_forbids():
+    truth, places = {"a": 0.5, "b": 0.3}, {"a": "1", "twin": "1", "b": "2"}
+    found = run(Columns(truth, places=places))
+    assert {t.name for t in found.taken} <= {"a", "twin", "b"}
+    assert found.rivals[[t.name for t in found.taken].index("b")] == []
+    found = run(Columns(truth, places=places, forbidden=("a", "twin")))
+    assert [t.name for t in found.taken] == ["b"]

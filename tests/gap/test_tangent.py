@@ -77,3 +77,18 @@ def test_samples_of_no_weight_say_nothing():
     spoiled = y + np.where(weight == 0.0, 100.0 * column, 0.0)
     clean, dirty = (Tangent(v, null, base, N, weight).look(family(column)).gain for v in (y, spoiled))
     assert dirty == pytest.approx(clean, rel=1e-9)
+
+
+def test_columns_on_some_rows_say_what_they_say_with_zeros_elsewhere():
+    rng = np.random.default_rng(3)
+    left, null, own = rng.standard_normal(300), rng.standard_normal((5, 300)), rng.standard_normal((300, 4))
+    some = rng.standard_normal((100, 1, 1))
+    whole = np.zeros((300, 1, 1))
+    whole[1::3] = some
+    tangent = Tangent(left, null, own, 300.0, weight=rng.uniform(0.5, 2.0, 300))
+    one, other = (
+        tangent.look(Family("x", lambda _, c=c: [([0], c, 1.0)], lambda *_: None, rows=rows))
+        for c, rows in ((some, slice(1, None, 3)), (whole, slice(None)))
+    )
+    assert one.gain == pytest.approx(other.gain)
+    assert one.null == pytest.approx(other.null)
