@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import pickle
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from sklearn.linear_model import Ridge
-from sklearn.model_selection import GridSearchCV
+from sklearn.model_selection import GridSearchCV, TimeSeriesSplit
 
-from whsklearn.cli.recorded_search import recorded
+from whsklearn.cli.recorded_search import Contiguous, recorded
 
 
 @pytest.mark.parametrize("jobs", [None, 2])
@@ -44,3 +45,13 @@ def test_search_travels_as_a_plain_one():
     search = recorded(GridSearchCV)(Ridge(), {"alpha": [1.0]})
     search.on_results = lambda results: None
     assert type(pickle.loads(pickle.dumps(search))) is GridSearchCV
+
+
+def test_a_share_of_a_fold_is_in_one_piece():
+    drawn = SimpleNamespace(base_cv=TimeSeriesSplit(3), fraction=0.25)
+    X = np.zeros((400, 1))
+    for (train, test), (whole, rest) in zip(Contiguous(drawn).split(X), TimeSeriesSplit(3).split(X), strict=True):
+        assert (np.diff(train) == 1).all()
+        assert (train[-1], test[0]) == (whole[-1], rest[0])
+        assert (len(train), len(test)) == (len(whole) // 4, len(rest) // 4)
+    assert Contiguous(drawn).get_n_splits() == 3

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from whsklearn import ServoAxis
+from whsklearn import RMILSRegressor, ServoAxis, WienerHammersteinLags
 from whsklearn.cli.tune import main
+from whsklearn.datasets import make_wiener_hammerstein
 
 
 def run(*arguments):
@@ -130,3 +131,23 @@ def test_unreadable_grid_is_told(option, value):
     done = run("--no-track", option, value)
     assert done.exit_code == 1
     assert f"{option} is" in done.output
+
+
+@pytest.mark.parametrize("kind", ["grid", "halving"])
+def test_every_segment_counts_and_none_follows_on_another(tmp_path, kind, mlflow_root):
+    import mlflow
+
+    X, y = make_wiener_hammerstein(1500, snr_db=30, random_state=0)
+    X[700:] *= 1.3
+    kept = np.r_[0:700, 730:1500]
+    table = np.column_stack([np.arange(1500) / 100.0, X[:, 0], y])[kept]
+    np.savetxt(tmp_path / "holes.csv", table, delimiter=",", header="time_s,u,y", comments="")
+    done = run("--log", tmp_path / "holes.csv", "--input", "u", "--output", "y", "--time", "time_s", "--search", kind,
+               "--logged", "output", "--p", "1,2", "--folds", 2, "--jobs", 1)  # fmt: skip
+    assert done.exit_code == 0, done.output
+    assert "begins anew in each of its 2 segments" in done.output
+    model = mlflow.sklearn.load_model("models:/tuned@champion-holes")
+    assert model.state_["seen"] == 1470
+    segment = np.repeat([0, 1], [700, 770])
+    apart = RMILSRegressor(WienerHammersteinLags(), p=model.p, random_state=0).fit(X[kept], y[kept], groups=segment)
+    np.testing.assert_allclose(model.theta_, apart.theta_, rtol=1e-9)

@@ -37,7 +37,7 @@ def joint_columns(text: str) -> dict[str, tuple[str, str]]:
         name, colon, columns = part.partition(":")
         pair = [c.strip() for c in columns.split(",")]
         if not (name.strip() and colon and len(pair) == 2 and all(pair)):
-            raise ValueError(f"--joints holds {part!r}; expected NAME:POSITION,DRIVE of each joint, parted by ;")
+            raise ValueError(f"--joints holds {part!r}; expected NAME:POSITION,DRIVE for each joint, separated by ;")
         if name.strip() in out:
             raise ValueError(f"--joints names {name.strip()!r} twice; give each joint once.")
         out[name.strip()] = (pair[0], pair[1])
@@ -84,7 +84,7 @@ def gains_of(text: str) -> dict[str, tuple[float, float]]:
             out[name.strip()] = float(gain), float(error or 0.0)
         except ValueError:
             raise ValueError(
-                f"--gains holds {part!r}; expected NAME:NM_PER_AMPERE of each joint, parted by ;"
+                f"--gains holds {part!r}; expected NAME:NM_PER_AMPERE for each joint, separated by ;"
             ) from None
     return out
 

@@ -26,7 +26,7 @@ WARM_UP = 600  # samples: beyond the 480 at which a stream's first models take o
 
 @dataclass(frozen=True)
 class Record:
-    """An input of shape (n, 1) and an output of shape (n,), with a name.
+    """An input of shape (n, 1) and an output of shape (n,), with a name; the segment of each sample after holes.
 
     Examples
     --------
@@ -38,6 +38,7 @@ class Record:
     name: str
     X: NDArray[np.float64]
     y: NDArray[np.float64]
+    groups: NDArray[np.int64] | None = None
 
 
 @dataclass(frozen=True)

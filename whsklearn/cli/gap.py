@@ -222,7 +222,7 @@ def test(options: dict[str, Any], finder: GapFinder, second: Bunch) -> None:
     else:
         unit = d.pictures["units"][1]
         told = ", ".join(f"{r['before']:.3g} to {r['after']:.3g} {unit} over {r['horizon']:g} s" for r in d.test)
-        text = f"On {second.name}, of which nothing was fitted, the free run's RMSE goes from {told}."
+        text = f"On {second.name}, which was not used for the fit, the RMSE of the free run goes from {told}."
     d.notes.insert(0, text)
     tqdm.write(wrapped(text))
 

@@ -55,7 +55,7 @@ def job(function: Callable[..., None]) -> click.Command:
 
     @click.command(help=function.__doc__, context_settings={"show_default": True, "max_content_width": WIDTH})
     @click.option("--seed", type=click.IntRange(min=0), default=0, help="Seed of everything random.")
-    @click.option("--track/--no-track", default=True, help="Record the runs in MLflow, or leave the record out.")
+    @click.option("--track/--no-track", default=True, help="Record the runs in MLflow, or do not.")
     @functools.wraps(function)
     def command(**kwargs: Any) -> None:
         guarded(function, **kwargs)

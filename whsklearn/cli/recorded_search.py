@@ -3,11 +3,35 @@
 from __future__ import annotations
 
 import copyreg
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import sklearn
 from joblib import effective_n_jobs
+
+
+class Contiguous:
+    """Folds of which a share is taken in one piece, at the border between training and test.
+
+    Successive halving draws a share of the samples by lot, and a dynamic model of those is a model of nothing.
+
+    Parameters
+    ----------
+    drawn : splitter
+        scikit-learn's, with ``base_cv`` and ``fraction``.
+    """
+
+    def __init__(self, drawn: Any):
+        self.folds, self.share = drawn.base_cv, drawn.fraction
+
+    def split(self, X: Any, y: Any = None, **kwargs: Any) -> Iterator[tuple[Any, Any]]:
+        """The last of the training samples, the first of the others."""
+        for train, test in self.folds.split(X, y, **kwargs):
+            yield train[-max(1, int(self.share * len(train))) :], test[: max(1, int(self.share * len(test)))]
+
+    def get_n_splits(self, *args: Any, **kwargs: Any) -> int:
+        """As many as the folds."""
+        return int(self.folds.get_n_splits(*args, **kwargs))
 
 
 def recorded(search_class: type) -> type:
@@ -22,7 +46,7 @@ def recorded(search_class: type) -> type:
 
         def _run_search(self, evaluate_candidates: Any, callback_ctx: Any = None) -> None:
             def in_chunks(candidates: Any, cv: Any = None, more_results: Any = None, callback_ctx: Any = None) -> Any:  # noqa: ARG001 - scikit-learn passes it
-                candidates = list(candidates)
+                candidates, cv = list(candidates), Contiguous(cv) if hasattr(cv, "fraction") else cv
                 # Halving asks with its own columns, a rung at a time; those stay whole.
                 size = len(candidates) if more_results else max(1, 2 * effective_n_jobs(self.n_jobs))
                 results = None

@@ -288,15 +288,17 @@ def record_of(options: dict[str, Any]) -> Record:
             raise LogError(
                 f"{log.name}: {log.columns[role]} never changes; give a log in which the axis is driven and moves."
             )
-    part = longest(log)
     timed = columns.get("time") or options.get("rate")
-    seen = view(part.X[:, 0], part.y, 1.0 / part.sample_rate if timed else 1.0, options["logged"])
+    seen = view(log.X[:, 0], log.y, 1.0 / log.sample_rate if timed else 1.0, options["logged"], log.groups)
+    if seen.y.size < log.y.size:
+        note(f"{seen.y.size} of {log.y.size} samples are used: the other segments are too short to tell anything.")
     if seen.logged == "position":
         note(
             f"{log.columns['position']} is a position: its velocity is fitted, and scores are of the velocity. "
             "`--logged output` fits the column as it is."
         )
-    return Record(Path(log.name).stem, part.X, seen.target)
+    segment = np.repeat(np.arange(seen.bounds.size - 1), np.diff(seen.bounds))
+    return Record(Path(log.name).stem, seen.u[:, None], seen.target, segment if seen.starts else None)
 
 
 def orders_of(text: str) -> dict[str, Any]:

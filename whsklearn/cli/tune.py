@@ -15,7 +15,7 @@ import click
 from tqdm import tqdm
 
 from whsklearn.cli.job import job, say_where, table, tracker_for, wrapped
-from whsklearn.cli.records import log_options, orders_of, record_of
+from whsklearn.cli.records import log_options, note, orders_of, record_of
 
 if TYPE_CHECKING:
     from whsklearn.cli.comparison import Record
@@ -59,8 +59,11 @@ def main(**options: Any) -> None:
     record = record_of(options) if options["log_file"] else example(options["samples"], options["seed"])
     grid = grid_of(options)
     estimator = RMILSRegressor(lags=WienerHammersteinLags(), random_state=options["seed"])
+    if record.groups is not None:
+        note(f"The log has holes; the model begins anew in each of its {record.groups[-1] + 1} segments.")
     tracker = tracker_for("tune", options["track"], data=record.name, estimator="RMILSRegressor")
     with (
+        segments_known(record),
         workers(options["backend"], options["scheduler"]),
         tracker.run(f"{options['kind']} on {record.name}") as parent,
     ):
@@ -87,6 +90,25 @@ def main(**options: Any) -> None:
     say_where(tracker)
 
 
+@contextlib.contextmanager
+def segments_known(record: Record) -> Iterator[None]:
+    """Let scikit-learn hand the segments of a record to ``fit``, as `with_segments` asks for."""
+    from sklearn import config_context
+
+    with config_context(enable_metadata_routing=record.groups is not None):
+        yield
+
+
+def with_segments(estimator: Any, record: Record) -> tuple[Any, dict[str, Any]]:
+    """The estimator, asking for the segments where there are several, and what a search is given besides X and y.
+
+    A fold that is judged runs on over a hole: an error for as long as the system remembers, the same for every setting.
+    """
+    if record.groups is None:
+        return estimator, {}
+    return estimator.set_fit_request(groups=True), {"groups": record.groups}
+
+
 def what_is_better(search: Any, record: Record, champion: Callable[[], Any]) -> str:
     """A sentence if the mean of the output, or the settings of the champion, do better on the folds; else empty."""
     import numpy as np
@@ -96,7 +118,9 @@ def what_is_better(search: Any, record: Record, champion: Callable[[], Any]) -> 
     scorer = search.scoring["neg_nmse"] if isinstance(search.scoring, dict) else search.scoring
 
     def nmse_of(estimator: Any) -> float:
-        return -float(cross_val_score(clone(estimator), record.X, record.y, scoring=scorer, cv=search.cv).mean())
+        model, params = with_segments(clone(estimator), record)
+        params = {"params": params} if params else {}
+        return -float(cross_val_score(model, record.X, record.y, scoring=scorer, cv=search.cv, **params).mean())
 
     # halving judges on a part of the record, and the champion is judged on all of it
     best = nmse_of(search.best_estimator_) if hasattr(search, "n_resources_") else -float(search.best_score_)
@@ -226,7 +250,10 @@ def run_search(search: Any, record: Record, parent: Any, total: int, varied: lis
             done = len(results["params"])
 
         search.on_results = record_chunk
-        search.fit(record.X, record.y)
+        search.estimator, params = with_segments(search.estimator, record)
+        search.fit(record.X, record.y, **params)
+        for model in (search.estimator, search.best_estimator_):
+            vars(model).pop("_metadata_request", None)  # of the search, and not of the model that is kept
 
 
 def by_our_names(results: dict[str, Any]) -> dict[str, Any]:

@@ -62,7 +62,7 @@ class ChainPlay(AtPort, Effect):  # type: ignore[override]
     quantities: ClassVar[dict[str, Quantity]] = {
         "gap": Quantity("rad", 1e-5, 1e3, log=True, span=(1e-3, 1.5), starts=(0.02, 0.05, 0.12, 0.3, 0.6))
     }
-    signature: ClassVar[str] = "after a reversal the signal stands until the gap is crossed"
+    signature: ClassVar[str] = "after a reversal the signal does not move until the play is crossed"
     needs: ClassVar[str] = "reversals"
     reference: ClassVar[str] = Backlash.reference
     choices: ClassVar[dict[str, tuple[str, ...]]] = {"at": ("middle", "input")}

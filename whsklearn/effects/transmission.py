@@ -98,7 +98,7 @@ class Backlash(TransmissionEffect):
 
     See Also
     --------
-    FlexibleCoupling : gives way in proportion to the torque; a heavily damped one imitates a gap.
+    FlexibleCoupling : gives way in proportion to the torque; a heavily damped one resembles play.
     PreslidingHysteresis : friction that builds up over a distance, with one inertia.
     DeadZone : the drive is lost by its size, not over a distance.
 
@@ -135,7 +135,7 @@ class FlexibleCoupling(TransmissionEffect):
 
     See Also
     --------
-    Backlash : transmits nothing while the gap is crossed, whatever the torque.
+    Backlash : transmits nothing while the play is crossed, whatever the torque.
     InputDelay : the same phase below the resonance.
 
     Examples

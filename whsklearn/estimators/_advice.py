@@ -152,8 +152,8 @@ def of_an_axis(names: list[str], theta: Array, errors: Array, n_rows: int, path:
             )
     if names[0] == "inertia" and errors[0] > 0.0 and abs(theta[0]) < SURE * errors[0]:
         return (
-            f"The inertia, {theta[0]:.3g} with a standard error of {errors[0]:.2g}, cannot be told from zero; check "
-            "that X is the position and y the drive, or give a record that accelerates more."
+            f"The inertia, {theta[0]:.3g} with a standard error of {errors[0]:.2g}, cannot be distinguished from "
+            "zero; check that X is the position and y the drive, or give a record that accelerates more."
         )
     return None
 

@@ -103,7 +103,7 @@ def write_tables(model: Exported, out: Path, ratings: Ratings) -> tuple[list[Pat
     """
     axis = model.need_axis("A table for a drive")
     unit, length = model.si
-    waves, friction, rest = parted(axis)
+    waves, friction, rest = divided(axis)
     if not waves and not friction:
         raise ValueError("The model has neither cogging nor friction, so there is nothing to put into a table.")
     losses = model.told(losses_of(rest, "no table holds it; `--to c --what compensator` does"))
@@ -159,14 +159,14 @@ def write_tables(model: Exported, out: Path, ratings: Ratings) -> tuple[list[Pat
     return paths, losses, left
 
 
-def parted(axis: ServoAxis) -> tuple[list[Effect], list[Effect], list[Effect]]:
+def divided(axis: ServoAxis) -> tuple[list[Effect], list[Effect], list[Effect]]:
     """Effects that are waves over a turn, those of speed alone, and the rest.
 
     Examples
     --------
     >>> from whsklearn import ServoAxis
     >>> from whsklearn.effects import Cogging, GravityImbalance
-    >>> parts = parted(ServoAxis(effects=[Cogging(0.05, 12.0), GravityImbalance(0.2)]))
+    >>> parts = divided(ServoAxis(effects=[Cogging(0.05, 12.0), GravityImbalance(0.2)]))
     >>> [[e.name for e in part] for part in parts]
     [['cogging'], ['viscous', 'coulomb'], ['gravity_imbalance']]
     """

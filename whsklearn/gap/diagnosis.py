@@ -21,7 +21,7 @@ MAP_POINTS = 1440  # of a map over one turn: four to a degree, nine to a period 
 
 @dataclass
 class NamedEffect:
-    """An effect with its numbers, its evidence and what it cannot be told from.
+    """An effect with its numbers, its evidence and what it cannot be distinguished from.
 
     Attributes
     ----------

@@ -35,7 +35,7 @@ def draw(d: Diagnosis) -> list[tuple[str, str, str]]:
         ("The gap over time", "What the model lacks, before and after.", _over_time),
         (
             "The gap where it is densest",
-            "Mean of the gap by bin with its standard error; the line is what is left after.",
+            "Mean of the gap by bin with its standard error; the line is the remainder after the repair.",
             _where,
         ),
         ("Learned torque", "What has no name: the curve that was learned, with two standard deviations.", _learned),

@@ -185,7 +185,14 @@ class ServoRecord:
         return [(slice(a, b), float(self.time[a] - self.time[0])) for a, b in pairwise(bounds)]
 
     def by_piece(self, function: Callable[..., Any], *signals: Array) -> Any:
-        """What a function makes of every segment of signals (n, ...), one after the other: an array or a tuple."""
+        """What a function makes of every segment of signals, one after the other: an array or a tuple.
+
+        Parameters
+        ----------
+        function : callable
+            Of as many arrays as there are signals.
+        *signals : ndarray of shape (n, ...)
+        """
         found = [function(*(x[s] for x in signals)) for s, _ in self.pieces]
         if len(found) == 1:
             return found[0]
@@ -198,6 +205,14 @@ class ServoRecord:
 
         Point symmetry at the last sample keeps position and speed; a signal that stands still there would halve the
         speed from which a simulation of the segment starts.
+
+        Parameters
+        ----------
+        function : callable
+            Of one array; it returns one of the same length, or a tuple of them.
+        x : ndarray of shape (n,)
+        reach : int
+            Samples either side that an output draws on.
         """
         if not self.starts:
             return function(x)
@@ -211,7 +226,13 @@ class ServoRecord:
         return self.by_piece(inside, x)
 
     def near_a_hole(self, before: int, after: int) -> NDArray[np.bool_]:
-        """Samples up to ``before`` ahead of a hole, or ``after`` behind it, shape (n,)."""
+        """Samples close to a hole, shape (n,).
+
+        Parameters
+        ----------
+        before, after : int
+            How many count on either side of it.
+        """
         near = np.zeros(len(self), dtype=bool)
         for k in self.starts:
             near[max(k - before, 0) : k + after] = True

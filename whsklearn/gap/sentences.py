@@ -97,7 +97,8 @@ def summary(d: Any, plant: Any) -> str:
         )
     if d.verdict == "coloured_noise":
         return (
-            opening + "What is left is coloured noise: it follows neither the motion nor the drive. No effect is named."
+            opening
+            + "The remainder is coloured noise: it follows neither the motion nor the drive. No effect is named."
         )
     if d.verdict == "not_testable":
         return opening + "No gap is seen, but this record could not have shown most effects."

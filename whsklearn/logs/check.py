@@ -1,4 +1,4 @@
-"""What is wrong with a log before anything is fitted: stamps, gaps, clipping, repeated samples, lattice."""
+"""What is wrong with a log before anything is fitted: stamps, holes, clipping, repeated samples, lattice."""
 
 from __future__ import annotations
 
@@ -90,8 +90,8 @@ def _stamps(time: Array, rows: NDArray[np.intp]) -> list[Finding]:
     out = []
     back = np.flatnonzero(step < 0)
     same = np.flatnonzero(step == 0)
-    scale = period if period > 0 else np.inf  # most stamps do not increase: nothing to measure gaps against
-    gaps = np.flatnonzero(step > GAP * scale)
+    scale = period if period > 0 else np.inf  # most stamps do not increase: nothing to measure holes against
+    holes = np.flatnonzero(step > GAP * scale)
     uneven = np.flatnonzero((step > 0) & (step <= GAP * scale) & (np.abs(step / scale - 1) > ALLOWED_JITTER))
     uneven = uneven if period > 0 else uneven[:0]
     if back.size:
@@ -114,15 +114,15 @@ def _stamps(time: Array, rows: NDArray[np.intp]) -> list[Finding]:
                 f"{time[same[0]]:.6g} s; drop the doubles or resample.",
             )
         )
-    if gaps.size:
-        lost = int(np.round(step[gaps] / period - 1).sum())
+    if holes.size:
+        lost = int(np.round(step[holes] / period - 1).sum())
         out.append(
             finding(
                 "LOG002",
                 "error",
-                rows[gaps + 1],
-                f"{gaps.size} gaps, about {lost} samples, the first before row "
-                f"{rows[gaps[0] + 1]} ({step[gaps[0]]:.4g} s for {period:.4g} s); resample, long gaps start a new "
+                rows[holes + 1],
+                f"{holes.size} hole{'s' if holes.size > 1 else ''}, about {lost} samples, the first before row "
+                f"{rows[holes[0] + 1]} ({step[holes[0]]:.4g} s for {period:.4g} s); resample; long holes start a new "
                 "group.",
                 float(lost),
             )

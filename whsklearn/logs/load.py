@@ -109,7 +109,7 @@ def load_log(
         deviation, which ``drive_error`` hands on.
     resample : bool, default=True
         Mend rows without a number and stamps that are uneven, repeated or out of order, and cut the log into segments
-        at long gaps; False refuses such a log and names the row.
+        at long holes; False refuses such a log and names the row.
     return_X_y : bool, default=False
         Only the drive as X (n, 1) and the position as y (n,); refused if the log falls into segments.
 
@@ -320,9 +320,9 @@ def _floats(values: NDArray[Any], column: str, name: str) -> Array:
 
 def _refuse(name: str, table: _Table) -> None:
     """Refuse a log that would have to be mended."""
-    _, gap = mend.missing_rows({"time": table.time, **table.signals}, table.columns)
-    if gap is not None:
-        raise LogError(f"{name}: {gap.explanation.partition(');')[0]}); fill or drop them, or pass resample=True.")
+    _, hole = mend.missing_rows({"time": table.time, **table.signals}, table.columns)
+    if hole is not None:
+        raise LogError(f"{name}: {hole.explanation.partition(');')[0]}); fill or drop them, or pass resample=True.")
     report = check_log(table.time, table.signals)
     worst = next((f for f in report.findings if f.code in _STAMPS), None)
     if worst is not None:
@@ -333,10 +333,10 @@ def _mended(name: str, table: _Table) -> Bunch:
     """The log on an even grid, in segments, with its report."""
     found: list[Finding] = list(table.findings)
     signals, time = table.signals, table.time
-    bad, gap = mend.missing_rows({"time": time, **signals}, table.columns)
+    bad, hole = mend.missing_rows({"time": time, **signals}, table.columns)
     kept = np.flatnonzero(~bad)
-    if gap is not None:
-        found.append(gap)
+    if hole is not None:
+        found.append(hole)
         signals, time = {k: v[kept] for k, v in signals.items()}, time[kept]
     same = np.r_[False, np.all([v[1:] == v[:-1] for v in signals.values()], axis=0)]
     try:

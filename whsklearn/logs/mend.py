@@ -46,7 +46,7 @@ def missing_rows(signals: dict[str, Array], columns: dict[str, str]) -> tuple[ND
     held = "no number" if math.isnan(value) else f"{value:.3g}"
     text = (
         f"Column {columns[role]!r} has no value at row {rows[0]} ({held}; {rows.size} such rows in all); they "
-        "were left out and the gaps treated as lost samples."
+        "were left out, and the holes treated as lost samples."
     )
     return bad, finding("LOG010", "warning", rows, text, rows.size / bad.size)
 

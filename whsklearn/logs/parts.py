@@ -57,7 +57,7 @@ def by_motor(source: Source) -> Source:
 
     units = {w: source.units.get(n) or unit_of(n, "") for w, (n, _) in where.items()}
     units |= {n: source.units[n] for n in shared if n in source.units}
-    notes = [*source.notes, f"The rows of {numbers.size} motors are told apart by column {column!r}."]
+    notes = [*source.notes, f"The rows of {numbers.size} motors are distinguished by column {column!r}."]
     return Source(source.name, [*shared, *where], fetch, units={w: u for w, u in units.items() if u}, notes=notes)
 
 

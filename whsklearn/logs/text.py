@@ -176,7 +176,7 @@ def _why_none(lines: list[str], name: str, more: bool) -> str:
     if not live:
         return f"{name} holds comments only and no samples; record or export the log again."
     return (
-        f"{name} is no table of numbers: line 1 is {live[0][:60]!r}, and no line after it holds numbers parted by "
+        f"{name} is no table of numbers: line 1 is {live[0][:60]!r}, and no line after it holds numbers separated by "
         "comma, semicolon, tab or blanks; export the log as CSV with one header line."
     )
 

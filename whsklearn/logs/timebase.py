@@ -171,7 +171,7 @@ def _read_as_dates(column: str) -> Finding:
 
 
 def in_order(time: Array, same_rows: NDArray[np.bool_], rows: NDArray[np.intp]) -> Stamps:
-    """The rows in the order of time, without doubles and stray stamps, in segments that hold no long gap.
+    """The rows in the order of time, without doubles and stray stamps, in segments without long holes.
 
     Parameters
     ----------

@@ -206,7 +206,7 @@ def open_tracker(
         reason = store.sentence(error)
         raise TrackingError(
             f"The record of runs at {store.public(uri)} cannot be opened ({reason}); set MLFLOW_TRACKING_URI to "
-            "keep it elsewhere, or leave it out with --no-track."
+            "keep it elsewhere, or use --no-track."
         ) from error
     own = {"mlflow.source.name": experiment, "mlflow.source.type": "LOCAL", "version": version("whsklearn")}
     return Tracker(store.InSentences(client, patience), experiment, experiment_id, {**own, **(tags or {})})

@@ -62,8 +62,7 @@ def import_mlflow() -> Any:
         import mlflow
     except ImportError as error:
         raise ImportError(
-            "MLflow is not installed; install it with `pip install 'whsklearn[mlflow]'`, "
-            "or leave the record out with --no-track."
+            "MLflow is not installed; install it with `pip install 'whsklearn[mlflow]'`, or use --no-track."
         ) from error
     return mlflow
 
@@ -209,7 +208,7 @@ class InSentences:
         except Exception as error:
             raise TrackingError(
                 f"The record at {public(self._client.tracking_uri)} cannot be written ({sentence(error)}); what "
-                "the job writes to files is on the disk, and --no-track leaves the record out."
+                "the job writes to files is on the disk. Use --no-track to work without the record."
             ) from error
 
 
