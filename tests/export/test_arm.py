@@ -7,9 +7,11 @@ import pytest
 
 from tests.systems.drawn_arms import drawn_arm
 from whsklearn import Arm
-from whsklearn.datasets import default_arm
+from whsklearn.datasets import default_arm, make_arm_log
 from whsklearn.effects import Cogging, Coulomb, Viscous
 from whsklearn.export import export_model
+from whsklearn.filtering import motion
+from whsklearn.identification import identify_arm
 from whsklearn.models import ArmModel, save_model
 
 mujoco = pytest.importorskip("mujoco")
@@ -38,6 +40,23 @@ def test_mujoco_replays_the_exported_arm(tmp_path):
         mujoco.mj_step(model, data, 2)
     ours = arm.simulate_drive(drive, sample_rate=1000.0).true_position
     assert np.abs(ours - theirs).max() < 0.02 * np.ptp(ours)
+
+
+def test_mujoco_replays_an_identified_arm_beside_its_log(tmp_path):
+    q, u = make_arm_log(duration=12.0, random_state=1, return_arrays=True)
+    found = identify_arm(*make_arm_log(duration=12.0, return_arrays=True), dt=0.002, robot=default_arm()).model
+    model = mujoco.MjModel.from_xml_path(str(export_model(found, to="mjcf", out=tmp_path).paths[0]))
+    data, steps, window = mujoco.MjData(model), round(0.002 / model.opt.timestep), 250  # half a second
+    start = [motion(x, 500.0, 50.0) for x in q.T]
+    error = []
+    for k in range(window, len(q)):
+        if k % window == 0:
+            mujoco.mj_resetData(model, data)
+            data.qpos[:], data.qvel[:] = ([getattr(m, s)[k] for m in start] for s in ("position", "velocity"))
+        error.append(q[k] - data.qpos)
+        data.ctrl[:] = u[k]
+        mujoco.mj_step(model, data, steps)
+    assert np.sqrt(np.mean(np.square(error), axis=0)) == pytest.approx(0.0, abs=0.05 * q.std())
 
 
 def test_what_a_file_does_not_hold_is_told_by_joint(tmp_path):

@@ -118,3 +118,17 @@ def test_a_model_of_another_law_is_refused():
     empty = identify_arm(*make_arm_log(return_arrays=True), dt=0.002, robot=ARM, law="viscous")
     with pytest.raises(ValueError, match=r"no number .*coulomb"):
         GapFinder(empty.model, law="viscous,coulomb").fit(record(duration=12.0))
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (lambda t, q, u: (t, q), "of yaw, pitch, in that order"),
+        (lambda t, q, u: (t, q[:, :1], u), r"shapes \(\d+,\), \(\d+, 1\)"),
+        (lambda t, q, u: (t[::-1], q, u), "does not increase"),
+        (lambda t, q, u: (t, np.where(q > 0.5, np.nan, q), u), "missing values"),
+    ],
+)
+def test_a_log_that_is_none_is_refused_in_a_sentence(change, told):
+    with pytest.raises(ValueError, match=told):
+        GapFinder(ARM).fit(change(*record(duration=2.0)))

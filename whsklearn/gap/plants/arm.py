@@ -475,11 +475,26 @@ class ArmPlant(PlantDefaults):
                         units={"input": "Nm", "output": "rad"})  # fmt: skip
 
 
+def record_of(log: Any, arm: Arm) -> ArmRecord:
+    """The log of an arm, or the sentence about what is wrong with it."""
+    told = f"expected time (n,), positions and drives (n, {arm.n_joints}) of {', '.join(arm.joints)}, in that order"
+    if not isinstance(log, tuple) or len(log) != 3:
+        raise ValueError(f"The log of an arm is a {type(log).__name__}, {told}; give fit((time, positions, drives)).")
+    record = ArmRecord(*(np.asarray(x, dtype=float) for x in log))
+    n = record.time.size
+    shapes = [x.shape for x in record]
+    if shapes != [(n,), (n, arm.n_joints), (n, arm.n_joints)] or n < 2:
+        raise ValueError(f"The log has shapes {', '.join(map(str, shapes))}, {told}.")
+    if not all(np.isfinite(x).all() for x in record) or np.any(np.diff(record.time) <= 0.0):
+        raise ValueError("The log holds missing values, or a time that does not increase; repair or cut those rows.")
+    return record
+
+
 def arm_plant(model: Any, log: Any, *, law: str | None, tolerance: float) -> ArmPlant:
     """The plant of a log; the effects of the joints of an `Arm` are its base law, the numbers of an `ArmModel` stay."""
-    record = log if isinstance(log, ArmRecord) else ArmRecord(*log)
-    rate = (len(record.time) - 1) / float(record.time[-1] - record.time[0])
     arm = model.arm if isinstance(model, ArmModel) else model
+    record = record_of(log, arm)
+    rate = (len(record.time) - 1) / float(record.time[-1] - record.time[0])
     if law is not None or not any(arm.effects):
         lags = RigidBodyLags(arm, rate, law=LAW if law is None else law)
     else:
