@@ -255,7 +255,7 @@ class ArmPlant(PlantDefaults):
 
     def remains(self, model: ArmState, nameless: float) -> float:
         """What still follows the motion without a name: at the joints that have one, and where it is worth one."""
-        named = frozenset().union(*(t.kind.place for t in model.terms))
+        named = frozenset().union(*(t.kind.place or self.view.arm.joints for t in model.terms))
         here = [k.size for k in self.looked if not k.name and (k.size >= self.tolerance or k.place & named)]
         return max((size for size in here if size <= nameless), default=0.0)
 
