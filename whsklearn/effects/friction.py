@@ -219,6 +219,7 @@ class AsymmetricViscous(StaticEffect):
     signature: ClassVar[str] = "a V against velocity"
     needs: ClassVar[str] = "both directions at several speeds"
     parent: ClassVar[str] = "viscous"
+    commoner: ClassVar[tuple[str, ...]] = ("input_offset",)
     reference: ClassVar[str] = "Armstrong-Helouvry, Dupont, Canudas de Wit 1994, Automatica 30(7), 1083-1138"
     code: ClassVar[int] = codes.ASYMMETRIC_VISCOUS
 

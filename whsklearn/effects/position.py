@@ -195,7 +195,7 @@ class HardeningSpring(Effect):
     reference: ClassVar[str] = (
         "Kovacic, Brennan 2011, The Duffing Equation: Nonlinear Oscillators and their Behaviour, Wiley"
     )
-    commoner: ClassVar[tuple[str, ...]] = ("gravity_imbalance",)
+    commoner: ClassVar[tuple[str, ...]] = ("gravity_imbalance", "cable_spring")
     held: ClassVar[tuple[str, ...]] = ("centre",)  # a cubic off its centre is a line and a parabola more
     code: ClassVar[int] = codes.HARDENING_SPRING
 
@@ -231,6 +231,7 @@ class EndStop(Effect):
     }
     signature: ClassVar[str] = "a gap in one range of position only"
     needs: ClassVar[str] = "travel into the stop"
+    commoner: ClassVar[tuple[str, ...]] = ("gravity_imbalance", "cable_spring", "hardening_spring")
     reference: ClassVar[str] = "Brogliato 1999, Nonsmooth Mechanics, 2nd ed., Springer"
     code: ClassVar[int] = codes.END_STOP
 

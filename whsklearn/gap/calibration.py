@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import gumbel_r, norm
+from scipy.stats import f, gumbel_r, norm
 
 Array = NDArray[Any]
 
-# The spread of nine gains is itself known to a quarter. A gain of one superfluous number is half a chi-squared of one
-# degree of freedom a unit of log likelihood, whose largest of many has a Gumbel scale of 2: no spread is below that.
+# A gain of one superfluous number is half a chi-squared of one degree of freedom a unit of log likelihood, whose
+# largest of many has a Gumbel scale of 2: no spread over a scan is below that.
 LEAST_SCALE = 2.0
 VUONG_BLOCKS = 40  # a fortieth of a record: errors of neighbouring samples depend on each other, those of blocks hardly
 
@@ -55,10 +55,13 @@ def gain(before: float, after: float, n: float) -> float:
     return float(n * np.log(max(before, 1e-300) / max(after, 1e-300)))
 
 
-def p_value(g: float, null: Array, families: int = 1) -> float:
+def p_value(g: float, null: Array, families: int = 1, degrees: float = 0.0) -> float:
     """Probability that the model's own records reach ``g``, times the number of families that were asked.
 
-    A Gumbel law with the moments of the null gains: each is the largest over a scan of shapes.
+    Over a scan of shapes, each null gain is the largest of many: a Gumbel law with their moments.  Columns of one
+    shape gain c chi-squared of noise, where c is one only if the noise has the colour that `n_effective` counts by (a
+    step that follows the direction meets less of slow noise).  Their own mean gain says c, and the ratio to it follows
+    Snedecor's F.
 
     Parameters
     ----------
@@ -68,6 +71,8 @@ def p_value(g: float, null: Array, families: int = 1) -> float:
         Gains of the same scan in the model's own records.
     families : int
         Families asked (Bonferroni).
+    degrees : float
+        Columns of one shape, half for one whose size has a sign; zero after a scan.
 
     References
     ----------
@@ -82,8 +87,12 @@ def p_value(g: float, null: Array, families: int = 1) -> float:
     (True, True)
     """
     null = np.asarray(null, dtype=float)
+    mean = float(np.mean(null))
+    if degrees > 0.0 and mean > 0.0:
+        k = max(1.0, degrees)
+        return float(min(1.0, families * degrees / k * f.sf(g * degrees / (k * mean), k, null.size * degrees)))
     scale = max(float(np.std(null, ddof=1)) * np.sqrt(6.0) / np.pi if null.size > 1 else 0.0, LEAST_SCALE)
-    centre = float(np.mean(null)) - np.euler_gamma * scale
+    centre = mean - np.euler_gamma * scale
     return float(min(1.0, families * gumbel_r.sf(g, centre, scale)))
 
 

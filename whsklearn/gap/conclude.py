@@ -25,6 +25,9 @@ UNFINISHED = ("unknown", "partial", "coloured_noise")  # verdicts beside which a
 # outside the catalogue 0.05 to 0.07 where it does not
 # (`benchmarks.blind`, named and foreign).
 STILL = 0.04
+# Closure of the rms gap, and of the free run, below which names explain a part, whether or not the rest follows
+# anything: more than half, by the word.
+MOST = 0.5
 # Closure of the free run below which what is left counts, however little of the drive it is: 0.98 for a true Stribeck
 # curve, 0.94 (one record each, on which it was set) where one stands for friction that grows above a speed.
 WELL = 0.95
@@ -110,6 +113,12 @@ def _proved(plant: Any, found: Found, rng: np.random.Generator, alpha: float) ->
         headline = next(r for r in rows if r["horizon"] == plant.headline)
         if not found.taken or headline["closure"] >= 0.0:
             break
+        # a run that the restarts' noise has made useless at one horizon may still show the torque at a shorter one
+        shorter = [r for r in rows if r["horizon"] < plant.headline and r["closure"] > 0.0]
+        if shorter:
+            headline = max(shorter, key=lambda r: r["horizon"])
+            plant.headline = headline["horizon"]
+            break
         found.model = plant.fit(found.model.without(len(found.model.terms) - 1))
         del found.taken[-1], found.rivals[-1]
         found.remainder = found.steps[min(len(found.taken), len(found.steps) - 1)].looks
@@ -157,6 +166,8 @@ def verdict_of(plant: Any, found: Found, alpha: float, run: float) -> str:
     if closure(before, after, floor) < rules.PARTIAL:
         return "unknown"
     still = plant.remains(found.model, nameless)
+    if min(closure(before, after, floor), run) < MOST:
+        return "partial"
     if still > STILL * before and (still > 0.5 * least or run < WELL):  # half: it is not worth a name itself
         return "partial"
     return "ambiguous" if any(found.rivals) else "named"

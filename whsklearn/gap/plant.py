@@ -26,6 +26,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from whsklearn.effects import effect_names, get_effect
 from whsklearn.gap.evidence import Evidence, Limits
 from whsklearn.gap.record import rms
 from whsklearn.gap.values import CandidateFit, Learned, Linearised, Look, ModelErrors
@@ -326,6 +327,14 @@ class PlantDefaults:
     def joints(self, base: Any, model: Any) -> list[dict[str, Any]]:
         """None: an axis is its only joint."""
         return []
+
+    def runs_worse(self, before: Any, after: Any) -> bool:
+        """Never: a fit by simulation error cannot."""
+        return False
+
+    def commoner(self, name: str) -> tuple[str, ...]:
+        """What the effect says of itself."""
+        return get_effect(name).commoner if name in effect_names() else ()
 
     def doubtful(self, model: Any, index: int, taken: Evidence, rival: Evidence) -> bool:
         """Never: a margin and redrawn blocks tell any two effects apart."""

@@ -6,7 +6,7 @@ It knows a plant's looks, fits and errors, and no physics (see `whsklearn.gap.pl
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -154,20 +154,22 @@ class Search:
 
     def _step(self, found: Found) -> bool:
         """One effect more; whether there was one."""
+        before = found.model.without(len(found.model.terms) - 1) if found.taken else found.model
         found.model = self.plant.settled(found.model)
         if not found.taken:
             found.base = found.model
+        worse = self._worse_settled(found, before)
         looks = found.remainder = self.plant.looks(found.model, self.rng)
         left = self.plant.rms(self.plant.errors(found.model))
-        full = len({t.name for t in found.taken}) >= self.max_effects
+        full = worse or len({t.name for t in found.taken}) >= self.max_effects
         fitted = [] if full else self.fitted(found.model, looks)
-        taken = self._taken(fitted)
+        taken = self._chosen(found.model, fitted)
         found.steps.append(Step(len(found.steps) + 1, left, self.plant.n_effective, looks, fitted, taken))
         if taken is None:
             self._said(found)
             return False
         found.taken.append(taken)
-        found.rivals.append(self.rivals(taken, fitted))
+        found.rivals.append(self.rivals(taken, fitted) + self._as_good(taken, looks))
         found.model = taken.model
         # a second of its name that beat all others: it is a family, and the rest of it need not beat them again
         if taken.name in {t.name for t in found.taken[:-1]}:
@@ -176,10 +178,40 @@ class Search:
         self._said(found)
         return True
 
-    def _taken(self, fitted: list[Named]) -> Named | None:
-        """The sound fit that the plant prefers."""
-        sound = [f for f in fitted if not f.reason]
-        return self.plant.preferred(sound) if sound else None
+    def _worse_settled(self, found: Found, before: Any) -> bool:
+        """Take the last effect back if, all numbers settled, the model leaves no less than it did before."""
+        names = [t.name for t in found.taken]
+        if not names or names.count(names[-1]) > 1:
+            return False
+        if self.plant.rms(self.plant.errors(found.model)) < found.steps[-1].gap:
+            return False
+        found.model = self.plant.settled(before)
+        del found.taken[-1], found.rivals[-1]
+        return True
+
+    def _chosen(self, model: Any, fitted: list[Named]) -> Named | None:
+        """The best sound fit that simulates no worse; of those that this record does not tell from it, the commonest.
+
+        Fits that simulate worse get their reason in ``fitted``.
+        """
+        taken = self._first(model, fitted, {f.name for f in fitted})
+        while taken is not None:
+            tied = set(self.rivals(taken, fitted)) & set(self.plant.commoner(taken.name))
+            common = self._first(model, fitted, tied)
+            if common is None:
+                break
+            taken = common
+        return taken
+
+    def _first(self, model: Any, fitted: list[Named], names: set[str]) -> Named | None:
+        """The sound fit of these names that the plant prefers and that simulates no worse."""
+        while sound := [f for f in fitted if not f.reason and f.name in names]:
+            best: Named = self.plant.preferred(sound)
+            if not self.plant.runs_worse(model, best.model):
+                return best
+            told = replace(best, reason="the simulation runs farther from the record with it")
+            fitted[next(i for i, f in enumerate(fitted) if f is best)] = told
+        return None
 
     def _said(self, found: Found) -> None:
         if self.on_round is not None:
@@ -246,11 +278,20 @@ class Search:
             if effect is not None and grown.parent == effect.name:  # it holds the one taken and more, and is asked next
                 continue
             lead = taken.score - other.score
+            if lead < 0.0:  # the one taken is the commoner
+                names.append(other.name)
+                continue
             z = vuong(other.errors, taken.errors)
-            leads = self.plant.leads(taken, other, self.rng) if lead > 0 else np.zeros(0)
+            leads = self.plant.leads(taken, other, self.rng)
             if not separable(lead, z, leads, self.alpha):
                 names.append(other.name)
         return list(dict.fromkeys(names))
+
+    def _as_good(self, taken: Named, looks: list[Look]) -> list[str]:
+        """Names that are not shown by themselves, and explain no less than the one taken to first order."""
+        least = taken.look.gain - 2.0 * np.log(1.0 / self.alpha)
+        names = [k.name for k in looks if k.name and k.p_value > self.alpha and k.gain >= least and meet(k, taken.look)]
+        return [n for n in dict.fromkeys(names) if n != taken.name and n not in self.plant.aliases(taken.name)]
 
     def _review(self, found: Found) -> None:
         """Ask every effect but the last anew beside all others: it was taken when more was missing."""
@@ -268,15 +309,22 @@ class Search:
                     found.model, changed = without, True
                     del found.taken[i], found.rivals[i]
                 continue
-            fitted = self.fitted(without, self.plant.looks(without, self.rng, found.model))
-            best = self._taken(fitted)
-            if best is None:
-                found.model, changed = without, True
-                del found.taken[i], found.rivals[i]
+            looks = self.plant.looks(without, self.rng, found.model)
+            fitted = self.fitted(without, looks)
+            best = self._chosen(without, fitted)
+            if best is None:  # chance explains it, now that the others are in; else it stays as it is
+                left = (float(np.sum(self.plant.errors(m) ** 2)) for m in (without, found.model))
+                g = gain(next(left), next(left), self.plant.n_effective)
+                if g < 2.0 * np.log(1.0 / self.alpha):
+                    found.model, changed = without, True
+                    del found.taken[i], found.rivals[i]
                 continue
-            changed = changed or best.name != found.taken[i].name
+            if best.name == found.taken[i].name:  # told by what it explained when it was taken, not beside the others
+                best = replace(best, size=max(best.size, found.taken[i].size))
+            else:
+                changed = True
             found.taken[i] = best
-            found.rivals[i] = self.rivals(best, fitted)
+            found.rivals[i] = self.rivals(best, fitted) + self._as_good(best, looks)
             terms = best.model.terms
             found.model = best.model.with_terms((*terms[:index], terms[-1], *terms[index:-1]))
         if alone or changed:

@@ -82,6 +82,8 @@ class Look:
         That chance reaches the gain, the number of families taken into account.
     place : frozenset of str
         Of its family.
+    degrees : float
+        See `whsklearn.gap.calibration.p_value`.
     """
 
     name: str
@@ -93,6 +95,7 @@ class Look:
     visible: float = 1.0
     p_value: float = 1.0
     place: frozenset[str] = frozenset()
+    degrees: float = 0.0
 
     @property
     def score(self) -> float:
@@ -173,7 +176,7 @@ class Tangent:
         """The family at its best shape; None where it has no shape to look at."""
         best = np.full(self.rows.shape[1], 0.0)
         found: tuple[Any, Array] | None = None
-        seen = 0.0
+        seen, n_shapes, degrees = 0.0, 0, 0.0
         for shapes, columns, shares in family.blocks(self):
             if columns.shape[1] == 0 or not np.all(np.isfinite(columns)):
                 continue
@@ -181,6 +184,8 @@ class Tangent:
             # what is left counts as a share of the whole that there is: a limit takes off the drive and all with it
             power = self.power - (self.power - power) / np.reshape(shares, (-1, 1)) ** 2
             seen = max(seen, float(visible.max()))
+            n_shapes += columns.shape[1]
+            degrees = 0.5 if family.positive else float(columns.shape[2])
             i = int(np.argmax(power[:, 0]))
             if found is None or power[i, 0] > best[0]:
                 found = shapes[i], sizes[i]
@@ -191,11 +196,12 @@ class Tangent:
         start = family.start(*found)
         size = float(np.sqrt(best[0] / self.left.size))
         return Look(
-            family.name, float(gains[0]), gains[1:], start, family.n_numbers, size, seen, place=family.place
+            family.name, float(gains[0]), gains[1:], start, family.n_numbers, size, seen, place=family.place,
+            degrees=degrees if n_shapes == 1 and not family.offset else 0.0,
         )  # fmt: skip
 
 
 def with_p_values(looks: list[Look]) -> list[Look]:
     """The looks with their p-values, of as many families as were asked, the best score first."""
     n = len(looks)
-    return sorted((replace(k, p_value=p_value(k.gain, k.null, n)) for k in looks), key=lambda k: -k.score)
+    return sorted((replace(k, p_value=p_value(k.gain, k.null, n, k.degrees)) for k in looks), key=lambda k: -k.score)

@@ -30,7 +30,7 @@ Array = NDArray[Any]
 LOOP = 5.0
 LOST = 1.0  # half travels off the measured path: it is another experiment then
 N_RECORDS = 5  # whose mean is known to 0.45 of their own spread
-N_NULL = 15  # rows in which chance is looked at: the moments of a Gumbel law to a quarter
+N_NULL = 60  # rows in which chance is looked at: the moments of a Gumbel law to an eighth
 FINE_STEP = 2.5e-4  # s, of an axis of one body: a quarter of the usual sample
 
 
