@@ -163,7 +163,7 @@ def verdict_of(plant: Any, found: Found, alpha: float, run: float) -> str:
             blind = len(_unseen(plant, found, alpha)) > rules.MOSTLY_BLIND * len(asked)
             return "not_testable" if asked and blind else "no_gap"
         return "unknown" if nameless > least else "coloured_noise"
-    if closure(before, after, floor) < rules.PARTIAL:
+    if before**2 - after**2 < rules.PARTIAL * (before**2 - floor**2):  # of the gap's power
         return "unknown"
     still = plant.remains(found.model, nameless)
     if min(closure(before, after, floor), run) < MOST:

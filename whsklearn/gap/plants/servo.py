@@ -135,7 +135,7 @@ class ServoPlant(PlantDefaults):
         return [fitted.with_terms((*terms[:i], terms[-1], *terms[i:-1]))] if len(terms) == len(model.terms) else []
 
     def runs_worse(self, before: AxisModel, after: AxisModel) -> bool:
-        """Whether a limit, a lag or a gain makes the free run worse over whatever horizon.
+        """Whether a limit, a lag or a gain makes the free run worse.
 
         Taking nearly all of the drive it "explains" a target that it has made small, with next to no inertia.  What
         adds to the drive leaves the target as it is, and what it explains is explained.
@@ -145,9 +145,9 @@ class ServoPlant(PlantDefaults):
             return False
         if not self._weighs(after):
             return True
-        horizons = (h for h in (rules.LONGEST_RUN, *rules.SHORTER_RUNS) if h >= 10 * after.scene.dt)
-        runs = (tuple(servo_free_run.train_error(self.observer, m, h) for m in (before, after)) for h in horizons)
-        return not any(new < old for old, new in runs)
+        horizon, _ = self._horizons(after)
+        old, new = (servo_free_run.train_error(self.observer, m, horizon) for m in (before, after))
+        return not new < old
 
     def _weighs(self, model: AxisModel) -> bool:
         """Whether the inertia takes a share of the drive that is worth a name; without it a run shows nothing."""
