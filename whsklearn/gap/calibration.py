@@ -61,7 +61,8 @@ def p_value(g: float, null: Array, families: int = 1, degrees: float = 0.0) -> f
     Over a scan of shapes, each null gain is the largest of many: a Gumbel law with their moments.  Columns of one
     shape gain c chi-squared of noise, where c is one only if the noise has the colour that `n_effective` counts by (a
     step that follows the direction meets less of slow noise).  Their own mean gain says c, and the ratio to it follows
-    Snedecor's F.
+    Snedecor's F; where several columns meet noise of several sizes, with as many degrees of freedom as their spread
+    has (Satterthwaite 1946, Biometrics Bulletin 2(6), 110-114).
 
     Parameters
     ----------
@@ -90,7 +91,8 @@ def p_value(g: float, null: Array, families: int = 1, degrees: float = 0.0) -> f
     mean = float(np.mean(null))
     if degrees > 0.0 and mean > 0.0:
         k = max(1.0, degrees)
-        return float(min(1.0, families * degrees / k * f.sf(g * degrees / (k * mean), k, null.size * degrees)))
+        used = min(k, max(1.0, 2.0 * mean**2 / max(float(np.var(null)), 1e-300)))
+        return float(min(1.0, families * degrees / k * f.sf(g * degrees / (k * mean), used, null.size * used)))
     scale = max(float(np.std(null, ddof=1)) * np.sqrt(6.0) / np.pi if null.size > 1 else 0.0, LEAST_SCALE)
     centre = mean - np.euler_gamma * scale
     return float(min(1.0, families * gumbel_r.sf(g, centre, scale)))

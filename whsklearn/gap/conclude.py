@@ -25,8 +25,8 @@ UNFINISHED = ("unknown", "partial", "coloured_noise")  # verdicts beside which a
 # outside the catalogue 0.05 to 0.07 where it does not
 # (`benchmarks.blind`, named and foreign).
 STILL = 0.04
-# Closure of the rms gap, and of the free run, below which names explain a part, whether or not the rest follows
-# anything: more than half, by the word.
+# Share of the gap's power, and closure of the free run, below which names explain a part, whether or not the rest
+# follows anything: more than half, by the word.
 MOST = 0.5
 # Closure of the free run below which what is left counts, however little of the drive it is: 0.98 for a true Stribeck
 # curve, 0.94 (one record each, on which it was set) where one stands for friction that grows above a speed.
@@ -163,10 +163,11 @@ def verdict_of(plant: Any, found: Found, alpha: float, run: float) -> str:
             blind = len(_unseen(plant, found, alpha)) > rules.MOSTLY_BLIND * len(asked)
             return "not_testable" if asked and blind else "no_gap"
         return "unknown" if nameless > least else "coloured_noise"
-    if before**2 - after**2 < rules.PARTIAL * (before**2 - floor**2):  # of the gap's power
+    share = (before**2 - after**2) / max(before**2 - floor**2, 1e-300)
+    if share < rules.PARTIAL:
         return "unknown"
     still = plant.remains(found.model, nameless)
-    if min(closure(before, after, floor), run) < MOST:
+    if min(share, run) < MOST:
         return "partial"
     if still > STILL * before and (still > 0.5 * least or run < WELL):  # half: it is not worth a name itself
         return "partial"

@@ -29,6 +29,9 @@ WORTH_FITTING = 0.2
 # neighbours in it that explain little. Set on a handful of our own logs (0.09 there), not yet calibrated.
 LEAST_SHARE = 0.2
 
+# Of the power that nameless functions explain: a name that explains more than half of it stands for it, by the word.
+HALF = 0.5
+
 # Multiple of what two effects leave that one which covers both may leave (`benchmarks.blind_large`: 1.7 and more where
 # both are there).
 AS_WELL = 1.02
@@ -233,7 +236,7 @@ class Search:
         them is sound.
         """
         least = self.plant.tolerance * self.plant.scale
-        worth = [k for k in looks if k.name and k.p_value <= self.alpha and k.size >= least]
+        worth = [k for k in self._shown(looks) if k.name and k.p_value <= self.alpha and k.size >= least]
         before = self.plant.errors(model)
         out: list[Named] = []
         while worth and all(f.reason for f in out):
@@ -242,6 +245,21 @@ class Search:
             nameless = (k.size for k in looks if not k.name and k.p_value <= self.alpha and meet(k, here[0]))
             out += self._fitted(model, here, before, max(nameless, default=0.0))
         return sorted(out, key=lambda f: -f.score)
+
+    def _shown(self, looks: list[Look]) -> list[Look]:
+        """The looks, those with the p-value of nameless functions of the motion that explain less than twice as much.
+
+        What is missing is in the residual that the null records take their colour from, so that a strong slow effect
+        hides itself.  That something is missing is then shown by the functions together, at the same level.
+        """
+        nameless = [k for k in looks if not k.name and k.p_value <= self.alpha]
+
+        def p_of(k: Look) -> float:
+            stands_for = (s for s in nameless if meet(s, k))
+            most = max(stands_for, key=lambda s: s.size, default=None)
+            return most.p_value if most is not None and k.size**2 >= HALF * most.size**2 else 1.0
+
+        return [replace(k, p_value=min(k.p_value, p_of(k))) if k.name else k for k in looks]
 
     def _fitted(self, model: Any, looks: list[Look], before: Array, nameless: float) -> list[Named]:
         """Looks of one place fitted, where nameless functions of the motion explain so much."""
