@@ -337,10 +337,9 @@ class Search:
                     found.model, changed = without, True
                     del found.taken[i], found.rivals[i]
                 continue
-            if best.name == found.taken[i].name:  # told by what it explained when it was taken, not beside the others
-                best = replace(best, size=max(best.size, found.taken[i].size))
-            else:
-                changed = True
+            changed = changed or best.name != found.taken[i].name
+            # told by what it explained when its place was taken, not beside the others
+            best = replace(best, size=max(best.size, found.taken[i].size))
             found.taken[i] = best
             found.rivals[i] = self.rivals(best, fitted) + self._as_good(best, looks)
             terms = best.model.terms

@@ -22,6 +22,7 @@ Array = NDArray[Any]
 VISIBLE = 1e-3
 # Of the power of two columns, added to the diagonal: a wave over less than a period is a line and a parabola.
 RIDGE = 1e-5
+ROUNDING = 1e-14  # of the power of columns, far below what is `VISIBLE` of them
 ALL = slice(None)
 
 
@@ -161,7 +162,8 @@ class Tangent:
         seen = np.maximum(np.trace(gram, axis1=1, axis2=2), 0.0)
         visible = np.sqrt(seen / np.maximum(whole, 1e-300))
         ok = visible > VISIBLE
-        gram = gram + (RIDGE if k > 1 else 0.0) * seen[:, None, None] * np.eye(k) + 1e-300 * np.eye(k)
+        held = (RIDGE if k > 1 else 0.0) * seen + ROUNDING * whole + 1e-300
+        gram = gram + held[:, None, None] * np.eye(k)
         sizes = np.ones_like(cross) if family.offset else np.linalg.solve(gram, cross)
         if family.offset:
             power = 2.0 * cross.sum(axis=1) - gram.sum(axis=(1, 2))[:, None]

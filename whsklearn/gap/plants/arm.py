@@ -27,7 +27,7 @@ from whsklearn.gap.plants.servo_candidates import aliases as of_axis
 from whsklearn.gap.plants.servo_candidates import candidate
 from whsklearn.gap.plants.servo_evidence import OWN_MOTION
 from whsklearn.gap.plants.servo_model import Term
-from whsklearn.gap.plants.servo_objections import negative_damping, too_large
+from whsklearn.gap.plants.servo_objections import negative_damping, never_free, too_large
 from whsklearn.gap.record import SPLIT, held_out_blocks, rms
 from whsklearn.gap.search import meet
 from whsklearn.gap.tangent import Look, Tangent, with_p_values
@@ -240,7 +240,8 @@ class ArmPlant(PlantDefaults):
             fields, ranges = t.kind.catalogued.fields[t.kind.linear :], t.kind.catalogued.ranged(view.scene(t.kind))
             beside = [Term(candidate(n), (base.get(f"{t.joint}.{n}", 0.0),)) for n in ("viscous",)]
             here = SimpleNamespace(terms=[Term(t.kind.catalogued, t.q), *beside])
-            if said := too_large(here, 0) or negative_damping(here, 0):  # type: ignore[arg-type]
+            said = too_large(here, 0) or negative_damping(here, 0)  # type: ignore[arg-type]
+            if said := said or never_free(t.effect, view.signals(t.kind).position):
                 return said
             told = 2 if t.kind.cls is ContactStop else 1  # the first says where or how wide, a stop's second how soft
             for field, value, (low, high) in list(zip(fields, t.shape, ranges, strict=True))[:told]:

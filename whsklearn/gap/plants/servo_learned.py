@@ -166,7 +166,7 @@ class Problem:
         numbers = np.zeros(z.shape[1])
         for _ in range(self.positive.size):
             numbers[:] = 0.0
-            numbers[free] = np.linalg.solve(gram[np.ix_(free, free)], right[free])
+            numbers[free] = np.linalg.lstsq(gram[np.ix_(free, free)], right[free], rcond=None)[0]
             bad = np.flatnonzero((numbers[: self.positive.size] < 0.0) & self.positive)
             if not bad.size:
                 break
@@ -182,7 +182,8 @@ class Problem:
         for b in np.unique(self.view.block):
             part = self.view.block == b
             zb, yb = z[part], self.target[part]
-            left = yb - zb @ np.linalg.solve(gram - zb.T @ zb, right - zb.T @ yb)
+            # a hill that only this block saw has nothing to be told by
+            left = yb - zb @ np.linalg.lstsq(gram - zb.T @ zb, right - zb.T @ yb, rcond=None)[0]
             total += float(left @ left)
         return total
 

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
-import numpy as np
+from typing import Any
 
-from whsklearn.effects import codes
+import numpy as np
+from numpy.typing import NDArray
+
+from whsklearn.effects import EndStop, codes
 from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants.servo_model import AxisModel, Term
 from whsklearn.gap.record import ServoRecord
+
+Array = NDArray[Any]
 
 
 def unphysical(record: ServoRecord, model: AxisModel, index: int) -> str:
@@ -20,11 +25,20 @@ def unphysical(record: ServoRecord, model: AxisModel, index: int) -> str:
         return f"its size would be {q[0]:.3g}, and a physical one is positive"
     return (
         model.at_the_end(index)
+        or never_free(term.effect, record.position)
         or negative_damping(model, index)
         or too_large(model, index)
         or off_shaft(model, index)
         or on_excitation_line(record, term)
     )
+
+
+def never_free(effect: Any, position: Array) -> str:
+    """Whether the axis lies in a stop all the time, which is then a spring; empty if not."""
+    if not isinstance(effect, EndStop):
+        return ""
+    low, high = effect.ends
+    return "" if np.any((position > low) & (position < high)) else "the axis would never be clear of it: a spring"
 
 
 def too_large(model: AxisModel, index: int) -> str:
