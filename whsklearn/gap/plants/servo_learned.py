@@ -220,7 +220,7 @@ class Problem:
         penalty = self._penalty(own)
         numbers, free = self.solved(z, penalty)
         left = self.target - z @ numbers
-        inverse = np.linalg.inv((z.T @ z + penalty)[np.ix_(free, free)])[-k:, -k:]
+        inverse = np.linalg.pinv((z.T @ z + penalty)[np.ix_(free, free)])[-k:, -k:]
         variance = float(left @ left) / max(self.view.n_effective - z.shape[1], 1.0)
         covariance = variance * inverse * self.target.size / self.view.n_effective
         return Fit(form, centres, width, new, own, numbers, covariance, min(errors), self.inertia, self.timing)
