@@ -21,6 +21,29 @@ def test_p_values_of_superfluous_columns_are_uniform_or_larger():
     assert np.mean(p <= 0.5) > 0.3  # and has power: it is no constant
 
 
+@pytest.mark.parametrize("sizes", [[1.0], [0.05], [8.0], [1.0, 1.0, 1.0], [3.0, 0.5, 0.1]])
+def test_columns_of_one_shape_are_significant_as_often_as_alpha_says_whatever_noise_they_meet(sizes):
+    rng = np.random.default_rng(3)
+    weights = np.array(sizes)  # of the noise that each column meets, where `n_effective` counts as if it met one
+
+    def gains(n):
+        return rng.standard_normal((n, weights.size)) ** 2 @ weights
+
+    p = np.array([p_value(g, gains(60), degrees=float(weights.size)) for g in gains(4000)])
+    assert 0.03 < np.mean(p <= 0.05) < 0.07
+    assert np.mean(p <= 0.001) < 0.004
+
+
+def test_so_is_a_column_whose_size_must_be_positive():
+    rng = np.random.default_rng(4)
+
+    def gains(n):
+        return np.where(rng.standard_normal(n) > 0.0, rng.standard_normal(n) ** 2, 0.0)
+
+    p = np.array([p_value(g, gains(60), degrees=0.5) for g in gains(4000)])
+    assert 0.03 < np.mean(p <= 0.05) < 0.07
+
+
 def test_a_gain_far_above_the_null_is_significant_whatever_its_spread():
     null = np.array([3.0, 5.0, 4.0])
     assert p_value(60.0, null, families=40) < 1e-6

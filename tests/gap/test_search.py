@@ -144,3 +144,32 @@ def test_what_acts_elsewhere_is_no_rival_and_is_asked_after_what_physics_forbids
     assert found.rivals[[t.name for t in found.taken].index("b")] == []
     found = run(Columns(truth, places=places, forbidden=("a", "twin")))
     assert [t.name for t in found.taken] == ["b"]
+
+
+class Preferring(Columns):
+    """The same, with a commoner name for a column and runs that one makes worse."""
+
+    def __init__(self, truth, names="ab", common=(), worse=()):
+        super().__init__(truth, names=names)
+        self.common, self.worse = dict(common), worse
+
+    def commoner(self, name):
+        return self.common.get(name, ())
+
+    def runs_worse(self, before, after):
+        return after.terms[-1].name in self.worse
+
+
+@pytest.mark.parametrize("common", ["a", "twin"])
+def test_of_two_that_no_record_tells_apart_the_commoner_goes_first(common):
+    other = {"a": "twin", "twin": "a"}[common]
+    found = run(Preferring({"a": 0.4}, common={other: (common,)}))
+    assert [t.name for t in found.taken] == [common]
+    assert other in found.rivals[0]
+
+
+def test_what_makes_the_simulation_worse_is_not_taken_and_says_so():
+    plant = Preferring({"a": 0.4, "b": 0.2}, worse=("a", "twin"))
+    found = run(plant)
+    assert {t.name for t in found.taken} == {"b"}
+    assert any(f.name in plant.worse and "simulation" in f.reason for f in found.steps[0].fitted)

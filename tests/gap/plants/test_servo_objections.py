@@ -7,7 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from whsklearn.gap.plants.servo_objections import on_excitation_line
+from whsklearn.effects import CableSpring, ContactStop, EndStop
+from whsklearn.gap.plants.servo_objections import never_free, on_excitation_line
 from whsklearn.gap.record import ServoRecord
 
 T = np.arange(4000) / 100
@@ -30,3 +31,17 @@ def test_a_tone_on_a_line_of_the_command_is_not_believed_without_a_drive(hertz, 
 
 def test_with_a_measured_drive_a_tone_is_a_tone_wherever_it_is():
     assert on_excitation_line(record(("Nm", "rad")), tone(0.5)) == ""
+
+
+@pytest.mark.parametrize(
+    ("effect", "spring"),
+    [
+        (EndStop(1.0, 0.5), False),
+        (ContactStop(1.0, -1.1, side="upper"), True),
+        (ContactStop(1.0, 0.8, side="upper"), False),
+        (ContactStop(1.0, 1.1, side="lower"), True),
+        (CableSpring(1.0), False),
+    ],
+)
+def test_a_stop_that_the_axis_never_leaves_is_a_spring(effect, spring):
+    assert bool(never_free(effect, np.sin(T))) == spring
