@@ -67,3 +67,12 @@ def mlflow_root(migrated_database: Path, tmp_path: Path, monkeypatch: pytest.Mon
     while mlflow.active_run():
         mlflow.end_run()
     mlflow.set_tracking_uri(None)
+
+
+@pytest.fixture
+def library_effects(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The catalogue without the effects that other tests have defined: a twin of cogging makes its name doubtful."""
+    from whsklearn.effects import base as registry
+
+    own = {k: v for k, v in registry._REGISTRY.items() if v.__module__.startswith("whsklearn.")}
+    monkeypatch.setattr(registry, "_REGISTRY", own)

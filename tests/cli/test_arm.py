@@ -19,6 +19,8 @@ from whsklearn.effects import Cogging
 from whsklearn.export import export_model
 from whsklearn.models import load_model
 
+pytestmark = pytest.mark.usefixtures("library_effects")
+
 pytest.importorskip("mujoco")
 
 

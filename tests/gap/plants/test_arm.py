@@ -14,6 +14,8 @@ from whsklearn.gap import GapFinder
 from whsklearn.gap.plants.arm import ArmRecord, arm_plant
 from whsklearn.identification import identify_arm
 
+pytestmark = pytest.mark.usefixtures("library_effects")
+
 ARM = default_arm()
 
 
