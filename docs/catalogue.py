@@ -14,13 +14,17 @@ import numpy as np
 import whsklearn.effects
 from whsklearn.datasets import default_axis, draw_effect, reference_signal
 from whsklearn.effects import PLACES, Effect, base
+from whsklearn.effects.chain import AtPort
 from whsklearn.plot import EffectDisplay
 
 
 def catalogued() -> list[type[Effect]]:
-    """Every effect of the catalogue, the shapes of presliding hysteresis and the static terms of laws included."""
+    """Every effect of the catalogue, the shapes of presliding hysteresis and the static terms of laws included.
+
+    What acts at a port of a chain is left out: an axis, on which the curves are drawn, has none.
+    """
     classes = [c for c in vars(whsklearn.effects).values() if inspect.isclass(c) and issubclass(c, Effect)]
-    return [c for c in classes if c.name and c.place in (*PLACES, "static")]
+    return [c for c in classes if c.name and c.place in (*PLACES, "static") and not issubclass(c, AtPort)]
 
 
 def static_curve(cls: type[Effect]) -> EffectDisplay:
