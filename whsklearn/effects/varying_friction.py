@@ -98,6 +98,7 @@ class PositionFriction(StaticEffect):
     needs: ClassVar[str] = "the same positions passed in both directions"
     parent: ClassVar[str] = "coulomb"
     repeats: ClassVar[bool] = True
+    commoner: ClassVar[tuple[str, ...]] = ("cogging",)  # over one direction they are one
     reference: ClassVar[str] = "Armstrong-Helouvry 1991, Control of Machines with Friction, Kluwer"
     phased: ClassVar[bool] = True
     code: ClassVar[int] = codes.POSITION_FRICTION
