@@ -19,12 +19,14 @@ from whsklearn.plot import EffectDisplay
 
 
 def catalogued() -> list[type[Effect]]:
-    """Every effect of the catalogue, the shapes of presliding hysteresis and the static terms of laws included.
-
-    What acts at a port of a chain is left out: an axis, on which the curves are drawn, has none.
-    """
+    """Every effect of the catalogue, the shapes of presliding hysteresis and the static terms of laws included."""
     classes = [c for c in vars(whsklearn.effects).values() if inspect.isclass(c) and issubclass(c, Effect)]
-    return [c for c in classes if c.name and c.place in (*PLACES, "static") and not issubclass(c, AtPort)]
+    return [c for c in classes if c.name and c.place in (*PLACES, "static")]
+
+
+def drawn() -> list[type[Effect]]:
+    """Those with a curve: what acts at a port of a chain has none, for an axis has no such port."""
+    return [c for c in catalogued() if not issubclass(c, AtPort)]
 
 
 def static_curve(cls: type[Effect]) -> EffectDisplay:
@@ -46,7 +48,7 @@ def presliding_curve(cls: type[Effect]) -> EffectDisplay:
 def draw(folder: Path) -> None:
     """A curve of each effect, once; delete the folder to draw anew."""
     folder.mkdir(parents=True, exist_ok=True)
-    missing = [c for c in catalogued() if not (folder / f"{c.__name__}.png").exists()]
+    missing = [c for c in drawn() if not (folder / f"{c.__name__}.png").exists()]
     if not missing:
         return
     axis = default_axis()
@@ -85,7 +87,7 @@ def describe(app, what, name, obj, options, lines):
         rows.append(f":No log can tell it from: {', '.join(f'``{a}``' for a in obj.aliases)}")
     rows += [f":Source: {obj.reference}"] if obj.reference else []
     curve = []
-    if obj in catalogued():
+    if obj in drawn():
         curve = [
             "",
             f".. image:: /api/curves/{obj.__name__}.png",

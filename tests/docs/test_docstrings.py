@@ -152,7 +152,7 @@ def test_every_effect_says_all_that_a_reader_asks() -> None:
     """Equation, signature, what the record must hold, source, example, and the neighbours it is mistaken for."""
     catalogue = pytest.importorskip("catalogue")
     effects = [c for c in catalogue.catalogued() if c.__module__.startswith("whsklearn.")]
-    assert set(effects) == {c for c in CLASSES.values() if issubclass(c, Effect) and c.name}  # each has its curve drawn
+    assert set(effects) == {c for c in CLASSES.values() if issubclass(c, Effect) and c.name}
     assert len(effects) >= 41
     for cls in effects:
         said = {"equation": cls.equation, "signature": cls.signature, "needs": cls.needs}
