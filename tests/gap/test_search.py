@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from whsklearn.gap.plant import PlantDefaults
-from whsklearn.gap.search import Search
-from whsklearn.gap.tangent import Family, Tangent, with_p_values
+from whsklearn.gap.search import Named, Search
+from whsklearn.gap.tangent import Family, Look, Tangent, with_p_values
 
 N = 800
 
@@ -173,3 +173,39 @@ def test_what_makes_the_simulation_worse_is_not_taken_and_says_so():
     found = run(plant)
     assert {t.name for t in found.taken} == {"b"}
     assert any(f.name in plant.worse and "simulation" in f.reason for f in found.steps[0].fitted)
+
+
+def test_an_effect_that_settles_at_more_than_was_left_before_is_taken_back_and_the_round_says_so():
+    class Unsettled(Columns):
+        def settled(self, model):  # all that is taken turns sour as soon as the other numbers move
+            self.sour = len(model.terms) > 0
+            return model
+
+        def errors(self, model):
+            return super().errors(model) * (3.0 if model.terms and getattr(self, "sour", False) else 1.0)
+
+    found = run(Unsettled({"a": 0.2}, names="ab"))
+    assert not found.taken
+    assert not found.model.terms
+    assert found.steps[0].taken is None
+
+
+def test_what_nameless_functions_show_together_shows_the_name_that_explains_most_of_it():
+    def look(name, p, size):
+        return Look(name, 10.0, np.zeros(3), size=size, p_value=p)
+
+    search = Search(Columns({}), np.random.default_rng(0), alpha=0.01)
+    shown = search._shown([look("", 1e-6, 1.0), look("strong", 0.2, 0.9), look("weak", 0.2, 0.6)])
+    assert {k.name: k.p_value for k in shown} == {"": 1e-6, "strong": 1e-6, "weak": 0.2}
+    unsure = search._shown([look("", 0.02, 1.0), look("strong", 0.2, 0.9)])
+    assert [k.p_value for k in unsure] == [0.02, 0.2]
+
+
+def test_a_name_that_explains_as_much_is_a_rival_though_chance_might_explain_it():
+    def look(name, p, g):
+        return Look(name, g, np.zeros(3), p_value=p)
+
+    search = Search(Columns({}), np.random.default_rng(0), alpha=0.01)
+    taken = Named(look("a", 1e-6, 40.0), None, np.zeros(3))
+    asked = [taken.look, look("as good", 0.1, 41.0), look("far behind", 0.1, 20.0), look("", 0.1, 45.0)]
+    assert search._as_good(taken, asked) == ["as good"]

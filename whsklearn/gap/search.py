@@ -190,6 +190,7 @@ class Search:
             return False
         found.model = self.plant.settled(before)
         del found.taken[-1], found.rivals[-1]
+        found.steps[-1].taken = None
         return True
 
     def _chosen(self, model: Any, fitted: list[Named]) -> Named | None:
