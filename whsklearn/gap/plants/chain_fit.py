@@ -1,247 +1,241 @@
-"""Fits: from many starts for the base model, from where one stands for a candidate."""
+"""Fits of the free run: from the best linear model's divisions for a base model, from where one stands for the rest.
+
+Signs are sharpened in steps: under a soft one the error is smooth in L1's numbers, under the sign itself it is what
+the system does.
+"""
 
 from __future__ import annotations
 
 import dataclasses
-from typing import TYPE_CHECKING
+from collections.abc import Iterable
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
 
-from whsklearn.gap.plants import chain_evidence as rules
-from whsklearn.gap.plants.chain_candidates import Scales
+from whsklearn.effects import FrictionLaw
+from whsklearn.gap.plants.chain_candidates import Term
 from whsklearn.gap.plants.chain_model import (
+    CAP,
+    SHARPEST,
+    SKIP,
     ChainModel,
-    Setting,
-    Term,
-    chain,
-    coloured,
+    Record,
+    bounds,
+    colour,
+    deviance,
     from_vector,
-    jacobian,
-    raw_errors,
-    signal_scales,
-    stable_blocks,
+    left,
+    rms_dx,
+    sensitivities,
+    simulate,
+    sizes,
     to_vector,
+    variance_of,
 )
 from whsklearn.gap.record import rms
+from whsklearn.recursion.best_linear import IOData, Ratio, best_linear
+from whsklearn.recursion.block_split import Orders, divisions, padded
 from whsklearn.recursion.exchanged_roots import exchanged
-from whsklearn.recursion.starts import least_squares_start, random_start, term_scales
+from whsklearn.recursion.starts import random_stable
+from whsklearn.systems.stability import is_stable
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
+Array = NDArray[np.float64]
 
-    Array = NDArray[np.float64]
-
-LADDER = (1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)  # kappa times rms dx
-SOFT_RUNGS = (30.0, 100.0, 300.0, 1000.0)  # the same for a model near its minimum, by way of soft signs
-SOFTENED = 30.0  # the same at which a sign has a slope that derivatives may be taken of
-MULTISTART_SAMPLES = 2500  # of a longer record, on which the starts are sorted
-
-
-def weights_of(e: Array) -> tuple[Array, float]:
-    """(weight of every error, variance of the sound ones): a sample on the wrong side of a sign is an outlier.
-
-    The density is a Gaussian over a low floor, w = g / (g + exp(-CAP / 2)) with g = exp(-e^2 / 2 s^2), and s^2 the
-    weighted mean square (expectation-maximisation).
-    """
-    variance = float(np.mean(e**2)) + 1e-300
-    for _ in range(12):
-        g = np.exp(-0.5 * e**2 / variance)
-        w = g / (g + np.exp(-0.5 * rules.CAP))
-        new = float(np.sum(w * e**2) / max(np.sum(w), 1.0)) + 1e-300
-        done = abs(new - variance) < 1e-4 * variance
-        variance = new
-        if done:
-            break
-    return w, variance
+SOFT, HARD = (3.0, 10.0, 30.0), (100.0, 300.0, SHARPEST)  # kappa times rms dx
+N_RANDOM = 16  # starts beside the divisions, where the blocks are far from what a linear model sees
+KEPT, POLISHED = 6, 2  # minima under a soft sign that are sharpened, and those of them that are fitted to the end
+N_HOPS, HOP = 2, 1.0  # tries of neighbouring valleys, and their width in standard errors
+DIFFERENT = 1e-3  # share of the sum of squares by which two minima differ
 
 
-def deviance(e: Array) -> tuple[float, Array]:
-    """(sum of squares that has the same likelihood, weights)."""
-    w, variance = weights_of(e)
-    floor = np.exp(-0.5 * rules.CAP)
-    capped = -2.0 * np.log((np.exp(-0.5 * e**2 / variance) + floor) / (1.0 + floor))
-    n = e.size
-    return n * variance * float(np.exp(np.mean(capped) - 1.0)), w
+def cost(s: Record, m: ChainModel) -> float:
+    """Sum of squares over the samples of the fit under the sign itself, outliers capped."""
+    return deviance(left(s, m)[s.fit])
 
 
-def _plain(e: Array) -> tuple[float, Array]:
-    """(sum of squares, equal weights)."""
-    return float(e @ e), np.ones_like(e)
+def climb(s: Record, m: ChainModel, sharpness: float, steps: int, *, robust: bool = True) -> ChainModel:
+    """The model fitted at a sharpness (kappa times rms dx), its colour as it is."""
+    kappa, z = sharpness / rms_dx(s, m), sizes(s, m)
+    low, high = bounds(m, z)
+    room = 1e-9 * np.maximum(np.abs(np.where(np.isfinite(low), low, 0.0)), 1.0)
+    x = np.clip(to_vector(m), low + room, high - room)
+    sigma = np.sqrt(variance_of(left(s, from_vector(m, x), kappa)[s.fit]))
+
+    def errors(x: Array) -> Array:
+        return left(s, from_vector(m, x), kappa)[s.fit] / sigma
+
+    def rows(x: Array) -> Array:
+        return sensitivities(s, from_vector(m, x), kappa)[s.fit] / sigma
+
+    loss = _capped if robust else "linear"
+    try:
+        found = least_squares(
+            errors, x, rows, bounds=(low, high), x_scale="jac", loss=loss, max_nfev=steps, ftol=1e-7, xtol=1e-9
+        )
+    except (ValueError, np.linalg.LinAlgError):
+        return m
+    return from_vector(m, found.x)
 
 
-def cost(s: Setting, m: ChainModel) -> float:
-    """Sum of squares over the samples of the fit, outliers capped."""
-    return deviance(coloured(raw_errors(s, m), m.ar)[s.fit])[0]
+def _capped(z: Array) -> Array:
+    """`capped` with its two derivatives, as SciPy takes a loss."""
+    g, floor = np.exp(-0.5 * z), np.exp(-0.5 * CAP)
+    w = g / (g + floor)
+    return np.array([-2.0 * np.log((g + floor) / (1.0 + floor)), w, -0.5 * w * (1.0 - w)])
 
 
-def rms_dx(s: Setting, m: ChainModel) -> float:
-    """Root mean square of dx, never zero."""
-    return max(rms(np.diff(chain(s, m)[0])), 1e-12)
+def coloured(s: Record, m: ChainModel) -> ChainModel:
+    """The model with the colour of what it leaves."""
+    white = dataclasses.replace(m, ar=np.zeros_like(m.ar))
+    return dataclasses.replace(m, ar=colour(left(s, white)[SKIP:]))
 
 
-def climb(
-    s: Setting,
-    m: ChainModel,
-    z: Scales,
-    *,
-    steps: int = 12,
-    tolerance: float = 1e-6,
-    capped: bool = True,
-) -> tuple[ChainModel, float]:
-    """Levenberg-Marquardt at the model's sharpness; (model, sum of squares)."""
-    measure = deviance if capped else _plain
-    x = to_vector(m, z)
-    base = raw_errors(s, m)
-    e = coloured(base, m.ar)[s.fit]
-    best, w = measure(e)
-    damping = 1e-3
-    for _ in range(steps):
-        root = np.sqrt(w)
-        rows = jacobian(s, m, z, base)[s.fit] * root[:, None]
-        scale = np.maximum(np.linalg.norm(rows, axis=0), 1e-9 * np.sqrt(len(e)))
-        rows /= scale
-        normal, slope = rows.T @ rows, rows.T @ (root * e)
-        improved = False
-        for _ in range(7):
-            move = np.linalg.solve(normal + damping * np.eye(len(slope)), slope) / scale
-            trial = from_vector(m, x - move, z)
-            if stable_blocks(s, trial.theta):
-                trial_base = raw_errors(s, trial)
-                trial_e = coloured(trial_base, trial.ar)[s.fit]
-                now, trial_w = measure(trial_e)
-                if now < best:
-                    improved = True
-                    break
-            damping = max(damping, 1e-6) * 6.0
-        if not improved:
-            break
-        gain = (best - now) / max(best, 1e-300)
-        m, x, base, e, best, w = trial, to_vector(trial, z), trial_base, trial_e, now, trial_w
-        damping = max(damping / 8.0, 1e-9)
-        if gain < tolerance:
-            break
-    return m, best
-
-
-def sharpen(
-    s: Setting,
-    m: ChainModel,
-    z: Scales,
-    rungs: tuple[float, ...] = LADDER,
-    *,
-    steps: int = 8,
-    capped_from: float = 0.0,
-) -> tuple[ChainModel, float]:
-    """Climb over ever sharper signs; the rung with the least capped sum of squares answers.
-
-    On the rungs below ``capped_from`` no sample is taken for an outlier: under a soft sign those beside a reversal
-    tell on which side of it the model is.
-    """
-    best: tuple[ChainModel, float] | None = None
-    for relative in rungs:
-        capped = relative >= capped_from
-        m, value = climb(s, m.at(relative / rms_dx(s, m)), z, steps=steps, capped=capped)
-        value = value if capped else cost(s, m)
-        if best is None or value < best[1]:
-            best = m, value
+def sharpened(
+    s: Record, m: ChainModel, rungs: Iterable[float] = HARD, steps: int = 8, *, robust: bool = True
+) -> ChainModel:
+    """The model fitted from rung to rung, its colour taken anew after each; the best under the sign itself."""
+    best: tuple[float, ChainModel] | None = None
+    for rung in rungs:
+        m = coloured(s, climb(s, m, rung, steps, robust=robust))
+        value = cost(s, m)
+        if best is None or value < best[0]:
+            best = value, m
     assert best is not None
-    return best
+    return best[1]
 
 
-def shortened(s: Setting, n: int) -> Setting:
-    """The first n samples."""
-    if s.u.size <= n:
-        return s
-    return dataclasses.replace(s, u=s.u[:n], y=s.y[:n], fit=s.fit[:n], held=s.held[:n])
+def polished(s: Record, m: ChainModel, hops: int = N_HOPS) -> ChainModel:
+    """The model at its minimum: refitted by way of a soft sign, from where it stands, and from near by.
+
+    Every sample that lies close to a reversal makes a valley of its own: the hops, some standard errors far and always
+    the same, try the next ones.
+    """
+    ways = [m, sharpened(s, m, (30.0, 150.0, SHARPEST)), sharpened(s, m, (SHARPEST,), 10)]
+    # uncapped, a sample on the wrong side pulls the model over
+    ways += [sharpened(s, sharpened(s, m, HARD, robust=False), (SHARPEST,))]
+    best = min((cost(s, w), i, w) for i, w in enumerate(ways))
+    rng = np.random.default_rng(0)
+    for i in range(hops):
+        near = sharpened(s, moved(s, best[2], HOP, rng), (100.0, SHARPEST), 6, robust=False)
+        best = min(best, (cost(s, near), 3 + i, near))
+    return best[2]
 
 
-def start_thetas(s: Setting, rng: np.random.Generator, n_starts: int) -> list[Array]:
-    """Random stable blocks, weights, c and d from least squares, the most promising first."""
-    restart = np.zeros(s.u.size, dtype=bool)
-    restart[0] = True
-    kernel = (s.dims, s.law.codes, s.law.shapes)
-    u = np.ascontiguousarray(s.u[:, None])
-    scales = term_scales(kernel, u, s.y, restart, rng)
-    dims = tuple(int(d) for d in s.dims)
-    out = [least_squares_start(random_start(dims, rng, scales), kernel, u, s.y, restart) for _ in range(n_starts)]
-    return [t for t in out if np.isfinite(t).all() and stable_blocks(s, t)]
+def moved(s: Record, m: ChainModel, far: float, rng: np.random.Generator) -> ChainModel:
+    """The model with numbers drawn from their covariance, ``far`` standard errors wide."""
+    rows = sensitivities(s, m, 30.0 / rms_dx(s, m))[s.fit]
+    scale = np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
+    _, values, axes = np.linalg.svd(rows / scale, full_matrices=False)
+    sigma = far * np.sqrt(variance_of(left(s, m)[s.fit]))
+    step = axes.T @ (rng.standard_normal(values.size) / np.maximum(values, 1e-3 * values[0])) * sigma / scale
+    low, high = bounds(m, sizes(s, m))
+    return from_vector(m, np.clip(to_vector(m) + step, low, high))
 
 
-def fit_base(
-    s: Setting, rng: np.random.Generator, *, n_starts: int = 24, keep: int = 4, terms: tuple[Term, ...] = ()
-) -> list[tuple[ChainModel, float]]:
-    """Separate minima of the model with these effects on the whole fit, the least first."""
-    short = shortened(s, MULTISTART_SAMPLES)
-    return minima_from(s, start_thetas(short, rng, n_starts), keep=keep, terms=terms)
+# --- starts ---------------------------------------------------------------------------------------
+def of_dx(law: FrictionLaw) -> bool:
+    """Whether a law is one of dx alone, whose linear part is a difference."""
+    return bool(np.all(law([-1.0, 0.5, 2.0], 0.0) == 0.0))
 
 
-def minima_from(
-    s: Setting, thetas: list[Array], *, keep: int = 4, terms: tuple[Term, ...] = ()
-) -> list[tuple[ChainModel, float]]:
-    """Separate minima of the model with these effects from given starts, the least first."""
-    short = shortened(s, MULTISTART_SAMPLES)
-    first: list[tuple[float, ChainModel]] = []
-    for theta in thetas:
-        m = ChainModel(theta, terms, ar=np.zeros(0))
-        m = m.at(1.0 / rms_dx(short, m))
-        z = signal_scales(short, m)
-        m, value = climb(short, m, z, steps=6, tolerance=1e-3)
-        first.append((value, m))
-    first.sort(key=lambda f: f[0])
-    second: list[tuple[float, ChainModel]] = []
-    for _, m in separate(first, 1e-4)[: 3 * keep]:
-        m, value = sharpen(short, m, signal_scales(short, m), (1.0, 3.0, 10.0), steps=10)
-        second.append((value, m))
-    second.sort(key=lambda f: f[0])
-    second += [f for _, m in separate(second, 1e-3)[:2] for f in _other_sides(short, m)]
-    second.sort(key=lambda f: f[0])
+def linear_model(s: Record, u: Array, extra_poles: int = 0) -> Ratio:
+    """The best linear model from u to y with the chain's poles and zeros, after its delays and its difference."""
+    na, nb, nc, nd, _ = (int(i) for i in s.dims)
+    return best_linear(_data(s, u), nb + nd + extra_poles, na + nc - 2 + (1 if extra_poles else 0))
+
+
+def misfit(s: Record, ratio: Ratio, u: Array) -> float:
+    """Mean square of what a linear model leaves."""
+    data = _data(s, u)
+    return float(np.mean((data.y - ratio.run(data))[data.counts] ** 2))
+
+
+def _data(s: Record, u: Array) -> IOData:
+    late = np.concatenate([np.zeros(2), u[:-2]])
+    late = np.diff(late, prepend=0.0) if of_dx(s.law) else late
+    counts = s.fit & (np.arange(u.size) >= SKIP)
+    return IOData(np.ascontiguousarray(late[None, :]), s.y - s.y[counts].mean(), np.array([0, u.size]), counts)
+
+
+def divided(s: Record, ratio: Ratio, terms: tuple[Term, ...] = ()) -> list[Array]:
+    """theta for every division of a linear model's poles and zeros between the blocks, weights by least squares."""
+    na, nb, nc, nd, _ = (int(i) for i in s.dims)
     out = []
-    long = s.u.size > 3 * MULTISTART_SAMPLES
-    rungs = (30.0, 300.0, 1000.0) if long else LADDER[2:]
-    for _, m in separate(second, 1e-3)[: 2 if long else keep]:
-        full = dataclasses.replace(m, ar=ChainModel(m.theta).ar)
-        z = signal_scales(s, full)
-        ways = [sharpen(s, full, z, rungs, steps=6 if long else 10), sharpen(s, full, z, SOFT_RUNGS, capped_from=50.0)]
-        out.append(min(ways, key=lambda w: w[1]))
-    return sorted(out, key=lambda f: f[1])
-
-
-def _other_sides(s: Setting, m: ChainModel) -> list[tuple[float, ChainModel]]:
-    """What a minimum becomes with zeros or poles in the other block."""
-    kernel = (s.dims, s.law.codes, s.law.shapes)
-    restart = np.zeros(s.u.size, dtype=bool)
-    restart[0] = True
-    u = np.ascontiguousarray(s.u[:, None])
-    out = []
-    for theta in exchanged(m.theta, tuple(int(d) for d in s.dims)):
-        start = dataclasses.replace(m, theta=least_squares_start(theta, kernel, u, s.y, restart))
-        if not np.isfinite(start.theta).all() or not stable_blocks(s, start.theta):
-            continue
-        start = start.at(1.0 / rms_dx(s, start))
-        found, value = climb(s, start, signal_scales(s, start), steps=6, tolerance=1e-3)
-        found, value = sharpen(s, found, signal_scales(s, found), (1.0, 3.0, 10.0), steps=6)
-        out.append((value, found))
+    for one, two in divisions(ratio, Orders(na - 1, nb, nc - 1, nd)):
+        a, c = padded(one, na - 1, nb), padded(two, nc - 1, nd)
+        out.append(weighed(s, np.concatenate([a.b[1:], a.a[1:]]), np.concatenate([c.b[1:], c.a[1:]]), terms))
     return out
 
 
-def separate(found: list[tuple[float, ChainModel]], share: float) -> list[tuple[float, ChainModel]]:
-    """Those whose sums of squares differ by more than a share, the least of each."""
+def weighed(s: Record, first: Array, second: Array, terms: tuple[Term, ...] = ()) -> Array:
+    """theta of two blocks with the weights that fit y best under a soft sign, beside these effects."""
+    nw = int(s.dims[4])
+    m = ChainModel(np.concatenate([first, np.zeros(nw), second]), tuple(t for t in terms if not t.kind.folds))
+    kappa = 1.0 / rms_dx(s, m)
+    plain = simulate(s, m, kappa)[2]
+    rows = np.empty((s.u.size, nw))
+    for i in range(nw):
+        theta = m.theta.copy()
+        theta[s.blocks[2].start + i] = 1.0
+        rows[:, i] = simulate(s, dataclasses.replace(m, theta=theta), kappa)[2] - plain
+    theta, rows = m.theta.copy(), rows[s.fit]
+    if np.abs(rows).max(initial=0.0) < 1e12:
+        size = np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
+        theta[s.blocks[2]] = np.linalg.lstsq(rows / size, (s.y - plain)[s.fit], rcond=1e-4)[0] / size
+    return theta
+
+
+def random_thetas(s: Record, rng: np.random.Generator, n: int) -> list[Array]:
+    """theta of random stable blocks, weights by least squares."""
+    na, nb, nc, nd, _ = (int(i) for i in s.dims)
+    blocks = (
+        (np.concatenate([rng.normal(0.0, 1.0, k - 1), random_stable(p, rng)]) for k, p in ((na, nb), (nc, nd)))
+        for _ in range(n)
+    )
+    return [weighed(s, *pair) for pair in blocks]
+
+
+def ranked(s: Record, models: Iterable[ChainModel], sharpness: float, steps: int) -> list[ChainModel]:
+    """Stable starts after a few steps under a soft sign and white noise, the best of each minimum first."""
+    found = []
+    for m in models:
+        if not np.all(np.isfinite(m.theta)) or not _stable(s, m.theta):
+            continue
+        m = climb(s, m, sharpness, steps, robust=False)
+        e = left(s, m, sharpness / rms_dx(s, m))[s.fit]
+        value = float(e @ e)
+        if np.isfinite(value) and _stable(s, m.theta):
+            found.append((value, m))
+    found.sort(key=lambda f: f[0])
     out: list[tuple[float, ChainModel]] = []
     for value, m in found:
-        if not out or value > out[-1][0] * (1.0 + share):
+        if not out or value > out[-1][0] * (1.0 + DIFFERENT):
             out.append((value, m))
-    return out
+    return [m for _, m in out]
 
 
-def refit(
-    s: Setting, m: ChainModel, z: Scales, *, thorough: bool = False, quick: bool = False, soft: bool = False
-) -> tuple[ChainModel, float]:
-    """The joint refit of a model that stands near its minimum; ``soft`` also goes there by way of soft signs."""
-    here = climb(s, m, z, steps=10) if np.isfinite(m.kappa) else None
-    if quick and here is not None:
-        return here
-    rungs = (3.0, 10.0, 30.0, 100.0, 300.0, 1000.0) if thorough else (30.0, 150.0, 1000.0)
-    ways = [sharpen(s, m, z, rungs, steps=10 if thorough else 6)]
-    if soft:
-        ways.append(sharpen(s, m, z, SOFT_RUNGS, capped_from=50.0))
-    return min(ways if here is None else [*ways, here], key=lambda w: w[1])
+def _stable(s: Record, theta: Array) -> bool:
+    _, b, _, _, d = s.blocks
+    return all(is_stable(np.ascontiguousarray(theta[part]), 0.9999) for part in (b, d))
+
+
+def minima(s: Record, starts: Iterable[ChainModel], *, keep: int = KEPT) -> list[ChainModel]:
+    """Separate minima that starts lead to, the least first, fitted to the end."""
+    soft = ranked(s, starts, SOFT[0], 8)[:keep]
+    softer = [sharpened(s, m, SOFT[1:], 8) for m in soft]
+    softer.sort(key=lambda m: cost(s, m))
+    softer += [
+        sharpened(s, o, SOFT[1:], 8)
+        for m in softer[:1]
+        for o in ranked(s, (dataclasses.replace(m, theta=t) for t in exchanged(m.theta, tuple(map(int, s.dims)))), 10.0, 6)[:2]
+    ]
+    softer.sort(key=lambda m: cost(s, m))
+    ends = [sharpened(s, m) for m in softer[:POLISHED]]
+    return [polished(s, m) for m in sorted(ends, key=lambda m: cost(s, m))[:1]] + ends[1:]
+
+
+def base_starts(s: Record, rng: np.random.Generator) -> list[ChainModel]:
+    """Models to start from: the divisions of the best linear model, and random blocks."""
+    thetas = [*divided(s, linear_model(s, s.u)), *random_thetas(s, rng, N_RANDOM)]
+    return [ChainModel(t) for t in thetas]

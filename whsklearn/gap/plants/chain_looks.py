@@ -1,196 +1,245 @@
-"""Looking: every candidate on a model by its projected signature, and where its refit should start."""
+"""The look at a chain: every candidate at every shape as a column of the free run, in the record and in own records.
+
+A column is what a small effect (one of its size, where that is a shape) does to the whitened free run, under a sign
+soft enough to have a slope.  The null rows are what the model leaves of records that it made itself, refitted as the
+record was: the world is exact, for a chain is simulated from its input alone.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+import dataclasses
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
 
-from whsklearn.effects.codes import COULOMB
-from whsklearn.gap.evidence import delta_bic_of
-from whsklearn.gap.plants import chain_evidence as rules
-from whsklearn.gap.plants.chain_candidates import Candidate, Scales, catalogue_for
-from whsklearn.gap.plants.chain_fit import SOFTENED, climb, cost, refit, rms_dx, shortened
-from whsklearn.gap.plants.chain_law import is_line
-from whsklearn.gap.plants.chain_model import ChainModel, Setting, Term
-from whsklearn.gap.plants.chain_screening import SOFT, Screened, Tangent, refine_scan, screen, tangent_of
-from whsklearn.gap.values import Look
+from whsklearn.gap.calibration import gain
+from whsklearn.gap.plants.chain_candidates import Candidate, Sizes, Term, catalogue
+from whsklearn.gap.plants.chain_fit import coloured, sharpened
+from whsklearn.gap.plants.chain_model import (
+    SHARPEST,
+    ChainModel,
+    Record,
+    clipped,
+    deviance,
+    left,
+    made,
+    rms_dx,
+    sensitivities,
+    simulate,
+    sizes,
+    variance_of,
+    whiten,
+)
+from whsklearn.gap.record import rms
+from whsklearn.gap.tangent import Family, Look, Tangent, with_p_values
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
+Array = NDArray[np.float64]
 
-    Array = NDArray[np.float64]
+N_NULL = 15  # own records: the moments of a Gumbel law to a quarter
+SLOPED = 30.0  # kappa times rms dx at which a sign has a slope
+SMALL = 1e-6  # of v's size: what is linear is tried with it
+WRONG_SIDE = 6.0  # deviations beyond which a sample is on the wrong side of a sign; of 1e8 Gaussian ones none is
+N_HILLS = 8  # of a nameless function, between the quantiles of its signal
+N_LAGS = 6  # of a nameless memory of the input
+N_TONES = 3  # lines of each row's spectrum that are tried
 
-# near neighbours, of which neither is told without having tried the other
-PARTNERS = {"actuator_lag": "input_delay", "input_delay": "actuator_lag"}
-SCREEN_SAMPLES = 6000  # of a longer record, to try sizes on
-SURE_TO_SHOW = 1e9  # delta BIC of an effect that the model's own numbers cannot make
-# what a soft sign looks like, and a wave that would fit single reversals
-SOFT_ITSELF = ("stribeck", "presliding_hysteresis", "disturbance_tone")
+
+@dataclass
+class Scene:
+    """A record under a fitted model: what all families share."""
+
+    record: Record
+    model: ChainModel
+    sizes: Sizes
+    kappa: float
+    x: Array
+    v: Array
+    y: Array
+
+    @classmethod
+    def of(cls, s: Record, m: ChainModel) -> Scene:
+        """At the sharpness at which columns are taken."""
+        kappa = SLOPED / rms_dx(s, m)
+        return cls(s, m, sizes(s, m), kappa, *simulate(s, m, kappa))
+
+    def seen(self, change: Array) -> Array:
+        """A change of y_hat as the errors see it, over the samples that count."""
+        return whiten(np.clip(np.nan_to_num(change), -1e12, 1e12), self.model.ar)[self.record.fit]
+
+    def columns(self, kind: Candidate, shape: tuple[float, ...]) -> Array:
+        """Of one candidate at one shape; (n, 1 or 2)."""
+        if kind.linear == 0:
+            return self.seen(self._with(kind, shape) - self.y)[:, None]
+        out = []
+        for i in range(kind.linear):
+            size = np.zeros(kind.linear)
+            size[i] = SMALL * self.sizes.v
+            out.append(self.seen(self._with(kind, (*size, *shape)) - self.y) / size[i])
+        return np.column_stack(out)
+
+    def _with(self, kind: Candidate, q: tuple[float, ...]) -> Array:
+        return simulate(self.record, self.model.plus(Term(kind, q)), self.kappa)[2]
+
+    def blocks(self, kind: Candidate, tangent: Tangent) -> Iterator[tuple[Any, Array, float]]:
+        """Every shape of a candidate."""
+        shapes = tones(self, kind, tangent) if kind.scan == "time" else kind.shapes(self.sizes)
+        if shapes:
+            yield shapes, np.stack([self.columns(kind, shape) for shape in shapes], axis=1), 1.0
+
+
+def tones(scene: Scene, kind: Candidate, tangent: Tangent) -> list[tuple[float, ...]]:
+    """The strongest lines of the record and of every null row."""
+    n = 4 * scene.record.u.size
+    rows = np.zeros((tangent.rows.shape[1], scene.record.u.size))
+    rows[:, scene.record.fit] = tangent.rows.T
+    hertz = np.fft.rfftfreq(n, scene.record.dt)
+    low, high = kind.range_of(2, scene.sizes)
+    power = np.abs(np.fft.rfft(rows, n)) ** 2
+    power[:, (hertz < low) | (hertz > 0.98 * high)] = 0.0
+    found: set[float] = set()
+    for row in power:
+        for _ in range(N_TONES):
+            i = int(np.argmax(row))
+            found.add(float(hertz[i]))
+            row[max(0, i - 8) : i + 9] = 0.0
+    return [(f,) for f in sorted(found) if f >= low]
+
+
+def family(scene: Scene, kind: Candidate) -> Family:
+    """One candidate with all its shapes."""
+
+    def start(shape: tuple[float, ...], size: Array) -> Term:
+        return Term(kind, (*(map(float, size) if kind.linear else ()), *shape))
+
+    return Family(
+        kind.name, lambda tangent: scene.blocks(kind, tangent), start, len(kind.free),
+        positive=kind.linear == 0 or kind.positive,
+    )  # fmt: skip
+
+
+# --- functions without a name --------------------------------------------------------------------
+def hills(signal: Array, n: int = N_HILLS) -> Array:
+    """Triangles between the quantiles of a signal; shape (n_samples, n)."""
+    knots = np.unique(np.quantile(signal, np.linspace(0.005, 0.995, n)))
+    out = [np.interp(signal, knots, np.eye(knots.size)[i]) for i in range(knots.size)]
+    return np.column_stack(out)
+
+
+def nameless(scene: Scene) -> Iterator[Array]:
+    """Columns of generic functions at every port, one kind after the other; (n, k) each."""
+    s, m = scene.record, scene.model
+    u, x, v = s.u, scene.x, scene.v
+    dx = np.diff(x, prepend=0.0)
+    sign = np.tanh(scene.kappa * dx)
+    time = np.linspace(-1.0, 1.0, u.size)
+
+    def at_law(f: Array) -> Array:
+        _, _, _, up, down = s.blocks
+        c, d = np.concatenate([[0.0, 1.0], m.theta[up]]), np.concatenate([[1.0], m.theta[down]])
+        return np.asarray(lfilter(c, d, f, axis=0))
+
+    def at_input(f: Array) -> Array:
+        small = SMALL * scene.sizes.u / max(rms(f), 1e-300)
+        moved = [simulate(s, m, scene.kappa, u=u + small * g)[2] for g in f.T]
+        return (np.array(moved).T - scene.y[:, None]) / small
+
+    def lags(f: Array, n: int) -> Array:
+        return np.column_stack([np.concatenate([np.zeros(i), f[:-i]]) for i in range(1, n + 1)])
+
+    yield at_law(hills(x))
+    yield at_law(hills(dx))
+    yield at_law(np.column_stack([x * dx, x * sign, u * dx, np.abs(u) * sign, x * u, x * np.abs(dx), x * x]))
+    yield at_law(np.column_stack([time, time**2, time * dx, time * sign, time**2 * dx, time**2 * sign]))
+    yield at_law(np.column_stack([lags(v, 3), lags(x, 2)]))
+    yield at_input(hills(u))
+    yield at_input(lags(u, N_LAGS))
+    yield hills(scene.y)
+    yield np.column_stack([scene.y[:, None] * f for f in (lags(u, 2), lags(scene.y, 1), time[:, None])])
 
 
 @dataclass(frozen=True)
-class Start:
-    """Where a refit begins: a candidate's best shape, the model it is added to, what it promises (delta BIC)."""
+class Seen:
+    """What a look tells of a model.
 
-    screened: Screened
-    model: ChainModel
-    promise: float
-
-
-def looks_at(s: Setting, m: ChainModel, z: Scales, *, quick: bool) -> list[Look]:
-    """Every candidate at its best start; ``quick``: by one linear look only, as for surrogates.
-
-    Scores are taken under the sharp sign, under a soft one, by trial sizes, and for tones without the colour of the
-    noise, whose model takes a tone for a resonance.
+    Attributes
+    ----------
+    looks : list of Look
+    share : float
+        Of the mean square of what is left, that functions without a name take beyond what they take of own records.
+    p_value : float
+        The smallest of all looks: that nothing is missing.
     """
-    kinds = candidates_for(s, m)
-    value = m.cost if np.isfinite(m.cost) else cost(s, m)
-    tangent = tangent_of(s, m, z)
-    screened = screen(s, tangent, kinds, z)
-    starts = starts_of(s, tangent, screened, m, z)
-    if not quick:
-        soft = tangent_of(s, m, z, SOFT)
-        linear = [k for k in kinds if k.linear and k.name not in SOFT_ITSELF]
-        starts += starts_of(s, soft, screen(s, soft, linear, z), m, z, soft=True)
-        white = replace(m, ar=np.zeros_like(m.ar))
-        tones = tangent_of(s, white, z)
-        tone_kinds = [k for k in kinds if k.name == "disturbance_tone"]
-        starts += starts_of(s, tones, screen(s, tones, tone_kinds, z), white, z)
-        starts += [Start(c, m, p) for p, c in from_sizes(s, m, value, [k for k in kinds if k.linear == 0], z)]
-    return as_looks(screened, starts, int(s.fit.sum()))
+
+    looks: list[Look]
+    share: float
+    p_value: float
 
 
-def candidates_for(s: Setting, m: ChainModel) -> list[Candidate]:
-    """The catalogue but for what the law holds, and for what an axis has once: a play, a limit, a delay.
+def own_errors(s: Record, m: ChainModel, rng: np.random.Generator) -> Array:
+    """What the model leaves of records that it made itself, refitted at the same sharpness; (m, n)."""
+    rows = []
+    for _ in range(N_NULL):
+        other = made(s, m, rng)
+        rows.append(left(other, sharpened(other, coloured(other, m), (SHARPEST,), 6))[s.fit])
+    return np.array(rows)
 
-    Stribeck's excess stands on dry friction, so without that it is no candidate: a wide one would pass for it.
+
+def look(s: Record, m: ChainModel, rng: np.random.Generator, least: float) -> Seen:
+    """Every candidate and every nameless function beside the model's own numbers.
+
+    ``least`` is the rms below which a nameless rest is not worth a word.
     """
-    once = {t.name for t in m.terms if t.kind.linear == 0}
-    dry = {int(c) for c in s.law.codes} | {t.kind.code for t in m.terms}
-    kinds = [k for k in catalogue_for(s.law.codes, bends=is_line(s.law)) if k.name not in once]
-    return kinds if COULOMB in dry else [k for k in kinds if k.name != "stribeck"]
+    scene = Scene.of(s, m)
+    e, null = left(s, m)[s.fit], own_errors(s, m, rng)
+    plane = sensitivities(s, m, scene.kappa)[s.fit]
+    rows = np.array([clipped(r) for r in null])
+    tangent = Tangent(clipped(e), rows, plane, float(e.size))
+    looks = [tangent.look(family(scene, kind)) for kind in kinds(s, m)]
+    together = []
+    for f in nameless(scene):
+        columns = np.column_stack([scene.seen(g) for g in f.T])
+        columns /= np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+        together.append(columns)
+        looks.append(tangent.look(_block(columns)))
+    looks.append(reversals(e, null))
+    found = with_p_values([k for k in looks if k is not None])
+    power, _, _ = tangent.taken(_block(together[0]), np.column_stack(together)[:, None, :])
+    share = power[0] / np.maximum(tangent.power, 1e-300)
+    beyond = max(0.0, float(share[0] - share[1:].mean()) / max(1.0 - float(share[1:].mean()), 1e-3))
+    smallest = min(k.p_value for k in found)
+    return Seen(found, beyond, smallest)
 
 
-def as_looks(screened: list[Screened], starts: list[Start], n: int) -> list[Look]:
-    """A `Look` for every start, the most promising of a variant twice at the most, and one for whatever has none."""
-    absorbed = {c.term.kind.label for c in screened if c.left < rules.ABSORBED}
-    out: list[Look] = []
-    seen: dict[str, int] = {}
-    best = max((x.promise for x in starts), default=0.0)
-    for x in sorted(starts, key=lambda x: -x.promise):
-        kind = x.screened.term.kind
-        if x.promise < 0.0 or kind.label in absorbed or seen.get(kind.label, 0) == 2:
-            continue
-        seen[kind.label] = seen.get(kind.label, 0) + 1
-        out.append(_look(kind, x, x.promise, n))
-    for name, other in PARTNERS.items():
-        has = [k for k in out if k.name == name]
-        partners = [x for x in starts if x.screened.term.kind.name == other]
-        if has and partners and not any(k.name == other for k in out):
-            out.append(_look(partners[0].screened.term.kind, partners[0], max(0.5 * best, 1.0), n))
-    for c in screened:
-        if not any(k.name == c.name for k in out):
-            expected = 0.0 if c.left < rules.ABSORBED else SURE_TO_SHOW
-            out.append(Look(c.name, 0.0, None, c.term.kind.n_estimated, c.term.kind.scanned, expected))
-    return out
+def _block(columns: Array) -> Family:
+    return Family("", lambda _: iter([([()], columns[:, None, :], 1.0)]), lambda *_: None, columns.shape[1])
 
 
-def _look(kind: Candidate, x: Start, promise: float, n: int) -> Look:
-    """Its gain is the share of the sum of squares that would give as much delta BIC as the start promises."""
-    paid = promise + kind.n_estimated * np.log(n) + 2.0 * np.log(max(kind.scanned, 1))
-    return Look(kind.name, float(-np.expm1(-paid / n)), x, kind.n_estimated, kind.scanned, SURE_TO_SHOW)
+def kinds(s: Record, m: ChainModel) -> list[Candidate]:
+    """The catalogue but for what a chain has once: a play, a limit, a delay at its port."""
+    once = {(t.kind.code) for t in m.terms if t.kind.linear == 0 or not t.kind.cls.repeats}
+    return [k for k in catalogue(s.law) if k.code not in once]
 
 
-def starts_of(
-    s: Setting, tangent: Tangent, screened: list[Screened], at: ChainModel, z: Scales, *, soft: bool = False
-) -> list[Start]:
-    """The best scores of one way of looking, with scans refined."""
-    n = int(s.fit.sum())
-    ranked = sorted(screened, key=lambda c: -promise_of(c, tangent, n))[: rules.LOOKS_OF_ONE_KIND]
-    seen = [c for c in ranked if c.left >= rules.ABSORBED and c.gain > 0.0]
-    worth = [c for c in seen if promise_of(c, tangent, n) > rules.LITTLE_PROMISE]
-    return [Start(replace(refine_scan(s, tangent, c, z), soft=soft), at, promise_of(c, tangent, n)) for c in worth]
+def reversals(e: Array, null: Array) -> Look:
+    """How many samples are on the wrong side of a sign, in the record and in own ones: a small play turns only signs."""
+    counts = np.array([np.sum(np.abs(r) > WRONG_SIDE * np.sqrt(variance_of(r))) for r in (e, *null)], dtype=float)
+    excess = max(counts[0] - float(counts[1:].mean()), 0.0)
+    height = float(np.mean(np.sort(np.abs(e))[-max(int(excess), 1) :] ** 2))
+    return Look("", counts[0], counts[1:], None, 1, float(np.sqrt(excess * height / e.size)))
 
 
-def promise_of(c: Screened, tangent: Tangent, n: int) -> float:
-    """Delta BIC that a linear look expects."""
-    value = float(tangent.errors @ tangent.errors)
-    kind = c.term.kind
-    return delta_bic_of(n, value, max(value - c.gain, 1e-3 * value), kind.n_estimated, kind.scanned)
+def gained(s: Record, before: ChainModel, after: ChainModel) -> float:
+    """g of one model over another."""
+    return gain(deviance(left(s, before)[s.fit]), deviance(left(s, after)[s.fit]), float(s.fit.sum()))
 
 
-def from_sizes(
-    s: Setting, m: ChainModel, value: float, kinds: list[Candidate], z: Scales
-) -> list[tuple[float, Screened]]:
-    """Candidates whose size is a shape, from every size of the grid by a few steps: most of what they do is to turn
-    single signs, which no slope shows.
+def first_guess(s: Record, m: ChainModel, term: Term) -> ChainModel:
+    """The model with an effect at the size that a look gives it."""
+    low_high = [term.kind.range_of(i, sizes(s, m)) for i in range(len(term.q))]
+    q = tuple(float(np.clip(v, *b)) for v, b in zip(term.q, low_high, strict=True))
+    return dataclasses.replace(m.plus(Term(term.kind, q)))
 
-    A size is held against the model under the sharp sign and, with the same few steps, under a soft one: the
-    first sees what turns signs, the second what moves the blocks first.  The two best sizes of each are kept.
-    """
-    short = shortened(s, SCREEN_SAMPLES)
-    if short is not s:
-        value = cost(short, m)
-    soft_value = climb(short, softened(short, m), z, steps=4, capped=False)[1]
-    n = int(short.fit.sum())
-    longer = s.fit.sum() / n
-    out = []
-    for kind in kinds:
-        found = []
-        for shape in kind.shapes(z):
-            fitted, soft_now = climb(short, softened(short, m.plus(Term(kind, shape))), z, steps=4, capped=False)
-            now = min(cost(short, fitted.at(m.kappa)), value * soft_now / soft_value)
-            found.append((now, fitted.terms[-1]))
-        found.sort(key=lambda f: f[0])
-        for now, term in found[:2]:
-            promise = longer * delta_bic_of(n, value, now, kind.n_estimated, 1)
-            out.append((promise, Screened(term, max(value - now, 0.0), 1.0, np.empty(0), soft=True)))
-    return out
-
-
-def softened(s: Setting, m: ChainModel) -> ChainModel:
-    """The model under a sign that is no sharper than thirty times rms dx."""
-    return m.at(min(m.kappa, SOFTENED / rms_dx(s, m)))
-
-
-def refined(s: Setting, start: Start, z: Scales) -> tuple[ChainModel, float]:
-    """The candidate fitted together with the model, and the sum of squares."""
-    c = start.screened
-    quick = start.promise < rules.MODEST_PROMISE
-    fitted, now = refit(s, start.model.plus(c.term), z, quick=quick, soft=c.soft)
-    if c.term.kind.name == "parameter_change":
-        fitted, now = _walk_time(s, fitted, now, z)
-    return fitted, now
-
-
-def _walk_time(s: Setting, m: ChainModel, value: float, z: Scales) -> tuple[ChainModel, float]:
-    """The time of a change, moved while the sum of squares falls; the rest stays."""
-    step = 0.01 * z.seconds
-    last = m.terms[-1]
-    best, least = last.q[1], value
-    while step >= 0.5 * z.dt:
-        for shift in (-step, step):
-            time = min(max(best + shift, 0.02 * z.seconds), 0.98 * z.seconds)
-            moved = replace(m, terms=(*m.terms[:-1], Term(last.kind, (last.q[0], time))))
-            now = cost(s, moved)
-            if now < least:
-                best, least = time, now
-        step *= 0.5
-    moved = replace(m, terms=(*m.terms[:-1], Term(last.kind, (last.q[0], best))))
-    return refit(s, moved, z)
-
-
-def elsewhere(s: Setting, minima: list[ChainModel], looks: list[Look], z: Scales) -> list[Look]:
-    """The most promising candidate from other minima of the base model; tried while nothing closes the gap."""
-    tops = [k for k in looks if k.start is not None][:1]
-    out = []
-    for m in minima:
-        tangent = tangent_of(s, m, z)
-        for k in tops:
-            again = screen(s, tangent, [k.start.screened.term.kind], z)
-            if again and again[0].gain > 0.0:
-                start = Start(refine_scan(s, tangent, again[0], z), m, k.start.promise)
-                out.append(replace(k, start=start, costly=True))
-    return out

@@ -1,57 +1,44 @@
-"""The model under diagnosis: two linear blocks, a law, the effects added so far and the colour of the noise.
+"""The model under diagnosis: two linear blocks, a law, effects, and the colour of the noise.
 
-The errors that a fit minimises are e = A(q) (y - y_hat), y_hat predicted one step ahead; A is an
-autoregression of (2)'s noise, one where that noise is white, so that colour is not taken for a missing
-effect (generalised least squares; Ljung 1999, ch. 7).
+All errors are of the free run from u alone, e = A(q) (y - y_hat): A is an autoregression of what is left, so that
+e is white where only noise is left, wherever the noise enters.  A sample on the wrong side of a reversal is an outlier
+of the height of the sign, and counts no more than `CAP`.
 """
 
 from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
 
-from whsklearn._numba import njit
-from whsklearn.effects import FrictionLaw
-from whsklearn.effects.codes import N_NUMBERS, OUTPUT_OFFSET, QUANTIZATION, USER_OUTPUT
+from whsklearn.effects import FrictionLaw, codes
 from whsklearn.effects.own import WHICH, address_of
-from whsklearn.effects.terms import term
-from whsklearn.estimators._model import inside
-from whsklearn.gap.plants.chain_candidates import Scales
+from whsklearn.effects.terms import law_values
+from whsklearn.gap.plants.chain_candidates import Sizes, Term
 from whsklearn.gap.record import rms
-from whsklearn.gap.values import FittedTerm
+from whsklearn.recursion.best_linear import stabilised
 from whsklearn.systems.chain import Chain, Ports, run
-from whsklearn.systems.stability import is_stable
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
+Array = NDArray[np.float64]
 
-    Array = NDArray[np.float64]
-
-AR_ORDER = 6  # of the colour of the noise
-SKIP = 40  # samples at the start of a record, where the state is not known
-LONGEST_COLOUR = 0.95  # modulus of the colour's roots at the most: with one at 1, A(q) takes the constant out of the
-# errors, and a fit no longer sees that a model is off by one (`tests/gap/plants/test_chain_law.py`)
-
-
-@dataclass(frozen=True)
-class Term(FittedTerm):
-    """A candidate (`whsklearn.gap.plants.chain_candidates.Candidate`) with its numbers."""
-
-    def row(self) -> Array:
-        """The numbers as the compiled chain takes them."""
-        out = np.zeros(N_NUMBERS)
-        out[: len(self.q)] = self.q
-        return out
+SKIP = 40  # samples at the start of a record, before which the state is not known
+AR_ORDER = 6  # two of L2's denominator, through which equation noise passes, and some of its own
+LONGEST_COLOUR = 0.95  # modulus of A's roots at the most: nearer to one A would take a tone, or an offset, for noise
+CAP = 16.0  # what a sample can cost at the most, in variances
+HELD_TO = 4.0  # robust deviations to which an error is held: of 1e5 Gaussian ones six are beyond
+MAD = 1.4826  # deviation of a Gaussian over its median absolute one
+SHARPEST = 1000.0  # kappa times rms dx, of a fit's last rung: one sample in a thousand sees that it is no sign
 
 
 @dataclass(frozen=True)
-class Setting:
-    """What stays the same through a diagnosis: record, split, orders, law.
+class Record:
+    """u and y of shape (n,), orders and law: what stays the same through a diagnosis.
 
-    ``fit`` marks the samples whose errors count in a fit, ``held`` numbers the held-out blocks (-1: none).
+    ``fit`` marks the samples whose errors count.
     """
 
     u: Array
@@ -60,246 +47,243 @@ class Setting:
     dims: NDArray[np.int64]
     law: FrictionLaw
     fit: NDArray[np.bool_]
-    held: NDArray[np.intp]
 
-    def on_all(self, skip: int) -> Setting:
-        """The same with every sample but the first ones in the fit."""
-        mask = np.ones(self.u.size, dtype=bool)
-        mask[:skip] = False
-        return dataclasses.replace(self, fit=mask)
+    @property
+    def blocks(self) -> tuple[slice, slice, slice, slice, slice]:
+        """Where a, b, the weights, c and d lie in theta."""
+        na, nb, nc, nd, nw = (int(i) for i in self.dims)
+        ends = np.cumsum([na - 1, nb, nw, nc - 1, nd])
+        return tuple(slice(int(e - k), int(e)) for e, k in zip(ends, (na - 1, nb, nw, nc - 1, nd), strict=True))  # type: ignore[return-value]
+
+    def with_output(self, y: Array) -> Record:
+        """The same with other readings."""
+        return dataclasses.replace(self, y=np.ascontiguousarray(y))
 
 
 @dataclass(frozen=True)
 class ChainModel:
-    """Natural parameters, effects, noise colour and the sharpness of the sign.
-
-    ``on``, ``cost`` and ``before`` say what it was fitted to, the sum of squares there, and the model that it
-    adds its last effect to.
-    """
+    """theta = [a[1:], b, weights of the law, c[1:], d], effects, and the colour A of what is left."""
 
     theta: Array
     terms: tuple[Term, ...] = ()
     ar: Array = dataclasses.field(default_factory=lambda: np.zeros(AR_ORDER))
-    kappa: float = np.inf
-    on: Setting | None = dataclasses.field(default=None, repr=False, compare=False)
-    cost: float = np.inf
-    n_base: int = 0  # leading terms that are the base model's: none, as the law is in theta, but a folded reading
-    before: ChainModel | None = dataclasses.field(default=None, repr=False, compare=False)
-
-    def fitted(self, s: Setting, cost: float, before: ChainModel | None = None) -> ChainModel:
-        """Marked as fitted to a setting at this sum of squares, on top of the model ``before``."""
-        return dataclasses.replace(self, on=s, cost=cost, before=before)
-
-    def with_terms(self, terms: tuple[Term, ...]) -> ChainModel:
-        """With these effects in place of its own; not refitted where they are other ones."""
-        same = sorted(map(id, terms)) == sorted(map(id, self.terms))
-        model = dataclasses.replace(self, terms=terms)
-        return model if same else model.fitted(None, np.inf)  # type: ignore[arg-type]
-
-    def effects(self) -> tuple[NDArray[np.int64], Array]:
-        """Codes and numbers of the effects."""
-        codes = np.array([t.kind.code for t in self.terms], dtype=np.int64)
-        rows = np.array([t.row() for t in self.terms]).reshape(-1, N_NUMBERS)
-        own = [i for i, t in enumerate(self.terms) if t.kind.own is not None]
-        rows[own, WHICH] = np.arange(len(own))
-        return codes, rows
+    n_base: int = 0
 
     def plus(self, term: Term) -> ChainModel:
         """With one effect more."""
-        return dataclasses.replace(self, terms=(*self.terms, term), on=None, cost=np.inf)
+        return dataclasses.replace(self, terms=(*self.terms, term))
 
     def without(self, i: int) -> ChainModel:
         """With one effect less."""
-        terms = self.terms[:i] + self.terms[i + 1 :]
-        return dataclasses.replace(self, terms=terms, on=None, cost=np.inf, before=None)
+        return self.with_terms(self.terms[:i] + self.terms[i + 1 :])
 
-    def at(self, kappa: float) -> ChainModel:
-        """At another sharpness."""
-        return dataclasses.replace(self, kappa=kappa, on=None, cost=np.inf)
+    def with_terms(self, terms: tuple[Term, ...]) -> ChainModel:
+        """With these effects."""
+        return dataclasses.replace(self, terms=terms)
 
-
-def chain(s: Setting, m: ChainModel, *, free: bool = False, noise: Array | None = None) -> tuple[Array, Array, Array]:
-    """x, v and the predicted (or, if ``free``, simulated) output."""
-    n = s.u.size
-    x, v, y_hat = np.empty(n), np.empty(n), np.empty(n)
-    d = np.zeros(n) if noise is None else noise
-    theta = stable_output(s, m.theta) if free else m.theta
-    run(theta, *compiled(s, m), s.u, s.y, d, free, x, v, y_hat)
-    return x, v, y_hat
+    @property
+    def at_sensor(self) -> bool:
+        """Whether an effect acts on the reading."""
+        return any(t.kind.at_sensor for t in self.terms)
 
 
-def compiled(s: Setting, m: ChainModel) -> tuple[Chain, Ports | None]:
-    """All of a model but theta, as the compiled pass takes it."""
-    codes, rows = m.effects()
-    ports = Ports(codes, rows, own_functions(m.terms)) if m.terms else None
-    return Chain(s.dims, s.law.codes, s.law.shapes, m.kappa, s.dt), ports
+def ports(terms: tuple[Term, ...]) -> Ports | None:
+    """The effects as the compiled pass takes them."""
+    if not terms:
+        return None
+    rows = np.array([t.row() for t in terms])
+    own = [t.kind.cls for t in terms if t.kind.cls.evaluate is not None]
+    for row, t in zip(rows, terms, strict=True):
+        if t.kind.cls.evaluate is not None:
+            row[WHICH] = own.index(t.kind.cls)
+    return Ports(np.array([t.kind.code for t in terms], dtype=np.int64), rows, address_of(tuple(own)))
 
 
-def own_functions(terms: tuple[Term, ...]) -> Any:
-    """Compiled functions of effects of one's own; each row says which is its own."""
-    return address_of(tuple(t.kind.own for t in terms if t.kind.own is not None))
+def simulate(s: Record, m: ChainModel, kappa: float = np.inf, u: Array | None = None) -> tuple[Array, Array, Array]:
+    """x, v and y_hat of the free run, each of shape (n,); ``kappa`` times dx is what the sign's tanh sees."""
+    u = s.u if u is None else u
+    n = u.size
+    x, v, y = np.empty(n), np.empty(n), np.empty(n)
+    chain = Chain(s.dims, s.law.codes, s.law.shapes, kappa, s.dt)
+    run(m.theta, chain, ports(m.terms), u, s.y, np.zeros(n), True, x, v, y)
+    return x, v, y
 
 
-def stable_output(s: Setting, theta: Array) -> Array:
-    """theta with the poles of L2 drawn inside the unit circle, so that a free run stays finite."""
-    nd = int(s.dims[3])
-    out = theta.copy()
-    if nd:
-        out[-nd:] = inside(out[-nd:])
-    return out
+def free_run(s: Record, m: ChainModel) -> Array:
+    """y_hat under the sign itself, as `WienerHammersteinSystem` simulates it."""
+    return simulate(s, m)[2]
 
 
-def raw_errors(s: Setting, m: ChainModel) -> Array:
-    """y - y_hat, one step ahead; shape (n,)."""
-    return np.clip(np.nan_to_num(s.y - chain(s, m)[2], nan=1e6), -1e6, 1e6)
+def whiten(x: Array, ar: Array) -> Array:
+    """A(q) x along the first axis."""
+    return np.asarray(lfilter(np.concatenate([[1.0], ar]), [1.0], x, axis=0)) if ar.any() else x
 
 
-def free_run(s: Setting, m: ChainModel) -> Array:
-    """The output from u alone."""
-    return chain(s, m, free=True)[2]
+def left(s: Record, m: ChainModel, kappa: float = np.inf) -> Array:
+    """A(q) (y - y_hat), shape (n,)."""
+    return whiten(np.clip(np.nan_to_num(s.y - simulate(s, m, kappa)[2], nan=1e9), -1e9, 1e9), m.ar)
 
 
-def coloured(e: Array, ar: Array) -> Array:
-    """A(q) e along the first axis."""
-    out = e.copy()
-    for i, a in enumerate(ar, start=1):
-        if a != 0.0:
-            out[i:] += a * e[:-i]
-    return out
+def rms_dx(s: Record, m: ChainModel) -> float:
+    """Root mean square of dx, never zero."""
+    return max(rms(np.diff(simulate(s, m)[0])), 1e-12)
 
 
-def stable_blocks(s: Setting, theta: Array) -> bool:
-    """Whether L1 is stable, with room."""
-    na, nb = int(s.dims[0]), int(s.dims[1])
-    return bool(is_stable(np.ascontiguousarray(theta[na - 1 : na - 1 + nb]), 0.9995))
-
-
-def signal_scales(s: Setting, m: ChainModel) -> Scales:
+def sizes(s: Record, m: ChainModel) -> Sizes:
     """Sizes of the signals under the model."""
-    x, v, _ = chain(s, m)
+    x, v, _ = simulate(s, m)
 
     def size(a: Array) -> float:
         return max(rms(a), 1e-12)
 
-    return Scales(
-        size(s.u), float(np.abs(s.u).max()), size(x), max(float(np.quantile(np.abs(x), 0.999)), 1e-12),
-        size(np.diff(x)), size(v), max(float(np.std(s.y)), 1e-12), s.u.size, s.dt,
+    peaks = (max(float(np.quantile(np.abs(a), 0.999)), 1e-12) for a in (s.u, x))
+    u_peak, x_peak = peaks
+    return Sizes(
+        size(s.u), u_peak, size(x), x_peak, size(np.diff(x)), size(v), max(float(np.std(s.y)), 1e-12),
+        s.u.size * s.dt, s.dt,
     )  # fmt: skip
 
 
-# --- the free numbers as one vector ------------------------------------------------------------
-def free_slots(m: ChainModel) -> list[tuple[int, int]]:
-    """(effect, number) of every number of an effect that takes part in the joint fit."""
-    return [(i, j) for i, t in enumerate(m.terms) for j in range(t.kind.n_numbers) if t.kind.is_free(j)]
+# --- what is left, robustly ---------------------------------------------------------------------
+def variance_of(e: Array) -> float:
+    """Variance of the sound errors: of a Gaussian over a low floor, by expectation-maximisation."""
+    variance, floor = float(np.mean(e**2)) + 1e-300, np.exp(-0.5 * CAP)
+    for _ in range(20):
+        g = np.exp(-0.5 * e**2 / variance)
+        w = g / (g + floor)
+        new = float(np.sum(w * e**2) / max(float(np.sum(w)), 1.0)) + 1e-300
+        done = abs(new - variance) < 1e-4 * variance
+        variance = new
+        if done:
+            break
+    return variance
 
 
-def bounds_of(t: Term, j: int, z: Scales) -> tuple[float, float]:
-    """Range of number j of an effect."""
-    i = j - t.kind.linear
-    return (-np.inf, np.inf) if i < 0 else t.kind.ranges(z)[i]
+def capped(z: Array) -> Array:
+    """Cost of squared errors z in variances: z itself where it is small, no more than `CAP`."""
+    floor = np.exp(-0.5 * CAP)
+    return np.asarray(-2.0 * np.log((np.exp(-0.5 * z) + floor) / (1.0 + floor)))
 
 
-def to_vector(m: ChainModel, z: Scales) -> Array:
-    """theta, then the free numbers (logarithms where they span ratios), then the noise colour."""
-    extra = []
-    for i, j in free_slots(m):
-        low, high = bounds_of(m.terms[i], j, z)
-        value = m.terms[i].q[j]
-        extra.append(np.log(min(max(value, low), high)) if np.isfinite(low) and low > 0 else value)
-    return np.concatenate([m.theta, extra, m.ar])
+def deviance(e: Array) -> float:
+    """Sum of squares that has the same likelihood as the capped one."""
+    variance = variance_of(e)
+    return e.size * variance * float(np.exp(np.mean(capped(e**2 / variance)) - 1.0))
 
 
-def from_vector(m: ChainModel, x: Array, z: Scales) -> ChainModel:
-    """The inverse of `to_vector`; numbers are kept inside their ranges."""
-    n = m.theta.size
+def held(e: Array) -> Array:
+    """The errors, held to four robust deviations, so that their squares sum to `deviance`."""
+    out = clipped(e)
+    return out * float(np.sqrt(deviance(e) / max(float(out @ out), 1e-300)))
+
+
+def clipped(e: Array) -> Array:
+    """The errors held to `HELD_TO` robust deviations."""
+    limit = HELD_TO * MAD * float(np.median(np.abs(e))) + 1e-300
+    return np.clip(e, -limit, limit)
+
+
+def colour(r: Array) -> Array:
+    """An autoregression of what a model leaves, without its outliers; shape (`AR_ORDER`,)."""
+    ar = np.zeros(AR_ORDER)
+    for _ in range(3):
+        sound = lfilter([1.0], np.concatenate([[1.0], ar]), clipped(whiten(r, ar)))
+        ar = burg(np.asarray(sound))
+    return ar
+
+
+def burg(x: Array) -> Array:
+    """Coefficients of an autoregression with its roots inside `LONGEST_COLOUR` (Burg 1975, PhD thesis, Stanford)."""
+    f, b, a = x[1:].copy(), x[:-1].copy(), np.ones(1)
+    for _ in range(AR_ORDER):
+        k = -2.0 * float(f @ b) / max(float(f @ f + b @ b), 1e-300)
+        a = np.concatenate([a, [0.0]]) + k * np.concatenate([[0.0], a[::-1]])
+        f, b = f[1:] + k * b[1:], b[:-1] + k * f[:-1]
+    largest = float(np.abs(np.roots(a)).max(initial=0.0))
+    if largest > LONGEST_COLOUR:
+        a = a * (LONGEST_COLOUR / largest) ** np.arange(a.size)
+    return a[1:]
+
+
+# --- the free numbers as one vector --------------------------------------------------------------
+def slots(m: ChainModel) -> list[tuple[int, int]]:
+    """(effect, number) of every number of an effect that a fit moves."""
+    return [(i, j) for i, t in enumerate(m.terms) for j in t.kind.free]
+
+
+def to_vector(m: ChainModel) -> Array:
+    """theta, then the effects' free numbers: logarithms where they are moved in ratios."""
+    extra = [np.log(m.terms[i].q[j]) if m.terms[i].kind.ratios(j) else m.terms[i].q[j] for i, j in slots(m)]
+    return np.concatenate([m.theta, extra])
+
+
+def from_vector(m: ChainModel, x: Array) -> ChainModel:
+    """The inverse of `to_vector`."""
     numbers = [list(t.q) for t in m.terms]
-    slots = free_slots(m)
-    for (i, j), value in zip(slots, x[n : n + len(slots)], strict=True):
-        low, high = bounds_of(m.terms[i], j, z)
-        value = float(np.exp(np.clip(value, -700, 700))) if np.isfinite(low) and low > 0 else float(value)
-        numbers[i][j] = float(min(max(value, low), high))
+    for (i, j), value in zip(slots(m), x[m.theta.size :], strict=True):
+        numbers[i][j] = float(np.exp(value)) if m.terms[i].kind.ratios(j) else float(value)
     terms = tuple(Term(t.kind, tuple(q)) for t, q in zip(m.terms, numbers, strict=True))
-    ar = shortened_colour(x[n + len(slots) :])
-    return dataclasses.replace(m, theta=x[:n].copy(), terms=terms, ar=ar, on=None, cost=np.inf)
+    return dataclasses.replace(m, theta=np.asarray(x[: m.theta.size], dtype=float).copy(), terms=terms)
 
 
-def shortened_colour(ar: Array) -> Array:
-    """An autoregression with its roots drawn inside `LONGEST_COLOUR`."""
-    if ar.size == 0 or is_stable(np.ascontiguousarray(ar), LONGEST_COLOUR):
-        return ar.copy()
-    largest = np.abs(np.roots(np.concatenate([[1.0], ar]))).max()
-    return np.asarray(ar * (0.999 * LONGEST_COLOUR / largest) ** np.arange(1, ar.size + 1))
+def bounds(m: ChainModel, z: Sizes) -> tuple[Array, Array]:
+    """(low, high) of the vector."""
+    low, high = np.full(m.theta.size + len(slots(m)), -np.inf), np.full(m.theta.size + len(slots(m)), np.inf)
+    for k, (i, j) in enumerate(slots(m), start=m.theta.size):
+        kind = m.terms[i].kind
+        lo, hi = kind.range_of(j, z)
+        low[k], high[k] = (np.log(lo), np.log(hi)) if kind.ratios(j) else (lo, hi)
+    return low, high
 
 
-@njit(nogil=True, error_model="numpy")
-def _sensitivities(theta, steps, chain, ports, slots, slot_steps, u, y, base, sensor, out):
-    """Derivatives of y - y_hat by theta and by the chosen numbers of the effects.
+def sensitivities(s: Record, m: ChainModel, kappa: float) -> Array:
+    """Derivatives of A(q) (y - y_hat) by the vector of `to_vector`; shape (n, p).
 
-    Forward differences for L1 and the effects; where no sensor stands behind L2, the law's weights, c and d are
-    exact, as y_hat is linear in them.
+    Exact for the law's weights, c and d where nothing acts on the reading; forward differences for the rest.
     """
-    n = u.size
-    dims, law, shapes, kappa = chain.dims, chain.law, chain.shapes, chain.kappa
-    na, nb, nc, nd, nw = dims[0], dims[1], dims[2], dims[3], dims[4]
-    n1 = na - 1 + nb
-    n_moved = theta.size if sensor else n1
-    x, v, y_hat, zero = np.empty(n), np.empty(n), np.empty(n), np.zeros(n)
-    for i in range(n_moved):
-        moved = theta.copy()
-        moved[i] += steps[i]
-        run(moved, chain, ports, u, y, zero, False, x, v, y_hat)
-        for t in range(n):
-            out[t, i] = (y[t] - y_hat[t] - base[t]) / steps[i]
-    if ports is not None:
-        for i in range(slots.shape[0]):
-            rows = ports.rows.copy()
-            rows[slots[i, 0], slots[i, 1]] += slot_steps[i]
-            run(theta, chain, Ports(ports.codes, rows, ports.own), u, y, zero, False, x, v, y_hat)
-            for t in range(n):
-                out[t, theta.size + i] = (y[t] - y_hat[t] - base[t]) / slot_steps[i]
-    if sensor:
-        return
-    run(theta, chain, ports, u, y, zero, False, x, v, y_hat)
-    c0 = n1 + nw
-    d0 = c0 + nc - 1
-    f = np.zeros((n, nw))
-    for t in range(n):
-        dx = x[t] - (x[t - 1] if t > 0 else 0.0)
-        for i in range(nw):
-            f[t, i] = term(law[i], shapes[i, 0], shapes[i, 1], shapes[i, 2], x[t], dx, kappa)[0]
-            s = f[t - 1, i] if t > 0 else 0.0
-            for m in range(1, min(nc, t)):
-                s += theta[c0 + m - 1] * f[t - 1 - m, i]
-            out[t, n1 + i] = -s
-        for m in range(1, nc):
-            out[t, c0 + m - 1] = -v[t - 1 - m] if t > m else 0.0
-        for m in range(nd):
-            out[t, d0 + m] = y[t - 1 - m] if t > m else 0.0
+    x, v, y = simulate(s, m, kappa)
+    vector, p = to_vector(m), m.theta.size
+    _, _, weights, up, down = s.blocks
+    moved = list(range(vector.size)) if m.at_sensor else [*range(weights.start), *range(p, vector.size)]
+    out = np.empty((s.u.size, vector.size))
+    for i in moved:
+        step = 1e-6 * max(abs(vector[i]), 0.05) if i < p or m.terms[slots(m)[i - p][0]].kind.linear else 1e-4
+        other = vector.copy()
+        other[i] += step
+        out[:, i] = (simulate(s, from_vector(m, other), kappa)[2] - y) / step
+    if not m.at_sensor:
+        c = np.concatenate([[0.0, 1.0], m.theta[up]])
+        d = np.concatenate([[1.0], m.theta[down]])
+        dx = np.diff(x, prepend=0.0)
+        out[:, weights] = lfilter(c, d, law_values(s.law.codes, s.law.shapes, x, dx, kappa), axis=1).T
+        for delay, i in enumerate(range(up.start, up.stop), start=2):
+            out[:, i] = lfilter(np.concatenate([np.zeros(delay), [1.0]]), d, v)
+        past = lfilter([1.0], d, y) if down.stop > down.start else y
+        for delay, i in enumerate(range(down.start, down.stop), start=1):
+            out[delay:, i], out[:delay, i] = -past[:-delay], 0.0
+    return -whiten(np.clip(np.nan_to_num(out), -1e12, 1e12), m.ar)
 
 
-def jacobian(s: Setting, m: ChainModel, z: Scales, base: Array) -> Array:
-    """Derivatives of A(q) (y - y_hat) by the vector of `to_vector`; shape (n, n_free)."""
-    codes, _ = m.effects()
-    slots = free_slots(m)
-    scales, factors = [], []
-    for i, j in slots:
-        t, (low, high) = m.terms[i], bounds_of(m.terms[i], j, z)
-        value = t.q[j]
-        spans = np.isfinite(low) and low > 0
-        step = 1e-4 * abs(value) if spans else 1e-3 * max(t.kind.unit(z), 1e-2 * abs(value))
-        if spans and value + step > high:
-            step = -step
-        scales.append(step)
-        factors.append(value if spans else 1.0)
-    n, p = s.u.size, m.theta.size
-    out = np.empty((n, p + len(slots)))
-    steps = 1e-6 * np.maximum(np.abs(m.theta), 0.05)
-    where = np.array(slots, dtype=np.int64).reshape(-1, 2)
-    sensor = bool(np.any((codes >= OUTPUT_OFFSET) & (codes <= QUANTIZATION) | (codes == USER_OUTPUT)))
-    _sensitivities(m.theta, steps, *compiled(s, m), where, np.array(scales, dtype=float), s.u, s.y, base, sensor, out)
-    out[:, p:] *= np.array(factors, dtype=float)
-    out = coloured(np.clip(np.nan_to_num(out), -1e12, 1e12), m.ar)
-    lagged = np.zeros((n, m.ar.size))
-    for i in range(m.ar.size):
-        lagged[i + 1 :, i] = base[: -i - 1]
-    return np.concatenate([out, lagged], axis=1)
+def stable(s: Record, m: ChainModel) -> ChainModel:
+    """The model with poles drawn inside the unit circle, which the library's system asks for."""
+    theta = m.theta.copy()
+    _, b, _, _, d = s.blocks
+    for part in (b, d):
+        theta[part] = stabilised(np.concatenate([[1.0], theta[part]]))[1:]
+    return dataclasses.replace(m, theta=theta)
+
+
+def made(s: Record, m: ChainModel, rng: np.random.Generator) -> Record:
+    """A record that the model made of the same input, with Gaussian noise of the colour and size of what it leaves."""
+    sigma = np.sqrt(variance_of(left(s, m)[SKIP:]))
+    noise = lfilter([1.0], np.concatenate([[1.0], m.ar]), sigma * rng.standard_normal(s.u.size + 200))[200:]
+    return s.with_output(free_run(s, m) + np.asarray(noise))
+
+
+def numbers_of(s: Record, m: ChainModel) -> dict[str, Any]:
+    """Natural parameters by name."""
+    a, b, _, c, d = s.blocks
+    names = [f"a_{i}" for i in range(2, a.stop - a.start + 2)] + [f"b_{i}" for i in range(1, b.stop - b.start + 1)]
+    names += list(s.law.labels) + [f"c_{i}" for i in range(2, c.stop - c.start + 2)]
+    names += [f"d_{i}" for i in range(1, d.stop - d.start + 1)]
+    return dict(zip(names, map(float, m.theta), strict=True))

@@ -1,0 +1,161 @@
+"""Strong effects, fitted anew with the effect inside: blocks that were bent without it do not come home.
+
+What acts on the input alone is applied to it, and the best linear model of what it makes is divided between the
+blocks; a coupling is a pair of poles split off a linear model that has two more; the sign that a sensor loses is
+retrieved from y^2.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from whsklearn.gap.plants.chain_candidates import Candidate, Term
+from whsklearn.gap.plants.chain_fit import base_starts, cost, divided, linear_model, minima, misfit, weighed
+from whsklearn.gap.plants.chain_model import ChainModel, Record, left, rms_dx, simulate, sizes
+from whsklearn.gap.record import rms
+from whsklearn.recursion.best_linear import Ratio
+
+Array = NDArray[np.float64]
+
+TRIED = 10  # starts of a candidate that are fitted, of those that leave the least as they are
+DIVIDED = 5  # shapes whose best linear model is divided between the blocks, of those that fit best
+KEPT = 3  # of them that are sharpened
+MEMORY = 24  # samples of the impulse response behind a lost sign
+ONE_SIDED = -0.3  # of rms: the lowest hundredth of readings whose sign was lost is noise alone
+FOLDS = ((0.5,), (1.0,))  # fractions from which a fold of the bent base is fitted
+PASSES = 60  # alternating projections; they stand still after some ten
+
+
+def is_strong(kind: Candidate, s: Record) -> bool:
+    """Whether a candidate may bend the blocks so far that it is fitted anew: all that is no sum with what is there."""
+    if kind.folds:
+        return float(np.quantile(s.y, 0.01)) > ONE_SIDED * rms(s.y)
+    return kind.linear == 0
+
+
+def fitted_anew(s: Record, m: ChainModel, others: list[ChainModel], kind: Candidate, rng: np.random.Generator) -> ChainModel | None:
+    """The model with the candidate as its last effect, from starts of its own; None where none is stable.
+
+    Parameters
+    ----------
+    others : list of ChainModel
+        Further minima of the model without it.
+    """
+    z = sizes(s, m)
+    starts: list[ChainModel] = []
+    terms = [Term(kind, shape) for shape in (FOLDS if kind.folds else kind.shapes(z))]
+    starts += [o.plus(term) for o in (m, *others) for term in terms]
+    if kind.at == "input" or kind.cls.place == "drive":
+        linear = [(linear_model(s, applied(s, term)), term) for term in terms]
+        linear.sort(key=lambda pair: misfit(s, pair[0], applied(s, pair[1])))
+        for ratio, term in linear[:DIVIDED]:
+            more = m.plus(term)
+            starts += [dataclasses.replace(more, theta=t) for t in divided(s, ratio, more.terms)]
+    if kind.folds:
+        starts += [dataclasses.replace(b.plus(Term(kind, (1.0,))), n_base=m.n_base) for b in unfolded(s, m, rng)]
+    elif "frequency" in kind.fields:
+        starts += [*split_off(s, m, kind), *(t for o in (m, *others) for t in pulled_out(s, o, kind))]
+    found = minima(s, best(s, starts), keep=KEPT)
+    return min(found, key=lambda f: cost(s, f)) if found else None
+
+
+def best(s: Record, starts: list[ChainModel], n: int = TRIED) -> list[ChainModel]:
+    """Those that leave least under a soft sign, as they are."""
+
+    def value(m: ChainModel) -> float:
+        white = dataclasses.replace(m, ar=np.zeros_like(m.ar))
+        e = left(s, white, 3.0 / rms_dx(s, white))[s.fit]
+        return float(np.mean(e**2))
+
+    scored = [(value(m), i) for i, m in enumerate(starts) if np.all(np.isfinite(m.theta))]
+    return [starts[i] for _, i in sorted(scored)[:n]]
+
+
+def applied(s: Record, term: Term) -> Array:
+    """The input behind an effect that acts on it: what a chain without blocks hands on, its two delays taken off."""
+    from whsklearn.effects import FrictionLaw
+    from whsklearn.effects.static import Power
+
+    plain = dataclasses.replace(s, dims=np.array([1, 0, 1, 0, 1]), law=FrictionLaw([Power(1.0, 1.0)]))
+    late = simulate(plain, ChainModel(np.ones(1), (term,)), u=np.concatenate([s.u, np.zeros(2)]))[2]
+    return np.ascontiguousarray(late[2:])
+
+
+def split_off(s: Record, m: ChainModel, kind: Candidate) -> Iterator[ChainModel]:
+    """Models with a pair of poles of a larger linear model as a resonance, and the rest divided."""
+    ratio = linear_model(s, s.u, 2)
+    poles, zeros = np.roots(ratio.a), np.roots(ratio.b)
+    real = [i for i, r in enumerate(zeros) if abs(r.imag) < 1e-9]
+    for pole, term in resonances(s, m, poles, kind):
+        rest = poles[(np.abs(poles - pole) > 1e-9) & (np.abs(poles - np.conj(pole)) > 1e-9)]
+        for i in real or [None]:
+            kept = np.delete(zeros, i) if i is not None else zeros
+            more = m.plus(term)
+            for theta in divided(s, Ratio(np.atleast_1d(np.real(np.poly(kept))), np.real(np.poly(rest))), more.terms):
+                yield dataclasses.replace(more, theta=theta)
+
+
+def pulled_out(s: Record, m: ChainModel, kind: Candidate) -> Iterator[ChainModel]:
+    """Models whose block has given its own pair of poles to the resonance, which it may have taken for its own."""
+    a, b, _, c, d = s.blocks
+    first = kind.at != "output"
+    zeros, block = (a, b) if first else (c, d)
+    for pole, term in resonances(s, m, np.roots(np.concatenate([[1.0], m.theta[block]])), kind):
+        rest = np.real(np.polydiv(np.concatenate([[1.0], m.theta[block]]), np.poly([pole, np.conj(pole)]))[0])[1:]
+        poles = np.concatenate([rest, np.zeros(2)])
+        for zero in (m.theta[zeros], np.zeros(zeros.stop - zeros.start)):
+            own, other = np.concatenate([zero, poles]), m.theta[c.start :] if first else m.theta[: b.stop]
+            more = m.plus(term)
+            pair = (own, other) if first else (other, own)
+            yield dataclasses.replace(more, theta=weighed(s, *pair, more.terms))
+
+
+def resonances(s: Record, m: ChainModel, poles: Array, kind: Candidate) -> Iterator[tuple[complex, Term]]:
+    """The pairs of poles that a resonance can have, and its numbers."""
+    z = sizes(s, m)
+    (low, high), (least, most) = kind.range_of(0, z), kind.range_of(1, z)
+    for pole in poles[np.imag(poles) > 1e-9]:
+        w = np.log(pole)  # of a sample: -zeta w_0 + i w_0 sqrt(1 - zeta^2)
+        shape = (float(abs(w)) / (2 * np.pi * s.dt), float(-w.real / abs(w)))
+        if low < shape[0] < high and least < shape[1] < most:
+            yield complex(pole), Term(kind, shape)
+
+
+def unfolded(s: Record, m: ChainModel, rng: np.random.Generator) -> list[ChainModel]:
+    """Minima of the model behind a sensor that loses the sign.
+
+    With y = |h * u| the matrix E y^2 u u' has h as its leading direction (Netrapalli, Jain and Sanghavi 2015, Phase
+    retrieval using alternating minimization, IEEE Trans. Signal Processing 63(18)); then the sign of h * u and the
+    least-squares h are taken in turn, and last the chain's own output in the place of h * u.
+    """
+    rows = np.column_stack([np.concatenate([np.zeros(i), s.u[: s.u.size - i]]) for i in range(1, MEMORY + 1)])
+    white = np.linalg.qr(rows)[0] * np.sqrt(s.u.size)
+    moment = (white * (s.y**2 - np.mean(s.y**2))[:, None]).T @ white / s.u.size
+    values, axes = np.linalg.eigh(moment)
+    tries = []
+    for h in [axes[:, i] for i in np.argsort(-values)[:3]] + [rng.standard_normal(MEMORY) for _ in range(5)]:
+        sign = np.sign(white @ h)
+        for _ in range(PASSES):
+            h = white.T @ (sign * s.y) / s.u.size
+            new = np.sign(white @ h)
+            if np.array_equal(new, sign):
+                break
+            sign = new
+        tries.append((float(np.mean((s.y - np.abs(white @ h)) ** 2)), sign))
+    sign = min(tries, key=lambda t: t[0])[1]
+    found: list[ChainModel] = []
+    for _ in range(3):
+        straight = s.with_output(sign * s.y)
+        found = minima(straight, best(straight, base_starts(straight, rng)), keep=KEPT)
+        if not found:
+            return []
+        new = np.sign(simulate(straight, found[0])[2])
+        if np.mean(new != sign) < 0.002:
+            break
+        sign = new
+    return [dataclasses.replace(f, terms=m.terms) for f in found]
+
