@@ -296,6 +296,8 @@ class Search:
             grown, effect = (f.model.terms[-1].effect for f in (other, taken))
             if effect is not None and grown.parent == effect.name:  # it holds the one taken and more, and is asked next
                 continue
+            if self._needless(taken, other):
+                continue
             lead = taken.score - other.score
             if lead < 0.0:  # the one taken is the commoner
                 names.append(other.name)
@@ -311,6 +313,11 @@ class Search:
         least = taken.look.gain - 2.0 * np.log(1.0 / self.alpha)
         names = [k.name for k in looks if k.name and k.p_value > self.alpha and k.gain >= least and meet(k, taken.look)]
         return [n for n in dict.fromkeys(names) if n != taken.name and n not in self.plant.aliases(taken.name)]
+
+    def _needless(self, taken: Named, other: Named) -> bool:
+        """Whether a rival says the same with more numbers: they differ by less than is worth a name."""
+        apart = self.plant.rms(taken.errors - other.errors)
+        return other.look.n_numbers > taken.look.n_numbers and apart < self.plant.tolerance * self.plant.scale
 
     def _review(self, found: Found) -> None:
         """Ask every effect but the last anew beside all others: it was taken when more was missing."""

@@ -14,13 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn.gap.plants.chain_candidates import Candidate, Term
-from whsklearn.gap.plants.chain_fit import base_starts, cost, divided, linear_model, minima, misfit, weighed
-from whsklearn.gap.plants.chain_model import ChainModel, Record, left, rms_dx, simulate, sizes
+from whsklearn.gap.plants.chain_fit import base_starts, cost, divided, linear_model, minima, misfit, sharpened, weighed
+from whsklearn.gap.plants.chain_looks import kinds, softly
+from whsklearn.gap.plants.chain_model import HARD, ChainModel, Record, left, rms_dx, simulate, sizes
 from whsklearn.gap.record import rms
+from whsklearn.gap.tangent import Look
 from whsklearn.recursion.best_linear import Ratio
 
 Array = NDArray[np.float64]
 
+PROMISING = 5  # candidates of each look that add to what is there, and are fitted
 TRIED = 10  # starts of a candidate that are fitted, of those that leave the least as they are
 DIVIDED = 5  # shapes whose best linear model is divided between the blocks, of those that fit best
 KEPT = 3  # of them that are sharpened
@@ -37,14 +40,66 @@ def is_strong(kind: Candidate, s: Record) -> bool:
     return kind.linear == 0
 
 
-def fitted_anew(s: Record, m: ChainModel, others: list[ChainModel], kind: Candidate, rng: np.random.Generator) -> ChainModel | None:
-    """The model with the candidate as its last effect, from starts of its own; None where none is stable.
+def fits(
+    s: Record, m: ChainModel, others: list[ChainModel], looks: list[Look], rng: np.random.Generator
+) -> Iterator[tuple[Candidate, ChainModel]]:
+    """The model with one candidate more, for the strong ones and for those of the rest that two looks promise most.
 
     Parameters
     ----------
     others : list of ChainModel
         Further minima of the model without it.
+    looks : list of Look
+        Of `whsklearn.gap.plants.chain_looks.look`; a second one under a softer sign is taken here.
     """
+    for kind in kinds(s, m):
+        if is_strong(kind, s):
+            grown = fitted_anew(s, m, others, kind, rng)
+            if grown is not None:
+                yield kind, grown
+    ranked = [sorted((k for k in looks if k.start is not None), key=lambda k: -k.score), softly(s, m)]
+    seen: set[int] = set()
+    for one in ranked:
+        for found in [k for k in one if not is_strong(k.start.kind, s)][:PROMISING]:
+            start = found.start
+            if start.kind.code in seen and one is ranked[0]:
+                continue
+            seen.add(start.kind.code)
+            yield start.kind, fitted(s, [m, *others], start)
+
+
+def fitted(s: Record, models: list[ChainModel], term: Term) -> ChainModel:
+    """The best of some models with an effect that adds to what is there, from the size that a look gives it."""
+    z = sizes(s, models[0])
+    bounds = [term.kind.range_of(i, z) for i in range(len(term.q))]
+    term = Term(term.kind, tuple(float(np.clip(v, *b)) for v, b in zip(term.q, bounds, strict=True)))
+    ways = [sharpened(s, m.plus(term), rungs, 6) for m in models for rungs in (HARD, (10.0, 30.0, *HARD))]
+    out = min(ways, key=lambda m: cost(s, m))
+    return walked(s, out) if term.kind.scan == "step" else out
+
+
+def walked(s: Record, m: ChainModel) -> ChainModel:
+    """The model with the instant of its last effect moved while that leaves less, by ever smaller steps."""
+    kind, q = m.terms[-1].kind, list(m.terms[-1].q)
+    i = kind.fields.index(kind.cls.scanned())
+    low, high = kind.range_of(i, sizes(s, m))
+    best, step = (cost(s, m), m), 0.02 * (high - low)
+    while step >= 0.5 * s.dt:
+        for shift in (-step, step):
+            q = list(best[1].terms[-1].q)
+            q[i] = float(np.clip(q[i] + shift, low, high))
+            other = m.with_terms((*m.terms[:-1], Term(kind, tuple(q))))
+            value = cost(s, other)
+            if value < best[0]:
+                best = value, other
+        step *= 0.5
+    return sharpened(s, best[1], HARD[1:], 6)
+
+
+def fitted_anew(
+    s: Record, m: ChainModel, others: list[ChainModel], kind: Candidate, rng: np.random.Generator
+) -> ChainModel | None:
+    """The model with a strong candidate as its last effect, from starts of its own; None where none is stable."""
     z = sizes(s, m)
     starts: list[ChainModel] = []
     terms = [Term(kind, shape) for shape in (FOLDS if kind.folds else kind.shapes(z))]

@@ -25,8 +25,8 @@ READ_OFF = ("quantization",)  # a lattice of the readings is plain to see, and n
 # Fields that keep their start: another place of rest is an offset more, and no record of some thousand samples tells
 # exponents of a Stribeck curve apart.
 HELD = ("centre", "exponent")
-# Waves over a signal of a chain, which has no revolution to count them by: in periods over 2 pi rms of that signal.
-LEAST_ORDER, MOST_ORDER = 0.25, 20.0
+# Waves over a signal of a chain, which has no revolution to count them by: two thirds of a period within three rms to
+LEAST_ORDER, MOST_ORDER = 0.7, 20.0
 N_SHAPES = 12  # of one number that has no grid of its own: neighbours of a size explain 0.95 of each other
 
 
@@ -57,7 +57,7 @@ class Sizes:
         elif kind.at_sensor:
             reach = 3.0 * self.y
         return Scales(
-            torque=torque, peak=peak, speed=4.0 * self.dx, reach=reach, centre=0.0, duration=self.seconds, dt=self.dt,
+            torque=torque, peak=peak, speed=2.0 * self.dx, reach=reach, centre=0.0, duration=self.seconds, dt=self.dt,
             resonance=0.25 / self.dt,
         )  # fmt: skip
 
@@ -105,8 +105,14 @@ class Candidate:
 
     @cached_property
     def free(self) -> tuple[int, ...]:
-        """Numbers that a fit moves."""
-        return tuple(i for i, f in enumerate(self.fields) if f not in HELD and f not in self.cls.held)
+        """Numbers that a fit moves; an instant has no slope, so it is walked to."""
+        walked = (self.cls.scanned(),) if self.scan == "step" else ()
+        return tuple(i for i, f in enumerate(self.fields) if f not in (*HELD, *self.cls.held, *walked))
+
+    @property
+    def n_numbers(self) -> int:
+        """Numbers that a record must give."""
+        return len(self.free) + (self.scan == "step")
 
     @cached_property
     def scan(self) -> str:
@@ -142,7 +148,7 @@ class Candidate:
         if i < self.linear:
             return False
         q = self.cls.quantities[self.fields[i]]
-        return q.log or q.low > 0.0 or self.scan == "position" and self.fields[i] == "order"
+        return q.log or q.low > 0.0 or (self.scan == "position" and self.fields[i] == "order")
 
     def range_of(self, i: int, z: Sizes) -> tuple[float, float]:
         """(low, high) of number i in one record."""
@@ -166,7 +172,7 @@ class Candidate:
             low, high = self.range_of(i, z)
             q = self.cls.quantities[self.fields[i]]
             if self.scan == "position":
-                grids.append(np.arange(0.4, 12.0, 0.3) * low / LEAST_ORDER)
+                grids.append(np.arange(LEAST_ORDER, 12.0, 0.3) * low / LEAST_ORDER)
             elif self.scan == "step":
                 grids.append(np.linspace(low, high, 43))
             elif q.scale == "dt":  # a delay between samples has a valley of its own

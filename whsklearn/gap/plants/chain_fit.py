@@ -17,6 +17,7 @@ from whsklearn.effects import FrictionLaw
 from whsklearn.gap.plants.chain_candidates import Term
 from whsklearn.gap.plants.chain_model import (
     CAP,
+    HARD,
     SHARPEST,
     SKIP,
     ChainModel,
@@ -33,7 +34,6 @@ from whsklearn.gap.plants.chain_model import (
     to_vector,
     variance_of,
 )
-from whsklearn.gap.record import rms
 from whsklearn.recursion.best_linear import IOData, Ratio, best_linear
 from whsklearn.recursion.block_split import Orders, divisions, padded
 from whsklearn.recursion.exchanged_roots import exchanged
@@ -42,7 +42,7 @@ from whsklearn.systems.stability import is_stable
 
 Array = NDArray[np.float64]
 
-SOFT, HARD = (3.0, 10.0, 30.0), (100.0, 300.0, SHARPEST)  # kappa times rms dx
+SOFT = (3.0, 10.0, 30.0)  # kappa times rms dx
 N_RANDOM = 16  # starts beside the divisions, where the blocks are far from what a linear model sees
 KEPT, POLISHED = 6, 2  # minima under a soft sign that are sharpened, and those of them that are fitted to the end
 N_HOPS, HOP = 2, 1.0  # tries of neighbouring valleys, and their width in standard errors

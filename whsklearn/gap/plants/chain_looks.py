@@ -7,7 +7,6 @@ record was: the world is exact, for a chain is simulated from its input alone.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -18,8 +17,9 @@ from scipy.signal import lfilter
 
 from whsklearn.gap.calibration import gain
 from whsklearn.gap.plants.chain_candidates import Candidate, Sizes, Term, catalogue
-from whsklearn.gap.plants.chain_fit import coloured, sharpened
+from whsklearn.gap.plants.chain_fit import climb, coloured, sharpened
 from whsklearn.gap.plants.chain_model import (
+    CAP,
     SHARPEST,
     ChainModel,
     Record,
@@ -41,6 +41,7 @@ Array = NDArray[np.float64]
 
 N_NULL = 15  # own records: the moments of a Gumbel law to a quarter
 SLOPED = 30.0  # kappa times rms dx at which a sign has a slope
+VERY_SOFT = 8.0  # the same at which an eighth of rms dx is still told
 SMALL = 1e-6  # of v's size: what is linear is tried with it
 WRONG_SIDE = 6.0  # deviations beyond which a sample is on the wrong side of a sign; of 1e8 Gaussian ones none is
 N_HILLS = 8  # of a nameless function, between the quantiles of its signal
@@ -61,9 +62,9 @@ class Scene:
     y: Array
 
     @classmethod
-    def of(cls, s: Record, m: ChainModel) -> Scene:
+    def of(cls, s: Record, m: ChainModel, sharpness: float = SLOPED) -> Scene:
         """At the sharpness at which columns are taken."""
-        kappa = SLOPED / rms_dx(s, m)
+        kappa = sharpness / rms_dx(s, m)
         return cls(s, m, sizes(s, m), kappa, *simulate(s, m, kappa))
 
     def seen(self, change: Array) -> Array:
@@ -116,7 +117,7 @@ def family(scene: Scene, kind: Candidate) -> Family:
         return Term(kind, (*(map(float, size) if kind.linear else ()), *shape))
 
     return Family(
-        kind.name, lambda tangent: scene.blocks(kind, tangent), start, len(kind.free),
+        kind.name, lambda tangent: scene.blocks(kind, tangent), start, kind.n_numbers,
         positive=kind.linear == 0 or kind.positive,
     )  # fmt: skip
 
@@ -188,11 +189,8 @@ def own_errors(s: Record, m: ChainModel, rng: np.random.Generator) -> Array:
     return np.array(rows)
 
 
-def look(s: Record, m: ChainModel, rng: np.random.Generator, least: float) -> Seen:
-    """Every candidate and every nameless function beside the model's own numbers.
-
-    ``least`` is the rms below which a nameless rest is not worth a word.
-    """
+def look(s: Record, m: ChainModel, rng: np.random.Generator) -> Seen:
+    """Every candidate and every nameless function beside the model's own numbers."""
     scene = Scene.of(s, m)
     e, null = left(s, m)[s.fit], own_errors(s, m, rng)
     plane = sensitivities(s, m, scene.kappa)[s.fit]
@@ -214,6 +212,21 @@ def look(s: Record, m: ChainModel, rng: np.random.Generator, least: float) -> Se
     return Seen(found, beyond, smallest)
 
 
+def softly(s: Record, m: ChainModel) -> list[Look]:
+    """Every candidate under a sign so soft that a sample on its wrong side tells by how far; without a null.
+
+    What softness itself does, the derivative by its sharpness, counts as the model's own.
+    """
+    m = climb(s, m, VERY_SOFT, 6, robust=False)
+    scene = Scene.of(s, m, VERY_SOFT)
+    e = left(s, m, scene.kappa)[s.fit]
+    plane = [sensitivities(s, m, scene.kappa)[s.fit]]
+    plane += [scene.seen(simulate(s, m, f * scene.kappa)[2] - scene.y)[:, None] for f in (0.6, 0.8, 1.3, 2.0)]
+    tangent = Tangent(e, np.zeros((0, e.size)), np.hstack(plane), float(e.size))
+    found = [tangent.look(family(scene, kind)) for kind in kinds(s, m)]
+    return sorted((k for k in found if k is not None), key=lambda k: -k.gain)
+
+
 def _block(columns: Array) -> Family:
     return Family("", lambda _: iter([([()], columns[:, None, :], 1.0)]), lambda *_: None, columns.shape[1])
 
@@ -228,18 +241,9 @@ def reversals(e: Array, null: Array) -> Look:
     """How many samples are on the wrong side of a sign, in the record and in own ones: a small play turns only signs."""
     counts = np.array([np.sum(np.abs(r) > WRONG_SIDE * np.sqrt(variance_of(r))) for r in (e, *null)], dtype=float)
     excess = max(counts[0] - float(counts[1:].mean()), 0.0)
-    height = float(np.mean(np.sort(np.abs(e))[-max(int(excess), 1) :] ** 2))
-    return Look("", counts[0], counts[1:], None, 1, float(np.sqrt(excess * height / e.size)))
+    return Look("", counts[0], counts[1:], None, 1, float(np.sqrt(excess * CAP * variance_of(e) / e.size)))
 
 
 def gained(s: Record, before: ChainModel, after: ChainModel) -> float:
     """g of one model over another."""
     return gain(deviance(left(s, before)[s.fit]), deviance(left(s, after)[s.fit]), float(s.fit.sum()))
-
-
-def first_guess(s: Record, m: ChainModel, term: Term) -> ChainModel:
-    """The model with an effect at the size that a look gives it."""
-    low_high = [term.kind.range_of(i, sizes(s, m)) for i in range(len(term.q))]
-    q = tuple(float(np.clip(v, *b)) for v, b in zip(term.q, low_high, strict=True))
-    return dataclasses.replace(m.plus(Term(term.kind, q)))
-

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from whsklearn.effects import FrictionLaw, codes
+from whsklearn.effects import FrictionLaw
 from whsklearn.effects.own import WHICH, address_of
 from whsklearn.effects.terms import law_values
 from whsklearn.gap.plants.chain_candidates import Sizes, Term
@@ -32,6 +32,7 @@ CAP = 16.0  # what a sample can cost at the most, in variances
 HELD_TO = 4.0  # robust deviations to which an error is held: of 1e5 Gaussian ones six are beyond
 MAD = 1.4826  # deviation of a Gaussian over its median absolute one
 SHARPEST = 1000.0  # kappa times rms dx, of a fit's last rung: one sample in a thousand sees that it is no sign
+HARD = (100.0, 300.0, SHARPEST)  # rungs from where a sign is found on to the sign itself
 
 
 @dataclass(frozen=True)

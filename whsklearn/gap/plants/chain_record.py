@@ -1,0 +1,75 @@
+"""What is read off a u-y record itself: whether it can be used, and the grid of its readings."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from whsklearn.gap.data_check import Problem, flat_share
+from whsklearn.gap.plants.chain_model import ChainModel, Record, left, variance_of
+from whsklearn.gap.record import lattice, rms
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+# --- what a record must have (`tests/gap/plants/test_chain_record.py`) -----------------------------
+
+FEWEST = 400  # samples: some twenty numbers are fitted to 60 % of them
+STANDING = 0.98  # share of samples that may repeat the one before: a record held longer shows a constant
+# Share of samples at an extreme above which the output is clipped, and the distinct values without which it is a
+# signal of a few levels and not a clipped one.
+CLIPPED, LEVELS = 0.02, 50
+FAR = 40.0  # multiple of the 0.99 quantile of the distance from the median: beyond is an outlier of the file
+COARSE_READING = 0.003  # share of the output's rms in rounding errors: a finer grid is a converter's, and no effect
+ROUNDING = 0.15  # share of the errors' mean square that rounding must make up to be told
+
+
+def check_chain(u: Array, y: Array) -> list[Problem]:
+    """Problems of a record, all of them fatal.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> [p.code for p in check_chain(np.ones(1000), np.random.default_rng(0).normal(size=1000))]
+    ['data-no-drive']
+    """
+    bad = [name for name, x in (("input", u), ("output", y)) if not np.all(np.isfinite(x))]
+    if bad:
+        text = f"The {' and the '.join(bad)} holds values that are missing or not finite; repair or cut them."
+        return [Problem("data-not-finite", "Missing values", text)]
+    if u.size < FEWEST:
+        text = f"{u.size} samples; at least {FEWEST} are needed to tell an effect from noise. Log longer."
+        return [Problem("data-too-short", "Record too short", text)]
+    if np.ptp(u) == 0 or np.mean(np.diff(u) == 0) > STANDING:
+        text = "The input is constant or changes in fewer than 2 % of the samples; pick the input that was applied."
+        return [Problem("data-no-drive", "The input does not change", text)]
+    if np.ptp(y) == 0 or np.mean(np.diff(y) == 0) > STANDING:
+        text = "The output is constant or changes in fewer than 2 % of the samples; pick the measured output."
+        return [Problem("data-not-moving", "The output does not change", text)]
+    out = []
+    share = flat_share(y)
+    if share > CLIPPED and np.unique(y).size > LEVELS:
+        text = (
+            f"The output stands at its extreme for {100 * share:.0f} % of the record: it is clipped in the log. "
+            "Log with a wider range, or pass the part that is not clipped."
+        )
+        out.append(Problem("data-clipped-position", "The output is clipped", text))
+    jumps = np.abs(y - np.median(y))
+    spikes = int(np.sum(jumps > FAR * (np.quantile(jumps, 0.99) + 1e-300)))
+    if spikes:
+        text = f"{spikes} samples of the output lie far beyond the rest; repair the outliers."
+        out.append(Problem("data-spikes", "Outliers in the output", text))
+    return out
+
+
+def coarse_grid(s: Record, m: ChainModel) -> float:
+    """Step of the grid on which the readings lie, if rounding is a good part of what is left; 0 otherwise."""
+    step = lattice(s.y)
+    if not step or step / math.sqrt(12.0) < COARSE_READING * rms(s.y):
+        return 0.0
+    gain = 1.0 + float(m.ar @ m.ar)  # of A(q) on white rounding errors
+    return step if gain * step**2 / 12.0 > ROUNDING * variance_of(left(s, m)[s.fit]) else 0.0
