@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from whsklearn.gap.calibration import gain, separable, vuong
+from whsklearn.gap.calibration import gain, p_value, separable, vuong
 from whsklearn.gap.tangent import Look
 
 Array = NDArray[Any]
@@ -319,9 +319,26 @@ class Search:
         apart = self.plant.rms(taken.errors - other.errors)
         return other.look.n_numbers > taken.look.n_numbers and apart < self.plant.tolerance * self.plant.scale
 
+    def _prune(self, found: Found) -> bool:
+        """Give back what the others, now that they are fitted beside it, say without it; whether anything was."""
+        changed = False
+        for i in reversed(range(len(found.taken))):
+            if len(found.taken) == 1 or [t.name for t in found.taken].count(found.taken[i].name) > 1:
+                continue
+            without = self.plant.settled(self.plant.fit(found.model.without(found.model.n_base + i)))
+            before, after = (self.plant.errors(m) for m in (without, found.model))
+            g = gain(float(before @ before), float(after @ after), self.plant.n_effective)
+            look = found.taken[i].look
+            families = max(len(s.looks) for s in found.steps)
+            size = np.sqrt(max(0.0, float(before @ before) - float(after @ after)) / before.size)
+            if p_value(g, look.null, families) > self.alpha or size < self.plant.tolerance * self.plant.scale:
+                found.model, changed = without, True
+                del found.taken[i], found.rivals[i]
+        return changed
+
     def _review(self, found: Found) -> None:
         """Ask every effect but the last anew beside all others: it was taken when more was missing."""
-        changed = False
+        changed = self._prune(found)
         names = [t.name for t in found.taken]
         # a family stands and falls with its first
         alone = [i for i in range(len(names) - 1) if names.count(names[i]) == 1]

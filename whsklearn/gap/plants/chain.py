@@ -16,7 +16,7 @@ from whsklearn.gap.data_check import Problem
 from whsklearn.gap.diagnosis import NamedEffect
 from whsklearn.gap.plant import PlantDefaults
 from whsklearn.gap.plants import chain_record as readings
-from whsklearn.gap.plants.chain_anew import fits, fitted
+from whsklearn.gap.plants.chain_anew import fits, fitted, nudged
 from whsklearn.gap.plants.chain_fit import base_starts, minima, polished, sharpened
 from whsklearn.gap.plants.chain_law import LawChoice, falls_short, with_knots
 from whsklearn.gap.plants.chain_looks import SLOPED, WRONG_SIDE, Seen, gained, look
@@ -61,6 +61,9 @@ SEARCHED = 8000  # samples of a longer record in which names are looked for: tim
 FITTED = 0.6  # of the record, to which models are fitted for the proof; the rest judges them
 GATE = 0.05  # p-value below which strong effects are fitted anew, which takes seconds: above the usual levels
 AT_BOUND = 1.02  # ratio to the end of a range at which a shape is no shape of its own any more
+# Share of the base model's gap (rms) that a further effect must explain: what is less may be the form of the first one,
+# such as a delay between samples, which the library interpolates by a line.
+BESIDE = 0.05
 NO_PEAK = 2.0**-0.5  # damping from which a resonance of second order has no peak: a pair of poles like any other
 REMEMBERED = 8  # samples for which L2 remembers a sign: a pole at 0.8 leaves a sixth of it
 SIGN_SEEN, GRID_SEEN = 0.99, 0.95  # confidence of what is seen in the readings and needs no inference
@@ -131,6 +134,7 @@ class ChainPlant(PlantDefaults):
         # errors in the unit of the output: white noise of this size makes so much of it
         colour = lfilter([1.0], np.concatenate([[1.0], found[0].ar]), np.eye(1, 400)[0])
         self.unit = float(np.sqrt(np.sum(np.asarray(colour) ** 2)))
+        self._first = rms(self.errors(found[0]))
         return found[0]
 
     def fit(self, model: ChainModel) -> ChainModel:
@@ -197,15 +201,17 @@ class ChainPlant(PlantDefaults):
     def refine(self, model: ChainModel, look: Look) -> ChainModel:
         """The candidate fitted together with the model, to the end."""
         s = self.record
-        return polished(s, look.start if isinstance(look.start, ChainModel) else fitted(s, [model], look.start))
+        return polished(s, nudged(s, look.start) if isinstance(look.start, ChainModel) else fitted(s, [model], look.start))
 
     def family(self, model: ChainModel) -> Iterable[ChainModel]:
         """None: further orders are candidates like any other."""
         return ()
 
     def demand(self, model: ChainModel) -> float:
-        """No more than the tolerance."""
-        return 0.0
+        """Least share of what is left that a further effect must explain: `BESIDE` of what the base model left."""
+        if not model.terms:
+            return 0.0
+        return BESIDE * self._first / max(rms(self.errors(model)), 1e-300)
 
     def objection(self, model: ChainModel, index: int) -> str:
         """What is unphysical in an effect's numbers."""

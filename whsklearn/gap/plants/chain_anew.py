@@ -24,9 +24,10 @@ from whsklearn.recursion.best_linear import Ratio
 Array = NDArray[np.float64]
 
 PROMISING = 5  # candidates of each look that add to what is there, and are fitted
-TRIED = 10  # starts of a candidate that are fitted, of those that leave the least as they are
+MOST_NUDGES, NUDGES = 4, (0.7, 0.87, 1.15, 1.4)  # rounds, and factors on a shape that is moved to another valley
+TRIED = 12  # starts of a candidate, a number of it, that are fitted, of those that leave the least as they are
 DIVIDED = 5  # shapes whose best linear model is divided between the blocks, of those that fit best
-KEPT = 3  # of them that are sharpened
+KEPT = 4  # of them that are sharpened
 MEMORY = 24  # samples of the impulse response behind a lost sign
 ONE_SIDED = -0.3  # of rms: the lowest hundredth of readings whose sign was lost is noise alone
 FOLDS = ((0.5,), (1.0,))  # fractions from which a fold of the bent base is fitted
@@ -96,6 +97,24 @@ def walked(s: Record, m: ChainModel) -> ChainModel:
     return sharpened(s, best[1], HARD[1:], 6)
 
 
+def nudged(s: Record, m: ChainModel) -> ChainModel:
+    """The model with the shape of its last effect moved to a better valley: a play and a delay have many."""
+    term = m.terms[-1]
+    if term.kind.linear:
+        return m
+    best, z = (cost(s, m), m), sizes(s, m)
+    low, high = term.kind.range_of(0, z)
+    for _ in range(MOST_NUDGES):
+        q, before = best[1].terms[-1].q, best[0]
+        for first in (*(q[0] * f for f in NUDGES), *((q[0] - s.dt, q[0] + s.dt) if term.kind.delays else ())):
+            moved = Term(term.kind, (float(np.clip(first, low, high)), *q[1:]))
+            other = sharpened(s, best[1].with_terms((*m.terms[:-1], moved)), (10.0, 30.0, *HARD), 6)
+            best = min(best, (cost(s, other), other), key=lambda b: b[0])
+        if best[0] > 0.99 * before:
+            break
+    return best[1]
+
+
 def fitted_anew(
     s: Record, m: ChainModel, others: list[ChainModel], kind: Candidate, rng: np.random.Generator
 ) -> ChainModel | None:
@@ -114,11 +133,11 @@ def fitted_anew(
         starts += [dataclasses.replace(b.plus(Term(kind, (1.0,))), n_base=m.n_base) for b in unfolded(s, m, rng)]
     elif "frequency" in kind.fields:
         starts += [*split_off(s, m, kind), *(t for o in (m, *others) for t in pulled_out(s, o, kind))]
-    found = minima(s, best(s, starts), keep=KEPT)
-    return min(found, key=lambda f: cost(s, f)) if found else None
+    many = max(kind.n_numbers, 1)  # a resonance has more valleys than a width
+    return next(iter(minima(s, best(s, starts, many * TRIED), keep=many * KEPT, ended=False)), None)
 
 
-def best(s: Record, starts: list[ChainModel], n: int = TRIED) -> list[ChainModel]:
+def best(s: Record, starts: list[ChainModel], n: int) -> list[ChainModel]:
     """Those that leave least under a soft sign, as they are."""
 
     def value(m: ChainModel) -> float:
@@ -205,7 +224,7 @@ def unfolded(s: Record, m: ChainModel, rng: np.random.Generator) -> list[ChainMo
     found: list[ChainModel] = []
     for _ in range(3):
         straight = s.with_output(sign * s.y)
-        found = minima(straight, best(straight, base_starts(straight, rng)), keep=KEPT)
+        found = minima(straight, base_starts(straight, rng))
         if not found:
             return []
         new = np.sign(simulate(straight, found[0])[2])

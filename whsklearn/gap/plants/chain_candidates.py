@@ -138,6 +138,11 @@ class Candidate:
         return self.cls.place == "sensor" or self.cls.port == "output" or self.at == "output"
 
     @property
+    def delays(self) -> bool:
+        """Whether its shape is a time of some samples."""
+        return self.linear == 0 and self.cls.quantities[self.fields[0]].scale == "dt"
+
+    @property
     def folds(self) -> bool:
         """Whether its one size is a share from nothing to all: then it is no small change where it is one."""
         q = self.cls.quantities[self.cls.size]
@@ -175,7 +180,7 @@ class Candidate:
                 grids.append(np.arange(LEAST_ORDER, 12.0, 0.3) * low / LEAST_ORDER)
             elif self.scan == "step":
                 grids.append(np.linspace(low, high, 43))
-            elif q.scale == "dt":  # a delay between samples has a valley of its own
+            elif self.delays:  # a delay between samples has a valley of its own
                 grids.append(z.dt * np.concatenate([np.arange(0.3, 6.0, 0.4), np.geomspace(6.3, 60.0, 6)]))
             elif i in self.free and self.ratios(i) and len(self.free) - self.linear == 1:
                 known = q.grid(z.seen_from(self))

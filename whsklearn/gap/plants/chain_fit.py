@@ -220,19 +220,16 @@ def _stable(s: Record, theta: Array) -> bool:
     return all(is_stable(np.ascontiguousarray(theta[part]), 0.9999) for part in (b, d))
 
 
-def minima(s: Record, starts: Iterable[ChainModel], *, keep: int = KEPT) -> list[ChainModel]:
-    """Separate minima that starts lead to, the least first, fitted to the end."""
-    soft = ranked(s, starts, SOFT[0], 8)[:keep]
-    softer = [sharpened(s, m, SOFT[1:], 8) for m in soft]
+def minima(s: Record, starts: Iterable[ChainModel], *, keep: int = KEPT, ended: bool = True) -> list[ChainModel]:
+    """Separate minima that starts lead to, the least first; ``ended``: the first of them fitted to the end."""
+    softer = [sharpened(s, m, SOFT[1:]) for m in ranked(s, starts, SOFT[0], 8)[:keep]]
     softer.sort(key=lambda m: cost(s, m))
-    softer += [
-        sharpened(s, o, SOFT[1:], 8)
-        for m in softer[:1]
-        for o in ranked(s, (dataclasses.replace(m, theta=t) for t in exchanged(m.theta, tuple(map(int, s.dims)))), 10.0, 6)[:2]
-    ]
-    softer.sort(key=lambda m: cost(s, m))
-    ends = [sharpened(s, m) for m in softer[:POLISHED]]
-    return [polished(s, m) for m in sorted(ends, key=lambda m: cost(s, m))[:1]] + ends[1:]
+    if ended:
+        others = [dataclasses.replace(m, theta=t) for m in softer[:1] for t in exchanged(m.theta, tuple(map(int, s.dims)))]
+        softer += [sharpened(s, m, SOFT[1:]) for m in ranked(s, others, SOFT[1], 6)[:2]]
+        softer.sort(key=lambda m: cost(s, m))
+    out = sorted((sharpened(s, m) for m in softer[:POLISHED]), key=lambda m: cost(s, m))
+    return [polished(s, m) for m in out[:1]] + out[1:] if ended else out
 
 
 def base_starts(s: Record, rng: np.random.Generator) -> list[ChainModel]:

@@ -29,6 +29,7 @@ EXTRA = (1, 2)  # poles and zeros added to each block
 # effect is missing. A second effect beside a named one is imitated by them too, but rarely to a half; the WH2009
 # circuit under orders of two ends at 0.2.
 TOO_SMALL = 0.5
+WELL_CLOSED = 0.1  # share of the mean square that one or two numbers may leave without a word on orders
 SPOKEN_OF = 0.2  # share of the mean square that orders, or a law, must take off to be put down to them
 
 
@@ -153,6 +154,8 @@ def falls_short(s: Record, base: ChainModel, model: ChainModel) -> str:
         return at, m, cost(at, m)
 
     value = cost(s, base)
+    if cost(s, model) < WELL_CLOSED * value:
+        return ""
     orders = min((fitted(raised(s, base, more)) for more in EXTRA), key=lambda f: f[2])
     law = fitted(freed(s, base))
     both = fitted(freed(*orders[:2]))

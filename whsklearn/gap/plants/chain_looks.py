@@ -27,6 +27,7 @@ from whsklearn.gap.plants.chain_model import (
     deviance,
     left,
     made,
+    outputs,
     rms_dx,
     sensitivities,
     simulate,
@@ -71,25 +72,19 @@ class Scene:
         """A change of y_hat as the errors see it, over the samples that count."""
         return whiten(np.clip(np.nan_to_num(change), -1e12, 1e12), self.model.ar)[self.record.fit]
 
-    def columns(self, kind: Candidate, shape: tuple[float, ...]) -> Array:
-        """Of one candidate at one shape; (n, 1 or 2)."""
-        if kind.linear == 0:
-            return self.seen(self._with(kind, shape) - self.y)[:, None]
-        out = []
-        for i in range(kind.linear):
-            size = np.zeros(kind.linear)
-            size[i] = SMALL * self.sizes.v
-            out.append(self.seen(self._with(kind, (*size, *shape)) - self.y) / size[i])
-        return np.column_stack(out)
-
-    def _with(self, kind: Candidate, q: tuple[float, ...]) -> Array:
-        return simulate(self.record, self.model.plus(Term(kind, q)), self.kappa)[2]
+    def columns(self, kind: Candidate, shapes: list[tuple[float, ...]]) -> Array:
+        """Of one candidate at some shapes; (n, s, 1 or 2)."""
+        size = SMALL * self.sizes.v if kind.linear else 1.0
+        sizes_of = size * np.eye(kind.linear) if kind.linear else np.zeros((1, 0))
+        grown = [self.model.plus(Term(kind, (*q, *shape))) for shape in shapes for q in sizes_of]
+        change = (outputs(self.record, grown, self.kappa) - self.y) / size
+        return self.seen(change.T).reshape(-1, len(shapes), len(sizes_of))
 
     def blocks(self, kind: Candidate, tangent: Tangent) -> Iterator[tuple[Any, Array, float]]:
         """Every shape of a candidate."""
         shapes = tones(self, kind, tangent) if kind.scan == "time" else kind.shapes(self.sizes)
         if shapes:
-            yield shapes, np.stack([self.columns(kind, shape) for shape in shapes], axis=1), 1.0
+            yield shapes, self.columns(kind, shapes), 1.0
 
 
 def tones(scene: Scene, kind: Candidate, tangent: Tangent) -> list[tuple[float, ...]]:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from whsklearn._numba import njit
 from whsklearn.effects import FrictionLaw
 from whsklearn.effects.own import WHICH, address_of
 from whsklearn.effects.terms import law_values
@@ -55,6 +56,10 @@ class Record:
         na, nb, nc, nd, nw = (int(i) for i in self.dims)
         ends = np.cumsum([na - 1, nb, nw, nc - 1, nd])
         return tuple(slice(int(e - k), int(e)) for e, k in zip(ends, (na - 1, nb, nw, nc - 1, nd), strict=True))  # type: ignore[return-value]
+
+    def chain(self, kappa: float) -> Chain:
+        """All but theta and effects, as the compiled pass takes it."""
+        return Chain(self.dims, self.law.codes, self.law.shapes, kappa, self.dt)
 
     def with_output(self, y: Array) -> Record:
         """The same with other readings."""
@@ -105,9 +110,37 @@ def simulate(s: Record, m: ChainModel, kappa: float = np.inf, u: Array | None = 
     u = s.u if u is None else u
     n = u.size
     x, v, y = np.empty(n), np.empty(n), np.empty(n)
-    chain = Chain(s.dims, s.law.codes, s.law.shapes, kappa, s.dt)
-    run(m.theta, chain, ports(m.terms), u, s.y, np.zeros(n), True, x, v, y)
+    run(m.theta, s.chain(kappa), ports(m.terms), u, s.y, np.zeros(n), True, x, v, y)
     return x, v, y
+
+
+def outputs(s: Record, models: list[ChainModel], kappa: float) -> Array:
+    """y_hat of several models with the same effects, shape (n_models, n), in one compiled call."""
+    out = np.empty((len(models), s.u.size))
+    if not models:
+        return out
+    thetas = np.array([m.theta for m in models])
+    packed = [ports(m.terms) for m in models]
+    if packed[0] is None:
+        _runs(thetas, s.chain(kappa), s.u, s.y, out)
+    else:
+        rows = np.array([p.rows for p in packed if p is not None])
+        _runs_with(thetas, rows, packed[0].codes, packed[0].own, s.chain(kappa), s.u, s.y, out)
+    return out
+
+
+@njit(nogil=True, error_model="numpy")
+def _runs(thetas, chain, u, y, out):
+    x, v, none = np.empty(u.size), np.empty(u.size), np.zeros(u.size)
+    for i in range(thetas.shape[0]):
+        run(thetas[i], chain, None, u, y, none, True, x, v, out[i])
+
+
+@njit(nogil=True, error_model="numpy")
+def _runs_with(thetas, rows, codes, own, chain, u, y, out):
+    x, v, none = np.empty(u.size), np.empty(u.size), np.zeros(u.size)
+    for i in range(thetas.shape[0]):
+        run(thetas[i], chain, Ports(codes, rows[i], own), u, y, none, True, x, v, out[i])
 
 
 def free_run(s: Record, m: ChainModel) -> Array:
@@ -247,11 +280,10 @@ def sensitivities(s: Record, m: ChainModel, kappa: float) -> Array:
     _, _, weights, up, down = s.blocks
     moved = list(range(vector.size)) if m.at_sensor else [*range(weights.start), *range(p, vector.size)]
     out = np.empty((s.u.size, vector.size))
-    for i in moved:
-        step = 1e-6 * max(abs(vector[i]), 0.05) if i < p or m.terms[slots(m)[i - p][0]].kind.linear else 1e-4
-        other = vector.copy()
-        other[i] += step
-        out[:, i] = (simulate(s, from_vector(m, other), kappa)[2] - y) / step
+    where = slots(m)
+    steps = [1e-6 * max(abs(vector[i]), 0.05) if i < p or m.terms[where[i - p][0]].kind.linear else 1e-4 for i in moved]
+    others = [from_vector(m, vector + h * np.eye(1, vector.size, i)[0]) for i, h in zip(moved, steps, strict=True)]
+    out[:, moved] = ((outputs(s, others, kappa) - y) / np.array(steps)[:, None]).T
     if not m.at_sensor:
         c = np.concatenate([[0.0, 1.0], m.theta[up]])
         d = np.concatenate([[1.0], m.theta[down]])
@@ -278,7 +310,10 @@ def made(s: Record, m: ChainModel, rng: np.random.Generator) -> Record:
     """A record that the model made of the same input, with Gaussian noise of the colour and size of what it leaves."""
     sigma = np.sqrt(variance_of(left(s, m)[SKIP:]))
     noise = lfilter([1.0], np.concatenate([[1.0], m.ar]), sigma * rng.standard_normal(s.u.size + 200))[200:]
-    return s.with_output(free_run(s, m) + np.asarray(noise))
+    y = free_run(s, m) + np.asarray(noise)
+    # readings that are never negative have lost the sign of their noise too
+    inside = any(t.kind.folds for t in m.terms) and float(s.y.min()) >= 0.0
+    return s.with_output(np.abs(y) if inside else y)
 
 
 def numbers_of(s: Record, m: ChainModel) -> dict[str, Any]:
