@@ -11,12 +11,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.blind_logs.wiener_hammerstein import Case
-from whsklearn.gap.evidence import DEFAULT_TOLERANCE, delta_bic_of
+from whsklearn.effects import reduced_law
+from whsklearn.gap.evidence import DEFAULT_TOLERANCE
 from whsklearn.gap.plants.chain import ChainPlant
-from whsklearn.gap.plants.chain_candidates import CATALOGUE
-from whsklearn.gap.plants.chain_fit import cost, fit_base, refit, rms_dx
+from whsklearn.gap.plants.chain_candidates import Term, catalogue
+from whsklearn.gap.plants.chain_fit import base_starts, coloured, cost, minima, polished, sharpened
 from whsklearn.gap.plants.chain_law import law_choice
-from whsklearn.gap.plants.chain_model import ChainModel, Setting, Term, free_run, signal_scales
+from whsklearn.gap.plants.chain_model import HARD, ChainModel, Record, free_run
+
+PLACES = {"position": 20, "time": 2000, "step": 40}  # independent places that a scan looks at
 
 
 @dataclass(frozen=True)
@@ -30,7 +33,7 @@ class Evidence:
 def term_of(name: str, numbers: dict[str, float]) -> Term | None:
     """A hidden effect as the finder's catalogue writes it; None for rounding, which is no term."""
     size, shape, phase = (numbers[k] for k in ("size", "shape", "phase"))
-    kinds = [c for c in CATALOGUE if c.name == name]
+    kinds = [c for c in catalogue(reduced_law()) if c.name == name]
     if name == "parameter_change":
         changed = "viscous" if phase < 1 else "coulomb"
         kinds = [c for c in kinds if c.options["parameter"] == changed]
@@ -39,16 +42,15 @@ def term_of(name: str, numbers: dict[str, float]) -> Term | None:
     kind = kinds[0]
     if kind.linear == 2:
         wave = (size * np.cos(phase), -size * np.sin(phase))
-        return Term(kind, wave if kind.n_numbers == 2 else (*wave, shape))
-    rest = (shape, 2.0)[: kind.n_numbers - 1]
-    return Term(kind, (size, *((0.0,) if kind.fields[-1] == "centre" else rest)))
+        return Term(kind, (*wave, shape)[: len(kind.fields)])
+    return Term(kind, (size, *((0.0,) if kind.fields[-1] == "centre" else (shape, 2.0)))[: len(kind.fields)])
 
 
-def setting_of(case: Case) -> Setting:
-    """The record as the finder splits it."""
+def record_of(case: Case) -> Record:
+    """The record as the finder takes it."""
     dt = float(case.frame["time_s"].iloc[1])
     u, y = case.frame["u"].to_numpy(), case.frame["y"].to_numpy()
-    return ChainPlant(u, y, (law_choice(None), (2, 2, 2, 2), 0), tolerance=DEFAULT_TOLERANCE, dt=dt).setting()
+    return ChainPlant(u, y, (law_choice(None), (2, 2, 2, 2), 0), tolerance=DEFAULT_TOLERANCE, dt=dt).readings()
 
 
 def typical(e: np.ndarray, limit: float) -> float:
@@ -58,22 +60,18 @@ def typical(e: np.ndarray, limit: float) -> float:
 
 def evidence(case: Case) -> Evidence:
     """See the module."""
-    s, system = setting_of(case), case.system
+    s, system = record_of(case), case.system
     theta = np.array([*system["a"][1:], *system["b"], *system["law"], *system["c"][1:], *system["d"]])
     terms = [term_of(n, p) for n, p in zip(case.truth, case.parameters, strict=True)]
-    truth = ChainModel(theta, tuple(t for t in terms if t is not None))
-    truth = truth.at(1000.0 / rms_dx(s, truth))
-    z = signal_scales(s, truth)
-    whole, value = refit(s, truth, z)
-    value = min(value, cost(s, truth))
-    minima = [m for m, _ in fit_base(s, np.random.default_rng(0))]
-    found, n = {}, int(s.fit.sum())
+    truth = coloured(s, ChainModel(theta, tuple(t for t in terms if t is not None)))
+    whole = polished(s, truth)
+    value, n = cost(s, whole), int(s.fit.sum())
+    bases = minima(s, base_starts(s, np.random.default_rng(0)))
+    found = {}
     for i, term in enumerate(truth.terms):
         others = truth.without(i).terms
-        without = [refit(s, m.without(i), z, thorough=True)[1] for m in (truth, whole)]
-        for m in minima:
-            for other in others:
-                m = m.plus(other)
-            without.append(refit(s, m, z)[1] if others else cost(s, m))
-        found[term.kind.name] = delta_bic_of(n, min(without), value, term.kind.n_estimated, term.kind.scanned)
+        without = [m.without(i) for m in (truth, whole)] + [m.with_terms(others) for m in bases]
+        least = min(cost(s, polished(s, sharpened(s, m, (10.0, 30.0, *HARD)))) for m in without)
+        price = term.kind.n_numbers * np.log(n) + 2.0 * np.log(PLACES.get(term.kind.scan, 1))
+        found[term.kind.name] = n * np.log(least / value) - price
     return Evidence(found, s.y - free_run(s, whole))

@@ -105,14 +105,14 @@ def run(theta, chain, ports, u, y, noise, free, x, v, y_hat):
             raw[t] = s
             if between:
                 s = transmitted(codes, rows, memory, s, dt)
-            ue[t] = driven(codes, rows, memory, arrived(codes, rows, u, t, dt), u, t, s, dt) if drive else u[t]
+            ue[t] = driven(codes, rows, memory, arrived(codes, rows, u, t, dt), t, s, dt) if drive else u[t]
         x[t] = s
         dx = s - (x[t - 1] if t > 0 else 0.0)
         f = 0.0
         for i in range(nw):
             f += theta[w0 + i] * term(law[i], shapes[i, 0], shapes[i, 1], shapes[i, 2], s, dx, kappa)[0]
         if ports is not None and law_port:
-            f += added(codes, rows, memory, own, u[t], s, dx, dx - dx_old, t, dt, kappa, v)
+            f += added(codes, rows, memory, own, u[t], s, dx, dx - dx_old, t, dt, kappa)
             dx_old = dx
         v[t] = min(max(f, -FAR), FAR)
         s = noise[t]

@@ -22,7 +22,6 @@ from whsklearn.effects.rows import has_memory, load_torque, motor_torque, on_loa
 from whsklearn.effects.signs import smooth_sign
 from whsklearn.effects.timed import disturbance_tone, parameter_change
 from whsklearn.effects.transmission import play, resonance
-from whsklearn.systems.chain_probes import HAT_Q, HAT_U, HAT_X, LAG_U, hat, probe
 
 LEAST_SLOPE = 0.05  # of a folded reading: below, dividing by it would only amplify noise
 
@@ -35,8 +34,6 @@ def at_drive(code):
         or k.DEAD_ZONE <= code <= k.SATURATION
         or code == k.CHANGE_GAIN
         or k.INPUT_DELAY <= code <= k.ACTUATOR_LAG
-        or code == HAT_U
-        or code == LAG_U
         or code == k.TONE_U
         or code == k.PLAY_U
     )
@@ -51,7 +48,7 @@ def at_transmission(code):
 @njit(cache=False, error_model="numpy")
 def at_sensor(code):
     """Whether a code acts on the reading."""
-    return k.OUTPUT_OFFSET <= code <= k.QUANTIZATION or code == k.USER_OUTPUT or code == HAT_Q or code == k.RESONANCE_Y
+    return k.OUTPUT_OFFSET <= code <= k.QUANTIZATION or code == k.USER_OUTPUT or code == k.RESONANCE_Y
 
 
 @njit(cache=False, error_model="numpy")
@@ -84,19 +81,11 @@ def arrived(codes, rows, u, t, dt):
 
 
 @njit(cache=False, error_model="numpy", forceinline=True)
-def driven(codes, rows, memory, w, u, t, x, dt):
-    """u_eff(t) of the command that has arrived; ``memory`` of shape (n_effects, n_states) holds what a lag remembers.
-
-    ``u`` is the command up to t, which generic functions look at.
-    """
+def driven(codes, rows, memory, w, t, x, dt):
+    """u_eff(t) of the command that has arrived; ``memory``, shape (n_effects, n_states), holds what a lag remembers."""
     for j in range(codes.size):
         c = codes[j]
-        if c == HAT_U:
-            w += rows[j, 0] * hat(u[t], rows[j, 1], rows[j, 2])
-        elif c == LAG_U:
-            i = t - int(rows[j, 1])
-            w += rows[j, 0] * (u[i] if i >= 0 else 0.0)
-        elif at_drive(c) and c != k.INPUT_DELAY:
+        if at_drive(c) and c != k.INPUT_DELAY:
             w = passed(c, rows, memory, j, w, t * dt, x, dt)
     return w
 
@@ -147,7 +136,7 @@ def coupled(frequency, ratio, memory, j, x, dt):
 
 
 @njit(cache=False, error_model="numpy", forceinline=True)
-def added(codes, rows, memory, own, u, x, dx, ddx, t, dt, kappa, v):
+def added(codes, rows, memory, own, u, x, dx, ddx, t, dt, kappa):
     """What friction, position and time effects add to v(t); ``ddx`` is the change of dx."""
     total = 0.0
     s, ds = smooth_sign(dx, kappa)
@@ -155,8 +144,6 @@ def added(codes, rows, memory, own, u, x, dx, ddx, t, dt, kappa, v):
         c = codes[j]
         if at_drive(c) or at_sensor(c) or at_transmission(c):
             total += 0.0
-        elif c >= HAT_X:
-            total += rows[j, 0] * probe(c, rows[j, 1], rows[j, 2], x, dx, u, t, v, s)
         elif c == k.USER_TORQUE:
             total += own(int(rows[j, WHICH]), rows[j], t * dt, x, dx, u)
         elif c == k.CHANGE_INERTIA:
@@ -180,9 +167,7 @@ def sensed(codes, rows, memory, own, q, t, dt):
     y = q
     for j in range(codes.size):
         c = codes[j]
-        if c == HAT_Q:
-            y += rows[j, 0] * hat(q, rows[j, 1], rows[j, 2])
-        elif c == k.USER_OUTPUT:
+        if c == k.USER_OUTPUT:
             y += own(int(rows[j, WHICH]), rows[j], t * dt, q, 0.0, 0.0)
         elif at_sensor(c) and c != k.RESONANCE_Y:
             folds = c == k.SENSOR_RECTIFICATION or c == k.QUANTIZATION
@@ -202,8 +187,6 @@ def unsensed(codes, rows, own, y, expected, t, dt):
             slope = 1.0 - 2.0 * rows[j, 0]
             if expected < 0.0 and q * slope < 0.0:
                 q /= math.copysign(max(abs(slope), LEAST_SLOPE), slope)
-        elif c == HAT_Q:
-            q -= rows[j, 0] * hat(q, rows[j, 1], rows[j, 2])
         else:
             start = q
             for _ in range(4):  # q + e(q) = y; e is small and smooth, so that this contracts

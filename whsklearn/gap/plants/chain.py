@@ -16,7 +16,8 @@ from whsklearn.gap.data_check import Problem
 from whsklearn.gap.diagnosis import NamedEffect
 from whsklearn.gap.plant import PlantDefaults
 from whsklearn.gap.plants import chain_record as readings
-from whsklearn.gap.plants.chain_anew import fits, fitted, nudged
+from whsklearn.gap.plants.chain_anew import fits, fitted, fitted_once, nudged
+from whsklearn.gap.plants.chain_candidates import Candidate
 from whsklearn.gap.plants.chain_fit import base_starts, minima, polished, sharpened
 from whsklearn.gap.plants.chain_law import LawChoice, falls_short, with_knots
 from whsklearn.gap.plants.chain_looks import SLOPED, WRONG_SIDE, Seen, gained, look
@@ -40,7 +41,6 @@ from whsklearn.gap.plants.chain_model import (
     stable,
     to_vector,
 )
-from whsklearn.gap.plants.chain_pictures import axes, pictures, residual_tests
 from whsklearn.gap.record import rms
 from whsklearn.gap.tangent import Look
 from whsklearn.gap.values import Linearised
@@ -59,7 +59,10 @@ ALIASES = {
 }
 SEARCHED = 8000  # samples of a longer record in which names are looked for: time only
 FITTED = 0.6  # of the record, to which models are fitted for the proof; the rest judges them
-GATE = 0.05  # p-value below which strong effects are fitted anew, which takes seconds: above the usual levels
+# p-value below which candidates are fitted, which takes seconds: above the usual levels; and that below which the look
+# alone speaks for them
+GATE, NO_DOUBT = 0.1, 1e-3
+FEW = 9  # own records in which the best candidate is fitted too
 AT_BOUND = 1.02  # ratio to the end of a range at which a shape is no shape of its own any more
 # Share of the base model's gap (rms) that a further effect must explain: what is less may be the form of the first one,
 # such as a delay between samples, which the library interpolates by a line.
@@ -112,8 +115,8 @@ class ChainPlant(PlantDefaults):
         return readings.check_chain(self.u, self.y)
 
     # --- models -----------------------------------------------------------------------------------
-    def _record(self, n: int | None = None) -> Record:
-        """The first n samples as fits take them."""
+    def readings(self, n: int | None = None) -> Record:
+        """The record as fits take it, or its first n samples."""
         n = self.u.size if n is None else n
         law = self.law.first()
         dims = np.array([*self.orders, len(law)], dtype=np.int64)
@@ -122,14 +125,13 @@ class ChainPlant(PlantDefaults):
 
     def base(self, rng: np.random.Generator) -> ChainModel:
         """The least of the base model's minima; the others are kept for candidates to start from."""
-        s = self._record(min(self.u.size, SEARCHED))
+        s = self.readings(min(self.u.size, SEARCHED))
         found = minima(s, base_starts(s, rng))
         if self.law.has_knots:
             for _ in range(2):
                 s, found = with_knots(s, found[0], self.law)
         self.record, self._others = s, found[1:]
-        self.whole = "output"
-        self.everything = s if s.u.size == self.u.size else dataclasses.replace(self._record(), law=s.law, dims=s.dims)
+        self.everything = s if s.u.size == self.u.size else dataclasses.replace(self.readings(), law=s.law, dims=s.dims)
         self.n_effective = float(s.fit.sum())
         # errors in the unit of the output: white noise of this size makes so much of it
         colour = lfilter([1.0], np.concatenate([[1.0], found[0].ar]), np.eye(1, 400)[0])
@@ -187,21 +189,36 @@ class ChainPlant(PlantDefaults):
         if seen.p_value > GATE:
             return looks
         before = rms(self.errors(model))
-        out: dict[str, Look] = {}
+        out: dict[str, tuple[Look, Candidate]] = {}
         others = self._others if not model.terms else []
         for kind, grown in fits(self.record, model, others, seen.looks, rng):
             g = gained(self.record, model, grown)
             null = max((k.null for k in looks if k.name == kind.name), key=np.mean, default=np.zeros(2))
             size = before * np.sqrt(max(0.0, -np.expm1(-g / self.n_effective)))
             p = max(seen.p_value, p_value(g, null, len(looks)))
-            if kind.name not in out or g > out[kind.name].gain:
-                out[kind.name] = Look(kind.name, g, null, grown, kind.n_numbers, float(size), 1.0, p)
-        return sorted([*(k for k in looks if k.name not in out), *out.values()], key=lambda k: -k.score)
+            if kind.name not in out or g > out[kind.name][0].gain:
+                out[kind.name] = Look(kind.name, g, null, grown, kind.n_numbers, float(size), 1.0, p), kind
+        ranked = sorted(out.values(), key=lambda pair: -pair[0].score)
+        if seen.p_value > NO_DOUBT:  # what a fit sees beyond a look, it sees in own records too
+            ranked = [(self._fitted_too(model, *ranked[0], len(looks), rng), ranked[0][1]), *ranked[1:]] if ranked else []
+        return sorted([*(k for k in looks if k.name not in out), *(k for k, _ in ranked)], key=lambda k: -k.score)
+
+    def _fitted_too(self, model: ChainModel, look: Look, kind: Candidate, families: int, rng: np.random.Generator) -> Look:
+        """The best candidate against what the same fit finds in own records, where a first look alone leaves doubt."""
+        g = []
+        for _ in range(FEW):
+            other = made(self.record, model, rng)
+            own = sharpened(other, model, (SHARPEST,))
+            g.append(gained(other, own, fitted_once(other, own, kind, rng)))
+        p = min(look.p_value, 2.0 * p_value(look.gain, np.maximum(g, 0.0), families))  # two questions
+        return dataclasses.replace(look, p_value=p)
 
     def refine(self, model: ChainModel, look: Look) -> ChainModel:
         """The candidate fitted together with the model, to the end."""
         s = self.record
-        return polished(s, nudged(s, look.start) if isinstance(look.start, ChainModel) else fitted(s, [model], look.start))
+        if isinstance(look.start, ChainModel):
+            return polished(s, nudged(s, look.start))
+        return polished(s, fitted(s, [model], look.start))
 
     def family(self, model: ChainModel) -> Iterable[ChainModel]:
         """None: further orders are candidates like any other."""
@@ -326,7 +343,7 @@ class ChainPlant(PlantDefaults):
 
     def signals(self, model: ChainModel) -> dict[str, tuple[Array, str]]:
         """Name -> (signal at the judged samples, unit)."""
-        return {k: (v[self.record.fit], unit) for k, (v, unit) in axes(self.record, model, self.units).items()}
+        return {k: (v[self.record.fit], unit) for k, (v, unit) in readings.axes(self.record, model, self.units).items()}
 
     def regressors(self, model: ChainModel) -> tuple[dict[str, tuple[float, Array]], Array, float]:
         """None: a chain's numbers are not regression coefficients of its error."""
@@ -334,7 +351,7 @@ class ChainPlant(PlantDefaults):
 
     def residual_tests(self, base: ChainModel, model: ChainModel) -> list[dict[str, Any]]:
         """Whiteness, before and after."""
-        return residual_tests(self.record, base, model)
+        return readings.residual_tests(self.record, base, model)
 
     def parameters(self, model: ChainModel) -> dict[str, float]:
         """Natural parameters by name."""
@@ -358,11 +375,11 @@ class ChainPlant(PlantDefaults):
     def pictures(self, base: ChainModel, model: ChainModel) -> dict[str, Any]:
         """Series that the page draws."""
         runs = {word: self.simulate(m, self.headline) for word, m in (("before", base), ("after", model))}
-        series = pictures(self.record, base, model, self.unit)
+        series = readings.pictures(self.record, base, model, self.unit)
         return series | {
             "time": np.arange(self.u.size) * self.dt, "measured": self.everything.y,
             "runs": runs, "held": self.measured()[1], "beside_turned": self._turned(model),
-            "axes": axes(self.everything, base, self.units), "floor": self.figures(base, model)[2],
+            "axes": readings.axes(self.everything, base, self.units), "floor": self.figures(base, model)[2],
         }  # fmt: skip
 
     def system(self, model: ChainModel) -> WienerHammersteinSystem:

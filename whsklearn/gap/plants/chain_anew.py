@@ -79,6 +79,15 @@ def fitted(s: Record, models: list[ChainModel], term: Term) -> ChainModel:
     return walked(s, out) if term.kind.scan == "step" else out
 
 
+def fitted_once(s: Record, m: ChainModel, kind: Candidate, rng: np.random.Generator) -> ChainModel:
+    """The model with one candidate, fitted as `fits` does; the model itself where no fit is stable."""
+    if is_strong(kind, s):
+        grown = fitted_anew(s, m, [], kind, rng)
+        return m if grown is None else grown
+    start = next((k.start for k in softly(s, m) if k.start.kind == kind), None)
+    return m if start is None else fitted(s, [m], start)
+
+
 def walked(s: Record, m: ChainModel) -> ChainModel:
     """The model with the instant of its last effect moved while that leaves less, by ever smaller steps."""
     kind, q = m.terms[-1].kind, list(m.terms[-1].q)

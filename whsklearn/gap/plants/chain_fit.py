@@ -225,7 +225,8 @@ def minima(s: Record, starts: Iterable[ChainModel], *, keep: int = KEPT, ended: 
     softer = [sharpened(s, m, SOFT[1:]) for m in ranked(s, starts, SOFT[0], 8)[:keep]]
     softer.sort(key=lambda m: cost(s, m))
     if ended:
-        others = [dataclasses.replace(m, theta=t) for m in softer[:1] for t in exchanged(m.theta, tuple(map(int, s.dims)))]
+        dims = tuple(map(int, s.dims))
+        others = [dataclasses.replace(m, theta=t) for m in softer[:1] for t in exchanged(m.theta, dims)]
         softer += [sharpened(s, m, SOFT[1:]) for m in ranked(s, others, SOFT[1], 6)[:2]]
         softer.sort(key=lambda m: cost(s, m))
     out = sorted((sharpened(s, m) for m in softer[:POLISHED]), key=lambda m: cost(s, m))

@@ -233,7 +233,7 @@ def kinds(s: Record, m: ChainModel) -> list[Candidate]:
 
 
 def reversals(e: Array, null: Array) -> Look:
-    """How many samples are on the wrong side of a sign, in the record and in own ones: a small play turns only signs."""
+    """How many samples are on the wrong side of a sign, in the record and in own ones: a small play shows so."""
     counts = np.array([np.sum(np.abs(r) > WRONG_SIDE * np.sqrt(variance_of(r))) for r in (e, *null)], dtype=float)
     excess = max(counts[0] - float(counts[1:].mean()), 0.0)
     return Look("", counts[0], counts[1:], None, 1, float(np.sqrt(excess * CAP * variance_of(e) / e.size)))

@@ -1,15 +1,17 @@
-"""What is read off a u-y record itself: whether it can be used, and the grid of its readings."""
+"""The record itself: whether it can be used, the grid of its readings, and what the page draws of it."""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from whsklearn.gap.data_check import Problem, flat_share
-from whsklearn.gap.plants.chain_model import ChainModel, Record, left, variance_of
+from whsklearn.gap.localisation import spectra
+from whsklearn.gap.plants.chain_model import AR_ORDER, SKIP, ChainModel, Record, clipped, left, simulate, variance_of
 from whsklearn.gap.record import lattice, rms
+from whsklearn.validation.residuals import whiteness_test
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -26,6 +28,9 @@ CLIPPED, LEVELS = 0.02, 50
 FAR = 40.0  # multiple of the 0.99 quantile of the distance from the median: beyond is an outlier of the file
 COARSE_READING = 0.003  # share of the output's rms in rounding errors: a finer grid is a converter's, and no effect
 ROUNDING = 0.15  # share of the errors' mean square that rounding must make up to be told
+
+LAGS = 20  # of the test of whiteness
+WINDOW = 200  # samples of the overlay
 
 
 def check_chain(u: Array, y: Array) -> list[Problem]:
@@ -73,3 +78,35 @@ def coarse_grid(s: Record, m: ChainModel) -> float:
         return 0.0
     gain = 1.0 + float(m.ar @ m.ar)  # of A(q) on white rounding errors
     return step if gain * step**2 / 12.0 > ROUNDING * variance_of(left(s, m)[s.fit]) else 0.0
+
+
+def axes(s: Record, m: ChainModel, units: tuple[str, str]) -> dict[str, tuple[Array, str]]:
+    """The signals that the gap may follow, one sample late as L2 is."""
+    x, _, y_hat = simulate(s, m)
+    dx = np.diff(x, prepend=x[:1])
+    out: dict[str, tuple[Any, str]] = {"time": (np.arange(s.u.size) * s.dt, "s" if s.dt != 1.0 else "samples")}
+    late = {"input": (s.u, units[0]), "x": (x, ""), "dx": (dx, "")}
+    out |= {k: (np.concatenate([v[:1], v[:-1]]), unit) for k, (v, unit) in late.items()}
+    return out | {"output": (y_hat, units[1])}
+
+
+def residual_tests(s: Record, base: ChainModel, model: ChainModel) -> list[dict[str, Any]]:
+    """Ljung-Box of the whitened errors, outliers held, before and after."""
+    out = []
+    for word, m in (("before", base), ("after", model)):
+        w = whiteness_test(clipped(left(s, m)[s.fit]), LAGS, AR_ORDER)
+        out.append({"test": f"Ljung-Box, {LAGS} lags, outliers held, {word}", "statistic": w.statistic,
+                    "p_value": w.p_value, "largest": float(np.abs(w.r).max()), "band": w.band})  # fmt: skip
+    return out
+
+
+def pictures(s: Record, base: ChainModel, model: ChainModel, unit: float) -> dict[str, Any]:
+    """Measured output, the gap over time, its spectra by frequency and by order of x."""
+    time = np.arange(s.u.size) * s.dt
+    x = simulate(s, base)[0]
+    before, after = (unit * clipped(left(s, m)) for m in (base, model))
+    return {
+        "gap_time": time, "usable": np.arange(s.u.size) >= SKIP, "units": ("", ""), "what": "whitened error",
+        "output": "output", "window": WINDOW, "clock": "s" if s.dt != 1.0 else "samples",
+        **spectra(before, after, s.dt, x, np.linspace(0.3, 12.0, 160) / max(rms(x), 1e-12), SKIP),
+    }  # fmt: skip
