@@ -11,9 +11,9 @@ import pytest
 from whsklearn.gap import evidence as rules
 from whsklearn.gap.old_search import Found, Round, Search
 from whsklearn.gap.plant import ViewDefaults
-from whsklearn.gap.plants.chain_evidence import CAPPED
 from whsklearn.gap.values import CandidateFit, Look, ModelErrors
 
+CAPPED = rules.Limits(per_sample=0.0, least=30.0, most=30.0, over_chance=2.0, price=1.0, blocks=0.5)
 LIMITS = replace(CAPPED, few_refined=rules.FEW_REFINED)
 
 

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from whsklearn.gap.plants.chain_evidence import CAPPED
+from whsklearn.gap.evidence import Limits
 from whsklearn.gap.surrogate import best_score
 from whsklearn.gap.values import Look
 
@@ -17,7 +17,7 @@ N = 500.0
 class View:
     """A view whose surrogates show these looks, one list a surrogate."""
 
-    limits = CAPPED
+    limits = Limits(per_sample=0.0, least=30.0, most=30.0, over_chance=2.0, price=1.0, blocks=0.5)
 
     def __init__(self, *shown):
         self.shown = list(shown)

@@ -280,7 +280,7 @@ def _effects(plant: Any, found: Found) -> list[NamedEffect]:
     for i, (taken, rivals) in enumerate(zip(found.taken, found.rivals, strict=True)):
         index = found.model.n_base + i
         effect = found.model.terms[index].effect
-        aliases = list(dict.fromkeys([*plant.aliases(taken.name), *rivals]))
+        aliases = list(dict.fromkeys([*plant.aliases(taken.name), *rivals, *taken.same]))
         out.append(NamedEffect(
             effect, labelled_errors(fit, index), taken.delta_bic, 1.0 - taken.look.p_value,
             float(min(taken.size / max(gap, 1e-300), 1.0) ** 2), aliases, p_value=taken.look.p_value,

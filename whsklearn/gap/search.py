@@ -58,6 +58,8 @@ class Named:
         Rms of what it explains, as a share of the drive or the output.
     reason : str
         What physics has against it; empty if nothing.
+    same : list of str
+        Names of what says the same with more numbers.
     """
 
     look: Look
@@ -66,6 +68,7 @@ class Named:
     gain: float = 0.0
     size: float = 0.0
     reason: str = ""
+    same: list[str] = field(default_factory=list)
 
     @property
     def name(self) -> str:
@@ -297,16 +300,28 @@ class Search:
             if effect is not None and grown.parent == effect.name:  # it holds the one taken and more, and is asked next
                 continue
             if self._needless(taken, other):
+                taken.same.append(other.name)
                 continue
             lead = taken.score - other.score
             if lead < 0.0:  # the one taken is the commoner
                 names.append(other.name)
                 continue
-            z = vuong(other.errors, taken.errors)
-            leads = self.plant.leads(taken, other, self.rng)
-            if not separable(lead, z, leads, self.alpha):
+            if not self._told_apart(lead, taken, other):
                 names.append(other.name)
         return list(dict.fromkeys(names))
+
+    def _told_apart(self, lead: float, taken: Named, other: Named) -> bool:
+        """Whether the lead of one over another is beyond what accident, and records made by the other, would give.
+
+        Where a plant's own records are exact, those that the rival makes say more than blocks of this one.
+        """
+        z = vuong(other.errors, taken.errors)
+        if not self.plant.exact:
+            return separable(lead, z, self.plant.leads(taken, other, self.rng), self.alpha)
+        if separable(lead, z, np.zeros(0), self.alpha):
+            return True
+        leads = self.plant.leads(taken, other, self.rng)
+        return bool(leads.size) and separable(lead, np.inf, leads, self.alpha)
 
     def _as_good(self, taken: Named, looks: list[Look]) -> list[str]:
         """Names that are not shown by themselves, and explain no less than the one taken to first order."""

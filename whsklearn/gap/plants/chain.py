@@ -7,7 +7,6 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
-from scipy.signal import lfilter
 
 from whsklearn.effects import Quantization, get_effect
 from whsklearn.estimators import _model as wh
@@ -33,15 +32,19 @@ from whsklearn.gap.plants.chain_model import (
     from_vector,
     held,
     left,
+    loudness,
     made,
     numbers_of,
+    response,
     rms_dx,
     sensitivities,
     sizes,
     stable,
     to_vector,
+    variance_of,
 )
 from whsklearn.gap.record import rms
+from whsklearn.gap.search import WORTH_FITTING
 from whsklearn.gap.tangent import Look
 from whsklearn.gap.values import Linearised
 from whsklearn.systems.wiener_hammerstein import WienerHammersteinSystem
@@ -106,6 +109,7 @@ class ChainPlant(PlantDefaults):
         self.horizons = (1.0, 10.0, float(self.y.size))
         self.headline = float(self.y.size)
         self._others: list[ChainModel] = []
+        self._near: set[str] = set()
         self._settled: dict[int, ChainModel] = {}
         self._parts: dict[tuple[int, bool], tuple[ChainModel, ChainModel]] = {}
         self._seen: dict[int, tuple[ChainModel, Seen]] = {}
@@ -133,9 +137,7 @@ class ChainPlant(PlantDefaults):
         self.record, self._others = s, found[1:]
         self.everything = s if s.u.size == self.u.size else dataclasses.replace(self.readings(), law=s.law, dims=s.dims)
         self.n_effective = float(s.fit.sum())
-        # errors in the unit of the output: white noise of this size makes so much of it
-        colour = lfilter([1.0], np.concatenate([[1.0], found[0].ar]), np.eye(1, 400)[0])
-        self.unit = float(np.sqrt(np.sum(np.asarray(colour) ** 2)))
+        self.unit = loudness(found[0].ar)  # so that errors are in the unit of the output
         self._first = rms(self.errors(found[0]))
         return found[0]
 
@@ -191,7 +193,9 @@ class ChainPlant(PlantDefaults):
         before = rms(self.errors(model))
         out: dict[str, tuple[Look, Candidate]] = {}
         others = self._others if not model.terms else []
-        for kind, grown in fits(self.record, model, others, seen.looks, rng):
+        # an effect that is asked anew beside others competes with what came near it before
+        near = None if beside is None else self._near
+        for kind, grown in fits(self.record, model, others, seen.looks, rng, near):
             g = gained(self.record, model, grown)
             null = max((k.null for k in looks if k.name == kind.name), key=np.mean, default=np.zeros(2))
             size = before * np.sqrt(max(0.0, -np.expm1(-g / self.n_effective)))
@@ -199,11 +203,16 @@ class ChainPlant(PlantDefaults):
             if kind.name not in out or g > out[kind.name][0].gain:
                 out[kind.name] = Look(kind.name, g, null, grown, kind.n_numbers, float(size), 1.0, p), kind
         ranked = sorted(out.values(), key=lambda pair: -pair[0].score)
+        self._near |= {k.name for k, _ in ranked if k.size**2 > WORTH_FITTING * ranked[0][0].size ** 2}
         if seen.p_value > NO_DOUBT:  # what a fit sees beyond a look, it sees in own records too
-            ranked = [(self._fitted_too(model, *ranked[0], len(looks), rng), ranked[0][1]), *ranked[1:]] if ranked else []
+            ranked = (
+                [(self._fitted_too(model, *ranked[0], len(looks), rng), ranked[0][1]), *ranked[1:]] if ranked else []
+            )
         return sorted([*(k for k in looks if k.name not in out), *(k for k, _ in ranked)], key=lambda k: -k.score)
 
-    def _fitted_too(self, model: ChainModel, look: Look, kind: Candidate, families: int, rng: np.random.Generator) -> Look:
+    def _fitted_too(
+        self, model: ChainModel, look: Look, kind: Candidate, families: int, rng: np.random.Generator
+    ) -> Look:
         """The best candidate against what the same fit finds in own records, where a first look alone leaves doubt."""
         g = []
         for _ in range(FEW):
@@ -251,8 +260,19 @@ class ChainPlant(PlantDefaults):
         return tuple(cls.aliases) if cls.evaluate is not None else ALIASES.get(name, ())
 
     def leads(self, taken: Any, other: Any, rng: np.random.Generator) -> Array:
-        """Lead of the one taken in records that the other makes."""
-        return np.zeros(0)
+        """Lead of the one taken in records that the other makes; none where the one taken leaves something too.
+
+        Then neither is right, and what records of the other would show says nothing.
+        """
+        if self.seen(self.settled(taken.model), rng).p_value <= GATE:
+            return np.zeros(0)
+        price = 2.0 * float(np.mean(taken.look.null) - np.mean(other.look.null))
+        leads = []
+        for _ in range(FEW):
+            s = made(self.record, other.model, rng)
+            wrong = sharpened(s, taken.model, (10.0, 30.0, *HARD))
+            leads.append(gained(s, polished(s, other.model), polished(s, wrong)) - price)
+        return np.array(leads)
 
     # --- proof ------------------------------------------------------------------------------------
     def follows(self, model: ChainModel) -> float:
@@ -278,8 +298,7 @@ class ChainPlant(PlantDefaults):
         run = free_run(s, model)
         if horizon >= s.y.size:
             return run
-        colour = lfilter([1.0], np.concatenate([[1.0], model.ar]), np.eye(1, int(horizon))[0])
-        return s.y - np.convolve(left(s, model), np.asarray(colour))[: s.y.size]
+        return s.y - np.convolve(left(s, model), response(model.ar, int(horizon)))[: s.y.size]
 
     def measured(self, *models: ChainModel) -> tuple[Array, NDArray[np.bool_]]:
         """(output, held-out samples), of two models without those on the wrong side of a sign under the second.
@@ -304,7 +323,9 @@ class ChainPlant(PlantDefaults):
         s, fitted = self.everything, self.part(model)
         quiet = free_run(s, fitted)
         noise = made(s, fitted, rng).y - quiet
-        other.everything = other.record = s.with_output(quiet + noise * np.sqrt(1.0 - self.follows(model)))
+        # over the samples that judge, of the size that is expected: a floor read off one record has no error of sampling
+        size = loudness(fitted.ar) * np.sqrt(variance_of(left(s, fitted)[s.fit]) * (1.0 - self.follows(model)))
+        other.everything = other.record = s.with_output(quiet + noise * size / rms(noise[self.measured()[1]]))
         other._parts = {(id(model), True): (model, fitted)}
         return other
 
@@ -359,9 +380,7 @@ class ChainPlant(PlantDefaults):
 
     def notes(self, base: ChainModel, model: ChainModel) -> list[str]:
         """Remarks on how the record was used."""
-        long = [
-            f"Names were looked for in the first {SEARCHED} samples, their numbers fitted to all {self.u.size}."
-        ]
+        long = [f"Names were looked for in the first {SEARCHED} samples, their numbers fitted to all {self.u.size}."]
         return [
             *(long if self.record is not self.everything else []),
             "All errors are of the free run, whitened by an autoregression of what is left; the null is what the model "
@@ -394,4 +413,3 @@ class ChainPlant(PlantDefaults):
             named["a"], named["b"], named["c"], named["d"], s.law.reweighted(final.theta[s.blocks[2]]),
             effects=effects, dt=self.dt, direct=self.direct,
         )  # fmt: skip
-

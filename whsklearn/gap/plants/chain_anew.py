@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +24,7 @@ from whsklearn.recursion.best_linear import Ratio
 
 Array = NDArray[np.float64]
 
-PROMISING = 5  # candidates of each look that add to what is there, and are fitted
+PROMISING = 4  # candidates of each look that add to what is there, and are fitted
 MOST_NUDGES, NUDGES = 4, (0.7, 0.87, 1.15, 1.4)  # rounds, and factors on a shape that is moved to another valley
 TRIED = 12  # starts of a candidate, a number of it, that are fitted, of those that leave the least as they are
 DIVIDED = 5  # shapes whose best linear model is divided between the blocks, of those that fit best
@@ -42,7 +43,7 @@ def is_strong(kind: Candidate, s: Record) -> bool:
 
 
 def fits(
-    s: Record, m: ChainModel, others: list[ChainModel], looks: list[Look], rng: np.random.Generator
+    s: Record, m: ChainModel, others: list[ChainModel], looks: list[Look], rng: np.random.Generator, among: Any = None
 ) -> Iterator[tuple[Candidate, ChainModel]]:
     """The model with one candidate more, for the strong ones and for those of the rest that two looks promise most.
 
@@ -52,16 +53,19 @@ def fits(
         Further minima of the model without it.
     looks : list of Look
         Of `whsklearn.gap.plants.chain_looks.look`; a second one under a softer sign is taken here.
+    among : container of str, optional
+        Names that alone are worth a fit; all by default.
     """
     for kind in kinds(s, m):
-        if is_strong(kind, s):
+        if is_strong(kind, s) and (among is None or kind.name in among):
             grown = fitted_anew(s, m, others, kind, rng)
             if grown is not None:
                 yield kind, grown
     ranked = [sorted((k for k in looks if k.start is not None), key=lambda k: -k.score), softly(s, m)]
     seen: set[int] = set()
     for one in ranked:
-        for found in [k for k in one if not is_strong(k.start.kind, s)][:PROMISING]:
+        weak = [k for k in one if not is_strong(k.start.kind, s) and (among is None or k.name in among)]
+        for found in weak[:PROMISING]:
             start = found.start
             if start.kind.code in seen and one is ranked[0]:
                 continue
@@ -74,7 +78,8 @@ def fitted(s: Record, models: list[ChainModel], term: Term) -> ChainModel:
     z = sizes(s, models[0])
     bounds = [term.kind.range_of(i, z) for i in range(len(term.q))]
     term = Term(term.kind, tuple(float(np.clip(v, *b)) for v, b in zip(term.q, bounds, strict=True)))
-    ways = [sharpened(s, m.plus(term), rungs, 6) for m in models for rungs in (HARD, (10.0, 30.0, *HARD))]
+    ways = [sharpened(s, m.plus(term), (10.0, 30.0, *HARD), 6) for m in models]
+    ways.append(sharpened(s, models[0].plus(term), HARD[1:], 8))
     out = min(ways, key=lambda m: cost(s, m))
     return walked(s, out) if term.kind.scan == "step" else out
 
@@ -241,4 +246,3 @@ def unfolded(s: Record, m: ChainModel, rng: np.random.Generator) -> list[ChainMo
             break
         sign = new
     return [dataclasses.replace(f, terms=m.terms) for f in found]
-

@@ -46,6 +46,7 @@ VERY_SOFT = 8.0  # the same at which an eighth of rms dx is still told
 SMALL = 1e-6  # of v's size: what is linear is tried with it
 WRONG_SIDE = 6.0  # deviations beyond which a sample is on the wrong side of a sign; of 1e8 Gaussian ones none is
 N_HILLS = 8  # of a nameless function, between the quantiles of its signal
+N_TIMES = 12  # hills over the record
 N_LAGS = 6  # of a nameless memory of the input
 N_TONES = 3  # lines of each row's spectrum that are tried
 
@@ -149,7 +150,8 @@ def nameless(scene: Scene) -> Iterator[Array]:
     yield at_law(hills(x))
     yield at_law(hills(dx))
     yield at_law(np.column_stack([x * dx, x * sign, u * dx, np.abs(u) * sign, x * u, x * np.abs(dx), x * x]))
-    yield at_law(np.column_stack([time, time**2, time * dx, time * sign, time**2 * dx, time**2 * sign]))
+    yield at_law(np.column_stack([time, time**2, hills(time, N_TIMES) * dx[:, None]]))
+    yield at_law(hills(time, N_TIMES) * sign[:, None])
     yield at_law(np.column_stack([lags(v, 3), lags(x, 2)]))
     yield at_input(hills(u))
     yield at_input(lags(u, N_LAGS))

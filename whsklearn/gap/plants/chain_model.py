@@ -226,6 +226,16 @@ def colour(r: Array) -> Array:
     return ar
 
 
+def response(ar: Array, n: int) -> Array:
+    """Impulse response of 1 / A, shape (n,)."""
+    return np.asarray(lfilter([1.0], np.concatenate([[1.0], ar]), np.eye(1, n)[0]))
+
+
+def loudness(ar: Array) -> float:
+    """Rms at the output of white noise of size one that has passed 1 / A."""
+    return float(np.sqrt(np.sum(response(ar, 400) ** 2)))
+
+
 def burg(x: Array) -> Array:
     """Coefficients of an autoregression with its roots inside `LONGEST_COLOUR` (Burg 1975, PhD thesis, Stanford)."""
     f, b, a = x[1:].copy(), x[:-1].copy(), np.ones(1)
