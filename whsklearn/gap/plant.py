@@ -336,6 +336,18 @@ class PlantDefaults:
         """What the effect says of itself."""
         return get_effect(name).commoner if name in effect_names() else ()
 
+    def rms(self, errors: Array) -> float:
+        """Root mean square."""
+        return rms(errors)
+
+    def family(self, model: Any) -> Iterable[Any]:
+        """None: further orders are candidates like any other."""
+        return ()
+
+    def remains(self, model: Any, nameless: float) -> float:
+        """Rms of what still follows the signals without a name: all that is seen of it."""
+        return nameless
+
     def doubtful(self, model: Any, index: int, taken: Evidence, rival: Evidence) -> bool:
         """Never: a margin and redrawn blocks tell any two effects apart."""
         return False

@@ -6,9 +6,8 @@ import numpy as np
 
 from whsklearn import WienerHammersteinSystem
 from whsklearn.effects import as_law
-from whsklearn.gap.plants.chain_candidates import CATALOGUE
-from whsklearn.gap.plants.chain_model import ChainModel, Setting, Term, signal_scales
-from whsklearn.gap.record import held_out_blocks
+from whsklearn.gap.plants.chain_candidates import Term, catalogue
+from whsklearn.gap.plants.chain_model import SKIP, ChainModel, Record, sizes
 
 THETA = np.array([2.2, 1.0, 0.5, 0.05, 0.7, 0.2, 0.2, 0.15, 0.4])
 PARTS = {"a": [1.0, 2.2], "b": [1.0, 0.5], "c": [1.0, 0.2], "d": [0.15, 0.4]}
@@ -16,25 +15,22 @@ U = np.random.default_rng(1).normal(size=900)
 TRUE = ChainModel(THETA)
 
 
-def kind(name):
-    """The first candidate of a name."""
-    return next(k for k in CATALOGUE if k.name == name)
+def kind(name, at=""):
+    """The candidate of a name, at a port."""
+    return next(k for k in catalogue(as_law(None)) if k.name == name and (not at or k.at == at))
 
 
-def term(name, *q):
+def term(name, *q, at=""):
     """An effect with its numbers."""
-    return Term(kind(name), q)
+    return Term(kind(name, at), q)
 
 
-def setting(*effects, noise=0.02, seed=0):
+def record(*effects, noise=0.02, seed=0, u=U):
     """A record of the example with these effects of the library in it."""
-    d = noise * np.random.default_rng(seed).normal(size=U.size)
-    y = WienerHammersteinSystem(**PARTS, effects=effects).simulate(U, d)
-    held, train = held_out_blocks(U.size)
-    first = np.arange(U.size) < 40
-    dims = np.array([2, 2, 2, 2, 3])
-    return Setting(U, y, 1.0, dims, as_law(None), train & ~first, np.where(first, -1, held))
+    d = noise * np.random.default_rng(seed).normal(size=u.size)
+    y = WienerHammersteinSystem(**PARTS, effects=effects).simulate(u, d)
+    return Record(u, y, 1.0, np.array([2, 2, 2, 2, 3]), as_law(None), np.arange(u.size) >= SKIP)
 
 
-PLAIN = setting()
-SCALES = signal_scales(PLAIN, TRUE)
+PLAIN = record()
+SIZES = sizes(PLAIN, TRUE)

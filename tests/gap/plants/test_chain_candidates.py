@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass
 from typing import ClassVar
@@ -10,15 +11,15 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tests.gap.plants.example_chain import PARTS, PLAIN, TRUE, U, term
+from tests.gap.plants.example_chain import PARTS, PLAIN, SIZES, TRUE, U, term
 from whsklearn import WienerHammersteinSystem
-from whsklearn.effects import Effect, Quantity
-from whsklearn.effects import base as catalogue
+from whsklearn.effects import Effect, Quantity, as_law, base
 from whsklearn.gap import GapFinder
 from whsklearn.gap.plants.chain import ChainPlant
-from whsklearn.gap.plants.chain_candidates import BENDS, CATALOGUE, own_candidates
+from whsklearn.gap.plants.chain_candidates import Term, catalogue
 from whsklearn.gap.plants.chain_law import law_choice
-from whsklearn.gap.plants.chain_model import Term, free_run
+from whsklearn.gap.plants.chain_model import free_run
+from whsklearn.models import load_model, save_model
 
 
 @pytest.fixture
@@ -45,7 +46,7 @@ def bump():
             return p[0] * math.exp(-(((position - p[1]) / p[2]) ** 2))
 
     yield Bump
-    catalogue._REGISTRY.pop("bump")
+    base._REGISTRY.pop("bump")
 
 
 def test_it_is_added_behind_the_first_block(bump):
@@ -58,16 +59,15 @@ def test_it_is_added_behind_the_first_block(bump):
 
 
 def test_what_its_class_says_of_the_search_counts(bump):
-    kind = next(k for k in own_candidates() if k.name == "bump")
-    assert [kind.is_free(i) for i in range(3)] == [True, True, True]
-    assert kind.scanned == 1
-    bump.held, bump.aliases, bump.commoner = ("centre",), ("end_stop",), ("cable_spring",)
+    def found():
+        return next(k for k in catalogue(as_law(None)) if k.name == "bump")
+
+    assert (found().free, found().n_numbers, found().scan) == ((0, 1, 2), 3, "")
+    bump.held, bump.aliases = ("centre",), ("end_stop",)
     bump.quantities["width"] = Quantity("rad", 0.01, 20.0, log=True, scan="step")
-    kind = next(k for k in own_candidates() if k.name == "bump")
-    assert [kind.is_free(i) for i in range(3)] == [True, False, True]
-    assert kind.scanned > 1
+    assert (found().free, found().n_numbers, found().scan) == ((0,), 2, "step")
     plant = ChainPlant(np.zeros(9), np.zeros(9), (law_choice(None), (2, 2, 2, 2), 0), tolerance=0.004)
-    assert (plant.aliases("bump"), plant.commoner("bump")) == (("end_stop",), ("cable_spring",))
+    assert plant.aliases("bump") == ("end_stop",)
     assert plant.aliases("end_stop") == ()
 
 
@@ -84,35 +84,55 @@ def test_it_is_named_where_it_is_and_not_where_it_is_not(bump):
     assert GapFinder("wiener-hammerstein").fit(pd.DataFrame({"u": u, "y": y})).verdict_ == "no_gap"
 
 
-@pytest.mark.parametrize(
-    "fitted",
-    [
-        term("cogging", 0.1, -0.2, 0.6), term("quadratic_drag", 0.1), term("dead_zone", 0.2),
-        term("output_offset", 0.3),
-        term("backlash", 0.3), term("position_friction", 0.1, 0.1, 0.7), term("hardening_spring", 0.01, 0.0),
-        term("presliding_hysteresis", 0.2, 0.8), term("actuator_lag", 0.8), term("disturbance_tone", 0.1, 0.2, 0.05),
-        term("encoder_eccentricity", 0.05, 0.02, 0.9), term("parameter_change", 0.1, 300.0),
-    ],
-    ids=lambda t: t.name,
-)  # fmt: skip
-def test_the_librarys_system_runs_as_the_fitted_model_does(fitted):
-    system = WienerHammersteinSystem(**PARTS, effects=[fitted.kind.of_library(fitted.q)])
-    np.testing.assert_allclose(system.simulate(U), free_run(PLAIN, TRUE.plus(fitted)), atol=1e-9)
+LINE = law_choice("linear").first()
+TABLE = [*catalogue(as_law(None)), *(k for k in catalogue(LINE) if k.at == "middle" and k.cls.port == "input")]
+
+
+def filled(k):
+    """A term of a candidate in the middle of its first shape, of a size that shows."""
+    size = {0: (), 1: (0.05,), 2: (0.05, -0.03)}[k.linear]
+    shapes = k.shapes(SIZES)
+    return Term(k, (*size, *(shapes[len(shapes) // 2] if shapes else (0.1,))))
+
+
+@pytest.mark.parametrize("k", TABLE, ids=lambda k: f"{k.name}{k.options}")
+def test_every_candidate_is_in_the_system_that_is_handed_back_saved_and_loaded(k, tmp_path):
+    one = filled(k)
+    assert one.row()[: len(one.q)] == pytest.approx(one.effect.row)
+    assert one.effect.name == k.name
+    system = WienerHammersteinSystem(**PARTS, effects=[one.effect])
+    np.testing.assert_allclose(system.simulate(U), free_run(PLAIN, TRUE.plus(one)), atol=1e-9)
+    assert (
+        np.abs(system.simulate(U) - WienerHammersteinSystem(**PARTS).simulate(U)).max() > 0.0
+        or k.name == "input_offset"
+    )
+    path = tmp_path / "repaired.json"
+    save_model(system, path)
+    again = load_model(path)
+    assert [e.name for e in again.effects] == [k.name]
+    np.testing.assert_allclose(again.simulate(U), system.simulate(U), atol=1e-9)
+
+
+@pytest.mark.parametrize("k", catalogue(as_law(None)), ids=lambda k: f"{k.name}{k.options}")
+def test_shapes_lie_in_their_ranges_and_follow_the_units_of_the_log(k):
+    larger = dataclasses.replace(
+        SIZES, **{f: 1e3 * getattr(SIZES, f) for f in ("u", "u_peak", "x", "x_peak", "dx", "y")}
+    )
+    for z in (SIZES, larger):
+        for shape in k.shapes(z):
+            for i, value in enumerate(shape, start=k.linear):
+                low, high = k.range_of(i, z)
+                assert low * 0.999 <= value <= high * 1.001
 
 
 def test_a_wave_is_told_by_amplitude_and_phase():
     told = term("cogging", 3.0, -4.0, 0.6).effect.labelled()
-    assert told == {"amplitude": 5.0, "phase": pytest.approx(np.arctan2(4.0, 3.0)), "order": 0.6}
+    assert told == {"amplitude_nm": 5.0, "phase_rad": pytest.approx(np.arctan2(4.0, 3.0)), "order": 0.6}
 
 
-def test_ports_that_only_a_chain_has_are_handed_on_too():
-    coupling = term("flexible_coupling", 0.1, 0.2)
-    at_input = Term(next(k for k in CATALOGUE if k.variant == "at the input"), (0.1, 0.1, 0.05))
-    for fitted in (coupling, at_input):
-        system = WienerHammersteinSystem(**PARTS, effects=[fitted.kind.of_library(fitted.q)])
-        np.testing.assert_allclose(system.simulate(U), free_run(PLAIN, TRUE.plus(fitted)), atol=1e-9)
-    between = Term(BENDS[0], (0.8,))
-    assert between.kind.of_library(between.q) is None  # a law of its own, `chain_law.bent`
-    assert "resonance" in coupling.effect.equation
-    assert between.effect.place == "law"
-    assert "u" not in between.effect.equation.replace("saturation", "")
+def test_what_bends_a_line_is_asked_between_the_blocks_only_where_the_law_is_one():
+    def middle(law):
+        return {k.name for k in catalogue(as_law(law)) if k.at == "middle"}
+
+    assert middle(None) == {"backlash", "flexible_coupling"}
+    assert middle(LINE) == {"backlash", "flexible_coupling", "saturation", "dead_zone"}

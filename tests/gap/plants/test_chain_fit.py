@@ -1,4 +1,4 @@
-"""Fits of a chain: down to the minimum, through wrong signs, to separate minima."""
+"""Fits of a chain: from nothing to the truth, through wrong signs, beside an effect."""
 
 from __future__ import annotations
 
@@ -7,46 +7,59 @@ import dataclasses
 import numpy as np
 import pytest
 
-from tests.gap.plants.example_chain import PLAIN, SCALES, THETA, TRUE, setting, term
-from whsklearn.effects import QuadraticDrag
-from whsklearn.gap.plants.chain_fit import climb, cost, deviance, refit, separate, weights_of
+from benchmarks.blind_logs import wiener_hammerstein as blind
+from tests.gap.plants.example_chain import PLAIN, THETA, TRUE, record, term
+from whsklearn.effects import QuadraticDrag, as_law
+from whsklearn.gap.plants import chain_fit as cf
+from whsklearn.gap.plants.chain_model import ChainModel, Record, free_run
+
+
+def drawn(seed):
+    """(record, truth) of a drawn system of another author's equations."""
+    case = blind.make_case("none", seed, n=1500)
+    u, y = (case.frame[k].to_numpy().copy() for k in ("u", "y"))
+    s = {k: np.array(v) for k, v in case.system.items()}
+    theta = np.concatenate([s["a"][1:], s["b"], s["law"], s["c"][1:], s["d"]])
+    return Record(u, y, 1.0, np.array([2, 2, 2, 2, 3]), as_law(None), np.arange(u.size) >= 40), ChainModel(theta)
+
+
+@pytest.mark.parametrize("seed", [8101, 8102, 8103])
+def test_the_least_minimum_is_that_of_the_truth(seed):
+    s, truth = drawn(seed)
+    found = cf.minima(s, cf.base_starts(s, np.random.default_rng(0)))
+    # three in a thousand of n = 1460: less than a superfluous number explains by chance
+    assert cf.cost(s, found[0]) < 1.003 * cf.cost(s, cf.polished(s, cf.coloured(s, truth)))
 
 
 def test_without_noise_a_fit_nearby_ends_at_the_truth():
-    s = setting(noise=0.0)
-    near = dataclasses.replace(TRUE, theta=THETA * (1.0 + 0.03 * np.cos(np.arange(9))), ar=np.zeros(0))
-    fitted, value = refit(s, near, SCALES)
-    np.testing.assert_allclose(fitted.theta, THETA, atol=2e-3)
-    assert value < 1e-4 * cost(s, near)
+    s = record(noise=0.0)
+    near = dataclasses.replace(TRUE, theta=THETA * (1.0 + 0.03 * np.cos(np.arange(9))))
+    fitted = cf.sharpened(s, near, (3.0, 30.0, 300.0, 1000.0))
+    np.testing.assert_allclose(fitted.theta, THETA, atol=5e-3)  # the last sign is a tanh still
 
 
-def test_a_climb_never_ends_higher_and_says_where_it_is():
-    near = dataclasses.replace(TRUE, theta=0.9 * THETA, ar=np.zeros(0), kappa=2.0)
-    fitted, value = climb(PLAIN, near, SCALES)
-    assert value < 0.9 * cost(PLAIN, near)
-    assert value == pytest.approx(cost(PLAIN, fitted))
-    again, same = climb(PLAIN, fitted, SCALES, steps=3)
-    assert same <= value
-    assert np.abs(again.theta - fitted.theta).max() < 0.1
+def test_a_fit_never_ends_worse_than_it_began():
+    m = cf.coloured(PLAIN, TRUE)
+    assert cf.cost(PLAIN, cf.polished(PLAIN, m)) <= cf.cost(PLAIN, m)
 
 
 def test_an_effect_is_fitted_together_with_the_blocks():
-    s = setting(QuadraticDrag(0.1))
-    fitted, value = refit(s, TRUE.plus(term("quadratic_drag", 0.01)), SCALES)
+    s = record(QuadraticDrag(0.1))
+    fitted = cf.sharpened(s, TRUE.plus(term("quadratic_drag", 0.01)), (30.0, 300.0, 1000.0))
     assert fitted.terms[0].q[0] == pytest.approx(0.1, rel=0.1)
-    assert value < 0.5 * refit(s, TRUE, SCALES)[1]
+    assert cf.cost(s, fitted) < 0.5 * cf.cost(s, cf.polished(s, TRUE))
 
 
-def test_a_few_errors_on_the_wrong_side_leave_the_variance_alone():
-    e = np.random.default_rng(0).normal(size=2000)
-    spoilt = e.copy()
-    spoilt[::100] += 20.0
-    w, variance = weights_of(spoilt)
-    assert variance == pytest.approx(1.0, rel=0.1)
-    assert w[::100].max() < 1e-3 < 0.9 < np.median(w)
-    assert deviance(3.0 * e)[0] == pytest.approx(9.0 * deviance(e)[0])
+def test_weights_come_from_least_squares_beside_effects():
+    one = term("output_offset", 0.4)
+    s = PLAIN.with_output(free_run(PLAIN, TRUE.plus(one)))
+    m = ChainModel(cf.weighed(s, THETA[:3], THETA[6:], (one,)), (one,))
+    np.testing.assert_array_equal(np.delete(m.theta, [3, 4, 5]), np.delete(THETA, [3, 4, 5]))
+    assert np.std(s.y - free_run(s, m)) < 0.5 * np.std(s.y)  # the weights are those of a softer sign
 
 
-def test_of_minima_that_are_one_the_least_stays():
-    found = [(1.0, "a"), (1.0005, "b"), (1.2, "c"), (1.2001, "d"), (9.0, "e")]
-    assert [m for _, m in separate(found, 1e-3)] == ["a", "c", "e"]
+def test_the_divisions_of_the_linear_model_have_all_its_poles():
+    for theta in cf.divided(PLAIN, cf.linear_model(PLAIN, PLAIN.u)):
+        poles = np.concatenate([np.roots([1.0, *theta[1:3]]), np.roots([1.0, *theta[7:]])])
+        ratio = cf.linear_model(PLAIN, PLAIN.u)
+        np.testing.assert_allclose(np.sort(np.abs(poles)), np.sort(np.abs(np.roots(ratio.a))), atol=1e-6)

@@ -7,10 +7,14 @@ import pandas as pd
 import pytest
 from scipy.signal import lfilter
 
+from tests.gap.plants.example_chain import PLAIN, TRUE
 from whsklearn import WienerHammersteinSystem
 from whsklearn.effects import Power
 from whsklearn.gap import GapFinder
-from whsklearn.gap.plants.chain_law import law_choice
+from whsklearn.gap.plants import chain_law as laws
+from whsklearn.gap.plants.chain_fit import base_starts, coloured, cost, minima
+from whsklearn.gap.plants.chain_law import REACH, law_choice
+from whsklearn.gap.plants.chain_model import Record, free_run, simulate
 
 
 def static_record(bend, n=1500, seed=5, noise=0.01):
@@ -49,7 +53,8 @@ def test_a_linear_base_names_the_saturation_between_its_blocks_and_the_model_has
     assert np.mean(np.abs(x) > limit) > 0.1
     finder = GapFinder("wiener-hammerstein", law="linear", orders=(2, 2, 2, 1), direct=1).fit(frame)
     assert (finder.verdict_, [e.name for e in finder.effects_]) == ("named", ["saturation"])
-    assert finder.effects_[0].effect.place == "law"
+    assert (finder.effects_[0].effect.at, finder.model_.effects[0].at) == ("middle", "middle")
+    assert finder.effects_[0].effect.limit == pytest.approx(limit, rel=0.05)
     d = finder.diagnosis_
     assert d.closure > 0.9
     y_hat = finder.model_.simulate(frame["u"])
@@ -64,3 +69,48 @@ def test_a_free_law_leaves_nothing_of_a_bend_that_no_effect_has():
     line = GapFinder("wiener-hammerstein", law="linear", **settings).fit(frame)
     assert line.verdict_ != "named"
     assert "law has another shape" in line.diagnosis_.sentence
+
+
+@pytest.mark.parametrize("more", [1, 2])
+def test_more_poles_and_zeros_of_size_zero_change_nothing(more):
+    s, m = laws.raised(PLAIN, TRUE, more)
+    assert m.theta.size == TRUE.theta.size + 4 * more
+    np.testing.assert_allclose(free_run(s, m), free_run(PLAIN, TRUE), atol=1e-12)
+
+
+def test_a_free_law_of_weight_zero_changes_nothing_and_any_weight_does():
+    s, m = laws.freed(PLAIN, TRUE)
+    np.testing.assert_allclose(free_run(s, m), free_run(PLAIN, TRUE), atol=1e-12)
+    for i in range(6, s.blocks[2].stop):
+        theta = m.theta.copy()
+        theta[i] = 0.5
+        moved = free_run(s, type(m)(theta))
+        assert np.abs(moved - free_run(PLAIN, TRUE)).max() > 1e-3
+
+
+def test_knots_lie_at_the_quantiles_of_x_and_a_law_with_them_explains_as_much():
+    frame, _ = static_record(np.tanh)
+    choice = law_choice("piecewise_linear:6")
+    u, y = (frame[k].to_numpy().copy() for k in ("u", "y"))
+    law = choice.first()
+    s = Record(u, y, 1.0, np.array([2, 2, 2, 1, len(law)]), law, np.arange(u.size) >= 40)
+    start = minima(s, base_starts(s, np.random.default_rng(0)))[0]
+    at, (model,) = laws.with_knots(s, start, choice)
+    knots = [t.knot for t in at.law.terms if hasattr(t, "knot")]
+    np.testing.assert_allclose(knots, np.quantile(simulate(s, start)[0], np.linspace(*REACH, 6)))
+    assert int(at.dims[4]) == len(at.law) == 7
+    assert cost(at, model) < 1.1 * cost(s, start)
+
+
+def test_a_pole_too_few_is_told_and_an_effect_is_not_taken_for_it():
+    rng = np.random.default_rng(3)
+    u = rng.normal(size=1500)
+    big = WienerHammersteinSystem([1.0, 0.5], [-1.2, 0.7, -0.1], [1.0], [-0.5, 0.3, -0.2, 0.4])
+    y = big.simulate(u, 0.01 * rng.normal(size=u.size))
+    law = law_choice(None).first()
+    s = Record(u, y, 1.0, np.array([2, 1, 1, 2, len(law)]), law, np.arange(u.size) >= 40)
+    base = minima(s, base_starts(s, np.random.default_rng(0)))[0]
+    said = laws.falls_short(s, base, base)
+    assert "linear dynamics are left" in said
+    assert "orders 2,1,1,2 were given" in said
+    assert laws.falls_short(PLAIN, coloured(PLAIN, TRUE), coloured(PLAIN, TRUE)) == ""

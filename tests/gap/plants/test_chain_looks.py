@@ -1,96 +1,88 @@
-"""Looks of a chain: who is a candidate, what a look promises, where its refit begins."""
+"""Looks of a chain: columns, own records, functions without a name, signs that are wrong."""
 
 from __future__ import annotations
 
 import dataclasses
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from tests.gap.plants.example_chain import PLAIN, SCALES, TRUE, kind, setting, term
-from whsklearn.effects import Backlash, Cogging, DeadZone, as_law
-from whsklearn.gap.evidence import delta_bic_of
-from whsklearn.gap.plants.chain_fit import cost, rms_dx
-from whsklearn.gap.plants.chain_looks import (
-    PARTNERS,
-    Start,
-    as_looks,
-    candidates_for,
-    looks_at,
-    refined,
-    softened,
-)
-from whsklearn.gap.plants.chain_screening import Screened
+from tests.gap.plants.example_chain import PLAIN, TRUE, kind, record, term
+from whsklearn.effects import Backlash, Cogging, ParameterChange, as_law
+from whsklearn.gap.plants import chain_looks as looks
+from whsklearn.gap.plants.chain_candidates import catalogue
+from whsklearn.gap.plants.chain_fit import coloured, polished
+from whsklearn.gap.plants.chain_model import simulate
+
+RNG = np.random.default_rng
 
 
-def start(name, promise):
-    """A candidate that promises so much, with half of its signature its own."""
-    one = term(name, *[0.1] * kind(name).n_numbers)
-    return Start(Screened(one, 1.0, 0.5, np.empty(0)), TRUE, promise)
+@pytest.fixture(scope="module")
+def base():
+    return polished(PLAIN, coloured(PLAIN, TRUE))
+
+
+def seen(*effects, seed=0):
+    s = record(*effects, seed=seed)
+    return looks.look(s, polished(s, coloured(s, TRUE)), RNG(1))
+
+
+@pytest.mark.parametrize("name", ["cogging", "quadratic_drag", "output_drift", "torque_ripple"])
+def test_a_column_is_what_a_small_effect_does(base, name):
+    scene = looks.Scene.of(PLAIN, base)
+    k = kind(name)
+    shape = k.shapes(scene.sizes)[0]
+    columns = scene.columns(k, [shape])[:, 0, :]
+    q = (*(1e-6 * np.ones(k.linear)), *shape)
+    change = simulate(PLAIN, base.plus(term(name, *q)), scene.kappa)[2] - scene.y
+    np.testing.assert_allclose(1e-6 * columns.sum(axis=1), scene.seen(change), rtol=1e-2, atol=1e-10)
+
+
+def test_nothing_is_seen_where_nothing_is_missing():
+    found = [seen(seed=s) for s in range(3)]
+    assert min(f.p_value for f in found) > 1e-3
+    assert max(f.share for f in found) < 0.03
+
+
+def test_what_is_missing_is_seen_first_and_by_functions_without_a_name_too():
+    found = seen(Cogging(0.1, 0.9, 0.4))
+    first = min((k for k in found.looks if k.name), key=lambda k: k.p_value)
+    assert first.name == "cogging"
+    assert first.start.q[2] == pytest.approx(0.9, abs=0.2)
+    assert found.p_value < 1e-6
+    assert found.share > 0.1
+
+
+def test_a_square_change_in_time_is_seen_without_a_name():
+    assert min(k.p_value for k in seen(ParameterChange(0.1, 450.0, "coulomb")).looks if not k.name) < 1e-3
+
+
+def test_a_small_play_shows_in_reversals_that_are_missed():
+    s = record(Backlash(0.1))
+    e, null = looks.cm.left(s, coloured(s, TRUE))[s.fit], looks.own_errors(s, coloured(s, TRUE), RNG(0))
+    found = looks.reversals(e, null)
+    assert found.gain > 3.0 * found.null.mean() + 5.0
+
+
+def test_own_errors_have_the_size_of_what_is_left(base):
+    null = looks.own_errors(PLAIN, base, RNG(0))
+    e = looks.cm.left(PLAIN, base)[PLAIN.fit]
+    assert null.shape == (looks.N_NULL, e.size)
+    assert np.std(null) == pytest.approx(np.std(e), rel=0.1)
+
+
+def test_hills_sum_to_one():
+    np.testing.assert_allclose(looks.hills(RNG(0).normal(size=500)).sum(axis=1), 1.0)
 
 
 def test_an_excess_over_dry_friction_needs_dry_friction():
-    names = {c.name for c in candidates_for(PLAIN, TRUE)}
-    assert "stribeck" in names  # the law of the example has it
+    assert "stribeck" in {c.name for c in catalogue(as_law(None))}
     dry = dataclasses.replace(PLAIN, law=as_law("viscous"))
-    assert "stribeck" not in {c.name for c in candidates_for(dry, TRUE)}
-    assert "stribeck" in {c.name for c in candidates_for(dry, TRUE.plus(term("coulomb", 0.1)))}
+    assert "stribeck" not in {c.name for c in looks.kinds(dry, TRUE)}
 
 
-def test_an_axis_has_one_play_and_one_limit_but_may_have_two_waves():
-    m = TRUE.plus(term("backlash", 0.1)).plus(term("cogging", 0.1, 0.0, 3.0))
-    names = {c.name for c in candidates_for(PLAIN, m)}
-    assert "backlash" not in names
-    assert {"saturation", "cogging"} <= names
-
-
-@pytest.mark.parametrize(("name", "promise"), [("quadratic_drag", 50.0), ("cogging", 120.0), ("backlash", 0.0)])
-def test_a_gain_is_the_share_that_gives_the_promised_evidence(name, promise):
-    n = 500
-    (look,) = [k for k in as_looks([], [start(name, promise)], n) if k.name == name]
-    of_gain = delta_bic_of(n, 1.0, 1.0 - look.gain, look.n_numbers, look.n_looks)
-    assert of_gain == pytest.approx(promise, abs=1e-6)
-
-
-def test_a_variant_begins_from_two_starts_at_the_most_the_most_promising_first():
-    starts = [start("dead_zone", p) for p in (20.0, 60.0, 40.0)]
-    promised = [k.start.promise for k in as_looks([], starts, 500) if k.name == "dead_zone"]
-    assert promised == [60.0, 40.0]
-
-
-@pytest.mark.parametrize(("name", "partner"), PARTNERS.items())
-def test_near_neighbours_are_both_tried(name, partner):
-    starts = [start(name, 80.0), start(partner, -3.0)]
-    looks = {k.name: k for k in as_looks([], starts, 500)}
-    assert looks[partner].start is not None
-    assert looks[partner].gain < looks[name].gain
-
-
-def test_what_the_models_own_numbers_can_make_is_told_and_not_tried():
-    hidden = SimpleNamespace(name="viscous", left=1e-3, term=SimpleNamespace(kind=kind("viscous")))
-    (look,) = as_looks([hidden], [start("viscous", 50.0)], 500)
-    assert (look.gain, look.start, look.expected) == (0.0, None, 0.0)
-
-
-def test_a_softened_sign_is_no_sharper_than_it_says_and_a_soft_one_stays():
-    sharp = softened(PLAIN, TRUE)
-    assert sharp.kappa * rms_dx(PLAIN, TRUE) == pytest.approx(30.0)
-    soft = TRUE.at(1.0 / rms_dx(PLAIN, TRUE))
-    assert softened(PLAIN, soft).kappa == soft.kappa
-
-
-@pytest.mark.parametrize(
-    ("effect", "size"),
-    [(DeadZone(0.3), 0.3), (Backlash(0.5), 0.5), (Cogging(0.3, 4.0, 0.4), 0.3)],
-    ids=["dead zone", "play", "cogging"],
-)
-def test_the_hidden_effect_looks_best_and_its_refit_finds_its_size(effect, size):
-    s = setting(effect)
-    looks = [k for k in looks_at(s, TRUE, SCALES, quick=False) if k.start is not None]
-    best = max(looks, key=lambda k: k.gain)
-    assert best.name == effect.name
-    model, value = refined(s, best.start, SCALES)
-    last = model.terms[-1]
-    assert value < 0.8 * cost(s, TRUE)
-    assert np.linalg.norm(last.q[: max(last.kind.linear, 1)]) == pytest.approx(size, rel=0.15)
+def test_a_chain_has_one_play_at_a_port_but_may_have_two_waves():
+    m = TRUE.plus(term("backlash", 0.1, at="middle")).plus(term("disturbance_tone", 0.1, 0.0, 0.1, at="law"))
+    ports = {(c.name, c.at) for c in looks.kinds(PLAIN, m)}
+    assert ("backlash", "middle") not in ports
+    assert {("backlash", "input"), ("disturbance_tone", "law"), ("saturation", "input")} <= ports

@@ -1,91 +1,106 @@
-"""Vectors, sensitivities and robust sums of squares of the model under diagnosis."""
+"""The model under diagnosis: its vector, its sensitivities, robust sums of squares, the colour of what is left."""
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
-from whsklearn import WienerHammersteinSystem
-from whsklearn.effects import as_law
-from whsklearn.gap.plants import chain_model as bm
-from whsklearn.gap.plants.chain_candidates import CATALOGUE
-from whsklearn.gap.plants.chain_evidence import CAP
-from whsklearn.gap.plants.chain_fit import deviance, weights_of
+from tests.gap.plants.example_chain import PLAIN, THETA, TRUE, U, record, term
+from whsklearn.gap.plants import chain_model as cm
 
-THETA = np.array([2.2, 1.0, 0.5, 0.05, 0.7, 0.2, 0.2, 0.15, 0.4])
-
-
-@pytest.fixture(scope="module")
-def setting():
-    rng = np.random.default_rng(1)
-    u = rng.normal(size=600)
-    y = WienerHammersteinSystem.example().simulate(u, 0.05 * rng.normal(size=600))
-    fit = np.arange(600) >= 40
-    dims = np.array([2, 2, 2, 2, 3])
-    return bm.Setting(u, y, 1.0, dims, as_law(None), fit, np.full(600, -1))
+COLOUR = np.array([0.3, -0.1, 0.0, 0.0, 0.0, 0.05])
+TERMS = [
+    term("cogging", 0.1, -0.2, 0.6), term("dead_zone", 0.2), term("output_offset", 0.3), term("actuator_lag", 0.8),
+    term("stribeck", 0.2, 1.0, 2.0), term("sensor_rectification", 0.3), term("hardening_spring", 0.01, 0.0),
+    term("flexible_coupling", 0.1, 0.2, at="output"), term("disturbance_tone", 0.1, 0.2, 0.05, at="input"),
+]  # fmt: skip
 
 
-def kind(name):
-    return next(k for k in CATALOGUE if k.name == name)
+@pytest.mark.parametrize("one", TERMS, ids=lambda t: t.name)
+def test_vector_and_model_are_inverses(one):
+    m = TRUE.plus(one)
+    again = cm.from_vector(m, cm.to_vector(m))
+    np.testing.assert_allclose(again.theta, THETA)
+    np.testing.assert_allclose(again.terms[0].q, one.q)
 
 
-@pytest.mark.parametrize(("name", "q"), [
-    ("cogging", (0.1, -0.2, 0.6)), ("dead_zone", (0.2,)), ("output_offset", (0.3,)),
-                                     ("stribeck", (0.2, 1.0, 2.0)), ("sensor_rectification", (0.3,))])  # fmt: skip
-def test_vector_and_model_are_inverses(setting, name, q):
-    m = bm.ChainModel(THETA, (bm.Term(kind(name), q),), kappa=5.0)
-    z = bm.signal_scales(setting, m)
-    again = bm.from_vector(m, bm.to_vector(m, z), z)
-    np.testing.assert_allclose(again.theta, m.theta)
-    np.testing.assert_allclose(again.terms[0].q, q)
-
-
-@pytest.mark.parametrize(("name", "q"), [
-    ("cogging", (0.1, -0.2, 0.6)), ("actuator_lag", (0.8,)), ("output_offset", (0.3,)),
-                                     ("load_friction", (0.2,)), ("hardening_spring", (0.01, 0.0))])  # fmt: skip
-def test_sensitivities_are_central_differences(setting, name, q):
-    m = bm.ChainModel(THETA, (bm.Term(kind(name), q),), ar=np.array([0.3, -0.1, 0.0, 0.0, 0.0, 0.05]), kappa=0.5)
-    z = bm.signal_scales(setting, m)
-    rows = bm.jacobian(setting, m, z, bm.raw_errors(setting, m))
-    x = bm.to_vector(m, z)
+@pytest.mark.parametrize("one", TERMS, ids=lambda t: t.name)
+def test_sensitivities_are_central_differences(one):
+    m = dataclasses.replace(TRUE.plus(one), ar=COLOUR)
+    rows = cm.sensitivities(PLAIN, m, 0.5)
+    x = cm.to_vector(m)
     for i in range(x.size):
-        h = 1e-5 * max(abs(x[i]), 0.1)
-        up, down = x.copy(), x.copy()
-        up[i] += h
-        down[i] -= h
-        e = [
-            bm.coloured(bm.raw_errors(setting, n), n.ar) for n in (bm.from_vector(m, up, z), bm.from_vector(m, down, z))
-        ]
-        slope = (e[0] - e[1]) / (2 * h)
+        h = 1e-5 * max(abs(x[i]), 0.1) * np.eye(1, x.size, i)[0]
+        e = [cm.left(PLAIN, cm.from_vector(m, v), 0.5) for v in (x + h, x - h)]
+        slope = (e[0] - e[1]) / (2 * h[i])
         assert np.linalg.norm(rows[:, i] - slope) <= 5e-3 * np.linalg.norm(slope) + 1e-6
 
 
-def test_one_step_errors_are_the_noise_under_the_truth(setting):
-    u = setting.u
-    d = np.random.default_rng(7).normal(size=u.size)
-    y = WienerHammersteinSystem.example().simulate(u, d)
-    truth = bm.Setting(u, y, 1.0, setting.dims, setting.law, setting.fit, setting.held)
-    np.testing.assert_allclose(bm.raw_errors(truth, bm.ChainModel(THETA)), d, atol=1e-9)
+def test_what_the_truth_leaves_is_the_noise_that_has_passed_l2():
+    d = 0.02 * np.random.default_rng(0).normal(size=U.size)
+    np.testing.assert_allclose(cm.left(PLAIN, TRUE), lfilter([1.0], [1.0, 0.15, 0.4], d), atol=1e-9)
+    white = dataclasses.replace(TRUE, ar=np.array([0.15, 0.4, 0.0, 0.0, 0.0, 0.0]))
+    np.testing.assert_allclose(cm.left(PLAIN, white), d, atol=1e-9)
+
+
+def test_several_runs_at_once_are_the_runs_one_by_one():
+    models = [TRUE.plus(term("cogging", a, 0.0, 0.6)) for a in (0.1, 0.3)]
+    both = cm.outputs(PLAIN, models, 5.0)
+    for run, m in zip(both, models, strict=True):
+        np.testing.assert_array_equal(run, cm.simulate(PLAIN, m, 5.0)[2])
 
 
 def test_the_sum_of_squares_of_gaussian_errors_is_theirs():
     e = np.random.default_rng(0).normal(size=4000)
-    assert deviance(e)[0] == pytest.approx(float(e @ e), rel=0.02)
+    assert cm.deviance(e) == pytest.approx(float(e @ e), rel=0.02)
+    assert float(cm.held(e) @ cm.held(e)) == pytest.approx(cm.deviance(e))
 
 
-def test_an_outlier_costs_no_more_than_the_cap():
+def test_an_outlier_costs_no_more_than_the_cap_and_leaves_the_variance_alone():
     e = np.random.default_rng(0).normal(size=4000)
     bad = e.copy()
     bad[10] = 1e4
-    drift = e.size * np.log(deviance(bad)[0] / deviance(e)[0])
-    assert 0.0 < drift < CAP + 3.0
-    assert weights_of(bad)[0][10] < 1e-6
+    assert 0.0 < e.size * np.log(cm.deviance(bad) / cm.deviance(e)) < cm.CAP + 3.0
+    bad[::100] += 20.0
+    assert cm.variance_of(bad) == pytest.approx(1.0, rel=0.1)
 
 
-def test_the_colour_of_the_noise_cannot_take_a_constant_out_of_the_errors():
-    difference = np.array([-1.0, 0.0, 0.0, 0.0, 0.0, 0.0])  # A(q) = 1 - q^-1 leaves nothing of a constant
-    held = bm.shortened_colour(difference)
-    assert np.abs(np.roots([1.0, *held])).max() < bm.LONGEST_COLOUR
-    assert bm.coloured(np.ones(200), held)[-1] > 0.04
-    short = np.array([-0.9, 0.1, 0.0, 0.0, 0.0, 0.0])
-    np.testing.assert_array_equal(bm.shortened_colour(short), short)
+def test_the_colour_is_that_of_the_noise_and_outliers_have_none():
+    e = np.random.default_rng(0).normal(size=6000)
+    r = lfilter([1.0], [1.0, -0.8, 0.3], e)
+    r[1000] += 100.0
+    np.testing.assert_allclose(cm.colour(r)[:3], [-0.8, 0.3, 0.0], atol=0.06)
+    assert cm.loudness(np.array([-0.8, 0.3])) == pytest.approx(np.std(lfilter([1.0], [1.0, -0.8, 0.3], e)), rel=0.05)
+
+
+def test_the_colour_cannot_take_a_constant_or_a_tone_out_of_the_errors():
+    t = np.arange(3000.0)
+    for r in (np.ones(3000), np.sin(0.4 * t)):
+        held = cm.burg(r + 1e-3 * np.random.default_rng(0).normal(size=r.size))
+        assert np.abs(np.roots([1.0, *held])).max() < cm.LONGEST_COLOUR * 1.0001
+        assert np.std(cm.whiten(r, held)[50:] - r.mean()) > 0.0 or abs(cm.whiten(r, held)[-1]) > 1e-3
+
+
+def test_a_made_record_has_the_models_output_and_noise_of_the_same_size_and_colour():
+    m = dataclasses.replace(TRUE, ar=np.array([0.15, 0.4, 0.0, 0.0, 0.0, 0.0]))
+    made = cm.made(PLAIN, m, np.random.default_rng(5))
+    e = cm.left(made, m)
+    assert np.std(e) == pytest.approx(0.02, rel=0.1)
+    assert abs(np.corrcoef(e[1:], e[:-1])[0, 1]) < 0.1
+    assert abs(np.corrcoef(e, cm.left(PLAIN, m))[0, 1]) < 0.1
+
+
+def test_readings_that_are_never_negative_stay_so_in_made_records():
+    m = TRUE.plus(term("sensor_rectification", 1.0))
+    folded = PLAIN.with_output(np.abs(PLAIN.y))
+    assert cm.made(folded, m, np.random.default_rng(0)).y.min() >= 0.0
+    below = PLAIN.with_output(np.abs(PLAIN.y) - 1e-3)
+    assert cm.made(below, m, np.random.default_rng(0)).y.min() < 0.0
+
+
+def test_natural_parameters_have_their_names():
+    assert list(cm.numbers_of(PLAIN, TRUE).items())[:4] == [("a_2", 2.2), ("b_1", 1.0), ("b_2", 0.5), ("viscous", 0.05)]
+    assert record().blocks[2] == slice(3, 6)

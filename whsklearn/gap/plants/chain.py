@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -14,35 +13,14 @@ from whsklearn.gap.calibration import p_value
 from whsklearn.gap.data_check import Problem
 from whsklearn.gap.diagnosis import NamedEffect
 from whsklearn.gap.plant import PlantDefaults
+from whsklearn.gap.plants import chain_model as cm
 from whsklearn.gap.plants import chain_record as readings
 from whsklearn.gap.plants.chain_anew import fits, fitted, fitted_once, nudged
 from whsklearn.gap.plants.chain_candidates import Candidate
 from whsklearn.gap.plants.chain_fit import base_starts, minima, polished, sharpened
 from whsklearn.gap.plants.chain_law import LawChoice, falls_short, with_knots
 from whsklearn.gap.plants.chain_looks import SLOPED, WRONG_SIDE, Seen, gained, look
-from whsklearn.gap.plants.chain_model import (
-    HARD,
-    MAD,
-    SHARPEST,
-    SKIP,
-    ChainModel,
-    Record,
-    bounds,
-    free_run,
-    from_vector,
-    held,
-    left,
-    loudness,
-    made,
-    numbers_of,
-    response,
-    rms_dx,
-    sensitivities,
-    sizes,
-    stable,
-    to_vector,
-    variance_of,
-)
+from whsklearn.gap.plants.chain_model import ChainModel, Record
 from whsklearn.gap.record import rms
 from whsklearn.gap.search import WORTH_FITTING
 from whsklearn.gap.tangent import Look
@@ -125,7 +103,7 @@ class ChainPlant(PlantDefaults):
         law = self.law.first()
         dims = np.array([*self.orders, len(law)], dtype=np.int64)
         u = np.concatenate([self.u[self.direct :], np.zeros(self.direct)])[:n]
-        return Record(np.ascontiguousarray(u), self.y[:n].copy(), self.dt, dims, law, np.arange(n) >= SKIP)
+        return Record(np.ascontiguousarray(u), self.y[:n].copy(), self.dt, dims, law, np.arange(n) >= cm.SKIP)
 
     def base(self, rng: np.random.Generator) -> ChainModel:
         """The least of the base model's minima; the others are kept for candidates to start from."""
@@ -137,13 +115,13 @@ class ChainPlant(PlantDefaults):
         self.record, self._others = s, found[1:]
         self.everything = s if s.u.size == self.u.size else dataclasses.replace(self.readings(), law=s.law, dims=s.dims)
         self.n_effective = float(s.fit.sum())
-        self.unit = loudness(found[0].ar)  # so that errors are in the unit of the output
+        self.unit = cm.loudness(found[0].ar)  # so that errors are in the unit of the output
         self._first = rms(self.errors(found[0]))
         return found[0]
 
     def fit(self, model: ChainModel) -> ChainModel:
         """The model with all its free numbers refitted from where it stands."""
-        return polished(self.record, sharpened(self.record, model, (30.0, *HARD)))
+        return polished(self.record, sharpened(self.record, model, (30.0, *cm.HARD)))
 
     def settled(self, model: ChainModel) -> ChainModel:
         """The model fitted to the end."""
@@ -153,26 +131,18 @@ class ChainPlant(PlantDefaults):
             self._parts[id(model), False] = model, model  # keeps the key's object alive
         return self._settled[id(model)]
 
-    def settle(self, model: ChainModel) -> ChainModel:
-        """As it is: what is proved is fitted to the first part of the record, see `simulate`."""
-        return model
-
     def part(self, model: ChainModel) -> ChainModel:
         """The model fitted to the first part of the record, that judges nothing."""
         key = id(model), True
         if key not in self._parts:
             s = self.everything
             early = dataclasses.replace(s, fit=s.fit & (np.arange(s.u.size) < FITTED * s.u.size))
-            self._parts[key] = model, sharpened(early, model, (SHARPEST,), 12)
+            self._parts[key] = model, sharpened(early, model, (cm.SHARPEST,), 12)
         return self._parts[key][1]
 
     def errors(self, model: ChainModel) -> Array:
         """Whitened errors of the free run, outliers held, in the output's unit."""
-        return self.unit * held(left(self.record, model)[self.record.fit])
-
-    def rms(self, errors: Array) -> float:
-        """Root mean square."""
-        return rms(errors)
+        return self.unit * cm.held(cm.left(self.record, model)[self.record.fit])
 
     # --- the search -------------------------------------------------------------------------------
     def seen(self, model: ChainModel, rng: np.random.Generator) -> Seen:
@@ -216,8 +186,8 @@ class ChainPlant(PlantDefaults):
         """The best candidate against what the same fit finds in own records, where a first look alone leaves doubt."""
         g = []
         for _ in range(FEW):
-            other = made(self.record, model, rng)
-            own = sharpened(other, model, (SHARPEST,))
+            other = cm.made(self.record, model, rng)
+            own = sharpened(other, model, (cm.SHARPEST,))
             g.append(gained(other, own, fitted_once(other, own, kind, rng)))
         p = min(look.p_value, 2.0 * p_value(look.gain, np.maximum(g, 0.0), families))  # two questions
         return dataclasses.replace(look, p_value=p)
@@ -229,10 +199,6 @@ class ChainPlant(PlantDefaults):
             return polished(s, nudged(s, look.start))
         return polished(s, fitted(s, [model], look.start))
 
-    def family(self, model: ChainModel) -> Iterable[ChainModel]:
-        """None: further orders are candidates like any other."""
-        return ()
-
     def demand(self, model: ChainModel) -> float:
         """Least share of what is left that a further effect must explain: `BESIDE` of what the base model left."""
         if not model.terms:
@@ -242,7 +208,7 @@ class ChainPlant(PlantDefaults):
     def objection(self, model: ChainModel, index: int) -> str:
         """What is unphysical in an effect's numbers."""
         term = model.terms[index]
-        z = sizes(self.record, model)
+        z = cm.sizes(self.record, model)
         for i in term.kind.free:
             value, (low, high) = term.q[i], term.kind.range_of(i, z)
             name = term.kind.fields[i].replace("_", " ")
@@ -269,8 +235,8 @@ class ChainPlant(PlantDefaults):
         price = 2.0 * float(np.mean(taken.look.null) - np.mean(other.look.null))
         leads = []
         for _ in range(FEW):
-            s = made(self.record, other.model, rng)
-            wrong = sharpened(s, taken.model, (10.0, 30.0, *HARD))
+            s = cm.made(self.record, other.model, rng)
+            wrong = sharpened(s, taken.model, (10.0, 30.0, *cm.HARD))
             leads.append(gained(s, polished(s, other.model), polished(s, wrong)) - price)
         return np.array(leads)
 
@@ -283,10 +249,6 @@ class ChainPlant(PlantDefaults):
         sure = min((k.p_value for k in seen[1].looks if not k.name), default=1.0) <= GATE
         return min(seen[1].share, 0.99) if sure else 0.0
 
-    def remains(self, model: ChainModel, nameless: float) -> float:
-        """Rms of what still follows the signals without a name."""
-        return nameless
-
     def figures(self, base: ChainModel, model: ChainModel) -> tuple[float, float, float]:
         """(whitened error before, after, what of it is noise), in the output's unit."""
         before, after = (rms(self.errors(m)) for m in (base, model))
@@ -295,10 +257,10 @@ class ChainPlant(PlantDefaults):
     def simulate(self, model: ChainModel, horizon: float) -> Array:
         """Prediction ``horizon`` samples ahead of the model fitted to the first part; over the whole, the free run."""
         s, model = self.everything, self.part(model)
-        run = free_run(s, model)
+        run = cm.free_run(s, model)
         if horizon >= s.y.size:
             return run
-        return s.y - np.convolve(left(s, model), response(model.ar, int(horizon)))[: s.y.size]
+        return s.y - np.convolve(cm.left(s, model), cm.response(model.ar, int(horizon)))[: s.y.size]
 
     def measured(self, *models: ChainModel) -> tuple[Array, NDArray[np.bool_]]:
         """(output, held-out samples), of two models without those on the wrong side of a sign under the second.
@@ -313,18 +275,18 @@ class ChainPlant(PlantDefaults):
 
     def _turned(self, model: ChainModel) -> NDArray[np.bool_]:
         """Samples behind one on the wrong side of a sign, for as long as L2 remembers it."""
-        e = np.abs(left(self.everything, self.part(model)))
-        far = e > WRONG_SIDE * MAD * float(np.median(e))
+        e = np.abs(cm.left(self.everything, self.part(model)))
+        far = e > WRONG_SIDE * cm.MAD * float(np.median(e))
         return np.convolve(far, np.ones(REMEMBERED))[: far.size] > 0.5
 
     def surrogate(self, model: ChainModel, rng: np.random.Generator) -> ChainPlant:
         """The plant of a record that the model made, with what of its errors follows nothing as noise."""
         other = ChainPlant(self.u, self.y, (self.law, self.orders, self.direct), tolerance=self.tolerance, dt=self.dt)
         s, fitted = self.everything, self.part(model)
-        quiet = free_run(s, fitted)
-        noise = made(s, fitted, rng).y - quiet
-        # over the samples that judge, of the size that is expected: a floor read off one record has no error of sampling
-        size = loudness(fitted.ar) * np.sqrt(variance_of(left(s, fitted)[s.fit]) * (1.0 - self.follows(model)))
+        quiet = cm.free_run(s, fitted)
+        noise = cm.made(s, fitted, rng).y - quiet
+        # of the size that is expected over the samples that judge: a floor has no error of sampling
+        size = cm.loudness(fitted.ar) * np.sqrt(cm.variance_of(cm.left(s, fitted)[s.fit]) * (1.0 - self.follows(model)))
         other.everything = other.record = s.with_output(quiet + noise * size / rms(noise[self.measured()[1]]))
         other._parts = {(id(model), True): (model, fitted)}
         return other
@@ -345,9 +307,11 @@ class ChainPlant(PlantDefaults):
         """Of all samples but the first ones, under a soft sign."""
         s = self.everything
         m = self.final(model)
-        e = left(s, m)[s.fit]
-        rows = sensitivities(s, m, SLOPED / rms_dx(s, m))[s.fit]
-        return Linearised(to_vector(m), *bounds(m, sizes(s, m)), held(e), rows, lambda v: from_vector(m, v))
+        e = cm.left(s, m)[s.fit]
+        rows = cm.sensitivities(s, m, SLOPED / cm.rms_dx(s, m))[s.fit]
+        return Linearised(
+            cm.to_vector(m), *cm.bounds(m, cm.sizes(s, m)), cm.held(e), rows, lambda v: cm.from_vector(m, v)
+        )
 
     def final(self, model: ChainModel) -> ChainModel:
         """The model fitted to all samples."""
@@ -355,7 +319,7 @@ class ChainPlant(PlantDefaults):
             return model
         key = id(model), False
         if key not in self._parts or self._parts[key][1] is model:
-            self._parts[key] = model, sharpened(self.everything, model, (SHARPEST,), 12)
+            self._parts[key] = model, sharpened(self.everything, model, (cm.SHARPEST,), 12)
         return self._parts[key][1]
 
     def gap_to_locate(self, model: ChainModel) -> Array:
@@ -376,7 +340,7 @@ class ChainPlant(PlantDefaults):
 
     def parameters(self, model: ChainModel) -> dict[str, float]:
         """Natural parameters by name."""
-        return numbers_of(self.record, model)
+        return cm.numbers_of(self.record, model)
 
     def notes(self, base: ChainModel, model: ChainModel) -> list[str]:
         """Remarks on how the record was used."""
@@ -404,7 +368,7 @@ class ChainPlant(PlantDefaults):
     def system(self, model: ChainModel) -> WienerHammersteinSystem:
         """The repaired system with its effects and the grid of its readings."""
         s = self.everything
-        final = stable(s, self.final(model))
+        final = cm.stable(s, self.final(model))
         structure = wh.Structure(s.dims, 1, s.law, -1 if s.law.key is None else s.law.key)
         named = wh.named(final.theta, structure)
         grid = readings.coarse_grid(s, final)

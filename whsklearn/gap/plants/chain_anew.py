@@ -14,10 +14,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from whsklearn.gap.plants import chain_model as cm
 from whsklearn.gap.plants.chain_candidates import Candidate, Term
 from whsklearn.gap.plants.chain_fit import base_starts, cost, divided, linear_model, minima, misfit, sharpened, weighed
 from whsklearn.gap.plants.chain_looks import kinds, softly
-from whsklearn.gap.plants.chain_model import HARD, ChainModel, Record, left, rms_dx, simulate, sizes
+from whsklearn.gap.plants.chain_model import ChainModel, Record
 from whsklearn.gap.record import rms
 from whsklearn.gap.tangent import Look
 from whsklearn.recursion.best_linear import Ratio
@@ -75,11 +76,11 @@ def fits(
 
 def fitted(s: Record, models: list[ChainModel], term: Term) -> ChainModel:
     """The best of some models with an effect that adds to what is there, from the size that a look gives it."""
-    z = sizes(s, models[0])
+    z = cm.sizes(s, models[0])
     bounds = [term.kind.range_of(i, z) for i in range(len(term.q))]
     term = Term(term.kind, tuple(float(np.clip(v, *b)) for v, b in zip(term.q, bounds, strict=True)))
-    ways = [sharpened(s, m.plus(term), (10.0, 30.0, *HARD), 6) for m in models]
-    ways.append(sharpened(s, models[0].plus(term), HARD[1:], 8))
+    ways = [sharpened(s, m.plus(term), (10.0, 30.0, *cm.HARD), 6) for m in models]
+    ways.append(sharpened(s, models[0].plus(term), cm.HARD[1:], 8))
     out = min(ways, key=lambda m: cost(s, m))
     return walked(s, out) if term.kind.scan == "step" else out
 
@@ -97,18 +98,17 @@ def walked(s: Record, m: ChainModel) -> ChainModel:
     """The model with the instant of its last effect moved while that leaves less, by ever smaller steps."""
     kind, q = m.terms[-1].kind, list(m.terms[-1].q)
     i = kind.fields.index(kind.cls.scanned())
-    low, high = kind.range_of(i, sizes(s, m))
+    low, high = kind.range_of(i, cm.sizes(s, m))
     best, step = (cost(s, m), m), 0.02 * (high - low)
     while step >= 0.5 * s.dt:
+        before = best[0]
         for shift in (-step, step):
             q = list(best[1].terms[-1].q)
             q[i] = float(np.clip(q[i] + shift, low, high))
             other = m.with_terms((*m.terms[:-1], Term(kind, tuple(q))))
-            value = cost(s, other)
-            if value < best[0]:
-                best = value, other
-        step *= 0.5
-    return sharpened(s, best[1], HARD[1:], 6)
+            best = min(best, (cost(s, other), other), key=lambda b: b[0])
+        step *= 0.5 if best[0] == before else 1.0
+    return sharpened(s, best[1], cm.HARD[1:], 6)
 
 
 def nudged(s: Record, m: ChainModel) -> ChainModel:
@@ -116,13 +116,13 @@ def nudged(s: Record, m: ChainModel) -> ChainModel:
     term = m.terms[-1]
     if term.kind.linear:
         return m
-    best, z = (cost(s, m), m), sizes(s, m)
+    best, z = (cost(s, m), m), cm.sizes(s, m)
     low, high = term.kind.range_of(0, z)
     for _ in range(MOST_NUDGES):
         q, before = best[1].terms[-1].q, best[0]
         for first in (*(q[0] * f for f in NUDGES), *((q[0] - s.dt, q[0] + s.dt) if term.kind.delays else ())):
             moved = Term(term.kind, (float(np.clip(first, low, high)), *q[1:]))
-            other = sharpened(s, best[1].with_terms((*m.terms[:-1], moved)), (10.0, 30.0, *HARD), 6)
+            other = sharpened(s, best[1].with_terms((*m.terms[:-1], moved)), (10.0, 30.0, *cm.HARD), 6)
             best = min(best, (cost(s, other), other), key=lambda b: b[0])
         if best[0] > 0.99 * before:
             break
@@ -133,7 +133,7 @@ def fitted_anew(
     s: Record, m: ChainModel, others: list[ChainModel], kind: Candidate, rng: np.random.Generator
 ) -> ChainModel | None:
     """The model with a strong candidate as its last effect, from starts of its own; None where none is stable."""
-    z = sizes(s, m)
+    z = cm.sizes(s, m)
     starts: list[ChainModel] = []
     terms = [Term(kind, shape) for shape in (FOLDS if kind.folds else kind.shapes(z))]
     starts += [o.plus(term) for o in (m, *others) for term in terms]
@@ -156,7 +156,7 @@ def best(s: Record, starts: list[ChainModel], n: int) -> list[ChainModel]:
 
     def value(m: ChainModel) -> float:
         white = dataclasses.replace(m, ar=np.zeros_like(m.ar))
-        e = left(s, white, 3.0 / rms_dx(s, white))[s.fit]
+        e = cm.left(s, white, 3.0 / cm.rms_dx(s, white))[s.fit]
         return float(np.mean(e**2))
 
     scored = [(value(m), i) for i, m in enumerate(starts) if np.all(np.isfinite(m.theta))]
@@ -169,7 +169,7 @@ def applied(s: Record, term: Term) -> Array:
     from whsklearn.effects.static import Power
 
     plain = dataclasses.replace(s, dims=np.array([1, 0, 1, 0, 1]), law=FrictionLaw([Power(1.0, 1.0)]))
-    late = simulate(plain, ChainModel(np.ones(1), (term,)), u=np.concatenate([s.u, np.zeros(2)]))[2]
+    late = cm.simulate(plain, ChainModel(np.ones(1), (term,)), u=np.concatenate([s.u, np.zeros(2)]))[2]
     return np.ascontiguousarray(late[2:])
 
 
@@ -204,7 +204,7 @@ def pulled_out(s: Record, m: ChainModel, kind: Candidate) -> Iterator[ChainModel
 
 def resonances(s: Record, m: ChainModel, poles: Array, kind: Candidate) -> Iterator[tuple[complex, Term]]:
     """The pairs of poles that a resonance can have, and its numbers."""
-    z = sizes(s, m)
+    z = cm.sizes(s, m)
     (low, high), (least, most) = kind.range_of(0, z), kind.range_of(1, z)
     for pole in poles[np.imag(poles) > 1e-9]:
         w = np.log(pole)  # of a sample: -zeta w_0 + i w_0 sqrt(1 - zeta^2)
@@ -241,7 +241,7 @@ def unfolded(s: Record, m: ChainModel, rng: np.random.Generator) -> list[ChainMo
         found = minima(straight, base_starts(straight, rng))
         if not found:
             return []
-        new = np.sign(simulate(straight, found[0])[2])
+        new = np.sign(cm.simulate(straight, found[0])[2])
         if np.mean(new != sign) < 0.002:
             break
         sign = new

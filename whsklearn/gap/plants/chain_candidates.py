@@ -107,7 +107,8 @@ class Candidate:
     def free(self) -> tuple[int, ...]:
         """Numbers that a fit moves; an instant has no slope, so it is walked to."""
         walked = (self.cls.scanned(),) if self.scan == "step" else ()
-        return tuple(i for i, f in enumerate(self.fields) if f not in (*HELD, *self.cls.held, *walked))
+        still = (*walked, *self.cls.held, *(HELD if self.cls.evaluate is None else ()))
+        return tuple(i for i, f in enumerate(self.fields) if f not in still)
 
     @property
     def n_numbers(self) -> int:
@@ -188,7 +189,7 @@ class Candidate:
                 grids.append(np.geomspace(*around, N_SHAPES))
             else:
                 grids.append(np.array(q.grid(z.seen_from(self))))
-        if self.fields[self.linear :] and self.fields[-1] == "centre":
+        if self.fields[-1] == "centre" and len(self.fields) - 1 not in self.free:
             grids[-1] = np.zeros(1)
         return list(itertools.product(*(map(float, g) for g in grids)))
 

@@ -14,26 +14,9 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from whsklearn.effects import FrictionLaw
+from whsklearn.gap.plants import chain_model as cm
 from whsklearn.gap.plants.chain_candidates import Term
-from whsklearn.gap.plants.chain_model import (
-    CAP,
-    HARD,
-    SHARPEST,
-    SKIP,
-    ChainModel,
-    Record,
-    bounds,
-    colour,
-    deviance,
-    from_vector,
-    left,
-    rms_dx,
-    sensitivities,
-    simulate,
-    sizes,
-    to_vector,
-    variance_of,
-)
+from whsklearn.gap.plants.chain_model import ChainModel, Record
 from whsklearn.recursion.best_linear import IOData, Ratio, best_linear
 from whsklearn.recursion.block_split import Orders, divisions, padded
 from whsklearn.recursion.exchanged_roots import exchanged
@@ -51,22 +34,24 @@ DIFFERENT = 1e-3  # share of the sum of squares by which two minima differ
 
 def cost(s: Record, m: ChainModel) -> float:
     """Sum of squares over the samples of the fit under the sign itself, outliers capped."""
-    return deviance(left(s, m)[s.fit])
+    return cm.deviance(cm.left(s, m)[s.fit])
 
 
 def climb(s: Record, m: ChainModel, sharpness: float, steps: int, *, robust: bool = True) -> ChainModel:
     """The model fitted at a sharpness (kappa times rms dx), its colour as it is."""
-    kappa, z = sharpness / rms_dx(s, m), sizes(s, m)
-    low, high = bounds(m, z)
+    kappa, z = sharpness / cm.rms_dx(s, m), cm.sizes(s, m)
+    low, high = cm.bounds(m, z)
     room = 1e-9 * np.maximum(np.abs(np.where(np.isfinite(low), low, 0.0)), 1.0)
-    x = np.clip(to_vector(m), low + room, high - room)
-    sigma = np.sqrt(variance_of(left(s, from_vector(m, x), kappa)[s.fit]))
+    x = np.clip(cm.to_vector(m), low + room, high - room)
+    sigma = np.sqrt(cm.variance_of(cm.left(s, cm.from_vector(m, x), kappa)[s.fit]))
 
     def errors(x: Array) -> Array:
-        return left(s, from_vector(m, x), kappa)[s.fit] / sigma
+        return cm.left(s, cm.from_vector(m, x), kappa)[s.fit] / sigma
 
     def rows(x: Array) -> Array:
-        return sensitivities(s, from_vector(m, x), kappa)[s.fit] / sigma
+        out = cm.sensitivities(s, cm.from_vector(m, x), kappa)[s.fit] / sigma
+        size = np.linalg.norm(out, axis=0)
+        return np.where(size > 1e-12 * size.max(initial=0.0), out, 0.0)  # a kink where no x is has a slope of rounding
 
     loss = _capped if robust else "linear"
     try:
@@ -75,12 +60,12 @@ def climb(s: Record, m: ChainModel, sharpness: float, steps: int, *, robust: boo
         )
     except (ValueError, np.linalg.LinAlgError):
         return m
-    return from_vector(m, found.x)
+    return cm.from_vector(m, found.x)
 
 
 def _capped(z: Array) -> Array:
     """`capped` with its two derivatives, as SciPy takes a loss."""
-    g, floor = np.exp(-0.5 * z), np.exp(-0.5 * CAP)
+    g, floor = np.exp(-0.5 * z), np.exp(-0.5 * cm.CAP)
     w = g / (g + floor)
     return np.array([-2.0 * np.log((g + floor) / (1.0 + floor)), w, -0.5 * w * (1.0 - w)])
 
@@ -88,11 +73,11 @@ def _capped(z: Array) -> Array:
 def coloured(s: Record, m: ChainModel) -> ChainModel:
     """The model with the colour of what it leaves."""
     white = dataclasses.replace(m, ar=np.zeros_like(m.ar))
-    return dataclasses.replace(m, ar=colour(left(s, white)[SKIP:]))
+    return dataclasses.replace(m, ar=cm.colour(cm.left(s, white)[cm.SKIP :]))
 
 
 def sharpened(
-    s: Record, m: ChainModel, rungs: Iterable[float] = HARD, steps: int = 8, *, robust: bool = True
+    s: Record, m: ChainModel, rungs: Iterable[float] = cm.HARD, steps: int = 8, *, robust: bool = True
 ) -> ChainModel:
     """The model fitted from rung to rung, its colour taken anew after each; the best under the sign itself."""
     best: tuple[float, ChainModel] | None = None
@@ -111,26 +96,26 @@ def polished(s: Record, m: ChainModel, hops: int = N_HOPS) -> ChainModel:
     Every sample that lies close to a reversal makes a valley of its own: the hops, some standard errors far and always
     the same, try the next ones.
     """
-    ways = [m, sharpened(s, m, (30.0, 150.0, SHARPEST)), sharpened(s, m, (SHARPEST,), 10)]
+    ways = [m, sharpened(s, m, (30.0, 150.0, cm.SHARPEST)), sharpened(s, m, (cm.SHARPEST,), 10)]
     # uncapped, a sample on the wrong side pulls the model over
-    ways += [sharpened(s, sharpened(s, m, HARD, robust=False), (SHARPEST,))]
+    ways += [sharpened(s, sharpened(s, m, cm.HARD, robust=False), (cm.SHARPEST,))]
     best = min((cost(s, w), i, w) for i, w in enumerate(ways))
     rng = np.random.default_rng(0)
     for i in range(hops):
-        near = sharpened(s, moved(s, best[2], HOP, rng), (100.0, SHARPEST), 6, robust=False)
+        near = sharpened(s, moved(s, best[2], HOP, rng), (100.0, cm.SHARPEST), 6, robust=False)
         best = min(best, (cost(s, near), 3 + i, near))
     return best[2]
 
 
 def moved(s: Record, m: ChainModel, far: float, rng: np.random.Generator) -> ChainModel:
     """The model with numbers drawn from their covariance, ``far`` standard errors wide."""
-    rows = sensitivities(s, m, 30.0 / rms_dx(s, m))[s.fit]
+    rows = cm.sensitivities(s, m, 30.0 / cm.rms_dx(s, m))[s.fit]
     scale = np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
     _, values, axes = np.linalg.svd(rows / scale, full_matrices=False)
-    sigma = far * np.sqrt(variance_of(left(s, m)[s.fit]))
+    sigma = far * np.sqrt(cm.variance_of(cm.left(s, m)[s.fit]))
     step = axes.T @ (rng.standard_normal(values.size) / np.maximum(values, 1e-3 * values[0])) * sigma / scale
-    low, high = bounds(m, sizes(s, m))
-    return from_vector(m, np.clip(to_vector(m) + step, low, high))
+    low, high = cm.bounds(m, cm.sizes(s, m))
+    return cm.from_vector(m, np.clip(cm.to_vector(m) + step, low, high))
 
 
 # --- starts ---------------------------------------------------------------------------------------
@@ -154,7 +139,7 @@ def misfit(s: Record, ratio: Ratio, u: Array) -> float:
 def _data(s: Record, u: Array) -> IOData:
     late = np.concatenate([np.zeros(2), u[:-2]])
     late = np.diff(late, prepend=0.0) if of_dx(s.law) else late
-    counts = s.fit & (np.arange(u.size) >= SKIP)
+    counts = s.fit & (np.arange(u.size) >= cm.SKIP)
     return IOData(np.ascontiguousarray(late[None, :]), s.y - s.y[counts].mean(), np.array([0, u.size]), counts)
 
 
@@ -172,13 +157,13 @@ def weighed(s: Record, first: Array, second: Array, terms: tuple[Term, ...] = ()
     """theta of two blocks with the weights that fit y best under a soft sign, beside these effects."""
     nw = int(s.dims[4])
     m = ChainModel(np.concatenate([first, np.zeros(nw), second]), tuple(t for t in terms if not t.kind.folds))
-    kappa = 1.0 / rms_dx(s, m)
-    plain = simulate(s, m, kappa)[2]
+    kappa = 1.0 / cm.rms_dx(s, m)
+    plain = cm.simulate(s, m, kappa)[2]
     rows = np.empty((s.u.size, nw))
     for i in range(nw):
         theta = m.theta.copy()
         theta[s.blocks[2].start + i] = 1.0
-        rows[:, i] = simulate(s, dataclasses.replace(m, theta=theta), kappa)[2] - plain
+        rows[:, i] = cm.simulate(s, dataclasses.replace(m, theta=theta), kappa)[2] - plain
     theta, rows = m.theta.copy(), rows[s.fit]
     if np.abs(rows).max(initial=0.0) < 1e12:
         size = np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
@@ -203,7 +188,7 @@ def ranked(s: Record, models: Iterable[ChainModel], sharpness: float, steps: int
         if not np.all(np.isfinite(m.theta)) or not _stable(s, m.theta):
             continue
         m = climb(s, m, sharpness, steps, robust=False)
-        e = left(s, m, sharpness / rms_dx(s, m))[s.fit]
+        e = cm.left(s, m, sharpness / cm.rms_dx(s, m))[s.fit]
         value = float(e @ e)
         if np.isfinite(value) and _stable(s, m.theta):
             found.append((value, m))

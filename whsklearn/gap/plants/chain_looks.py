@@ -16,25 +16,10 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from whsklearn.gap.calibration import gain
+from whsklearn.gap.plants import chain_model as cm
 from whsklearn.gap.plants.chain_candidates import Candidate, Sizes, Term, catalogue
 from whsklearn.gap.plants.chain_fit import climb, coloured, sharpened
-from whsklearn.gap.plants.chain_model import (
-    CAP,
-    SHARPEST,
-    ChainModel,
-    Record,
-    clipped,
-    deviance,
-    left,
-    made,
-    outputs,
-    rms_dx,
-    sensitivities,
-    simulate,
-    sizes,
-    variance_of,
-    whiten,
-)
+from whsklearn.gap.plants.chain_model import ChainModel, Record
 from whsklearn.gap.record import rms
 from whsklearn.gap.tangent import Family, Look, Tangent, with_p_values
 
@@ -66,19 +51,19 @@ class Scene:
     @classmethod
     def of(cls, s: Record, m: ChainModel, sharpness: float = SLOPED) -> Scene:
         """At the sharpness at which columns are taken."""
-        kappa = sharpness / rms_dx(s, m)
-        return cls(s, m, sizes(s, m), kappa, *simulate(s, m, kappa))
+        kappa = sharpness / cm.rms_dx(s, m)
+        return cls(s, m, cm.sizes(s, m), kappa, *cm.simulate(s, m, kappa))
 
     def seen(self, change: Array) -> Array:
         """A change of y_hat as the errors see it, over the samples that count."""
-        return whiten(np.clip(np.nan_to_num(change), -1e12, 1e12), self.model.ar)[self.record.fit]
+        return cm.whiten(np.clip(np.nan_to_num(change), -1e12, 1e12), self.model.ar)[self.record.fit]
 
     def columns(self, kind: Candidate, shapes: list[tuple[float, ...]]) -> Array:
         """Of one candidate at some shapes; (n, s, 1 or 2)."""
         size = SMALL * self.sizes.v if kind.linear else 1.0
         sizes_of = size * np.eye(kind.linear) if kind.linear else np.zeros((1, 0))
         grown = [self.model.plus(Term(kind, (*q, *shape))) for shape in shapes for q in sizes_of]
-        change = (outputs(self.record, grown, self.kappa) - self.y) / size
+        change = (cm.outputs(self.record, grown, self.kappa) - self.y) / size
         return self.seen(change.T).reshape(-1, len(shapes), len(sizes_of))
 
     def blocks(self, kind: Candidate, tangent: Tangent) -> Iterator[tuple[Any, Array, float]]:
@@ -141,7 +126,7 @@ def nameless(scene: Scene) -> Iterator[Array]:
 
     def at_input(f: Array) -> Array:
         small = SMALL * scene.sizes.u / max(rms(f), 1e-300)
-        moved = [simulate(s, m, scene.kappa, u=u + small * g)[2] for g in f.T]
+        moved = [cm.simulate(s, m, scene.kappa, u=u + small * g)[2] for g in f.T]
         return (np.array(moved).T - scene.y[:, None]) / small
 
     def lags(f: Array, n: int) -> Array:
@@ -181,18 +166,18 @@ def own_errors(s: Record, m: ChainModel, rng: np.random.Generator) -> Array:
     """What the model leaves of records that it made itself, refitted at the same sharpness; (m, n)."""
     rows = []
     for _ in range(N_NULL):
-        other = made(s, m, rng)
-        rows.append(left(other, sharpened(other, coloured(other, m), (SHARPEST,), 6))[s.fit])
+        other = cm.made(s, m, rng)
+        rows.append(cm.left(other, sharpened(other, coloured(other, m), (cm.SHARPEST,), 6))[s.fit])
     return np.array(rows)
 
 
 def look(s: Record, m: ChainModel, rng: np.random.Generator) -> Seen:
     """Every candidate and every nameless function beside the model's own numbers."""
     scene = Scene.of(s, m)
-    e, null = left(s, m)[s.fit], own_errors(s, m, rng)
-    plane = sensitivities(s, m, scene.kappa)[s.fit]
-    rows = np.array([clipped(r) for r in null])
-    tangent = Tangent(clipped(e), rows, plane, float(e.size))
+    e, null = cm.left(s, m)[s.fit], own_errors(s, m, rng)
+    plane = cm.sensitivities(s, m, scene.kappa)[s.fit]
+    rows = np.array([cm.clipped(r) for r in null])
+    tangent = Tangent(cm.clipped(e), rows, plane, float(e.size))
     looks = [tangent.look(family(scene, kind)) for kind in kinds(s, m)]
     together = []
     for f in nameless(scene):
@@ -216,9 +201,9 @@ def softly(s: Record, m: ChainModel) -> list[Look]:
     """
     m = climb(s, m, VERY_SOFT, 6, robust=False)
     scene = Scene.of(s, m, VERY_SOFT)
-    e = left(s, m, scene.kappa)[s.fit]
-    plane = [sensitivities(s, m, scene.kappa)[s.fit]]
-    plane += [scene.seen(simulate(s, m, f * scene.kappa)[2] - scene.y)[:, None] for f in (0.6, 0.8, 1.3, 2.0)]
+    e = cm.left(s, m, scene.kappa)[s.fit]
+    plane = [cm.sensitivities(s, m, scene.kappa)[s.fit]]
+    plane += [scene.seen(cm.simulate(s, m, f * scene.kappa)[2] - scene.y)[:, None] for f in (0.6, 0.8, 1.3, 2.0)]
     tangent = Tangent(e, np.zeros((0, e.size)), np.hstack(plane), float(e.size))
     found = [tangent.look(family(scene, kind)) for kind in kinds(s, m)]
     return sorted((k for k in found if k is not None), key=lambda k: -k.gain)
@@ -236,11 +221,11 @@ def kinds(s: Record, m: ChainModel) -> list[Candidate]:
 
 def reversals(e: Array, null: Array) -> Look:
     """How many samples are on the wrong side of a sign, in the record and in own ones: a small play shows so."""
-    counts = np.array([np.sum(np.abs(r) > WRONG_SIDE * np.sqrt(variance_of(r))) for r in (e, *null)], dtype=float)
+    counts = np.array([np.sum(np.abs(r) > WRONG_SIDE * np.sqrt(cm.variance_of(r))) for r in (e, *null)], dtype=float)
     excess = max(counts[0] - float(counts[1:].mean()), 0.0)
-    return Look("", counts[0], counts[1:], None, 1, float(np.sqrt(excess * CAP * variance_of(e) / e.size)))
+    return Look("", counts[0], counts[1:], None, 1, float(np.sqrt(excess * cm.CAP * cm.variance_of(e) / e.size)))
 
 
 def gained(s: Record, before: ChainModel, after: ChainModel) -> float:
     """g of one model over another."""
-    return gain(deviance(left(s, before)[s.fit]), deviance(left(s, after)[s.fit]), float(s.fit.sum()))
+    return gain(cm.deviance(cm.left(s, before)[s.fit]), cm.deviance(cm.left(s, after)[s.fit]), float(s.fit.sum()))

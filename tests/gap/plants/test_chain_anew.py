@@ -1,0 +1,77 @@
+"""Strong effects fitted with the effect inside: from starts of their own to their true numbers."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from benchmarks.blind_logs import filtered_chain
+from tests.gap.plants.example_chain import PLAIN, TRUE, kind, record, term
+from whsklearn.effects import ChainDeadZone, ParameterChange, as_law
+from whsklearn.gap.plants import chain_anew as anew
+from whsklearn.gap.plants.chain_fit import base_starts, coloured, cost, minima, sharpened
+from whsklearn.gap.plants.chain_model import Record
+
+RNG = np.random.default_rng
+
+
+def logged(effect, seed):
+    """A record of another author's filters, and its base model's minima."""
+    case = filtered_chain.record(effect, seed)
+    u, y = (case.frame[k].to_numpy().copy() for k in ("u", "y"))
+    s = Record(u, y, 1.0, np.array([2, 2, 2, 2, 3]), as_law(None), np.arange(u.size) >= 40)
+    return s, minima(s, base_starts(s, RNG(0))), case.numbers
+
+
+@pytest.mark.parametrize(
+    ("effect", "name", "at", "number"),
+    [
+        ("backlash", "backlash", "middle", "gap"), ("input_play", "backlash", "input", "gap"),
+        ("flexible_coupling", "flexible_coupling", "middle", "frequency"), ("dead_zone", "dead_zone", "input", "width"),
+        ("output_coupling", "flexible_coupling", "output", "frequency"), ("saturation", "saturation", "input", "limit"),
+        ("sensor_rectification", "sensor_rectification", "", "fraction"),
+        ("folded_below_noise", "sensor_rectification", "", "fraction"),
+    ],
+)  # fmt: skip
+def test_a_strong_effect_is_found_with_its_number(effect, name, at, number):
+    s, (base, *others), numbers = logged(effect, 31)
+    k = kind(name, at)
+    assert anew.is_strong(k, s)
+    grown = anew.nudged(s, anew.fitted_anew(s, base, others, k, RNG(0)))
+    assert grown.terms[-1].q[k.fields.index(number)] == pytest.approx(numbers[number], rel=0.05)
+    assert cost(s, grown) < 0.2 * cost(s, base)
+
+
+def test_the_input_behind_an_effect_is_the_effects_own():
+    u = anew.applied(PLAIN, term("dead_zone", 0.3, at="input"))
+    np.testing.assert_allclose(u, PLAIN.u - np.clip(PLAIN.u, -0.3, 0.3), atol=1e-12)
+    late = anew.applied(PLAIN, term("input_delay", 2.5))
+    np.testing.assert_allclose(late[3:], 0.5 * (PLAIN.u[1:-2] + PLAIN.u[:-3]), atol=1e-12)
+
+
+def test_a_sign_that_is_there_is_not_looked_for():
+    assert not anew.is_strong(kind("sensor_rectification"), PLAIN)
+    assert anew.is_strong(kind("sensor_rectification"), PLAIN.with_output(np.abs(PLAIN.y)))
+
+
+def test_the_pairs_of_poles_that_ring_become_resonances_with_their_numbers():
+    pole = np.exp(2j * np.pi * 0.1 * (1j * 0.05 + np.sqrt(1 - 0.05**2)))  # f = 0.1, zeta = 0.05
+    found = list(anew.resonances(PLAIN, TRUE, np.array([pole, np.conj(pole), 0.3]), kind("flexible_coupling")))
+    assert len(found) == 1
+    np.testing.assert_allclose(found[0][1].q, (0.1, 0.05), rtol=1e-9)
+
+
+def test_an_instant_is_walked_to():
+    s = record(ParameterChange(0.3, 503.0, "coulomb"))
+    k = next(k for k in anew.kinds(s, TRUE) if k.options.get("parameter") == "coulomb")
+    m = sharpened(s, coloured(s, TRUE).plus(anew.Term(k, (0.3, 450.0))), (1000.0,))
+    found = anew.walked(s, m).terms[-1].q
+    assert found[1] == pytest.approx(503.0, abs=5.0)
+    assert found[0] == pytest.approx(0.3, rel=0.1)
+
+
+def test_all_strong_candidates_and_the_best_of_the_rest_are_fitted():
+    s = record(ChainDeadZone(0.3))
+    m = coloured(s, TRUE)
+    names = [k.name for k, _ in anew.fits(s, m, [], [], RNG(0), among=("dead_zone", "cogging"))]
+    assert set(names) == {"dead_zone", "cogging"}
