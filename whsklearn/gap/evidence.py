@@ -9,7 +9,7 @@ cross-validated ones, which have paid for over-fitting already.  A name further 
 a size above the tolerance, and numbers that are physical.
 
 Here stand the thresholds of the engine and of what all plants share.  Those that only one kind of model knows stand
-beside it, in `plants.servo_evidence`, `plants.chain_evidence` and `plants.simulator_evidence`.  How finely a fit steps
+beside it, in `plants.servo_evidence` and `plants.simulator_evidence`.  How finely a fit steps
 or where a search begins is no rule: such numbers stand where they are used.
 """
 

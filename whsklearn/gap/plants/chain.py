@@ -50,7 +50,7 @@ AT_BOUND = 1.02  # ratio to the end of a range at which a shape is no shape of i
 BESIDE = 0.05
 NO_PEAK = 2.0**-0.5  # damping from which a resonance of second order has no peak: a pair of poles like any other
 REMEMBERED = 8  # samples for which L2 remembers a sign: a pole at 0.8 leaves a sixth of it
-SIGN_SEEN, GRID_SEEN = 0.99, 0.95  # confidence of what is seen in the readings and needs no inference
+GRID_SEEN = 0.95  # confidence of what is seen in the readings and needs no inference
 
 
 class ChainPlant(PlantDefaults):
@@ -174,10 +174,8 @@ class ChainPlant(PlantDefaults):
                 out[kind.name] = Look(kind.name, g, null, grown, kind.n_numbers, float(size), 1.0, p), kind
         ranked = sorted(out.values(), key=lambda pair: -pair[0].score)
         self._near |= {k.name for k, _ in ranked if k.size**2 > WORTH_FITTING * ranked[0][0].size ** 2}
-        if seen.p_value > NO_DOUBT:  # what a fit sees beyond a look, it sees in own records too
-            ranked = (
-                [(self._fitted_too(model, *ranked[0], len(looks), rng), ranked[0][1]), *ranked[1:]] if ranked else []
-            )
+        if seen.p_value > NO_DOUBT and ranked:  # what a fit sees beyond a look, it sees in own records too
+            ranked[0] = self._fitted_too(model, *ranked[0], len(looks), rng), ranked[0][1]
         return sorted([*(k for k in looks if k.name not in out), *(k for k, _ in ranked)], key=lambda k: -k.score)
 
     def _fitted_too(

@@ -180,8 +180,7 @@ def split_off(s: Record, m: ChainModel, kind: Candidate) -> Iterator[ChainModel]
     real = [i for i, r in enumerate(zeros) if abs(r.imag) < 1e-9]
     for pole, term in resonances(s, m, poles, kind):
         rest = poles[(np.abs(poles - pole) > 1e-9) & (np.abs(poles - np.conj(pole)) > 1e-9)]
-        for i in real or [None]:
-            kept = np.delete(zeros, i) if i is not None else zeros
+        for kept in [np.delete(zeros, i) for i in real] or [zeros]:
             more = m.plus(term)
             for theta in divided(s, Ratio(np.atleast_1d(np.real(np.poly(kept))), np.real(np.poly(rest))), more.terms):
                 yield dataclasses.replace(more, theta=theta)
@@ -198,11 +197,11 @@ def pulled_out(s: Record, m: ChainModel, kind: Candidate) -> Iterator[ChainModel
         for zero in (m.theta[zeros], np.zeros(zeros.stop - zeros.start)):
             own, other = np.concatenate([zero, poles]), m.theta[c.start :] if first else m.theta[: b.stop]
             more = m.plus(term)
-            pair = (own, other) if first else (other, own)
-            yield dataclasses.replace(more, theta=weighed(s, *pair, more.terms))
+            one, two = (own, other) if first else (other, own)
+            yield dataclasses.replace(more, theta=weighed(s, one, two, more.terms))
 
 
-def resonances(s: Record, m: ChainModel, poles: Array, kind: Candidate) -> Iterator[tuple[complex, Term]]:
+def resonances(s: Record, m: ChainModel, poles: Any, kind: Candidate) -> Iterator[tuple[complex, Term]]:
     """The pairs of poles that a resonance can have, and its numbers."""
     z = cm.sizes(s, m)
     (low, high), (least, most) = kind.range_of(0, z), kind.range_of(1, z)

@@ -174,11 +174,13 @@ def weighed(s: Record, first: Array, second: Array, terms: tuple[Term, ...] = ()
 def random_thetas(s: Record, rng: np.random.Generator, n: int) -> list[Array]:
     """theta of random stable blocks, weights by least squares."""
     na, nb, nc, nd, _ = (int(i) for i in s.dims)
-    blocks = (
-        (np.concatenate([rng.normal(0.0, 1.0, k - 1), random_stable(p, rng)]) for k, p in ((na, nb), (nc, nd)))
+    return [
+        weighed(
+            s, np.concatenate([rng.normal(0.0, 1.0, na - 1), random_stable(nb, rng)]),
+            np.concatenate([rng.normal(0.0, 1.0, nc - 1), random_stable(nd, rng)]),
+        )
         for _ in range(n)
-    )
-    return [weighed(s, *pair) for pair in blocks]
+    ]  # fmt: skip
 
 
 def ranked(s: Record, models: Iterable[ChainModel], sharpness: float, steps: int) -> list[ChainModel]:
