@@ -36,7 +36,7 @@ def test_a_hidden_drag_is_named_with_its_size(drag):
     assert [e.name for e in drag.effects_] == ["quadratic_drag"]
     case = blind.make_case("named", 11, effects=("quadratic_drag",), size=0.15, noise=30.0, n=1500)
     found = drag.effects_[0]
-    assert found.effect.labelled()["coefficient"] == pytest.approx(case.parameters[0]["size"], rel=0.15)
+    assert found.effect.coefficient == pytest.approx(case.parameters[0]["size"], rel=0.15)
     assert found.standard_errors["coefficient"] > 0.0
 
 
@@ -66,9 +66,9 @@ def test_rounding_is_told_beside_another_effect():
     finder = diagnose(case)
     assert {e.name for e in finder.effects_} == {"hardening_spring", "quantization"}
     told = next(e for e in finder.effects_ if e.name == "quantization")
-    assert told.effect.labelled()["step"] == pytest.approx(case.parameters[1]["size"], rel=1e-6)
+    assert told.effect.step == pytest.approx(case.parameters[1]["size"], rel=1e-6)
     y = finder.model_.simulate(case.frame["u"])  # the repaired model rounds too
-    np.testing.assert_allclose(y, told.effect.parameters["step"] * np.round(y / told.effect.parameters["step"]))
+    np.testing.assert_allclose(y, told.effect.step * np.round(y / told.effect.step))
 
 
 def test_a_strong_saturation_does_not_leave_the_blocks_bent():
@@ -111,10 +111,9 @@ def test_bad_records_end_in_a_data_problem(u, y, code):
 
 
 def test_of_a_long_record_a_part_is_searched_and_all_of_it_fitted(monkeypatch):
-    from whsklearn.gap.plants import chain_evidence as rules
+    from whsklearn.gap.plants import chain
 
-    monkeypatch.setattr(rules, "LONG_RECORD", 1500)
-    monkeypatch.setattr(rules, "SEARCHED", 1000)
+    monkeypatch.setattr(chain, "SEARCHED", 1000)
     case = blind.make_case("named", 11, effects=("quadratic_drag",), size=0.15, noise=30.0, n=2000)
     long = diagnose(case)
     assert [e.name for e in long.effects_] == ["quadratic_drag"]

@@ -78,7 +78,7 @@ def test_it_is_named_where_it_is_and_not_where_it_is_not(bump):
     y = hidden.simulate(u, 0.02 * rng.normal(size=u.size))
     finder = GapFinder("wiener-hammerstein").fit(pd.DataFrame({"u": u, "y": y}))
     assert (finder.verdict_, [e.name for e in finder.effects_]) == ("named", ["bump"])
-    assert finder.effects_[0].effect.labelled()["torque"] == pytest.approx(0.6, rel=0.1)
+    assert finder.effects_[0].effect.torque == pytest.approx(0.6, rel=0.1)
     assert [e.name for e in finder.model_.effects] == ["bump"]
     y = WienerHammersteinSystem(**PARTS).simulate(u, 0.02 * rng.normal(size=u.size))
     assert GapFinder("wiener-hammerstein").fit(pd.DataFrame({"u": u, "y": y})).verdict_ == "no_gap"
