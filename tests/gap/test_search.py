@@ -33,6 +33,7 @@ class Columns(PlantDefaults):
     """A plant of columns by name."""
 
     scale, tolerance, n_effective = 1.0, 0.02, float(N)
+    exact = False
 
     def __init__(self, truth, names="abcdef", seed=0, forbidden=(), places=None):
         self.places = places or {}

@@ -310,6 +310,7 @@ class PlantDefaults:
     """What a plant does unless it knows better."""
 
     horizon_unit = "s"
+    exact = False  # whether its own records are exact: simulated from the input alone, with no loop and no filter
 
     @property
     def gap_unit(self: Any) -> str:

@@ -299,7 +299,7 @@ class Search:
             grown, effect = (f.model.terms[-1].effect for f in (other, taken))
             if effect is not None and grown.parent == effect.name:  # it holds the one taken and more, and is asked next
                 continue
-            if self._needless(taken, other):
+            if self.plant.exact and self._needless(taken, other):
                 taken.same.append(other.name)
                 continue
             lead = taken.score - other.score
@@ -353,7 +353,7 @@ class Search:
 
     def _review(self, found: Found) -> None:
         """Ask every effect but the last anew beside all others: it was taken when more was missing."""
-        changed = self._prune(found)
+        changed = self.plant.exact and self._prune(found)
         names = [t.name for t in found.taken]
         # a family stands and falls with its first
         alone = [i for i in range(len(names) - 1) if names.count(names[i]) == 1]

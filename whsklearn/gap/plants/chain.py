@@ -75,6 +75,7 @@ class ChainPlant(PlantDefaults):
     gap_word = "whitened error"
     whole = "output"
     horizon_unit = "samples"
+    exact = True
 
     def __init__(
         self, u: Array, y: Array, base: tuple[LawChoice, tuple[int, ...], int], *, tolerance: float, dt: float = 1.0,
