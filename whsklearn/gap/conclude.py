@@ -66,7 +66,7 @@ def conclude(plant: Any, found: Found, rng: np.random.Generator, say: Callable[[
     diagnosis.base_parameters = _base_numbers(plant, found)
     diagnosis.next_experiment = next_experiment(diagnosis)
     for e in diagnosis.effects:
-        e.units = (own.get(plant.units[0], plant.units[0]), own.get(motion, motion))
+        e.units = plant.effect_units
     if diagnosis.learned is not None:
         curves = diagnosis.learned.curves
         diagnosis.learned.curves = tuple(curve_in(c, plant.units, own) for c in curves)

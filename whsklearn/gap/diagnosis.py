@@ -91,8 +91,11 @@ class NamedEffect:
         return self._told(self.standard_errors)
 
     def _told(self, numbers: Mapping[str, Any]) -> dict[str, Any]:
-        """Numbers in SI under labels of a rotary axis, brought to the units of the log."""
+        """Numbers in SI under labels of a rotary axis, brought to the units of the log; bare names where it has none."""
         factors = {}
+        if not any(self.units):  # a chain, whose signals between the blocks have no unit
+            bare = {q.labelled(name): name for name, q in getattr(self.effect, "quantities", {}).items()}
+            return {bare.get(k, k): v for k, v in numbers.items()}
         for name, q in getattr(self.effect, "quantities", {}).items():
             if not name.startswith("phase"):
                 factors[q.labelled(name)] = respelled(q.unit, dict(zip(("Nm", "rad"), self.units, strict=True)))[0]

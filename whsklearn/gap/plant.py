@@ -313,6 +313,12 @@ class PlantDefaults:
     exact = False  # whether its own records are exact: simulated from the input alone, with no loop and no filter
 
     @property
+    def effect_units(self: Any) -> tuple[str, str]:
+        """Units of drive and motion in which the numbers of effects are told; empty where they have none."""
+        drive, motion = self.units
+        return self.own_units.get(drive, drive), self.own_units.get(motion, motion)
+
+    @property
     def gap_unit(self: Any) -> str:
         """In which the gap is told: that of the drive, or of the output."""
         return str(self.units[0] if self.whole == "drive" else self.units[1])

@@ -76,6 +76,7 @@ class ChainPlant(PlantDefaults):
     whole = "output"
     horizon_unit = "samples"
     exact = True
+    effect_units = ("", "")  # x and v have none, whatever the log's are
 
     def __init__(
         self, u: Array, y: Array, base: tuple[LawChoice, tuple[int, ...], int], *, tolerance: float, dt: float = 1.0,
