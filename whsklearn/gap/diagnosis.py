@@ -91,7 +91,7 @@ class NamedEffect:
         return self._told(self.standard_errors)
 
     def _told(self, numbers: Mapping[str, Any]) -> dict[str, Any]:
-        """Numbers in SI under labels of a rotary axis, brought to the units of the log; bare names where it has none."""
+        """Numbers in SI under labels of a rotary axis, brought to the units of the log; bare where it has none."""
         factors = {}
         if not any(self.units):  # a chain, whose signals between the blocks have no unit
             bare = {q.labelled(name): name for name, q in getattr(self.effect, "quantities", {}).items()}
