@@ -19,6 +19,7 @@ from whsklearn.gap.plants.chain import ChainPlant
 from whsklearn.gap.plants.chain_candidates import Term, catalogue
 from whsklearn.gap.plants.chain_law import law_choice
 from whsklearn.gap.plants.chain_model import free_run
+from whsklearn.gap.repaired import as_model
 from whsklearn.models import load_model, save_model
 
 
@@ -107,7 +108,7 @@ def test_every_candidate_is_in_the_system_that_is_handed_back_saved_and_loaded(k
         or k.name == "input_offset"
     )
     path = tmp_path / "repaired.json"
-    save_model(system, path)
+    save_model(as_model(system, ("", "")), path)
     again = load_model(path)
     assert [e.name for e in again.effects] == [k.name]
     np.testing.assert_allclose(again.simulate(U), system.simulate(U), atol=1e-9)

@@ -9,9 +9,9 @@ import pytest
 
 from benchmarks.blind_logs import wiener_hammerstein as blind
 from tests.gap.plants.example_chain import PLAIN, THETA, TRUE, record, term
-from whsklearn.effects import QuadraticDrag, as_law
+from whsklearn.effects import FrictionLaw, Hinge, QuadraticDrag, as_law
 from whsklearn.gap.plants import chain_fit as cf
-from whsklearn.gap.plants.chain_model import ChainModel, Record, free_run
+from whsklearn.gap.plants.chain_model import ChainModel, Record, free_run, rms_dx, simulate
 
 
 def drawn(seed):
@@ -43,6 +43,15 @@ def test_a_fit_never_ends_worse_than_it_began():
     assert cf.cost(PLAIN, cf.polished(PLAIN, m)) <= cf.cost(PLAIN, m)
 
 
+def test_a_number_that_no_error_follows_stays_where_it_is():
+    law = FrictionLaw([*PLAIN.law.terms, Hinge(0.0, 1e3)])  # a kink where x never is
+    s = dataclasses.replace(PLAIN, law=law, dims=PLAIN.dims + np.array([0, 0, 0, 0, 1]))
+    m = cf.moved(s, ChainModel(np.insert(THETA, 6, 0.0)), 1.0, np.random.default_rng(0))
+    assert m.theta[6] == 0.0
+    assert np.all(np.delete(m.theta, 6) != THETA)
+    assert np.abs(np.delete(m.theta, 6) - THETA).max() < 1.0
+
+
 def test_an_effect_is_fitted_together_with_the_blocks():
     s = record(QuadraticDrag(0.1))
     fitted = cf.sharpened(s, TRUE.plus(term("quadratic_drag", 0.01)), (30.0, 300.0, 1000.0))
@@ -55,7 +64,13 @@ def test_weights_come_from_least_squares_beside_effects():
     s = PLAIN.with_output(free_run(PLAIN, TRUE.plus(one)))
     m = ChainModel(cf.weighed(s, THETA[:3], THETA[6:], (one,)), (one,))
     np.testing.assert_array_equal(np.delete(m.theta, [3, 4, 5]), np.delete(THETA, [3, 4, 5]))
-    assert np.std(s.y - free_run(s, m)) < 0.5 * np.std(s.y)  # the weights are those of a softer sign
+    kappa = 1.0 / rms_dx(s, m)  # the weights are those of the softest sign
+
+    def rest(model):
+        return np.std((s.y - simulate(s, model, kappa)[2])[s.fit])
+
+    assert rest(m) < 0.5 * np.std(s.y[s.fit])
+    assert rest(m) < rest(TRUE.plus(one))
 
 
 def test_the_divisions_of_the_linear_model_have_all_its_poles():

@@ -30,6 +30,7 @@ N_RANDOM = 16  # starts beside the divisions, where the blocks are far from what
 KEPT, POLISHED = 6, 2  # minima under a soft sign that are sharpened, and those of them that are fitted to the end
 N_HOPS, HOP = 2, 1.0  # tries of neighbouring valleys, and their width in standard errors
 DIFFERENT = 1e-3  # share of the sum of squares by which two minima differ
+UNSEEN = 1e-12  # share of the largest column below which a column is rounding
 
 
 def cost(s: Record, m: ChainModel) -> float:
@@ -51,7 +52,7 @@ def climb(s: Record, m: ChainModel, sharpness: float, steps: int, *, robust: boo
     def rows(x: Array) -> Array:
         out = cm.sensitivities(s, cm.from_vector(m, x), kappa)[s.fit] / sigma
         size = np.linalg.norm(out, axis=0)
-        return np.where(size > 1e-12 * size.max(initial=0.0), out, 0.0)  # a kink where no x is has a slope of rounding
+        return np.where(size > UNSEEN * size.max(initial=0.0), out, 0.0)  # a kink where no x is has a slope of rounding
 
     loss = _capped if robust else "linear"
     try:
@@ -110,7 +111,9 @@ def polished(s: Record, m: ChainModel, hops: int = N_HOPS) -> ChainModel:
 def moved(s: Record, m: ChainModel, far: float, rng: np.random.Generator) -> ChainModel:
     """The model with numbers drawn from their covariance, ``far`` standard errors wide."""
     rows = cm.sensitivities(s, m, 30.0 / cm.rms_dx(s, m))[s.fit]
-    scale = np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
+    scale = np.linalg.norm(rows, axis=0)
+    seen = scale > UNSEEN * scale.max(initial=0.0)  # a number that no error follows has no covariance: it stays
+    scale = np.where(seen, scale, np.inf)
     _, values, axes = np.linalg.svd(rows / scale, full_matrices=False)
     sigma = far * np.sqrt(cm.variance_of(cm.left(s, m)[s.fit]))
     step = axes.T @ (rng.standard_normal(values.size) / np.maximum(values, 1e-3 * values[0])) * sigma / scale
