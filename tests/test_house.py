@@ -212,7 +212,7 @@ def public_classes() -> Iterator[tuple[str, str]]:
 
 INTERNAL = (  # of the same name as a public class of another package
     "cli/linear.py:LinearModel gap/plants/servo_model.py:AxisModel gap/plant.py:View gap/plant.py:Plant "
-    "gap/plants/gap/plants/chain_model.py:ChainModel gap/plants/servo_learned.py:Problem "
+    "gap/plants/chain_model.py:ChainModel gap/plants/servo_learned.py:Problem "
     "gap/plants/simulator_look.py:Motion recursion/pseudolinear.py:Published recursion/reading.py:Reading "
     "recursion/sign_density.py:Problem systems/_servo_kernel.py:How systems/_servo_torques.py:Plant"
 ).split()

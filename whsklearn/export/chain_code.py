@@ -114,13 +114,13 @@ def _with_effects(chain, work, state, states, block, drive):  # type: ignore[no-
         states["history"] = whole + 1
         for i in reversed(range(whole + 1)):
             work.store(state("history", i), past[i])
-    driven_u = work.bind("driven", work.call(driven, *ports[:2], memory, u, None, t, x, chain.dt))
+    driven_u = work.bind("driven", work.call(driven, *ports[:2], memory, u, t, x, chain.dt))
     work.call(_pushed, b, f, z, n, driven_u, first)
     dx = work.bind("dx", work.binary("Sub", x, Symbol(state("last_x", -1))))
     ddx = work.bind("ddx", work.binary("Sub", dx, Symbol(state("last_dx", -1))))
     law = chain.law
     v = work.call(_law, law.codes, law.shapes, law.weights, x, dx)
-    more = work.call(added, *ports[:2], memory, own, Symbol(drive), x, dx, ddx, t, chain.dt, math.inf, None)
+    more = work.call(added, *ports[:2], memory, own, Symbol(drive), x, dx, ddx, t, chain.dt, math.inf)
     v = work.bind("v", work.binary("Add", v, more))
     work.store(state("last_x", -1), x)
     work.store(state("last_dx", -1), dx)

@@ -18,6 +18,7 @@ Array = NDArray[Any]
 # A gain of one superfluous number is half a chi-squared of one degree of freedom a unit of log likelihood, whose
 # largest of many has a Gumbel scale of 2: no spread over a scan is below that.
 LEAST_SCALE = 2.0
+CERTAIN = 20.0  # Gumbel scales below the centre from where p is one to all digits
 VUONG_BLOCKS = 40  # a fortieth of a record: errors of neighbouring samples depend on each other, those of blocks hardly
 
 
@@ -95,7 +96,8 @@ def p_value(g: float, null: Array, families: int = 1, degrees: float = 0.0) -> f
         return float(min(1.0, families * degrees / k * f.sf(g * degrees / (k * mean), used, null.size * used)))
     scale = max(float(np.std(null, ddof=1)) * np.sqrt(6.0) / np.pi if null.size > 1 else 0.0, LEAST_SCALE)
     centre = mean - np.euler_gamma * scale
-    return float(min(1.0, families * gumbel_r.sf(g, centre, scale)))
+    far = max(g, centre - CERTAIN * scale)  # a fit anew can end much worse than it began
+    return float(min(1.0, families * gumbel_r.sf(far, centre, scale)))
 
 
 def vuong(worse: Array, better: Array) -> float:
