@@ -2,7 +2,7 @@
 
 A pole too few or a curve where the law has a line also follows the input, and the nearest effect of the catalogue would
 pass for it: where the base model with one and two more poles and zeros in each block, or with kinks in x and dx beside
-its law, leaves far less than the effects that were found, that is what is said.
+its law, says more than the effects that were found, that is what is said.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from whsklearn.effects import FrictionLaw, Hinge, Power, StaticEffect, as_law
+from whsklearn.gap.calibration import gain
 from whsklearn.gap.plants.chain_fit import cost, polished, sharpened, weighed
 from whsklearn.gap.plants.chain_model import HARD, SHARPEST, ChainModel, Record, simulate
 
@@ -25,11 +26,6 @@ DEGREE, KNOTS = 3, 8  # where the name gives none
 # for outliers of the capped fit; still further out a segment has too few samples for a slope
 REACH = (0.005, 0.995)
 EXTRA = (1, 2)  # poles and zeros added to each block
-# Share of what the effects leave, below which more orders and a free law show that the base model is too small and no
-# effect is missing. A second effect beside a named one is imitated by them too, but rarely to a half; the WH2009
-# circuit under orders of two ends at 0.2.
-TOO_SMALL = 0.5
-WELL_CLOSED = 0.1  # share of the mean square that one or two numbers may leave without a word on orders
 SPOKEN_OF = 0.2  # share of the mean square that orders, or a law, must take off to be put down to them
 
 
@@ -146,20 +142,29 @@ def freed(s: Record, m: ChainModel) -> tuple[Record, ChainModel]:
 
 
 def falls_short(s: Record, base: ChainModel, model: ChainModel) -> str:
-    """Sentence on what orders or law of the base model lack; empty where larger ones leave no less than the effects."""
+    """Sentence on what orders or law of the base model lack; empty where no larger ones say more than the effects.
+
+    Both are explanations of one record, so they are weighed as such: by n ln of what they leave, which the noise floor
+    under both makes neither smaller nor larger, less ln n for each number that one has and the other has not (Schwarz
+    1978, Annals of Statistics 6(2), 461-464).
+    """
 
     def fitted(pair: tuple[Record, ChainModel]) -> tuple[Record, ChainModel, float]:
         at, m = pair
         m = sharpened(at, m, (10.0, *HARD), 10)
         return at, m, cost(at, m)
 
+    n = float(s.fit.sum())
+
+    def beats(other: tuple[Record, ChainModel, float]) -> bool:
+        more = other[1].theta.size - base.theta.size - sum(t.kind.n_numbers for t in model.terms)
+        return gain(cost(s, model), other[2], n) > more * np.log(n)
+
     value = cost(s, base)
-    if cost(s, model) < WELL_CLOSED * value:
-        return ""
     orders = min((fitted(raised(s, base, more)) for more in EXTRA), key=lambda f: f[2])
     law = fitted(freed(s, base))
     both = fitted(freed(*orders[:2]))
-    if min(orders[2], law[2], both[2]) >= TOO_SMALL * cost(s, model):
+    if not any(map(beats, (orders, law, both))):
         return ""
     by_orders, by_law = 1.0 - orders[2] / value, 1.0 - law[2] / value
     parts = []
