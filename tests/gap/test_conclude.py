@@ -11,11 +11,12 @@ from whsklearn.gap.conclude import verdict_of
 NAMELESS = SimpleNamespace(name="", p_value=1e-6, size=0.2)
 
 
-def verdict(after, run, *, taken=("stribeck",), rivals=(), remainder=(), floor=0.01):
+def verdict(after, run, *, taken=("stribeck",), rivals=(), remainder=(), floor=0.01, exact=False):
     """Of a record with a gap of one, ``after`` of which is left where noise alone leaves ``floor``."""
     plant = SimpleNamespace(
-        tolerance=0.004, scale=1.0, figures=lambda *_: (1.0, after, floor), remains=lambda _, nameless: nameless
-    )
+        tolerance=0.004, scale=1.0, exact=exact,
+        figures=lambda *_: (1.0, after, floor), remains=lambda _, nameless: nameless,
+    )  # fmt: skip
     found = SimpleNamespace(
         base=None, model=None, taken=list(taken), rivals=[list(rivals)], remainder=list(remainder), steps=[None]
     )
@@ -39,3 +40,9 @@ def test_rivals_make_it_ambiguous_and_what_follows_the_motion_partial():
 def test_without_a_name_it_is_unknown_where_something_follows_the_motion():
     assert verdict(1.0, 0.0, taken=(), remainder=[NAMELESS]) == "unknown"
     assert verdict(1.0, 0.0, taken=()) == "coloured_noise"
+
+
+def test_where_own_records_are_exact_the_errors_are_the_run_and_what_is_shown_is_no_noise():
+    assert verdict(0.02, 0.3, exact=True) == "named"
+    assert verdict(1.0, 0.0, taken=(), floor=0.999, remainder=[NAMELESS], exact=True) == "unknown"
+    assert verdict(1.0, 0.0, taken=(), exact=True) == "no_gap"

@@ -37,7 +37,8 @@ def test_a_strong_effect_is_found_with_its_number(effect, name, at, number):
     s, (base, *others), numbers = logged(effect, 31)
     k = kind(name, at)
     assert anew.is_strong(k, s)
-    grown = anew.nudged(s, anew.fitted_anew(s, base, others, k, RNG(0)))
+    ((_, grown),) = anew.fitted_anew(s, base, others, [k], RNG(0))
+    grown = anew.nudged(s, grown)
     assert grown.terms[-1].q[k.fields.index(number)] == pytest.approx(numbers[number], rel=0.05)
     assert cost(s, grown) < 0.2 * cost(s, base)
 

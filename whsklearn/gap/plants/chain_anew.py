@@ -16,10 +16,24 @@ from numpy.typing import NDArray
 
 from whsklearn.gap.plants import chain_model as cm
 from whsklearn.gap.plants.chain_candidates import Candidate, Term
-from whsklearn.gap.plants.chain_fit import base_starts, cost, divided, linear_model, minima, misfit, sharpened, weighed
+from whsklearn.gap.plants.chain_fit import (
+    SOFT,
+    base_starts,
+    climb,
+    cost,
+    divided,
+    linear_model,
+    minima,
+    misfit,
+    ranked,
+    sharpened,
+    sharpest,
+    weighed,
+)
 from whsklearn.gap.plants.chain_looks import kinds, softly
 from whsklearn.gap.plants.chain_model import ChainModel, Record
 from whsklearn.gap.record import rms
+from whsklearn.gap.search import WORTH_FITTING
 from whsklearn.gap.tangent import Look
 from whsklearn.recursion.best_linear import Ratio
 
@@ -57,18 +71,15 @@ def fits(
     among : container of str, optional
         Names that alone are worth a fit; all by default.
     """
-    for kind in kinds(s, m):
-        if is_strong(kind, s) and (among is None or kind.name in among):
-            grown = fitted_anew(s, m, others, kind, rng)
-            if grown is not None:
-                yield kind, grown
-    ranked = [sorted((k for k in looks if k.start is not None), key=lambda k: -k.score), softly(s, m)]
+    strong = [k for k in kinds(s, m) if is_strong(k, s) and (among is None or k.name in among)]
+    yield from fitted_anew(s, m, others, strong, rng)
+    both = [sorted((k for k in looks if k.start is not None), key=lambda k: -k.score), softly(s, m)]
     seen: set[int] = set()
-    for one in ranked:
+    for one in both:
         weak = [k for k in one if not is_strong(k.start.kind, s) and (among is None or k.name in among)]
         for found in weak[:PROMISING]:
             start = found.start
-            if start.kind.code in seen and one is ranked[0]:
+            if start.kind.code in seen and one is both[0]:
                 continue
             seen.add(start.kind.code)
             yield start.kind, fitted(s, [m, *others], start)
@@ -88,8 +99,7 @@ def fitted(s: Record, models: list[ChainModel], term: Term) -> ChainModel:
 def fitted_once(s: Record, m: ChainModel, kind: Candidate, rng: np.random.Generator) -> ChainModel:
     """The model with one candidate, fitted as `fits` does; the model itself where no fit is stable."""
     if is_strong(kind, s):
-        grown = fitted_anew(s, m, [], kind, rng)
-        return m if grown is None else grown
+        return next((grown for _, grown in fitted_anew(s, m, [], [kind], rng)), m)
     start = next((k.start for k in softly(s, m) if k.start.kind == kind), None)
     return m if start is None else fitted(s, [m], start)
 
@@ -130,9 +140,26 @@ def nudged(s: Record, m: ChainModel) -> ChainModel:
 
 
 def fitted_anew(
+    s: Record, m: ChainModel, others: list[ChainModel], strong: list[Candidate], rng: np.random.Generator
+) -> Iterator[tuple[Candidate, ChainModel]]:
+    """The model with a strong candidate as its last effect, from starts of its own, where one is stable.
+
+    Under a soft sign first: what explains little there, beside the best of them, is not sharpened.
+    """
+    soft = [(kind, ranked(s, starts_of(s, m, others, kind, rng), SOFT[0], 8)) for kind in strong]
+    left = {id(found): softened(s, found[0]) for _, found in soft if found}
+    whole = softened(s, climb(s, m, SOFT[0], 8, robust=False))
+    least = WORTH_FITTING * (whole - min(left.values(), default=whole))
+    for kind, found in soft:
+        if found and whole - left[id(found)] >= least:
+            keep = max(kind.n_numbers, 1) * KEPT  # a resonance has more valleys than a width
+            yield kind, sharpest(s, found[:keep])[0]
+
+
+def starts_of(
     s: Record, m: ChainModel, others: list[ChainModel], kind: Candidate, rng: np.random.Generator
-) -> ChainModel | None:
-    """The model with a strong candidate as its last effect, from starts of its own; None where none is stable."""
+) -> list[ChainModel]:
+    """Where a strong candidate is fitted from: those starts that leave least as they are."""
     z = cm.sizes(s, m)
     starts: list[ChainModel] = []
     terms = [Term(kind, shape) for shape in (FOLDS if kind.folds else kind.shapes(z))]
@@ -147,20 +174,20 @@ def fitted_anew(
         starts += [dataclasses.replace(b.plus(Term(kind, (1.0,))), n_base=m.n_base) for b in unfolded(s, m, rng)]
     elif "frequency" in kind.fields:
         starts += [*split_off(s, m, kind), *(t for o in (m, *others) for t in pulled_out(s, o, kind))]
-    many = max(kind.n_numbers, 1)  # a resonance has more valleys than a width
-    return next(iter(minima(s, best(s, starts, many * TRIED), keep=many * KEPT, ended=False)), None)
+    return best(s, starts, max(kind.n_numbers, 1) * TRIED)
 
 
 def best(s: Record, starts: list[ChainModel], n: int) -> list[ChainModel]:
     """Those that leave least under a soft sign, as they are."""
-
-    def value(m: ChainModel) -> float:
-        white = dataclasses.replace(m, ar=np.zeros_like(m.ar))
-        e = cm.left(s, white, 3.0 / cm.rms_dx(s, white))[s.fit]
-        return float(np.mean(e**2))
-
-    scored = [(value(m), i) for i, m in enumerate(starts) if np.all(np.isfinite(m.theta))]
+    scored = [(softened(s, m), i) for i, m in enumerate(starts) if np.all(np.isfinite(m.theta))]
     return [starts[i] for _, i in sorted(scored)[:n]]
+
+
+def softened(s: Record, m: ChainModel) -> float:
+    """Mean square of what a model leaves under a soft sign."""
+    white = dataclasses.replace(m, ar=np.zeros_like(m.ar))
+    e = cm.left(s, white, SOFT[0] / cm.rms_dx(s, white))[s.fit]
+    return float(np.mean(e**2))
 
 
 def applied(s: Record, term: Term) -> Array:

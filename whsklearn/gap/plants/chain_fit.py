@@ -210,17 +210,21 @@ def _stable(s: Record, theta: Array) -> bool:
     return all(is_stable(np.ascontiguousarray(theta[part]), 0.9999) for part in (b, d))
 
 
-def minima(s: Record, starts: Iterable[ChainModel], *, keep: int = KEPT, ended: bool = True) -> list[ChainModel]:
-    """Separate minima that starts lead to, the least first; ``ended``: the first of them fitted to the end."""
-    softer = [sharpened(s, m, SOFT[1:]) for m in ranked(s, starts, SOFT[0], 8)[:keep]]
-    softer.sort(key=lambda m: cost(s, m))
-    if ended:
+def minima(s: Record, starts: Iterable[ChainModel]) -> list[ChainModel]:
+    """Separate minima that starts lead to, the least first, which is fitted to the end."""
+    out = sharpest(s, ranked(s, starts, SOFT[0], 8)[:KEPT], neighbours=True)
+    return [polished(s, m) for m in out[:1]] + out[1:]
+
+
+def sharpest(s: Record, soft: list[ChainModel], *, neighbours: bool = False) -> list[ChainModel]:
+    """Models under a soft sign sharpened, the least first; ``neighbours``: those with roots exchanged, too."""
+    softer = sorted((sharpened(s, m, SOFT[1:]) for m in soft), key=lambda m: cost(s, m))
+    if neighbours:
         dims = tuple(map(int, s.dims))
         others = [dataclasses.replace(m, theta=t) for m in softer[:1] for t in exchanged(m.theta, dims)]
         softer += [sharpened(s, m, SOFT[1:]) for m in ranked(s, others, SOFT[1], 6)[:2]]
         softer.sort(key=lambda m: cost(s, m))
-    out = sorted((sharpened(s, m) for m in softer[:POLISHED]), key=lambda m: cost(s, m))
-    return [polished(s, m) for m in out[:1]] + out[1:] if ended else out
+    return sorted((sharpened(s, m) for m in softer[:POLISHED]), key=lambda m: cost(s, m))
 
 
 def base_starts(s: Record, rng: np.random.Generator) -> list[ChainModel]:
