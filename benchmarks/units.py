@@ -10,7 +10,10 @@ of 0.1 Nm/A that nobody is told), time in s or ms.  Whatever reads them has to s
 - ``load_model``: the numbers of the file in SI, and its free run in its columns;
 - ``export`` to MJCF, URDF and Isaac Lab: inertia, damping, friction in Nm, or a loss that says A;
 - ``export`` to C: compiled, it replays the log's drive to the log's position; C and Structured Text say both units;
-- ``export`` to FMI: both units with their factors.
+- ``export`` to FMI: both units with their factors;
+- a served model: the rows of the next combination's log, by the name of their column, or a refusal;
+- ``stream``: started again from its checkpoint on columns in other units, a refusal that names both;
+- an estimator's own state file: the same of a frame.
 
     python -m benchmarks.units [--only rad,Nm,s]
 
@@ -35,6 +38,7 @@ import numpy as np
 import pandas as pd
 from click.testing import CliRunner
 
+from whsklearn import InverseDynamicsLags, RLSRegressor
 from whsklearn.datasets import make_servo_log
 from whsklearn.effects import Cogging
 from whsklearn.export import export_model
@@ -46,6 +50,7 @@ from whsklearn.identification.view import view
 from whsklearn.logs import load_log
 from whsklearn.logs.units import factor_between, factor_of, own_units, respelled
 from whsklearn.models import AxisModel, load_model, save_model
+from whsklearn.tracking.served import Served
 
 COMBINATIONS = tuple(itertools.product(("rad", "deg"), ("Nm", "mNm", "A"), ("s", "ms")))
 CONSTANT = 0.1  # Nm/A
@@ -112,6 +117,9 @@ def check(train: Path, test: Path, here: tuple[str, str, str], there: tuple[str,
         yield from loaded(folder / "repaired.json", log, here)
         yield from simulated(folder, test, here, there)
         yield from exported(folder / "repaired.json", folder, log, here)
+        yield from served(folder / "repaired.json", test, here, there)
+        yield from streamed(folder, train, test, here, there)
+        yield from resumed(folder, log, here, there)
     yield from tested(finder, test, here, there)
 
 
@@ -215,6 +223,50 @@ def replayed(folder: Path, u: np.ndarray) -> np.ndarray:
     replay = ctypes.CDLL(str(folder / "model.so")).replay
     replay(u.ctypes.data_as(pointer), y.ctypes.data_as(pointer), ctypes.c_long(u.size))
     return y
+
+
+def served(path: Path, test: Path, here: tuple[str, str, str], there: tuple[str, str, str]) -> Iterator[Check]:
+    """What MLflow serves, asked with a frame of other units."""
+    rows = pd.read_csv(test)[[columns_of(there)["drive"]]]
+    try:
+        y = Served(str(path)).predict(rows)
+    except ValueError as error:
+        yield "served model", ("A" in here) != ("A" in there) and "brought" in str(error), str(error)
+        return
+    log = load_log(test, **columns_of(there))
+    truth = log.y * factor_between(there[0], here[0])
+    error = float(np.std(y - truth) / np.std(truth))  # the log begins at rest
+    yield "served model", ("A" in here) == ("A" in there) and error < NEAR, f"{100 * error:.2g} % of {here[0]}"
+
+
+def streamed(
+    folder: Path, train: Path, test: Path, here: tuple[str, str, str], there: tuple[str, str, str]
+) -> Iterator[Check]:
+    """A stream, and a second one that is given its checkpoint and a log of other units."""
+    from whsklearn.cli.stream import main
+
+    done = []
+    for path, units in ((train, here), (test, there)):
+        c = columns_of(units)
+        columns = ["--time", c["time"], "--input", c["drive"], "--output", c["position"]]
+        kept = ["--checkpoint", str(folder / "stream.whs"), "--out", str(folder / f"{path.stem}.jsonl"), "--no-track"]
+        done.append(CliRunner().invoke(main, [str(path), *columns, *kept, "--estimator", "rls", "--orders", "1,1,1,1"]))
+    first, second = done
+    yield "stream", first.exit_code == 0, first.output.strip()[-200:]
+    told = all(f"{columns_of(u)['position']} in {u[0]}" in second.output for u in (here, there))
+    yield "stream, resumed", second.exit_code != 0 and told, second.output.strip()[-300:]
+
+
+def resumed(folder: Path, log: Any, here: tuple[str, str, str], there: tuple[str, str, str]) -> Iterator[Check]:
+    """A saved estimator that goes on with a frame whose column has another name, or the same."""
+    rows, y = pd.DataFrame({columns_of(here)["position"]: log.y}), log.X[:, 0]
+    RLSRegressor(InverseDynamicsLags(causal=True)).fit(rows, y).save(folder / "axis.whs")
+    try:
+        RLSRegressor.load(folder / "axis.whs").partial_fit(rows.set_axis([columns_of(there)["position"]], axis=1), y)
+    except ValueError as error:
+        yield "state file", here[0] != there[0] and "feature names" in str(error), "refused"
+        return
+    yield "state file", here[0] == there[0], "goes on"
 
 
 def logs(folder: Path) -> tuple[dict[Any, Path], dict[Any, Path]]:

@@ -92,6 +92,17 @@ def test_a_followed_file_is_taken_as_it_grows_and_a_signal_loses_nothing(tmp_pat
     assert [r["row"] for r in records(out, "estimate")] == [500, 1000]
 
 
+def test_a_checkpoint_of_columns_in_other_units_is_refused_with_both_units(tmp_path):
+    kept = tmp_path / "axis.whs"
+    for drive, angle in (("torque_nm", "angle_rad"), ("torque_mnm", "angle_deg")):
+        log = tmp_path / f"{angle}.csv"
+        log.write_text(f"{drive},{angle}\n" + "".join(f"{k % 7},{k % 5}\n" for k in range(300)))
+        options = ["--input", drive, "--output", angle, "--checkpoint", kept, "--no-track", "--estimator", "rls"]
+        done = stream(log, *options, "--out", tmp_path / f"{angle}.jsonl")
+    assert done.exit_code == 1
+    assert "learnt from torque_nm in Nm, angle_rad in rad, and this stream reads torque_mnm in mNm" in done.stderr
+
+
 def test_a_checkpoint_of_other_settings_or_of_another_file_is_refused(tmp_path, rows):
     log = write(tmp_path / "log.csv", rows[:300])
     assert stream(log, *QUICK).exit_code == 0

@@ -39,6 +39,23 @@ def test_a_refused_row_ends_the_stream_before_it_and_corrected_it_goes_on(tmp_pa
     assert (tmp_path / "out.jsonl").read_bytes() == (undisturbed / "out.jsonl").read_bytes()
 
 
+def test_predictions_worse_than_the_mean_of_the_output_are_told_once(tmp_path):
+    """An even characteristic, of which an odd law makes nothing: an NMSE of 1.5, at every estimate."""
+    u = np.random.default_rng(0).normal(size=2500)
+    log = tmp_path / "log.csv"
+    log.write_text("u,y\n" + "".join(f"{a:.9g},{10 + 3 * abs(a):.9g}\n" for a in u))
+    done = stream(log, "--no-track", "--estimator", "rls", "--every", "500", "--out", tmp_path / "out.jsonl")
+    assert done.exit_code == 0, done.output
+    (alarm,) = records(tmp_path / "out.jsonl", "alarm")
+    assert (alarm["cause"], alarm["row"]) == ("worse_than_mean", 1000)
+    assert "NMSE 1." in alarm["reason"]
+    assert done.stderr.count("worse than the mean of the output") == 1
+
+
+def test_predictions_of_a_sound_stream_are_not_called_worse(tmp_path, undisturbed):
+    assert not records(undisturbed / "out.jsonl", "alarm")
+
+
 def test_a_rise_of_friction_raises_the_alarm_and_is_named(tmp_path):
     u, y = axis(12_000, 3)
     y[7000:] = axis(12_000, 3, coulomb=0.84)[1][7000:]

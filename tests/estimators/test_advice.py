@@ -77,8 +77,9 @@ def axis():
     [
         (
             lambda q, u: (q[:200], u[:200]),
-            r"leave \d+ rows for 4 parameters, expected 40 or more; give a longer record",
+            r"leave \d+ independent rows for 4 parameters, expected 40 or more; give a longer record",
         ),
+        (lambda q, u: (q[7000:8000], u[7000:8000]), "leave .* independent rows"),
         (lambda q, u: (u, q), "check that X is the position and y the drive"),
         (lambda q, u: (-q, u), "gives inertia -0.05.* both with the same positive sense"),
         (lambda q, u: (np.rad2deg(20 * q) % 360.0, u), r"leaps by 360, .* np.unwrap\(position, period=360\)"),
@@ -89,6 +90,27 @@ def test_numbers_that_no_axis_has_are_told_with_the_likely_mistake(axis, mistake
     q, u = mistake(*axis)
     with pytest.warns(UserWarning, match=told):
         RLSRegressor(InverseDynamicsLags()).fit(q[:, None], u)
+
+
+@pytest.mark.parametrize("start", [0, 3000, 7000])
+def test_a_causal_filter_says_that_200_rows_are_too_few(axis, start):
+    q, u = (signal[start : start + 200] for signal in axis)
+    with pytest.warns(UserWarning, match=r"leave \d+ independent rows for 4 parameters, .* give a longer record"):
+        RLSRegressor(InverseDynamicsLags(causal=True)).fit(q[:, None], u)
+
+
+def test_an_axis_that_moves_in_one_direction_shows_no_coulomb_friction_beside_an_offset(axis):
+    q, u = axis
+    moving = np.flatnonzero(np.diff(np.sign(np.gradient(np.convolve(q, np.ones(50) / 50, "same")))))
+    longest = np.argmax(np.diff(moving))
+    one_way = slice(moving[longest] + 100, moving[longest + 1] - 100)
+    with pytest.warns(UserWarning, match="coulomb and input_offset cannot be separated.* moves in both directions"):
+        RLSRegressor(InverseDynamicsLags(causal=True)).fit(q[one_way, None], u[one_way])
+
+
+def test_nothing_is_said_of_a_sound_causal_axis(axis):
+    q, u = axis
+    RLSRegressor(InverseDynamicsLags(causal=True)).fit(q[:, None], u)
 
 
 def test_nothing_is_said_of_a_sound_axis(axis):

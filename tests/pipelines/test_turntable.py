@@ -21,7 +21,7 @@ from click.testing import CliRunner
 from pipelines.turntable import main
 from whsklearn.cli.ui import free_port
 from whsklearn.datasets import load_turntable
-from whsklearn.tracking.runs import view_of
+from whsklearn.tracking.runs import VIEW_NAME, view_of
 
 COLUMNS = ["--time", "time_s", "--reference", "reference_rad", "--drive", "torque_nm", "--position", "position_rad"]
 ROOT = Path(__file__).resolve().parents[2]
@@ -130,6 +130,10 @@ def test_page_shows_runs_and_metrics_in_a_browser(recorded):
             tab.goto(address, timeout=PATIENCE * 1000)
             tab.get_by_text("RMILS (full)").first.wait_for(timeout=PATIENCE * 1000)
             shown = tab.inner_text("body")
+            tab.goto(address.partition("&viewStateShareKey")[0], timeout=PATIENCE * 1000)  # MLflow's own columns
+            tab.get_by_role("button", name="Views").first.click(timeout=PATIENCE * 1000)
+            tab.get_by_text(VIEW_NAME, exact=True).first.click()
+            tab.get_by_text("mu_e").first.wait_for(timeout=PATIENCE * 1000)
             chromium.close()
         for column in view_of("turntable")["selectedColumns"][:3]:
             assert column.split("`")[1] in shown

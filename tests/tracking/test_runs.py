@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import subprocess
@@ -17,6 +18,7 @@ from sklearn.model_selection import GridSearchCV, TimeSeriesSplit
 from whsklearn import tracking
 from whsklearn.models import LinearModel, save_model
 from whsklearn.tracking import open_tracker
+from whsklearn.tracking.runs import VIEW, view_of
 
 
 @pytest.fixture
@@ -148,7 +150,7 @@ def test_a_served_model_takes_numbers_of_any_kind(kind, tracker, tmp_path):
     with tracker.run("model") as run:
         if kind == "a model file":
             save_model(model, tmp_path / "model.json")
-            address = run.log_file_model(tmp_path / "model.json", X)
+            address = run.log_file_model(tmp_path / "model.json", pd.DataFrame(X, columns=["u"]))
         else:
             address = run.log_model(model, X)
     served = mlflow.pyfunc.load_model(address)
@@ -162,6 +164,35 @@ def test_a_served_model_takes_numbers_of_any_kind(kind, tracker, tmp_path):
         np.testing.assert_allclose(np.ravel(served.predict(x)), wanted, rtol=1e-6)
     whole = np.ravel(served.predict([[2], [1]]))
     np.testing.assert_allclose(whole, 2 * np.array(wanted), rtol=1e-6)
+
+
+@pytest.mark.filterwarnings("ignore:.*Any type hint", "ignore:.*(py|P)ydantic.*")
+def test_a_served_model_file_names_its_column_and_units_and_converts_or_refuses(tracker, tmp_path):
+    import mlflow
+
+    units = {"input": "Nm", "output": "deg"}
+    save_model(LinearModel([0.0, 0.5], [1.0, -0.5], units=units), tmp_path / "model.json")
+    with tracker.run("model") as run:
+        frame = pd.DataFrame({"torque_nm": [1.0, 1.0, 1.0]})
+        address = run.log_file_model(tmp_path / "model.json", frame)
+    served = mlflow.pyfunc.load_model(address)
+    assert list(served.input_example.columns) == ["torque_nm"]
+    assert served.metadata.metadata == {"column": "torque_nm", "units": units}
+    wanted = np.ravel(served.predict(frame))
+    assert wanted[-1] > 0.0
+    np.testing.assert_allclose(np.ravel(served.predict(1000.0 * frame.set_axis(["torque_mnm"], axis=1))), wanted)
+    with pytest.raises(ValueError, match="'current_a' is in A, and the model takes Nm"):
+        served.predict(frame.set_axis(["current_a"], axis=1))
+
+
+def test_every_experiment_has_its_columns_among_the_saved_views_of_mlflow(tracker):
+    """Named views are in MLflow's menu from 3.15 on; what earlier versions read of the tag stands beside."""
+    tags = tracker.client.get_experiment(tracker.experiment_id).tags
+    view = json.loads(tags[f"mlflow.sharedViewState.{VIEW}"])
+    assert isinstance(view["name"], str)
+    assert isinstance(view["createdAt"], int)
+    state = json.loads(view["state"])
+    assert state == {k: view[k] for k in state} == view_of(tracker.experiment)
 
 
 def test_globals_of_mlflow_are_left_alone(tracker, monkeypatch):

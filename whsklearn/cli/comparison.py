@@ -28,6 +28,8 @@ WARM_UP = 600  # samples: beyond the 480 at which a stream's first models take o
 class Record:
     """An input of shape (n, 1) and an output of shape (n,), with a name; the segment of each sample after holes.
 
+    ``column`` is the name of the input in its log, empty where there is none.
+
     Examples
     --------
     >>> record = Record("sine", X=np.zeros((100, 1)), y=np.zeros(100))
@@ -39,6 +41,16 @@ class Record:
     X: NDArray[np.float64]
     y: NDArray[np.float64]
     groups: NDArray[np.int64] | None = None
+    column: str = ""
+
+    @property
+    def named(self) -> Any:
+        """The input under the name of its column, by which a model that is served knows it; X where it has none."""
+        if not self.column:
+            return self.X
+        import pandas as pd
+
+        return pd.DataFrame(self.X, columns=[self.column])
 
 
 @dataclass(frozen=True)

@@ -93,13 +93,16 @@ def main(**options: Any) -> None:
     with tracker.run(f"identify {name}") as run:
         run.log_params({k: v for k, v in options.items() if v not in (None, (), False)})
         run.log_tags({"recommended": found.recommended.name})
-        track(run, found, page.parent)
+        track(run, found, page.parent, train.columns["drive"])
     say_where(tracker)
 
 
-def track(run: Run, found: Identification, folder: Path) -> None:
+def track(run: Run, found: Identification, folder: Path, column: str) -> None:
     """The recommended model with its files on the run, a child run for each structure."""
+    import pandas as pd
+
     from whsklearn.identification.report import MODEL_FILE
+    from whsklearn.logs.units import UNKNOWN, unit_of
 
     run.log_metrics({**found.recommended.test, "size": float(found.recommended.size)})
     run.log_text(comparison(found), "table.txt")
@@ -112,7 +115,9 @@ def track(run: Run, found: Identification, folder: Path) -> None:
             child.log_metrics({**c.test, **{f"train_{k}": v for k, v in c.train.items()}})
             child.log_metrics({f"window_{n}": e for n, e in c.windows.items() if e == e})
             child.log_metrics({"size": float(c.size), "fit_seconds": c.seconds})
-    run.log_file_model(folder / MODEL_FILE, found.train.u[:, None])
+    unit = unit_of(column)
+    named = column if unit in (UNKNOWN, found.model.units.get("input")) else "input"  # a current that became a torque
+    run.log_file_model(folder / MODEL_FILE, pd.DataFrame({named: found.train.u}))
 
 
 def log_of(path: str, options: dict[str, Any]) -> Bunch:

@@ -298,7 +298,8 @@ def record_of(options: dict[str, Any]) -> Record:
             "`--logged output` fits the column as it is."
         )
     segment = np.repeat(np.arange(seen.bounds.size - 1), np.diff(seen.bounds))
-    return Record(Path(log.name).stem, seen.u[:, None], seen.target, segment if seen.starts else None)
+    groups = segment if seen.starts else None
+    return Record(Path(log.name).stem, seen.u[:, None], seen.target, groups, log.columns["drive"])
 
 
 def orders_of(text: str) -> dict[str, Any]:

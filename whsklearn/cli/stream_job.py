@@ -21,6 +21,7 @@ from whsklearn.cli.stream_files import alone, check_files, fingerprint
 from whsklearn.cli.stream_loop import Carried, Options, Record, Refused, Stream
 from whsklearn.cli.stream_out import Out
 from whsklearn.cli.stream_rows import CsvParser, FollowedFile, JsonParser, LineSource, PipedLines
+from whsklearn.logs.units import UNSTATED, unit_of
 from whsklearn.state import read_state, write_state
 from whsklearn.tracking import BesideRun, estimator_params, open_tracker
 from whsklearn.tracking.beside import CLOSE_SECONDS, HURRIED_SECONDS
@@ -93,7 +94,7 @@ def run_stream(
         run = BesideRun(
             lambda: open_tracker("stream", root=root(), enabled=track),
             Path(source).name if source != "-" else "stdin",
-            params=estimator_params(model) | {"source": source, "columns": ",".join(columns)},
+            params=estimator_params(model) | {"source": source, "columns": ", ".join(map(_with_unit, columns))},
             tags={"resumed_from": place["run"]},
             say=lambda sentence: click.echo(sentence, err=True),
         )
@@ -285,12 +286,30 @@ class Keeper:
 def _load(kept: Path, model: Any, columns: list[str]) -> dict[str, Any]:
     """The checkpoint, if it is of the same model and columns."""
     params, state = read_state(kept, KIND)
-    if repr(params["estimator"]) != repr(model) or state["place"]["columns"] != columns:
+    if state["place"]["columns"] != columns:
+        learnt, given = (", ".join(map(_with_unit, names)) for names in (state["place"]["columns"], columns))
         raise ValueError(
-            f"{kept} was written with {params['estimator']!r} on columns {','.join(state['place']['columns'])}; "
-            "start with the same options, or give --fresh to begin anew."
+            f"{kept} was learnt from {learnt}, and this stream reads {given}; a stream goes on in the columns and "
+            "units that it began with. Name those, or give --fresh to begin anew."
+        )
+    if repr(params["estimator"]) != repr(model):
+        raise ValueError(
+            f"{kept} was written with {params['estimator']!r}; start with the same options, or give --fresh to begin "
+            "anew."
         )
     return state
+
+
+def _with_unit(column: str) -> str:
+    """A column and its unit, where its name says one.
+
+    Examples
+    --------
+    >>> _with_unit("drive_mnm"), _with_unit("u")
+    ('drive_mnm in mNm', 'u')
+    """
+    unit = unit_of(column)
+    return column if unit in UNSTATED else f"{column} in {unit}"
 
 
 def _restore(stream: Stream, state: dict[str, Any]) -> None:

@@ -23,6 +23,8 @@ from whsklearn.plot import flat_parameters
 Record = dict[str, Any]
 PAST = 50.0  # samples that all rows before an alarm may count for
 ADAPTING_ROWS = 200 * BLOCK  # after an alarm; then the forgetting has settled to within 5e-5
+TAKEN_OVER = 480  # rows, at which the first models of a memory take over
+SURE = 5.0  # standard deviations of a ratio of two variances, above which an NMSE is surely above one
 DRIFT_LEVEL = 0.01  # probability that a drift is ever reported though there is none
 
 
@@ -57,8 +59,11 @@ class Carried:
     held: int = 0
     times: list[float] = field(default_factory=list)
     last: list[float] = field(default_factory=list)
-    squares: float = 0.0
+    squares: float = 0.0  # of the innovations since the last estimate
     counted: int = 0
+    output_sum: float = 0.0  # of the output over the same rows
+    output_squares: float = 0.0
+    poor: bool = False  # whether the predictions were worse than the mean of the output when they were last judged
     alarms: int = 0
     alarm_row: int = -1
     adapting: int = 0
@@ -202,6 +207,7 @@ class Stream:
                         raise Refused(f"line {numbers[start]}: {error}") from None
                     self._unlearnable(numbers[start], str(error))
             if self.carried.rows % self.options.every == 0:
+                self._judge(numbers[piece.stop - 1])
                 self._estimate()
             start = piece.stop
 
@@ -233,8 +239,11 @@ class Stream:
                 self.emit(self._record("prediction", first + i) | {"y": value, "y_hat": value - error})
         if self.carried.adapting:
             self._adapt(max(self.carried.adapting - BLOCK, 0))
-        e = e[np.isfinite(e)]  # the first block has none
+        predicted = np.isfinite(e)  # the first block has none
+        e, y = e[predicted], y[predicted]
         self.carried.squares += float(np.sum(e * e))
+        self.carried.output_sum += float(np.sum(y))
+        self.carried.output_squares += float(np.sum(y * y))
         self.carried.counted += len(e)
         for i in self.alarm.update(e).tolist():
             self.carried.alarm_row = first + i
@@ -267,6 +276,22 @@ class Stream:
         times = self.carried.times
         return {"kind": kind, "row": row} | ({"time": times[row - self.carried.rows - 1]} if times else {})
 
+    def _judge(self, number: int) -> None:
+        """Say where predictions become worse than the mean of the output, and not again before they are better."""
+        c = self.carried
+        if c.counted < 2 or c.adapting or c.rows - c.counted < TAKEN_OVER:  # settling after the start or an alarm
+            return
+        spread = c.output_squares - c.output_sum**2 / c.counted
+        nmse = c.squares / spread if spread > 1e-12 * c.output_squares else 0.0  # of an axis at rest nothing is asked
+        was, c.poor = c.poor, nmse > 1.0 + SURE * (2.0 / c.counted) ** 0.5
+        if c.poor and not was:
+            self._warn(
+                "worse_than_mean", number,
+                f"the predictions of the last {c.counted} rows are worse than the mean of the output "
+                f"(NMSE {nmse:.3g}), so the model does not describe them; check columns, units and the sense of the "
+                "drive, or try other --orders or another --law",
+            )  # fmt: skip
+
     def _estimate(self) -> None:
         """Emit the present estimate, and what changed since the reference was taken."""
         c = self.carried
@@ -279,7 +304,7 @@ class Stream:
             | {"innovation_rmse": (c.squares / c.counted) ** 0.5 if c.counted else None, "bad_rows": c.bad}
             | {"parameters": values, "standard_errors": errors}
         )
-        c.squares, c.counted = 0.0, 0
+        c.squares, c.counted, c.output_sum, c.output_squares = 0.0, 0, 0.0, 0.0
         if not self.alarm.watching_:
             return  # settling after the start or an alarm
         after, variances = list(values.values()), [errors[n] ** 2 for n in names]

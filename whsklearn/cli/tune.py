@@ -251,7 +251,7 @@ def run_search(search: Any, record: Record, parent: Any, total: int, varied: lis
 
         search.on_results = record_chunk
         search.estimator, params = with_segments(search.estimator, record)
-        search.fit(record.X, record.y, **params)
+        search.fit(record.named, record.y, **params)
         for model in (search.estimator, search.best_estimator_):
             vars(model).pop("_metadata_request", None)  # of the search, and not of the model that is kept
 

@@ -13,7 +13,7 @@ import webbrowser
 
 import click
 
-from whsklearn.cli.job import root
+from whsklearn.cli.job import guarded, root
 
 _START_SECONDS = 120
 _END_SECONDS = 5.0
@@ -76,22 +76,23 @@ def main(port: int, browser: bool) -> None:
 
     Example: whsklearn ui --port 5001
     """
+    guarded(_show, port=port, browser=browser)
+
+
+def _show(port: int, browser: bool) -> None:
+    """The addresses, and the page until Ctrl-C where there is no server yet."""
     from whsklearn import tracking
 
     store = tracking.tracking_uri(root())
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # so that being ended ends the page too
+    found = tracking.experiments(root())
+    if store.startswith(("http://", "https://")):
+        _announce(store, found, browser)
+        return
+    port = free_port(port)
+    click.echo("Starting MLflow's page (about 10 s) ...", err=True)
+    server = serve(store, port)
     try:
-        found = tracking.experiments(root())
-        if store.startswith(("http://", "https://")):
-            _announce(store, found, browser)
-            return
-        port = free_port(port)
-        click.echo("Starting MLflow's page (about 10 s) ...", err=True)
-        server = serve(store, port)
         wait_for(server, port)
-    except (OSError, ImportError, tracking.TrackingError) as error:
-        raise click.ClickException(str(error)) from error
-    try:
         _announce(f"http://127.0.0.1:{port}", found, browser)
         click.echo("Stop it with Ctrl-C.")
         server.wait()

@@ -31,6 +31,7 @@ CENTRED = 0.1
 # at 100 times its size it is 0.64 to 0.78, at a hundredth 0.71. Of the input 0.95 and more from 1e-3 to 1e3.
 LEAST_OUTPUT, MOST_OUTPUT, LEAST_INPUT, MOST_INPUT = 0.05, 10.0, 5e-4, 2e3
 FEWEST_ROWS = 10  # a parameter, below which a fit follows the noise
+INSEPARABLE = 0.999  # correlation of two weights: the variance of each is then 500 times that of their sum
 SURE = 3.0  # standard errors by which a weight must have the wrong sign
 ENERGY_TAKING = ("viscous", "coulomb", "quadratic_drag")  # weights that physics has above zero
 SHUFFLED = 0.05  # share of samples whose predecessor is not the one before: a fold leaves one hole or two
@@ -118,30 +119,38 @@ def of_scale(X: Array, y: Array) -> str | None:
     return None
 
 
-def of_an_axis(names: list[str], theta: Array, errors: Array, n_rows: int, path: Array) -> str | None:
+def of_an_axis(names: list[str], theta: Array, covariance: Array, n_rows: int, path: Array) -> str | None:
     """Numbers that no axis has, and what is the likely mistake.
 
     Parameters
     ----------
     names : list of str
         Of the columns.
-    theta, errors : ndarray of shape (n_columns,)
-        Weights, and their standard errors.
+    theta : ndarray of shape (n_columns,)
+        Weights.
+    covariance : ndarray of shape (n_columns, n_columns)
+        Of the weights.
     n_rows : int
-        Left by the filters.
+        Independent ones that the filters leave.
     path : ndarray of shape (n,)
         What was given for the position.
     """
     if n_rows < FEWEST_ROWS * len(theta):
         return (
-            f"The filters leave {n_rows} rows for {len(theta)} parameters, expected {FEWEST_ROWS * len(theta)} or "
-            "more; give a longer record, or one that moves faster."
+            f"The filters leave {n_rows} independent rows for {len(theta)} parameters, expected "
+            f"{FEWEST_ROWS * len(theta)} or more; give a longer record, or one that moves faster."
         )
     turn = turn_in(path, "as logged")
     if turn is not None:
         return (
             f"The position leaps by {turn:.6g}, an angle that is wrapped; give np.unwrap(position, period={turn:.6g}), "
             "or read the log with load_log, which does it."
+        )
+    errors = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    if (pair := _inseparable(names, covariance, errors)) is not None:
+        return (
+            f"{pair[0]} and {pair[1]} cannot be separated in this record, and only their sum is known; give one in "
+            "which the axis moves in both directions and at several speeds."
         )
     for name, value, error in zip(names, theta, errors, strict=True):
         known = not error > 0.0 or abs(value) > SURE * error
@@ -156,6 +165,14 @@ def of_an_axis(names: list[str], theta: Array, errors: Array, n_rows: int, path:
             "zero; check that X is the position and y the drive, or give a record that accelerates more."
         )
     return None
+
+
+def _inseparable(names: list[str], covariance: Array, errors: Array) -> tuple[str, str] | None:
+    """The first two weights whose estimates are as good as one; None if there are none."""
+    size = np.outer(errors, errors)
+    alike = np.abs(np.divide(covariance, size, out=np.zeros_like(size), where=size > 0.0)) > INSEPARABLE
+    pairs = np.argwhere(np.triu(alike, 1))
+    return (names[pairs[0][0]], names[pairs[0][1]]) if len(pairs) else None
 
 
 def of_a_free_run(r2: float) -> str | None:

@@ -257,9 +257,8 @@ class RecursiveRegressor(AxisRegressor):
         """Numbers of a rigid axis that no axis has."""
         if self.lags is None or self._is_wiener_hammerstein or self._answers_several:
             return
-        names, variances = self._column_names(), np.diag(self._covariance())
-        errors = np.sqrt(np.maximum(variances, 0.0))
-        warn(_advice.of_an_axis(names, self._theta(), errors, n_rows, path), stacklevel)
+        independent = int(n_rows * getattr(self.lags_, "independent_share", 1.0))
+        warn(_advice.of_an_axis(self._column_names(), self._theta(), self._covariance(), independent, path), stacklevel)
 
     # -- settings ------------------------------------------------------------------------
 

@@ -254,6 +254,14 @@ class InverseDynamicsLags(MotionStream, TransformerMixin, BaseEstimator):
             return round(self.sample_rate / cutoff)
         return (causal_window(self.sample_rate, cutoff, self.degree) if self.window is None else self.window) - 1
 
+    @property
+    def independent_share(self) -> float:
+        """Share of the `rows` that are independent behind the filter: two in a period of its cut-off."""
+        check_is_fitted(self, "terms_")
+        apart = self.sample_rate / (2.0 * self.cutoff_)
+        kept = self.decimate or (max(round(apart), 1) if self._is_automatic else 1)
+        return min(1.0, kept / apart)
+
     def interpret(self, theta: ArrayLike) -> tuple[float, tuple[Effect, ...]]:
         """Inertia and effects whose columns have these weights.
 

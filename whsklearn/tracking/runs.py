@@ -34,11 +34,13 @@ from whsklearn.tracking import store as store
 from whsklearn.tracking.store import TrackingError as TrackingError
 
 if TYPE_CHECKING:
+    import pandas as pd
     from numpy.typing import ArrayLike
 
 BATCH = {"metrics": 800, "params": 100, "tags": 100}  # what one log_batch may hold: 1,000 in all
 # What the page shows at the link with this key: best runs first, children beside parents, our columns.
 VIEW = "comparison"
+VIEW_NAME = "whsklearn"  # in the menu "Views" of MLflow's own run list, from 3.15 on
 _INDICES = tuple(f"metrics.`{m}`" for m in ("nmse", "mu_e", "rmse"))
 # By experiment: the column to order by, whether the least comes first, and the columns beside name and data set.
 _COLUMNS: dict[str, tuple[str, bool, tuple[str, ...]]] = {
@@ -455,20 +457,25 @@ class Run:
         if self._client is not None:
             self._client.log_text(self.id, text, file)
 
-    def log_file_model(self, path: str | os.PathLike[str], rows: ArrayLike) -> str:
+    def log_file_model(self, path: str | os.PathLike[str], rows: pd.DataFrame) -> str:
         """Keep a model file of `identify` or `gap` as a model of MLflow that can be served; return its address.
+
+        Its metadata hold the name of the input's column and the units of input and output.
 
         Parameters
         ----------
         path : str or path
             Of ``model.json``.
-        rows : array-like of shape (n, 1)
-            Inputs; the first rows become the example.
+        rows : DataFrame of shape (n, 1)
+            Inputs; the first rows become the example, which names the column.
         """
         if self._client is None:
             return ""
+        from whsklearn.models import load_model
+
         mlflow = store.import_mlflow()
-        example = input_example(None, np.asarray(rows, dtype=float)[:20])
+        example = rows[:20]
+        units = {"input": "as logged", "output": "as logged"} | dict(load_model(path).units)
 
         def logged() -> str:
             with store.active(mlflow, self._client, self.id), store.quiet():
@@ -479,6 +486,7 @@ class Run:
                     signature=served_signature(1),
                     input_example=example,
                     pip_requirements=model_requirements(),
+                    metadata={"column": str(example.columns[0]), "units": units},
                 )
             return str(info.model_uri)
 
@@ -757,8 +765,14 @@ def experiments(root: str | os.PathLike[str] = ".") -> list[tuple[str, str]]:
 
 
 def _set_view(client: Any, experiment_id: str, name: str) -> None:
-    """The order and the columns of an experiment's page, at the address that `page_of` gives."""
-    client.set_experiment_tag(experiment_id, f"mlflow.sharedViewState.{VIEW}", json.dumps(view_of(name)))
+    """The order and the columns of an experiment's page, at the address that `page_of` gives and in its menu "Views".
+
+    MLflow 3.15 and later read a named view with its state as text, earlier ones the state itself: the tag holds both.
+    """
+    view = view_of(name)
+    now = int(time.time() * 1000)
+    saved = {"name": VIEW_NAME, "createdAt": now, "updatedAt": now, "state": json.dumps(view), **view}
+    client.set_experiment_tag(experiment_id, f"mlflow.sharedViewState.{VIEW}", json.dumps(saved))
 
 
 def _own_types(model: Any) -> list[str]:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from whsklearn.logs.units import UNKNOWN, factor_between, unit_of
 from whsklearn.models import load_model
 
 if TYPE_CHECKING:
@@ -40,17 +41,32 @@ class Served:
         self.model = load_model(path)
 
     def predict(self, model_input: Any, params: Any = None) -> NDArray[np.float64]:  # noqa: ARG002 - MLflow passes it
-        """Output (n,) of the free run, from one column of numbers of any kind.
+        """Output (n,) of the free run in the model's unit, from one column of numbers of any kind.
+
+        A frame whose column says its unit, as ``torque_mnm`` does, is brought to the unit of the model.
 
         Raises
         ------
         ValueError
-            If it is not one column.
+            If it is not one column, or one in a unit that cannot be brought to the model's.
         """
         u = np.asarray(model_input, dtype=float)
         if u.size != u.shape[0]:
             raise ValueError(f"The input has shape {u.shape}, expected one column.")
-        return np.asarray(self.model.simulate(u.ravel()), dtype=float)
+        return np.asarray(self.model.simulate(u.ravel() * self._factor(model_input)), dtype=float)
+
+    def _factor(self, model_input: Any) -> float:
+        """What brings the column to the model's unit; 1 where one of them is not stated."""
+        (column,) = getattr(model_input, "columns", [""])
+        given, own = unit_of(str(column)), self.model.units.get("input", UNKNOWN)
+        if UNKNOWN in (given, own):
+            return 1.0
+        try:
+            return factor_between(given, own)
+        except ValueError:
+            raise ValueError(
+                f"The column {column!r} is in {given}, and the model takes {own}; one cannot be brought to the other."
+            ) from None
 
 
 def _load_pyfunc(path: str) -> Served:
