@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 import pytest
 from click.testing import CliRunner
 
@@ -69,7 +70,10 @@ def test_a_position_is_tuned_by_its_velocity_and_each_log_has_its_champion(mlflo
     model = mlflow.sklearn.load_model("models:/tuned@champion-axis")
     u, position = np.loadtxt(axis_log, delimiter=",", skiprows=1)[:, 1:].T
     velocity = np.gradient(position, 0.01)
-    assert np.var(velocity - model.predict(u[:, None])) < 0.1 * np.var(velocity)  # at 1.2 today it knew nothing
+    frame = pd.DataFrame({"torque_nm": u})
+    assert np.var(velocity - model.predict(frame)) < 0.1 * np.var(velocity)  # at 1.2 today it knew nothing
+    with pytest.raises(ValueError, match="torque_mnm"):
+        model.predict(frame.set_axis(["torque_mnm"], axis=1))
     assert run("--samples", 200, "--folds", 2, "--jobs", 1, "--p", 1).exit_code == 0
     assert held() == {"champion-axis": 1, "champion-example-5-1": 2}
 
