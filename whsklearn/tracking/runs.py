@@ -49,6 +49,11 @@ _COLUMNS: dict[str, tuple[str, bool, tuple[str, ...]]] = {
         False,
         ("tags.`verdict`", "tags.`effects`", "metrics.`closure`", "metrics.`missing_share`", *_INDICES, "tags.`data`"),
     ),
+    "compare": (
+        "attributes.start_time",
+        False,
+        ("tags.`verdict`", "tags.`changes`", "metrics.`change`", "metrics.`p_value`", "metrics.`share_of_drive`"),
+    ),
     "tune": (
         "metrics.`nmse`",
         True,

@@ -1,0 +1,68 @@
+"""The command: the answer on the terminal, both files, the runs, clear errors."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from click.testing import CliRunner
+
+from whsklearn.cli.compare import main
+from whsklearn.datasets import make_servo_log
+from whsklearn.effects import Cogging
+
+
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("logs")
+    for k, size in enumerate((0.2, 0.2, 0.4)):
+        log = make_servo_log([Cogging(size, 12.0)], duration=15.0, random_state=k)
+        log.to_csv(folder / f"day{k}.csv", index=False)
+    return folder
+
+
+def run(*arguments):
+    return CliRunner().invoke(main, [str(a) for a in arguments])
+
+
+def test_what_moved_is_said_and_written(logs, tmp_path):
+    result = run(logs / "day0.csv", logs / "day2.csv", "--out", tmp_path, "--no-track")
+    assert result.exit_code == 0, result.output
+    data = json.loads((tmp_path / "compare.json").read_text(encoding="utf-8"))
+    assert data["verdict"] == "moved"
+    assert data["changes"][0]["name"] == "cogging"
+    low, high = data["changes"][0]["interval"]
+    assert low < 0.2 < high
+    assert "Cogging rose" in result.output
+    assert (tmp_path / "compare.html").is_file()
+
+
+def test_three_records_tell_since_when(logs, tmp_path, mlflow_root):
+    result = run(*(logs / f"day{k}.csv" for k in range(3)), "--out", tmp_path)
+    assert result.exit_code == 0, result.output
+    data = json.loads((tmp_path / "compare.json").read_text(encoding="utf-8"))
+    assert data["changes"][0]["between"] == ["day1.csv", "day2.csv"]
+    from mlflow import MlflowClient
+
+    client = MlflowClient()
+    experiment = client.get_experiment_by_name("compare")
+    runs = client.search_runs([experiment.experiment_id])
+    parent = next(r for r in runs if "mlflow.parentRunId" not in r.data.tags)
+    assert parent.data.tags["verdict"] == "moved"
+    assert {"p_value", "change"} <= set(parent.data.metrics)
+    assert len(runs) == 4
+    assert all("inertia" in r.data.metrics for r in runs if r is not parent)
+
+
+def test_one_log_is_a_wrong_use(logs, tmp_path):
+    result = run(logs / "day0.csv", "--out", tmp_path, "--no-track")
+    assert result.exit_code == 2
+    assert "two at least" in result.output
+
+
+def test_a_short_log_cannot_be_used(logs, tmp_path):
+    short = tmp_path / "short.csv"
+    short.write_text("\n".join((logs / "day0.csv").read_text().splitlines()[:200]), encoding="utf-8")
+    result = run(logs / "day0.csv", short, "--out", tmp_path / "r", "--no-track")
+    assert result.exit_code == 3
+    assert "short.csv" in result.output

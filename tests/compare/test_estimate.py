@@ -1,0 +1,46 @@
+"""Intervals hold what they say: under white noise, under a walking offset, and from records to their mean."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.compare.linear import TRUTH, rows
+from whsklearn.compare.estimate import estimate, pooled
+
+
+@pytest.mark.parametrize("walk", [0.0, 0.1])
+def test_two_standard_errors_hold_the_truth(walk):
+    z = []
+    for seed in range(30):
+        e = estimate(rows(seed=seed, walk=walk))
+        away = e.values - TRUTH
+        if walk:  # the offset of a record is that of the walk too
+            away = np.delete(away, 3)
+        z += list(np.abs(away) / np.sqrt(np.diag(e.covariance))[: away.size])
+    assert np.mean(np.array(z) < 2.0) > 0.93
+
+
+def test_a_walk_is_told_and_widens_the_offset_alone():
+    still, walking = estimate(rows(seed=1)), estimate(rows(seed=1, walk=0.1))
+    assert walking.drift[3] > 3.0 * still.drift.get(3, 0.0)
+    wider = np.sqrt(np.diag(walking.covariance) / np.diag(still.covariance))
+    assert wider[3] > 5.0 > wider[0]
+
+
+def test_the_pool_of_two_is_their_mean_and_knows_more():
+    a, b = (estimate(rows(seed=s)) for s in (2, 3))
+    both = pooled([a, b])
+    low, high = np.minimum(a.values, b.values), np.maximum(a.values, b.values)
+    assert np.all(np.diag(both.covariance) < np.minimum(np.diag(a.covariance), np.diag(b.covariance)))
+    assert low[0] <= both.values[0] <= high[0]
+    assert pooled([a]) is a
+
+
+def test_numbers_scale_with_the_unit_of_the_drive():
+    one = rows(seed=4)
+    milli = rows(seed=4)
+    milli = type(milli)(**{**milli.__dict__, "target": 1e3 * milli.target, "scale": 1e3 * milli.scale})
+    a, b = estimate(one), estimate(milli)
+    np.testing.assert_allclose(b.values, 1e3 * a.values, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(b.covariance, 1e6 * a.covariance, rtol=1e-6, atol=1e-12)

@@ -1,0 +1,49 @@
+"""What a hypothesis explains, what it costs, and the smallest change that is named."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from whsklearn.compare.hypotheses import Difference, hypotheses, moved, smallest, weigh
+
+NAMES = ("inertia", "viscous", "gravity", "gravity", "delay")
+
+
+def difference(values, error=0.01, degrees=18.0):
+    mean = np.array([1.0, 0.5, 0.6, 0.3, 0.0])
+    values, spread = np.array(values, dtype=float), np.full(5, error)
+    return Difference(NAMES, {}, values, error**2 * np.eye(5), degrees, mean, spread, np.ones(5), 1.0)
+
+
+def test_every_name_once_and_the_gain():
+    assert [h.name for h in hypotheses(difference(np.zeros(5)))] == ["inertia", "viscous", "gravity", "delay", "gain"]
+
+
+def test_a_pair_is_free_in_both_and_the_gain_leaves_the_delay():
+    found = {h.name: h.basis for h in hypotheses(difference(np.zeros(5)))}
+    assert found["gravity"].shape == (5, 2)
+    np.testing.assert_allclose(found["gain"][:, 0], [1.0, 0.5, 0.6, 0.3, 0.0])
+
+
+def test_what_is_explained_never_exceeds_the_whole():
+    d = difference([0.3, 0.1, -0.2, 0.1, 0.05])
+    whole = float(d.values @ d.values) / 0.01**2
+    nothing = np.zeros((5, 0))
+    assert all(0.0 <= weigh(d, h, nothing).chi2 <= whole * (1 + 1e-9) for h in hypotheses(d))
+
+
+def test_the_smallest_change_is_the_smallest_that_is_named():
+    least = smallest(difference(np.zeros(5)), 0.01)
+    for i, name in ((0, "inertia"), (1, "viscous"), (4, "delay")):
+        values = np.zeros(5)
+        for factor, named in ((1.1, [name]), (0.9, [])):
+            values[i] = factor * least[name]
+            assert [f.hypothesis.name for f, _ in moved(difference(values), 0.01)] == named
+
+
+def test_a_spring_takes_the_offset_that_it_covers_along():
+    d = replace(difference([0.0, 0.4, 0.0, 0.0, -0.3]), names=("a", "spring", "b", "c", "offset"))
+    d = replace(d, covers={"spring": ("offset",)})
+    assert [f.hypothesis.name for f, _ in moved(d, 0.01)] == ["spring"]

@@ -1,0 +1,124 @@
+"""Compare records of one axis: what moved since then, by how much, or that nothing did, or why that cannot be told.
+
+Writes ``compare.html`` (for a person) and ``compare.json`` (for programs), and records the comparison in MLflow: a
+parent run, and a child run for every record.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from whsklearn.cli.gap import as_record, read_log
+from whsklearn.cli.job import UNUSABLE, job, say_where, table, tracker_for, wrapped, writable_folder
+from whsklearn.cli.records import liveliest, long_segments, note, note_assumed, reading_options
+
+if TYPE_CHECKING:
+    from whsklearn.compare import Comparison
+    from whsklearn.gap import ServoRecord
+
+AN_AXIS = {"kind": "servo", "robot": None, "simulator": None}  # what `gap` asks of its options besides columns
+
+
+@job
+@click.argument("logs", metavar="BEFORE AFTER [...]", nargs=-1, required=True, type=click.Path(exists=True))
+@click.option("--time", "time_column", help="Column of the time; by its name if left out.")
+@click.option("--drive", help="Column of the drive: torque, force, current, voltage.")
+@click.option("--position", help="Column of the measured position; _deg, _mm and the like tell the unit.")
+@click.option("--velocity", help="Column of the velocity, where no position is logged.")
+@click.option("--command", help="Column of a position servo's command, where no drive is logged.")
+@reading_options
+@click.option(
+    "--alpha",
+    type=click.FloatRange(0.0, 1.0, min_open=True, max_open=True),
+    default=0.01,
+    help="Probability of a change that is named though nothing moved.",
+)
+@click.option("--out", type=click.Path(file_okay=False), default="compare", help="Folder for the report.")
+def main(**options: Any) -> None:
+    """What moved between records of one axis, in the order of time.
+
+    \b
+    whsklearn compare before.csv after.csv --drive torque_nm --position position_rad --out compare
+    whsklearn compare monday.csv tuesday.csv wednesday.csv --out week
+    """  # noqa: D301 - click reads the backspace
+    from whsklearn.compare import compare_records, write_report
+
+    files = options["logs"]
+    if len(files) < 2:
+        raise click.UsageError("One log cannot be compared; give two at least, in the order of time.")
+    folder = writable_folder(options["out"])
+    labels = names_of(files)
+    records = [record_of(options, file) for file in files]
+    tracker = tracker_for("compare", options["track"], data=labels[0])
+    with tracker.run(f"compare {labels[0]} to {labels[-1]}") as parent:
+        found = compare_records(records, labels, alpha=options["alpha"], random_state=options["seed"])
+        page = write_report(found, folder)
+        click.echo(wrapped(f"{found.verdict}: {found.sentence}"))
+        for text in found.notes:
+            note(text)
+        if found.numbers:
+            click.echo("")
+            click.echo(numbers_of(found))
+        click.echo(f"Report: {page}")
+        parent.log_params({k: v for k, v in options.items() if v not in (None, (), False)})
+        track(parent, found, folder)
+    say_where(tracker)
+    if not found.usable:
+        raise SystemExit(UNUSABLE)
+
+
+def names_of(files: tuple[str, ...]) -> list[str]:
+    """What the records are called: the files' names, with folders where names repeat.
+
+    Examples
+    --------
+    >>> names_of(("a.csv", "b.csv")), names_of(("mon/a.csv", "tue/a.csv"))
+    (['a.csv', 'b.csv'], ['mon/a.csv', 'tue/a.csv'])
+    """
+    names = [Path(f).name for f in files]
+    return names if len(set(names)) == len(names) else [str(f) for f in files]
+
+
+def record_of(options: dict[str, Any], file: str) -> ServoRecord:
+    """One log as a record: all its long segments."""
+    whole = read_log(options | AN_AXIS | {"log_file": file, "reference": None})
+    log = liveliest(long_segments(whole))
+    note_assumed(log)
+    record, _ = as_record(options | AN_AXIS, log)
+    return record
+
+
+def numbers_of(found: Comparison) -> str:
+    """A line a number, a column a record; of many records the first and the last ones."""
+    shown = range(len(found.labels)) if len(found.labels) <= 4 else (0, 1, -2, -1)
+    header = ["number", *(found.labels[k] for k in shown), "±", "unit"]
+    rows = []
+    for r in found.numbers:
+        values = [float(r["values"][k]) for k in shown]
+        rows.append([r["name"].replace("_", " "), *values, float(max(r["standard_errors"])), r["unit"]])
+    return table(header, rows)
+
+
+def track(parent: Any, found: Comparison, folder: Path) -> None:
+    """The parent run's answer, a child run a record with its numbers, and the report."""
+    first = found.changes[0] if found.changes else None
+    parent.log_tags({"verdict": found.verdict, "changes": ", ".join(c.name for c in found.changes)})
+    parent.log_metrics({"seconds": found.seconds})
+    if first is not None:
+        parent.log_metrics({"p_value": first.p_value, "change": first.change, "share_of_drive": first.share})
+    for k, label in enumerate(found.labels):
+        with parent.child(label) as child:
+            seen: dict[str, int] = {}
+            for row in found.numbers:
+                seen[row["name"]] = i = seen.get(row["name"], 0) + 1
+                name = row["name"] if i == 1 else f"{row['name']}_{i}"
+                child.log_metrics({name: row["values"][k], f"{name}_error": row["standard_errors"][k]})
+    for name in ("compare.html", "compare.json"):
+        parent.log_artifact(folder / name)
+
+
+if __name__ == "__main__":
+    main()

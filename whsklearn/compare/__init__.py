@@ -1,0 +1,7 @@
+"""Several records of one axis: what moved between them, by how much, or the smallest change that would have shown."""
+
+from whsklearn.compare.comparison import Change, Comparison
+from whsklearn.compare.records import compare_records
+from whsklearn.compare.report import write_report
+
+__all__ = ["Change", "Comparison", "compare_records", "write_report"]

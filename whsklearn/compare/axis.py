@@ -1,0 +1,157 @@
+"""Records of one axis as rows of the same regression: one filter, one softness of the sign, the same effects in all."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from whsklearn.compare.rows import Rows, blocks_between, drifting, reversals_of, slowest_of
+from whsklearn.gap.calibration import coloured, n_effective, p_value, smoothed_power
+from whsklearn.gap.evidence import DEFAULT_TOLERANCE
+from whsklearn.gap.plants import inverse_dynamics as ols
+from whsklearn.gap.plants import servo_stop as stop
+from whsklearn.gap.plants.servo_candidates import Candidate
+from whsklearn.gap.plants.servo_families import Scene, family
+from whsklearn.gap.plants.servo_inverse import InverseView
+from whsklearn.gap.plants.servo_inverse_look import inverse_kinds
+from whsklearn.gap.plants.servo_model import AxisModel, Term
+from whsklearn.gap.plants.servo_start import base_model, start_of
+from whsklearn.gap.record import ServoRecord
+from whsklearn.gap.tangent import Look, Tangent
+from whsklearn.logs.units import inertia_unit, respelled
+
+Array = NDArray[Any]
+
+LAW = ("viscous", "coulomb", "input_offset")
+ONE_WAY = ("viscous", "input_offset")  # without a reversal Coulomb friction is an offset
+LEVEL = "level"  # what the two are called then
+MOST_EFFECTS = 4  # beside the law: with more numbers than that a block of a record has too few samples for each
+# Of the rms drive: filters alone leave 2 % of a record in which nothing is missing (`servo_own`), and no column takes
+# half of that.
+WORTH = 0.01
+N_NULL = 19  # rows of chance, which give the moments of a Gumbel law to a sixth
+PLACES = ("friction", "position")  # effects of the sensor and of time are no constants of an axis
+APART = 0.05  # of a column's norm that the others leave of it: below, two numbers are one that is told twice
+AS_WELL = 0.9  # of the largest gain: what explains less stands in for another effect, and on another path it does not
+SHOWN = 0.1  # of a column's rms in the record that shows it best: a number that another record lacks cannot be compared
+
+
+class OneWay(ValueError):
+    """Records of which friction and offset cannot be compared."""
+
+
+def axis_rows(records: list[ServoRecord], labels: list[str], alpha: float, rng: np.random.Generator) -> list[Rows]:
+    """Every record with the columns that any of them needs.
+
+    Parameters
+    ----------
+    records : list of ServoRecord
+    labels : list of str
+    alpha : float
+        Probability of a column that no record needs.
+    rng : Generator
+        Of the rows of chance.
+    """
+    views, models = alike(records)
+    for _ in range(MOST_EFFECTS):
+        looks = [look for v, m in zip(views, models, strict=True) for look in missing(v, m, rng, alpha)]
+        most = max((look.gain for look in looks), default=0.0)
+        looks = [k for k in looks if k.gain > AS_WELL * most and shown_by_all(views, models, k.start)]
+        if not looks:
+            break
+        term = max(looks, key=lambda look: look.gain).start
+        models = [v.fit(m.with_term(term)) for v, m in zip(views, models, strict=True)]
+    own = records[0].shown
+    return [rows_of(v, m, label, own) for v, m, label in zip(views, models, labels, strict=True)]
+
+
+def alike(records: list[ServoRecord]) -> tuple[list[InverseView], list[AxisModel]]:
+    """All records behind the lowest of their cut-offs, with one softness of the sign, and their base models."""
+    began = [start_of(r, LAW, DEFAULT_TOLERANCE)[0] for r in records]
+    cutoff, slowest = min(v.cutoff for v in began), max(v.slowest for v in began)
+    views = [InverseView(v.record, v.scene, cutoff, v.start) for v in began]
+    for v in views:
+        v.motion, v.slowest = v.motion._replace(kappa=2.0 / slowest), slowest
+    ways = {direction(v.motion.velocity, slowest) for v in views}
+    if len(ways) > 1:
+        raise OneWay(
+            "The records turn different ways, one of them never back: what is friction there and what an offset cannot "
+            "be told. Log a run that reverses."
+        )
+    law = LAW if ways == {0} else ONE_WAY
+    return views, [v.fit(base_model(law, v.scene)) for v in views]
+
+
+def direction(speed: Array, slowest: float) -> int:
+    """1 or -1 of an axis that turns one way only, 0 of one that reverses."""
+    return 0 if reversals_of(speed, slowest).size else int(np.sign(np.mean(speed)))
+
+
+def missing(view: InverseView, model: AxisModel, rng: np.random.Generator, alpha: float) -> list[Look]:
+    """The effects whose columns explain more of what one record leaves than chance does."""
+    scene = Scene(view, model)
+    _, x, target, sizes, _ = view.solved(model)
+    left = (target - x @ sizes)[view.at]
+    power = smoothed_power(left)
+    null = np.array([coloured(power, left.size, rng) for _ in range(N_NULL)])
+    time = view.time[:: view.every][view.at]
+    slow, _ = drifting(np.ones((time.size, 1)), ("input_offset",), time, slowest_of(path_of(view), time))
+    tangent = Tangent(left, null, np.column_stack([x[view.at], slow]), n_effective(null[0], view.n_effective))
+    looks = [look for k in inverse_kinds(model) if constant(k) and (look := tangent.look(family(scene, k)))]
+    return [
+        look for look in looks
+        if p_value(look.gain, look.null, len(looks), look.degrees) <= alpha
+        and look.size > WORTH * model.scene.torque
+    ]  # fmt: skip
+
+
+def path_of(view: InverseView) -> Array:
+    """Position at the judged samples."""
+    return view.motion.position[:: view.every][view.at]
+
+
+def constant(kind: Candidate) -> bool:
+    """Whether an effect is a constant of the axis with columns of its own, and no finer law of another effect."""
+    return kind.cls.place in PLACES and kind.linear > 0 and not (kind.driven or kind.parent or kind in stop.KINDS)
+
+
+def shown_by_all(views: list[InverseView], models: list[AxisModel], term: Term) -> bool:
+    """Whether the effect's columns stand apart from the model's in every record, and are of a like size in all."""
+    sizes = []
+    for view, model in zip(views, models, strict=True):
+        z = view.term_columns(model, term, None)[view.at]
+        sizes.append(view.rms(z))
+        q = np.linalg.qr(view.columns(model)[0][view.at])[0]
+        norm = np.linalg.norm(z, axis=0)
+        if norm.min() == 0.0 or np.linalg.svd((z - q @ (q.T @ z)) / norm, compute_uv=False).min() < APART:
+            return False
+    return min(sizes) > SHOWN * max(sizes)
+
+
+def rows_of(view: InverseView, model: AxisModel, label: str, own: Mapping[str, str]) -> Rows:
+    """The judged samples of a view, numbers in the units that ``own`` says; last of them the age of the drive."""
+    at = view.at
+    x = view.columns(model)[0]
+    rate = ols.slope(x @ view.sizes(model), view.step)
+    drive, motion = view.record.units
+    kinds = [(t.name, t.kind) for t in model.terms for _ in range(t.kind.linear)]
+    sizes = [kind.cls.quantities[kind.cls.size].unit.replace("Nm", drive).replace("rad", motion) for _, kind in kinds]
+    told = [respelled(unit, own) for unit in (inertia_unit(drive, motion), *sizes)]
+    both_ways = any(name == "coulomb" for name, _ in kinds)
+    names = ("inertia", *(n if both_ways or n not in ONE_WAY else LEVEL for n, _ in kinds), "delay")
+    columns = np.column_stack([x[at] * [by for by, _ in told], rate[at]])
+    units = (*(unit for _, unit in told), "s")
+    time, path = view.time[:: view.every][at], path_of(view)
+    speed = view.motion.velocity[:: view.every][at]
+    turns = reversals_of(speed - (np.mean(speed) if LEVEL in names else 0.0), view.slowest)
+    slowest = slowest_of(path, time)
+    nuisances, of = drifting(columns, names, time, slowest)
+    covers = {t.name: t.kind.cls.covers for t in model.terms if t.kind.cls.covers}
+    return Rows(
+        label, names, units, columns, view.drive[at], at, view.step, time, path, blocks_between(turns, at.size),
+        nuisances, of, view.rms(view.drive[at]), slowest, covers,
+        frozenset({"inertia", *(n for n, kind in kinds if kind.positive and n in LAW and both_ways)}),
+    )  # fmt: skip

@@ -1,0 +1,177 @@
+"""What a comparison of records found, as data: for the terminal, for ``compare.json``, for the page."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from scipy.stats import t as student
+
+VERDICTS = ("moved", "nothing", "cannot_tell")
+SHOWN = 0.05  # of the scale of a number: an interval of 95 %
+
+
+@dataclass(frozen=True)
+class Change:
+    """One number, or one effect, that moved.
+
+    Attributes
+    ----------
+    name : str
+        ``inertia``, ``delay``, ``gain``, or the canonical name of an effect.
+    before, after : float
+        In ``unit``; of an effect with a cosine and a sine its amplitude, of the gain its ratio.
+    standard_error : float
+        Of the difference.
+    degrees : float
+        Of freedom of that error.
+    unit : str
+    p_value : float
+        That records of which nothing moved show such a change in any number.
+    rivals : list of str
+        What explains the difference nearly as well.
+    share : float
+        Rms of the drive that changed, as a share of the rms drive.
+    direction : tuple of float, optional
+        (turn of an effect with a cosine and a sine, its standard error), rad.
+    between : tuple of str, optional
+        Of more than two records, those between which it moved.
+
+    References
+    ----------
+    Kass and Raftery 1995, Bayes Factors, JASA 90(430), 773-795, for evidence and rivals.
+
+    Examples
+    --------
+    >>> change = Change("coulomb", 0.05, 0.065, 0.001, 12.0, "Nm", 1e-6, [], 0.1)
+    >>> print(change)
+    coulomb rose 30 % (0.05 to 0.065 Nm, difference 0.015 ± 0.001)
+    >>> [round(x, 4) for x in change.interval]
+    [0.0128, 0.0172]
+    """
+
+    name: str
+    before: float
+    after: float
+    standard_error: float
+    degrees: float
+    unit: str
+    p_value: float
+    rivals: list[str]
+    share: float
+    direction: tuple[float, float] | None = None
+    between: tuple[str, str] | None = None
+
+    @property
+    def change(self) -> float:
+        """After less before."""
+        return self.after - self.before
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Of the change, 95 %."""
+        half = float(student.isf(SHOWN / 2.0, max(self.degrees, 1.0))) * self.standard_error
+        return self.change - half, self.change + half
+
+    def __str__(self) -> str:
+        name, unit = self.name.replace("_", " "), "" if self.unit == "1" else f" {self.unit}"
+        least = 2.0 * self.standard_error
+        if abs(self.before) <= least < abs(self.after):
+            how = "came"
+        elif abs(self.after) <= least < abs(self.before):
+            how = "went"
+        elif self.before * self.after < 0.0:
+            how = "changed sign"
+        else:
+            share = 100.0 * (abs(self.after) / abs(self.before) - 1.0) if self.before else float("inf")
+            how = f"{'rose' if share > 0.0 else 'fell'} {abs(share):.3g} %"
+        text = f"{name} {how} ({self.before:.3g} to {self.after:.3g}{unit}, difference {self.change:.3g} ± "
+        text += f"{self.standard_error:.2g})"
+        if self.direction is not None and abs(self.direction[0]) > 2.0 * self.direction[1]:
+            turn, error = np.degrees(self.direction)
+            text += f" and turned by {turn:.3g} ± {error:.2g} deg"
+        if self.between is not None:
+            text += f" between {self.between[0]} and {self.between[1]}"
+        if self.rivals:
+            text += ", or " + " or ".join(r.replace("_", " ") for r in self.rivals)
+        return text
+
+    def as_dict(self) -> dict[str, Any]:
+        """As ``compare.json`` holds it."""
+        out = {
+            "name": self.name, "from": self.before, "to": self.after, "change": self.change,
+            "standard_error": self.standard_error, "interval": list(self.interval), "unit": self.unit,
+            "p_value": self.p_value, "rivals": self.rivals, "share_of_drive": self.share,
+        }  # fmt: skip
+        if self.direction is not None:
+            out["turned_rad"], out["turned_standard_error_rad"] = self.direction
+        if self.between is not None:
+            out["between"] = list(self.between)
+        return out
+
+
+@dataclass
+class Comparison:
+    """The answer to "what moved".
+
+    Attributes
+    ----------
+    verdict : str
+        ``moved``, ``nothing`` or ``cannot_tell``.
+    sentence : str
+    labels : list of str
+        Of the records.
+    changes : list of Change
+        The surest first.
+    smallest_seen : dict
+        Name -> the smallest change that would have been named.
+    reason : str
+        Why nothing can be told.
+    numbers : list of dict
+        A row a number: name, unit, values and standard errors of all records, spread between and within them.
+    notes : list of str
+    usable : bool
+        Whether every record is one of which anything can be learnt.
+    alpha, seconds : float
+
+    References
+    ----------
+    DerSimonian and Laird 1986, Meta-analysis in clinical trials, Controlled Clinical Trials 7(3), 177-188, for the
+    spread between records.
+
+    Examples
+    --------
+    >>> found = Comparison("nothing", "Nothing moved.", ["a.csv", "b.csv"], smallest_seen={"inertia": 0.001})
+    >>> found.as_dict()["verdict"], found.smallest_rows
+    ('nothing', [{'name': 'inertia', 'smallest': 0.001, 'unit': ''}])
+    """
+
+    verdict: str
+    sentence: str
+    labels: list[str]
+    changes: list[Change] = field(default_factory=list)
+    smallest_seen: dict[str, float] = field(default_factory=dict)
+    reason: str = ""
+    numbers: list[dict[str, Any]] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    usable: bool = True
+    alpha: float = 0.01
+    seconds: float = 0.0
+
+    @property
+    def smallest_rows(self) -> list[dict[str, Any]]:
+        """A row a name: the smallest change that would have been named, with its unit."""
+        units = {r["name"]: r["unit"] for r in reversed(self.numbers)} | {"gain": "1"}
+        return [{"name": n, "smallest": v, "unit": units.get(n, "")} for n, v in self.smallest_seen.items()]
+
+    def as_dict(self) -> dict[str, Any]:
+        """As ``compare.json`` holds it."""
+        from whsklearn import __version__
+
+        return {
+            "verdict": self.verdict, "sentence": self.sentence, "records": self.labels,
+            "changes": [c.as_dict() for c in self.changes], "smallest_seen": self.smallest_seen,
+            "reason": self.reason, "numbers": self.numbers, "notes": self.notes, "alpha": self.alpha,
+            "seconds": self.seconds, "version": __version__,
+        }  # fmt: skip

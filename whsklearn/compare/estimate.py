@@ -1,0 +1,157 @@
+"""The numbers of one record, with a covariance that holds for coloured errors, uneven errors and a model that is wrong.
+
+Three looks at the same spread, none of which is enough alone.  The spectrum of what is left gives the covariance under
+stationary noise, whatever its colour.  Leaving out one block at a time shows where the errors are uneven.  The halves
+of a record, which must agree, show what a wrong model makes of another part of the path.  Each may only widen.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from whsklearn.compare.rows import SLOWER, Rows
+from whsklearn.gap.calibration import smoothed_power
+
+Array = NDArray[Any]
+
+# Variance of the mean over a record that a drift within it stands for, over the power of that drift.  Of a random walk
+# the means of two records in a row lie twice the drift's rms apart, which is two times its power for either; the power
+# is known from two or three half waves only, and Student's law of so few has tails twice as far out.
+WANDERS = 8.0
+# A model that leaves a tenth of the drive has columns that are wrong by a part of it, the same all over a record and
+# another on another path, which no resampling of one record shows.
+RIDGE = 1e-9  # of the samples, on columns of unit rms: rounding, and a number that no sample shows gets no value
+LEAST_ERROR = 0.0015  # of the rms drive, of every column
+OF_WHAT_IS_LEFT = 0.1
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Numbers of a record.
+
+    Attributes
+    ----------
+    label : str
+    values : ndarray of shape (p,)
+    covariance : ndarray of shape (p, p)
+    degrees : float
+        Of freedom of the covariance: blocks less one.
+    left : float
+        Rms of what is left, as a share of the rms drive.
+    drift : dict
+        Number -> rms by which it walks within the record, beyond noise.
+    """
+
+    label: str
+    values: Array
+    covariance: Array
+    degrees: float
+    left: float
+    drift: dict[int, float]
+
+
+def estimate(rows: Rows) -> Estimate:
+    """Least squares of one record, drift projected out.
+
+    References
+    ----------
+    Newey and West 1987, Econometrica 55(3), 703-708, for errors of any colour; Quenouille 1956 and Tukey 1958 for the
+    jackknife; Kuensch 1989, Annals of Statistics 17(3), 1217-1241, for its blocks.
+    """
+    z = np.column_stack([rows.columns, rows.nuisances])
+    size = np.maximum(np.sqrt(np.mean(z**2, axis=0)), 1e-300)
+    z = z / size
+    inverse = np.linalg.inv(z.T @ z + RIDGE * rows.target.size * np.eye(z.shape[1]))
+    fit = inverse @ (z.T @ rows.target)
+    left = rows.target - z @ fit
+    p = rows.columns.shape[1]
+    covariance = _stationary(z @ inverse, left, rows)
+    by_block, halves = _resampled(z, rows, inverse, fit)
+    spread = np.sqrt(np.maximum(1.0, by_block / np.maximum(np.diag(covariance), 1e-300)))
+    covariance = covariance * np.outer(spread, spread)
+    apart, price = halves
+    z2 = apart[:p] ** 2 / np.maximum(price[:p] * np.diag(covariance)[:p], 1e-300)
+    covariance = covariance * max(1.0, float(np.mean(z2)))
+    drift = _drift(fit[p:], np.diag(covariance)[p:], rows.of, size[p:], size[:p])
+    covariance = covariance[:p, :p]
+    for i, walk in drift.items():
+        covariance[i, i] += WANDERS * walk**2
+    model = max(OF_WHAT_IS_LEFT * _fast(left, rows), LEAST_ERROR * rows.scale)
+    covariance = covariance + model**2 * np.eye(p)
+    size = size[:p]
+    return Estimate(
+        rows.label, fit[:p] / size, covariance / np.outer(size, size), float(rows.block.max()),
+        float(np.sqrt(np.mean(left**2))) / rows.scale, {i: w / size[i] for i, w in drift.items()},
+    )  # fmt: skip
+
+
+def _fast(left: Array, rows: Rows) -> float:
+    """Rms of what is left that is no slower than the motion: a walk of the offset is no error of the model."""
+    grid = np.zeros(int(rows.at[-1] - rows.at[0]) + 1)
+    grid[rows.at - rows.at[0]] = left
+    power = np.abs(np.fft.rfft(grid)) ** 2
+    fast = np.fft.rfftfreq(grid.size, rows.step) >= rows.slowest / SLOWER
+    return float(np.sqrt(np.mean(left**2) * power[fast].sum() / max(float(power.sum()), 1e-300)))
+
+
+def _stationary(weights: Array, left: Array, rows: Rows) -> Array:
+    """Covariance of ``weights.T @ noise`` for noise of the spectrum of what is left; gaps in the grid hold zeros."""
+    n = int(rows.at[-1] - rows.at[0]) + 1
+    noise, w = np.zeros(n), np.zeros((n, weights.shape[1]))
+    noise[rows.at - rows.at[0]] = left
+    w[rows.at - rows.at[0]] = weights
+    spectrum = smoothed_power(noise) / rows.at.size
+    f = np.fft.rfft(w, axis=0)
+    twice = np.full(f.shape[0], 2.0)
+    twice[0] = 1.0
+    if n % 2 == 0:
+        twice[-1] = 1.0
+    return np.real((f.conj().T * (twice * spectrum)) @ f) / n
+
+
+def _resampled(z: Array, rows: Rows, inverse: Array, fit: Array) -> tuple[Array, tuple[Array, Array]]:
+    """(variances by the jackknife over blocks, (first half less second, its variance over that of the whole))."""
+    edges = np.searchsorted(rows.block, np.arange(rows.block[-1] + 2))
+    parts = [slice(a, b) for a, b in pairwise(edges)]
+    grams = np.array([z[s].T @ z[s] for s in parts])
+    crosses = np.array([z[s].T @ rows.target[s] for s in parts])
+    total, cross = grams.sum(axis=0), crosses.sum(axis=0)
+    ridge = RIDGE * rows.target.size * np.eye(z.shape[1])
+    without = np.array([np.linalg.solve(total - g + ridge, cross - c) for g, c in zip(grams, crosses, strict=True)])
+    m = len(parts)
+    by_block = (m - 1.0) / m * np.sum((without - without.mean(axis=0)) ** 2, axis=0)
+    p = rows.columns.shape[1]
+    known, half = fit[p:], m // 2
+    fits, prices = [], []
+    for chosen in (slice(0, half), slice(half, m)):  # what drifts keeps its course: it is asked for over the whole
+        g, c = grams[chosen].sum(axis=0), crosses[chosen].sum(axis=0)
+        inside = np.linalg.inv(g[:p, :p] + ridge[:p, :p])
+        fits.append(inside @ (c[:p] - g[:p, p:] @ known))
+        prices.append(np.diag(inside))
+    return by_block, (fits[0] - fits[1], (prices[0] + prices[1]) / np.maximum(np.diag(inverse)[:p], 1e-300))
+
+
+def _drift(fit: Array, variance: Array, of: tuple[int, ...], size: Array, unit: Array) -> dict[int, float]:
+    """Rms by which each number walks, beyond what noise makes of its half waves; scaled as the numbers are."""
+    power: dict[int, float] = {}
+    for i, c, v, s in zip(of, fit, variance, size, strict=True):
+        power[i] = power.get(i, 0.0) + 0.5 * float((c**2 - v) * (unit[i] / s) ** 2)
+    return {i: float(np.sqrt(x)) for i, x in power.items() if x > 0.0}
+
+
+def pooled(parts: list[Estimate]) -> Estimate:
+    """Several records as one: the mean weighted by information."""
+    if len(parts) == 1:
+        return parts[0]
+    weights = [np.linalg.inv(e.covariance) for e in parts]
+    covariance = np.linalg.inv(np.sum(weights, axis=0))
+    values = covariance @ np.sum([w @ e.values for w, e in zip(weights, parts, strict=True)], axis=0)
+    return Estimate(
+        ", ".join(e.label for e in parts), values, covariance, float(sum(e.degrees for e in parts)),
+        float(np.sqrt(np.mean([e.left**2 for e in parts]))), {},
+    )  # fmt: skip

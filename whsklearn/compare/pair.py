@@ -1,0 +1,99 @@
+"""Two records, or two groups of them: the difference of their numbers, and what moved as a reader takes it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from whsklearn.compare.comparison import Change
+from whsklearn.compare.estimate import WANDERS, Estimate, estimate, pooled
+from whsklearn.compare.hypotheses import Difference, Found, Hypothesis, hypotheses, moved
+from whsklearn.compare.rows import Rows, difference
+
+Array = NDArray[Any]
+
+
+def between(rows: list[Rows], first: list[Estimate], second: list[Estimate]) -> Difference:
+    """The difference of two groups of estimates; of two single records on one path, of the records themselves.
+
+    Parameters
+    ----------
+    rows : list of Rows
+        Of all records.
+    first, second : list of Estimate
+    """
+    a, b = pooled(first), pooled(second)
+    every = pooled([a, b])
+    sizes = np.sqrt(np.mean([r.sizes**2 for r in rows], axis=0))
+    scale = float(np.sqrt(np.mean([r.scale**2 for r in rows])))
+    values, covariance, degrees = b.values - a.values, a.covariance + b.covariance, a.degrees + b.degrees
+    if len(rows) == 2:
+        apart = difference(rows[0], rows[1], every.values)
+        if apart is not None:
+            found = estimate(apart)
+            drift = np.diag([WANDERS * _walk(a, b, i) for i in range(sizes.size)])
+            values, covariance, degrees = found.values, found.covariance + drift, found.degrees
+    errors = np.sqrt(np.diag(every.covariance))
+    return Difference(rows[0].names, rows[0].covers, values, covariance, degrees, every.values, errors, sizes, scale)
+
+
+def _walk(a: Estimate, b: Estimate, i: int) -> float:
+    return a.drift.get(i, 0.0) ** 2 + b.drift.get(i, 0.0) ** 2
+
+
+def changes_between(d: Difference, before: Estimate, units: tuple[str, ...], alpha: float) -> list[Change]:
+    """What moved, as a reader takes it."""
+    found = moved(d, alpha)
+    if not found:
+        return []
+    n_asked = len(hypotheses(d))
+    basis = np.column_stack([f.hypothesis.basis for f, _ in found])
+    w = np.linalg.inv(d.covariance)
+    inverse = np.linalg.pinv(basis.T @ w @ basis, rcond=1e-10, hermitian=True)
+    step = inverse @ (basis.T @ w @ d.values)
+    # what the change leaves of the difference is noise of both records; the first has its share of it
+    start = before.values + before.covariance @ w @ (d.values - basis @ step)
+    out, i = [], 0
+    for best, rivals in found:
+        k = best.step.size
+        at = slice(i, i + k)
+        out.append(_told(d, best, rivals, (start, step[at], inverse[at, at]), units, n_asked))
+        i += k
+    return out
+
+
+def _told(
+    d: Difference, best: Found, rivals: list[Found], fit: tuple[Array, Array, Array], units: tuple[str, ...], asked: int
+) -> Change:
+    """One change with its numbers from the joint fit of all of them."""
+    start, step, covariance = fit
+    h = best.hypothesis
+    p_value = min(1.0, best.p_value * asked)
+    names = [f.hypothesis.name for f in rivals]
+    if h.name == "gain":
+        old, new, error, unit = *_gain(d, h, start, float(step[0]), float(covariance[0, 0])), "1"
+        return Change("gain", old, new, error, d.degrees, unit, p_value, names, best.size)
+    at = [i for i, n in enumerate(d.names) if n == h.name]
+    unit = units[at[0]]
+    step, covariance = step[: len(at)], covariance[: len(at), : len(at)]  # what it covers comes behind
+    a, b = start[at], start[at] + step
+    if len(at) == 1:
+        error = float(np.sqrt(covariance[0, 0]))
+        return Change(h.name, float(a[0]), float(b[0]), error, d.degrees, unit, p_value, names, best.size)
+    size_a, size_b = float(np.linalg.norm(a)), float(np.linalg.norm(b))
+    along = (b if size_b > size_a else a) / max(size_a, size_b, 1e-300)
+    error = float(np.sqrt(along @ covariance @ along))
+    turn = float(np.arctan2(a[0] * b[1] - a[1] * b[0], a @ b)) if len(at) == 2 else 0.0
+    across = float(np.sqrt(np.trace(covariance) - error**2)) / max(min(size_a, size_b), 1e-300)
+    direction = (turn, across) if len(at) == 2 and across < 1.0 else None
+    return Change(h.name, size_a, size_b, error, d.degrees, unit, p_value, names, best.size, direction)
+
+
+def _gain(d: Difference, h: Hypothesis, start: Array, step: float, variance: float) -> tuple[float, float, float]:
+    """(1, the second record's gain over the first's, its standard error): twice the gain halves all numbers."""
+    weight = d.sizes**2 * h.basis[:, 0]
+    begin = float(weight @ start) / max(float(weight @ h.basis[:, 0]), 1e-300)
+    ratio = 1.0 + step / begin
+    return 1.0, 1.0 / ratio, float(np.sqrt(variance)) / abs(begin) / ratio**2

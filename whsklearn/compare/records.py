@@ -1,0 +1,218 @@
+"""`compare_records`: several records of one axis, and what moved between them."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from whsklearn._threads import one_blas_thread
+from whsklearn.compare.axis import OneWay, axis_rows
+from whsklearn.compare.comparison import Comparison
+from whsklearn.compare.estimate import Estimate, estimate
+from whsklearn.compare.hypotheses import Difference, smallest
+from whsklearn.compare.pair import between, changes_between
+from whsklearn.compare.rows import Rows
+from whsklearn.compare.series import change_point, scatter, spread
+from whsklearn.gap.data_check import check_servo
+from whsklearn.gap.record import ServoRecord
+
+MOST_LEFT = 0.3  # of the rms drive: beyond it the numbers are not those of the axis
+SURE = 3.0  # standard errors below zero: one in a thousand by chance
+SEEN = 0.5  # of a number: a comparison that would miss half of every number has seen nothing
+FOLLOWS = 0.01  # of the drive that a function of position leaves: then the drive is the controller's, not the axis's
+N_KNOTS = 24
+
+
+@one_blas_thread
+def compare_records(
+    records: Sequence[ServoRecord], labels: Sequence[str] = (), *, alpha: float = 0.01, random_state: int = 0
+) -> Comparison:
+    """What moved between records of one axis, by how much, or that nothing did, or why that cannot be told.
+
+    Parameters
+    ----------
+    records : sequence of ServoRecord
+        Two at least, in the order of time.
+    labels : sequence of str, optional
+        What the records are called.
+    alpha : float
+        Probability of a change that is named though nothing moved.
+    random_state : int
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than two records, or their units differ in kind.
+
+    References
+    ----------
+    DerSimonian and Laird 1986, Controlled Clinical Trials 7(3), 177-188, for the spread between records; MacKay 1992,
+    Neural Computation 4(3), 415-447, for the price of a number.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from whsklearn.compare import compare_records
+    >>> from whsklearn.datasets import make_servo_log
+    >>> from whsklearn.effects import Cogging
+    >>> from whsklearn.gap import ServoRecord
+    >>> logs = [make_servo_log([Cogging(size, 12.0)], duration=20.0, random_state=0) for size in (0.2, 0.3)]
+    >>> found = compare_records([ServoRecord.from_frame(pd.DataFrame(log)) for log in logs])
+    >>> found.verdict, [c.name for c in found.changes]
+    ('moved', ['cogging'])
+    """
+    began = time.perf_counter()
+    records = list(records)
+    names = list(labels) or [f"record {k + 1}" for k in range(len(records))]
+    if len(records) < 2 or len(names) != len(records):
+        raise ValueError(f"{len(records)} records and {len(names)} labels; give two records at least, a label each.")
+    kinds = {r.units for r in records}
+    if len(kinds) > 1:
+        told = " and ".join(f"{u} over {m}" for u, m in sorted(kinds))
+        raise ValueError(f"The records hold {told}; compare records of one kind of drive and motion.")
+    found = _compared(records, names, alpha, np.random.default_rng(random_state))
+    found.alpha, found.seconds = alpha, time.perf_counter() - began
+    return found
+
+
+def _compared(records: list[ServoRecord], labels: list[str], alpha: float, rng: np.random.Generator) -> Comparison:
+    for record, label in zip(records, labels, strict=True):
+        if reason := unusable(record, label):
+            return dataclasses.replace(cannot_tell(reason, labels), usable=False)
+    try:
+        rows = axis_rows(records, labels, alpha, rng)
+    except OneWay as reason:
+        return cannot_tell(str(reason), labels)
+    return compare_rows(rows, alpha)
+
+
+def unusable(record: ServoRecord, label: str) -> str:
+    """Why nothing can be told from a record; empty if it can be used."""
+    for problem in check_servo(record):
+        if problem.fatal:
+            return f"{label}: {problem.title}. {problem.explanation}"
+    edges = np.quantile(record.position, np.linspace(0.0, 1.0, N_KNOTS + 1)[1:-1])
+    part = np.searchsorted(edges, record.position)
+    u = record.drive
+    line = np.column_stack([(part == k)[:, None] * np.column_stack([np.ones(u.size), record.position])
+                            for k in np.unique(part)])  # fmt: skip
+    left = u - line @ np.linalg.lstsq(line, u, rcond=None)[0]
+    if np.std(left) < FOLLOWS * np.std(u):
+        return (
+            f"{label}: the drive is a function of the position (a gravity compensation, or a position loop alone), so "
+            "the record holds the controller and not the axis. Log with a reference that moves."
+        )
+    return ""
+
+
+def cannot_tell(reason: str, labels: list[str]) -> Comparison:
+    """No answer, with the reason."""
+    return Comparison("cannot_tell", f"What moved cannot be told. {reason}", labels, reason=reason)
+
+
+def compare_rows(rows: list[Rows], alpha: float) -> Comparison:
+    """The comparison of records that are rows of one regression."""
+    labels = [r.label for r in rows]
+    parts = [estimate(r) for r in rows]
+    for part in parts:
+        if part.left > MOST_LEFT:
+            return cannot_tell(
+                f"{part.label}: the model leaves {100 * part.left:.0f} % of the drive unexplained, more than "
+                f"{100 * MOST_LEFT:.0f} %. Run `whsklearn gap` on it first.", labels,
+            )  # fmt: skip
+        if reason := unphysical(rows[0], part):
+            return cannot_tell(reason, labels)
+    if len(rows) == 2:
+        d = between(rows, parts[:1], parts[1:])
+        changes = changes_between(d, parts[0], rows[0].units, alpha)
+    else:
+        changes, d = change_point(rows, parts, alpha)
+        changes = changes or scatter(rows, parts, alpha)
+    found = Comparison("moved" if changes else "nothing", "", labels, changes, smallest(d, alpha))
+    found.numbers = table(rows, parts)
+    found.notes = drift_notes(rows, parts)
+    if not changes and (blind := unseen(d, found.smallest_seen)):
+        found.verdict, found.reason = "cannot_tell", blind
+    found.sentence = sentence(found, d)
+    return found
+
+
+def unphysical(rows: Rows, part: Estimate) -> str:
+    """Which number of a record is surely negative though physics has it positive, as a sentence; empty if none is."""
+    errors = np.sqrt(np.diag(part.covariance))
+    for i, name in enumerate(rows.names):
+        if name in rows.positive and part.values[i] < -SURE * errors[i]:
+            return (
+                f"{part.label}: {name} comes out as {part.values[i]:.2g} ± {errors[i]:.1g} {rows.units[i]}, which no "
+                "axis has: another axis drives this one, or the sense of the drive is wrong."
+            )
+    return ""
+
+
+def table(rows: list[Rows], parts: list[Estimate]) -> list[dict[str, Any]]:
+    """A row a number: value and standard error of every record, the mean, and how far records lie apart beyond them."""
+    out = []
+    for i, name in enumerate(rows[0].names):
+        values, variances = np.array([e.values[i] for e in parts]), np.array([e.covariance[i, i] for e in parts])
+        mean, apart, p = spread(values, variances)
+        out.append({
+            "name": name, "unit": rows[0].units[i], "values": values.tolist(),
+            "standard_errors": np.sqrt(variances).tolist(), "mean": mean, "spread_between": apart,
+            "spread_within": float(np.sqrt(np.mean(variances))), "p_value_spread": p,
+        })  # fmt: skip
+    return out
+
+
+def drift_notes(rows: list[Rows], parts: list[Estimate]) -> list[str]:
+    """What walks within a record, and is therefore no change between records."""
+    out = []
+    for r, e in zip(rows, parts, strict=True):
+        for i, walk in e.drift.items():
+            if walk * r.sizes[i] > 0.01 * r.scale:
+                out.append(
+                    f"{r.names[i].replace('_', ' ')} walks by {walk:.2g} {r.units[i]} (rms) within {r.label}; that "
+                    "widens its interval and is not counted as a change."
+                )
+    return out
+
+
+def own_sizes(d: Difference) -> dict[str, float]:
+    """Name -> size of the number itself that is beyond doubt, of those that an axis always has a size of."""
+    out = {}
+    for name in dict.fromkeys(d.names):
+        if name not in ("delay", "input_offset"):
+            at = [i for i, n in enumerate(d.names) if n == name]
+            size, error = (float(np.linalg.norm(x[at])) for x in (d.mean, d.errors))
+            out[name] = max(0.0, size - 2.0 * error)
+    return out
+
+
+def unseen(d: Difference, smallest_seen: dict[str, float]) -> str:
+    """Why "nothing" would say too much: half of any number would have been missed; empty if it would not."""
+    sizes = own_sizes(d)
+    if any(smallest_seen[name] < SEEN * size for name, size in sizes.items()):
+        return ""
+    return (
+        "A change of half of any number would have been missed: the records are too short, too noisy, or the model "
+        "leaves too much of them."
+    )
+
+
+def sentence(found: Comparison, d: Difference) -> str:
+    """The answer in words."""
+    if found.verdict == "moved":
+        text = "; ".join(map(str, found.changes))
+        return text[0].upper() + text[1:] + "."
+    if found.verdict == "cannot_tell":
+        return f"What moved cannot be told. {found.reason}"
+    sizes = own_sizes(d)
+    seen = [f"{100 * found.smallest_seen[n] / s:.2g} % of {n.replace('_', ' ')}"
+            for n, s in sizes.items() if s > 0.0 and found.smallest_seen[n] < SEEN * s]  # fmt: skip
+    seen.append(f"{100 * found.smallest_seen['gain']:.2g} % of the drive's gain")
+    hidden = [n.replace("_", " ") for n, s in sizes.items() if found.smallest_seen[n] >= SEEN * s]
+    text = f"Nothing moved that these records show. At least {', '.join(seen)} would have been seen."
+    return text + (f" Less than half of {' and '.join(hidden)} would not." if hidden else "")

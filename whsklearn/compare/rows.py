@@ -1,0 +1,200 @@
+"""What a comparison knows of a record: a regression whose numbers have names, and what may drift beside them.
+
+torque = X theta + nuisances + rest, sample by sample behind one filter.  An axis and a joint of an arm come to this
+form (`whsklearn.compare.axis`, `whsklearn.compare.arm`); from here on nothing knows which it was.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[Any]
+
+MOST_BLOCKS, FEWEST_BLOCKS = 10, 5
+# Half waves of drift over a record: an offset follows up to four, Coulomb friction two, viscous friction one.
+HALF_WAVES = {"input_offset": 4, "coulomb": 2, "viscous": 1}
+SLOWER = 2.0  # times, than the motion: what drifts is slower, or the motion itself would be called a drift
+SLOW_SHARE = 0.05  # of the path's variance lies below its slowest frequency
+ALIKE = 0.06  # of the path's deviation: below it two records took the same path, and share the model's errors
+OVERLAP = 0.8  # of the shorter record that must lie on the same path
+
+
+@dataclass(frozen=True)
+class Rows:
+    """One record as a linear regression.
+
+    Attributes
+    ----------
+    label : str
+        Of the record.
+    names, units : tuple of str
+        Of the p numbers; a name may stand for several of them.
+    columns : ndarray of shape (n, p)
+        Drive a unit of each number.
+    target : ndarray of shape (n,)
+        The logged drive.
+    at : ndarray of int of shape (n,)
+        Which samples of an even grid these are.
+    step : float
+        Of that grid (s).
+    time, path : ndarray of shape (n,)
+        Time since the record's start (s) and position.
+    block : ndarray of int of shape (n,)
+        Parts of the record between reversals, numbered from zero.
+    nuisances : ndarray of shape (n, m)
+        Slow changes of some numbers along the record.
+    of : tuple of int
+        Of which number each nuisance is.
+    scale : float
+        Rms drive.
+    slowest : float
+        Frequency (Hz) below which there is no motion to speak of.
+    covers : dict
+        Name -> names of numbers that move with it: a spring with its place of rest moves the offset too.
+    positive : frozenset of str
+        Names of numbers that physics has positive.
+    """
+
+    label: str
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    columns: Array
+    target: Array
+    at: NDArray[np.intp]
+    step: float
+    time: Array
+    path: Array
+    block: NDArray[np.intp]
+    nuisances: Array
+    of: tuple[int, ...]
+    scale: float
+    slowest: float
+    covers: dict[str, tuple[str, ...]]
+    positive: frozenset[str] = frozenset()
+
+    @property
+    def sizes(self) -> Array:
+        """Rms of every column, shape (p,)."""
+        return np.maximum(np.sqrt(np.mean(self.columns**2, axis=0)), 1e-300)
+
+
+def blocks_between(reversals: NDArray[np.intp], n: int) -> NDArray[np.intp]:
+    """Blocks of about equal length that end at reversals, 5 to 10 of them; even ones where it turns too rarely.
+
+    Parameters
+    ----------
+    reversals : ndarray of int
+        Samples before which the speed changes sign.
+    n : int
+        Samples in all.
+
+    Examples
+    --------
+    >>> blocks_between(np.arange(10, 100, 10), 100).max() + 1
+    np.int64(10)
+    >>> blocks_between(np.array([50]), 100).max() + 1
+    np.int64(5)
+    """
+    count = int(np.clip(reversals.size + 1, FEWEST_BLOCKS, MOST_BLOCKS))
+    edges = np.arange(1, count) * n / count
+    if reversals.size >= FEWEST_BLOCKS:
+        edges = np.unique(reversals[np.argmin(np.abs(reversals[:, None] - edges), axis=0)])
+    return np.searchsorted(edges, np.arange(n), side="right").astype(np.intp)
+
+
+def reversals_of(speed: Array, slowest: float) -> NDArray[np.intp]:
+    """Samples before which an axis that is faster than ``slowest`` has turned, shape (number of turns,)."""
+    fast = np.flatnonzero(np.abs(speed) > slowest)
+    return fast[1:][np.diff(np.sign(speed[fast])) != 0.0]
+
+
+def slowest_of(path: Array, time: Array) -> float:
+    """Frequency (Hz) below which a twentieth of the path's variance lies; zero where it does not even go once around.
+
+    Examples
+    --------
+    >>> t = np.arange(0.0, 30.0, 0.01)
+    >>> round(slowest_of(np.sin(2 * np.pi * 0.5 * t), t), 2)
+    0.5
+    """
+    power = np.abs(np.fft.rfft(path - np.mean(path))) ** 2
+    line = int(np.searchsorted(np.cumsum(power), SLOW_SHARE * power.sum()))
+    return line / max(float(time[-1] - time[0]), 1e-300)
+
+
+def drifting(columns: Array, names: tuple[str, ...], time: Array, slowest: float) -> tuple[Array, tuple[int, ...]]:
+    """Slow changes of offset and friction: the column times half waves of cosines over the record.
+
+    Parameters
+    ----------
+    columns : ndarray of shape (n, p)
+    names : tuple of str
+    time : ndarray of shape (n,)
+    slowest : float
+        Frequency (Hz) of the slowest motion.
+
+    Returns
+    -------
+    nuisances : ndarray of shape (n, m)
+    of : tuple of int
+        Of which number each is.
+    """
+    span = max(float(time[-1] - time[0]), 1e-300)
+    phase = np.pi * (time - time[0]) / span
+    parts, of = [], []
+    for name, most in HALF_WAVES.items():
+        for i in (k for k, other in enumerate(names) if other == name):
+            for j in range(1, min(most, int(2.0 * span * slowest / SLOWER)) + 1):
+                parts.append(columns[:, i] * np.cos(j * phase))
+                of.append(i)
+    return (np.column_stack(parts) if parts else np.zeros((time.size, 0))), tuple(of)
+
+
+def difference(a: Rows, b: Rows, values: Array) -> Rows | None:
+    """What the second record's drive has beyond the first's, where both follow the same path; None where not.
+
+    What no model explains is the same in both and cancels.
+
+    Parameters
+    ----------
+    a, b : Rows
+        With the same columns.
+    values : ndarray of shape (p,)
+        Numbers about which both are linear.
+    """
+    shift = _shift(a, b)
+    if shift is None:
+        return None
+    now = a.time + shift
+    inside = (now >= b.time[0]) & (now <= b.time[-1])
+    inside &= np.abs(now - b.time[np.clip(np.searchsorted(b.time, now), 0, b.time.size - 1)]) < 2.0 * b.step
+    x = np.column_stack([np.interp(now, b.time, c) for c in b.columns.T])
+    left = np.interp(now, b.time, b.target - b.columns @ values) - (a.target - a.columns @ values)
+    return replace(
+        a, columns=0.5 * (a.columns + x)[inside], target=left[inside], at=a.at[inside], time=a.time[inside],
+        path=a.path[inside], block=a.block[inside], nuisances=a.nuisances[inside],
+    )  # fmt: skip
+
+
+def _shift(a: Rows, b: Rows) -> float | None:
+    """By how much the second record is later along the same path (s); None if it is another path."""
+    step = max(a.step, b.step)
+    grids = [np.arange(0.0, r.time[-1], step) for r in (a, b)]
+    p, q = (np.interp(t, r.time, r.path) for t, r in zip(grids, (a, b), strict=True))
+    scale = float(np.std(p))
+    if scale <= 0.0 or abs(float(np.std(q)) / scale - 1.0) > 3.0 * ALIKE:
+        return None
+    n = p.size + q.size
+    lag = np.fft.irfft(np.conj(np.fft.rfft(p - p.mean(), n)) * np.fft.rfft(q - q.mean(), n), n)
+    k = int(np.argmax(lag))
+    k -= n if k > n // 2 else 0
+    i, j = max(0, -k), max(0, k)
+    m = min(p.size - i, q.size - j)
+    if m < OVERLAP * min(p.size, q.size):
+        return None
+    apart = q[j : j + m] - p[i : i + m]
+    return k * step if float(np.sqrt(np.mean(apart**2))) < ALIKE * scale else None
