@@ -12,7 +12,7 @@ from whsklearn.cli import main
 
 
 def run() -> None:
-    """The command; a record that still waits for a server that does not answer holds nobody up at its end."""
+    """The command; at its end it does not wait for a tracking server that does not answer."""
     status: int | str | None = 0
     for stream in (sys.stdout, sys.stderr):  # what a terminal has no sign for becomes "?", and the job goes on
         if isinstance(stream, io.TextIOWrapper) and stream.encoding.lower() not in ("utf-8", "utf8"):

@@ -3,7 +3,7 @@ A fleet of axes
 ===============
 
 Three hundred axes of one kind, identified together; three of them are not like the others. Least squares over many axes
-is compiled and takes all of them at once; what stands apart is told by robust distances from the fleet's median.
+is compiled and takes all of them at once; outliers are found by robust distances from the fleet's median.
 """
 
 # %%

@@ -3,7 +3,7 @@ Into MuJoCo and back
 ====================
 
 An identified axis is exported as an MJCF model and replayed in MuJoCo on the same drive. The replay follows the
-library's own simulation; without the effects that were found it would not. What MJCF cannot hold is told, with its
+library's own simulation; without the effects that were found it would not. What MJCF cannot hold is listed, with its
 size.
 """
 

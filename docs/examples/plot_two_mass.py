@@ -2,7 +2,7 @@
 Two masses: compliance or backlash?
 ===================================
 
-A motor drives its load through a gear. Seen from the motor's encoder, a soft coupling and a gap have much in common:
+A motor drives its load through a gear. Seen from the motor's encoder, a soft coupling and play have much in common:
 both let the motor move before the load does. They part in how the twist depends on the torque, and in what happens
 after a reversal.
 """
@@ -63,7 +63,7 @@ print(f"the coupling rings at {resonance:.1f} Hz")
 # %%
 # Which experiment tells them apart?
 # ----------------------------------
-# A bias keeps the gap closed on one side, and then nothing is left of it; a spring rings as before.
+# A bias keeps the play closed on one side, where it has no effect; a spring rings as before.
 figure, ax = plt.subplots(figsize=(9, 2.8), layout="constrained")
 for name, colour in (("flexible coupling", "C0"), ("backlash", "C1")):
     biased = {n: axes_of[n].simulate_drive(drive + 1.2, noise=False) for n in ("rigid", name)}

@@ -10,11 +10,11 @@ from tests.cli.recorded_stream import QUICK, axis, carried, records, stream, wri
 BAD = {3: "0.02,1.0\n", 5: "0.04,x,1.0\n", 8: "0.05,1,1\n", 9: "0.08,nan,1\n", 11: "0.10,1,1e999\n", 12: "\n"}
 
 
-@pytest.mark.parametrize("gap", ["hold", "restart"])
-def test_bad_rows_are_reported_with_their_lines_and_passed_over(tmp_path, rows, gap):
+@pytest.mark.parametrize("hole", ["hold", "restart"])
+def test_bad_rows_are_reported_with_their_lines_and_passed_over(tmp_path, rows, hole):
     spoilt = [BAD.get(i + 2, row) for i, row in enumerate(rows[:700])]
     log = write(tmp_path / "log.csv", spoilt)
-    done = stream(log, "--out", tmp_path / "out.jsonl", "--gap", gap, *QUICK)
+    done = stream(log, "--out", tmp_path / "out.jsonl", "--hole", hole, *QUICK)
     assert done.exit_code == 0, done.output
     bad = records(tmp_path / "out.jsonl", "bad_row")
     assert [r["line"] for r in bad] == [3, 5, 8, 9, 11]
@@ -23,7 +23,7 @@ def test_bad_rows_are_reported_with_their_lines_and_passed_over(tmp_path, rows, 
     assert "does not come after" in bad[2]["reason"]
     for line in (3, 5, 8, 9, 11):
         assert f"line {line}:" in done.stderr
-    assert carried(tmp_path / "log.csv.whs")["carried"]["rows"] == {"hold": 699, "restart": 694}[gap]
+    assert carried(tmp_path / "log.csv.whs")["carried"]["rows"] == {"hold": 699, "restart": 694}[hole]
 
 
 def test_a_refused_row_ends_the_stream_before_it_and_corrected_it_goes_on(tmp_path, undisturbed, rows):

@@ -29,7 +29,7 @@ def test_a_record_that_cannot_be_opened_costs_no_row_and_is_told_once():
     assert time.perf_counter() - began < 1.0
     assert run.close() == 20
     assert len(told) == 1
-    assert "the stream goes on" in told[0]
+    assert "the stream continues" in told[0]
 
 
 def test_it_writes_from_a_thread_of_its_own():

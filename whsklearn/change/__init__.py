@@ -1,4 +1,4 @@
-"""Has the system changed?  An alarm with a stated rate of false ones, and a sentence on what changed.
+"""Has the system changed?  An alarm with a stated false-alarm rate, and a sentence on what changed.
 
 `ChangeAlarm` watches the innovations of an estimator, for changes faster than the
 estimator's own tracking.  `compare_parameters` sets two estimates with their covariances

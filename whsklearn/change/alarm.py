@@ -1,4 +1,4 @@
-"""An alarm on an estimator's innovations, with a stated rate of false ones."""
+"""An alarm on an estimator's innovations, with a stated false-alarm rate."""
 
 from __future__ import annotations
 

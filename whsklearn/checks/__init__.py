@@ -1,4 +1,4 @@
-"""Contracts of effects and of streams, for your own and for ours."""
+"""Contracts of effects and of streaming estimators, for the library's own and for yours."""
 
 from whsklearn.checks.effects import EffectContractError, check_effect
 from whsklearn.checks.scikit_learn import expected_failed_checks

@@ -1,4 +1,4 @@
-"""The contract that every effect keeps, the library's own and a user's alike.
+"""The contract that every effect keeps, whether it is the library's or yours.
 
 The simulator and the regressor columns are written apart, so that one can be held
 against the other: that is what makes a name in a report mean something.
@@ -41,7 +41,7 @@ class EffectContractError(ValueError):
 
 
 def check_effect(effect: type[Effect] | Effect) -> tuple[str, ...]:
-    """Hold an effect against the contract of the catalogue.
+    """Check that an effect keeps the contract of the catalogue.
 
     It must describe itself (name, place, equation, units); its columns must be finite, one
     for each coefficient, and leave the signals alone; at its neutral size a simulation must

@@ -202,7 +202,7 @@ def _check_state_is_a_copy(estimator: Any, X: NDArray[np.float64], y: NDArray[np
 
 
 def _goes_on(model: Any, copy: Any, X: NDArray[np.float64], y: NDArray[np.float64], what: str) -> None:
-    """Both take the rest of the rows and end in the same bits."""
+    """Both take the remaining rows and end in bit-identical states."""
     _assert_same(model.get_state(), copy.get_state(), f"{what}: right after")
     model.partial_fit(X, y)
     copy.partial_fit(X, y)
@@ -211,7 +211,7 @@ def _goes_on(model: Any, copy: Any, X: NDArray[np.float64], y: NDArray[np.float6
 
 
 def _check_same_seed_same_bits(estimator: Any, X: NDArray[np.float64], y: NDArray[np.float64]) -> None:
-    """Two streams of the same rows end in the same bits."""
+    """Two streams of the same rows end in bit-identical states."""
     _assert_same(
         _streamed(estimator, X, y, []).get_state(), _streamed(estimator, X, y, []).get_state(), "same_seed_same_bits"
     )
@@ -300,7 +300,7 @@ def _check_refused_call_changes_nothing(estimator: Any, X: NDArray[np.float64], 
 
 
 def _check_groups_restart_the_state(estimator: Any, X: NDArray[np.float64], y: NDArray[np.float64]) -> None:
-    """Experiments in one array, or one by one: the same; and the second does not feel the first one's past."""
+    """Experiments in one array, or one by one: the same; and the first has no influence on the second."""
     half = len(X) // 2
     groups = np.repeat([0, 1], [half, len(X) - half])
     together = clone(estimator).partial_fit(X, y, groups=groups).get_state()

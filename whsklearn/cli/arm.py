@@ -45,7 +45,7 @@ def joint_columns(text: str) -> dict[str, tuple[str, str]]:
 
 
 def guessed_columns(joints: Sequence[str], names: Sequence[str]) -> dict[str, tuple[str, str]]:
-    """The same where nobody said: columns that name the joint, or are numbered as the robot's joints are.
+    """The same without `--joints`: columns that name the joint, or are numbered as the robot's joints are.
 
     Raises
     ------
@@ -119,7 +119,9 @@ def read_arm(path: str, options: Mapping[str, Any], arm: Arm) -> Bunch:
         positions.append(factor_between(log.units["position"], place) * log.y)
         drives.append(by * log.X[:, 0])
         if len(positions[-1]) != len(positions[0]):
-            raise ValueError(f"The columns of {joint} have gaps that those before have not; cut the log there.")
+            raise ValueError(
+                f"The columns of {joint} have holes where those of other joints have samples; cut the log there."
+            )
     assert log is not None
     if log.units["time"] == "samples":
         raise ValueError("The log has no time; name its column with --time, or its rate with --rate.")

@@ -83,7 +83,7 @@ class Candidate:
 
 @dataclass
 class Outcome:
-    """What became of a candidate.
+    """The result of one candidate.
 
     Attributes
     ----------
@@ -126,7 +126,7 @@ def compare(
     theta: NDArray[np.float64] | None = None,
     skip: int = 0,
 ) -> list[Outcome]:
-    """Fit, judge and record every candidate; one that fails is told and leaves the others alone."""
+    """Fit, judge and record every candidate; a failure is reported and does not affect the others."""
     compile_once(candidates, train)
     outcomes: list[Outcome] = []
     bar = tqdm(candidates, desc="fitting", unit="model")
@@ -207,7 +207,7 @@ def _record(outcome: Outcome, run: Run, train: Record) -> None:
 
 
 def results_table(outcomes: Sequence[Outcome], title: str) -> str:
-    """Candidates by rows, indices by columns, failures told below."""
+    """A table of candidates (rows) and indices (columns), with failures listed below it."""
     names = [k for k in ("nmse", "mu_e", "rmse", "delta") if any(k in o.indices for o in outcomes)]
     rows = [
         [o.candidate.name, o.candidate.reading, *(o.indices.get(k) for k in names), o.seconds or None] for o in outcomes

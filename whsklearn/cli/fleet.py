@@ -161,7 +161,7 @@ def record(run: Run, found: Any, apart: Any, failed: Any, out: Path, params: dic
 
 
 def summary(found: Any, apart: Any, failed: Any, out: Path, seconds: float) -> str:
-    """What a person wants to read at the end: outliers first, then failures by their reason."""
+    """The summary on the terminal: outliers first, then failures by their reason."""
     text = (
         f"{len(found)} axes, {int(found['rows'].sum())} rows in {seconds:.1f} s "
         f"({1e3 * found['seconds'].sum() / len(found):.1f} ms of work an axis); {len(apart)} stand apart, "

@@ -1,4 +1,4 @@
-"""What is done with one axis of a fleet: read, identify, judge; runs in any process of any machine.
+"""One axis of a fleet: read, identify, judge; runs in any process on any machine.
 
 Functions here take and return plain values, and an axis that fails is a row of the result like
 any other: one bad log among a million must not end the job.

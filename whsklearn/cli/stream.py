@@ -37,7 +37,9 @@ ESTIMATORS = {"rls": "RLSRegressor", "mils": "MILSRegressor", "rmils": "RMILSReg
 @click.option("--smallest-change", type=float, default=5.0, help="Per cent; lesser changes are not reported.")
 @click.option("--alarm-interval", type=float, default=1e6, help="Rows between false alarms, on average, at least.")
 @click.option("--bad-rows", type=click.Choice(["skip", "refuse"]), default="skip", help="Report and go on, or stop.")
-@click.option("--gap", type=click.Choice(["hold", "restart"]), default="hold", help="In place of a bad row.")
+@click.option(
+    "--hole", type=click.Choice(["hold", "restart"]), default="hold", help="What takes the place of a bad row."
+)
 @click.option("--most-held", type=click.IntRange(0), default=10, help="Bad rows in a row that are held, not more.")
 @click.option("--disk-full", type=click.Choice(["go-on", "stop"]), default="go-on", help="If no checkpoint fits.")
 @click.option(
@@ -49,7 +51,7 @@ ESTIMATORS = {"rls": "RLSRegressor", "mils": "MILSRegressor", "rmils": "RMILSReg
 def main(
     source: str, inputs: tuple[str, ...], output: str, time_column: str | None, max_step: float, follow: bool,
     estimator: str, orders: str, law: str, p: int, forgetting: float, every: int, predictions: bool,
-    smallest_change: float, alarm_interval: float, bad_rows: str, gap: str, most_held: int, disk_full: str,
+    smallest_change: float, alarm_interval: float, bad_rows: str, hole: str, most_held: int, disk_full: str,
     out: Path | None, checkpoint: Path | None, checkpoint_every: float, fresh: bool, seed: int, track: bool,
 ) -> None:  # fmt: skip
     """Identify from SOURCE, a CSV file or - for JSON lines on stdin, row by row; resumes by itself.
@@ -64,7 +66,7 @@ def main(
     kept = checkpoint or Path("stdin.whs" if source == "-" else f"{source}.whs")
     model = build_model(estimator, orders, law, p, forgetting, seed)
     options = Options(
-        every, predictions, bad_rows == "refuse", gap == "restart", max_step, smallest_change, most_held,
+        every, predictions, bad_rows == "refuse", hole == "restart", max_step, smallest_change, most_held,
         bool(time_column),
     )  # fmt: skip
     files = Files(source, out, kept, follow, fresh, checkpoint_every, disk_full == "stop")

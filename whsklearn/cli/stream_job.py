@@ -45,7 +45,7 @@ GRACE_SECONDS = 1.0  # for the rows in hand once a stop is asked for: whoever as
 
 
 class Late(BaseException):  # as KeyboardInterrupt, which a compiler that catches every Exception must not swallow
-    """Whoever asked for a stop has waited long enough for the rows in hand."""
+    """The time allowed for finishing the current rows after a stop request is over."""
 
 
 class Stopper:
@@ -212,7 +212,7 @@ def _parser(source: str, place: dict[str, Any]) -> Callable[[bytes], list[float]
 
 
 def _to(writer: Out, run: BesideRun) -> Callable[[Record], None]:
-    """Where records go: all to the output, bad rows and their alarms to the eye, estimates and alarms to MLflow."""
+    """Where records go: all to the output, bad rows and alarms to the terminal, estimates and alarms to MLflow."""
 
     def emit(record: Record) -> None:
         writer(record)
@@ -234,7 +234,7 @@ def _to(writer: Out, run: BesideRun) -> Callable[[Record], None]:
 
 
 class Keeper:
-    """Writes the checkpoint; a disk that is full ends the stream or leaves it without one, and is told once."""
+    """Writes the checkpoint; a full disk ends the stream or leaves it without one, which is reported once."""
 
     def __init__(self, stream: Stream, files: Files, place: dict[str, Any], writer: Out):
         self.stream, self.files, self.place, self.writer = stream, files, place, writer

@@ -35,7 +35,7 @@ class Options:
     every: int = 1000
     predictions: bool = False
     refuse: bool = False
-    restart_after_gap: bool = False
+    restart_after_hole: bool = False
     max_step: float = np.inf
     smallest_change: float = 5.0  # per cent
     most_held: int = 10  # rows in a row in whose place the last sample is learnt again
@@ -167,10 +167,10 @@ class Stream:
             self._learn(np.array(rows), np.array(experiments), numbers)
 
     def _bad(self, number: int, reason: str) -> None:
-        """Report a row that is passed over; the last sample takes its place, but not for ever."""
+        """Report a row that is skipped; the last sample takes its place, at most `most_held` times in a row."""
         self.carried.bad += 1
         self.emit({"kind": "bad_row", "line": number, "row": self.carried.rows, "reason": reason})
-        if self.options.restart_after_gap:
+        if self.options.restart_after_hole:
             self.carried.experiment += 1
         elif self.carried.last:
             self.carried.held += 1
@@ -253,7 +253,7 @@ class Stream:
             self.emit(self._record("alarm", first + i) | {"cause": "change", "interval": self.alarm.interval})
 
     def _adapt(self, rows: int) -> None:
-        """Forget as is right with so many rows to go until all is settled."""
+        """Set the forgetting factor for a stream that will have settled after this many more rows."""
         self.carried.adapting = rows
         wanted = forgetting_after(ADAPTING_ROWS - rows, self.forgetting) if rows else self.forgetting
         if self.model.forgetting != wanted:
@@ -327,7 +327,7 @@ class Stream:
 
 
 def estimates(model: Any) -> tuple[dict[str, float], dict[str, float]]:
-    """Parameters and standard errors by name; what is not told yet is null in the record, at every estimate anew."""
+    """Parameters and standard errors by name; a standard error that is not known yet is NaN."""
     values = flat_parameters(model.parameters_)
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Some standard errors are NaN")

@@ -432,7 +432,7 @@ class Effect:
         return columns_of(self, signals)
 
     def contribution(self, signals: Any) -> NDArray[np.float64]:
-        """What the effect asks of the drive (Nm), or adds to the measured position (rad).
+        """The drive that the effect takes (Nm), or what it adds to the measured position (rad).
 
         Parameters
         ----------

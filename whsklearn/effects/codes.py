@@ -5,7 +5,7 @@ A compiled function takes an effect as a row: its code here and its `Effect.row`
 
 from __future__ import annotations
 
-N_NUMBERS = 8  # numbers a row can hold; the last of an effect of one's own says which function is its own
+N_NUMBERS = 8  # numbers a row can hold; the last of a user-defined effect says which function is its own
 N_SHAPE = 3  # shape numbers of a static term
 
 # static terms f(x, dx) of a law; those up to POSITION_FRICTION hold the sign of dx

@@ -38,7 +38,7 @@ def columns_of(effect: Effect, signals: Any) -> Array:
 
 
 def values(effect: Effect, row: tuple[float, ...], signals: Any) -> Array:
-    """What the effect asks of the drive (Nm), or adds to the reading (rad), with the numbers of ``row``; shape (n,)."""
+    """The drive that the effect takes (Nm), or what it adds to the reading (rad), with the numbers of ``row``: (n,)."""
     absent = np.zeros(np.asarray(signals.position).size)
     time, position, velocity, acceleration, drive = (
         np.ascontiguousarray(getattr(signals, name, absent), dtype=float)

@@ -200,7 +200,7 @@ class AsymmetricViscous(StaticEffect):
 
     See Also
     --------
-    AsymmetricCoulomb : a constant in motion; needs two speeds a direction to be told apart.
+    AsymmetricCoulomb : a constant in motion; can be distinguished only with two speeds in each direction.
     Viscous : its odd counterpart.
 
     Examples

@@ -1,4 +1,4 @@
-"""Effects by their code: what a row of numbers asks of the drive, or adds to the reading, at one instant.
+"""Effects by their code: the drive that a row of numbers takes, or what it adds to the reading, at one instant.
 
 This is the only place that goes from a code to an equation outside the static terms of
 `whsklearn.effects.terms`; integrators, the chain, regressor columns and screenings call it.  A row is
@@ -119,7 +119,7 @@ def has_memory(code):
 
 @njit(nogil=True, error_model="numpy")
 def values_along(code, p, time, position, velocity, acceleration, drive, kappa):
-    """Any effect but one of one's own along a record: what it asks of the drive (Nm), or adds to the reading (rad).
+    """Any built-in effect along a record: the drive that it takes (Nm), or what it adds to the reading (rad).
 
     ``p`` has shape (1, 8); every signal has shape (n,).  sign(v) has the sharpness ``kappa``.
     """

@@ -23,7 +23,7 @@ def output_drift(rate, time):
 
 @_equation
 def sensor_rectification(fraction, angle):
-    """f (|q| - q), what the reading of a sensor that loses the sign has too much (rad)."""
+    """f (|q| - q), the error in the reading of a sensor that loses the sign (rad)."""
     return fraction * (abs(angle) - angle)
 
 

@@ -111,7 +111,7 @@ class FrictionDrift(Effect):
     See Also
     --------
     ParameterChange : friction changes at one instant instead of settling.
-    Coulomb : what is left of it in a short record.
+    Coulomb : what it looks like in a short record.
 
     Examples
     --------

@@ -45,7 +45,7 @@ def of_few_samples(n: int, n_parameters: int) -> str | None:
 
 
 def of_a_signal_at_rest(X: Array, y: Array) -> str | None:
-    """A record from which no dynamics can be told."""
+    """A record that shows no dynamics."""
     for name, values, what in (("input", X, "excite the axis"), ("output", y, "check its column")):
         if np.ptp(values, axis=0).max() == 0.0:
             return f"The {name} is constant, expected one that moves; the dynamics cannot be seen, {what}."
@@ -120,7 +120,7 @@ def of_scale(X: Array, y: Array) -> str | None:
 
 
 def of_an_axis(names: list[str], theta: Array, covariance: Array, n_rows: int, path: Array) -> str | None:
-    """Numbers that no axis has, and what is the likely mistake.
+    """Numbers that no axis has, and the likely mistake.
 
     Parameters
     ----------

@@ -168,7 +168,7 @@ class RecursiveRegressor(AxisRegressor):
         return self
 
     def _learn_checked(self, given: Given, first: bool) -> None:
-        """Check and learn, in place; whoever calls puts back what was if this fails."""
+        """Check and learn, in place; the caller restores the state if this fails."""
         if first:
             self._keep_lags()
         self._check_parameters()

@@ -121,7 +121,7 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
 
     @contextmanager
     def _alone(self) -> Iterator[None]:
-        """Let other threads wait that learn, or read what is learnt."""
+        """Make other threads wait that learn, or that read what was learnt."""
         with self._lock:
             yield
 
@@ -387,7 +387,7 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
         return _finite(wh.predictions(*self._running(), X, y, restart, horizon))
 
     def _running(self) -> tuple[Array, wh.Structure]:
-        """Natural parameters as they are, without work on what is still in doubt, and their structure."""
+        """The running estimate of the natural parameters, without the work on signs in doubt, and their structure."""
         return self._natural(), self._structure()
 
     # -- in words, and for other tools -----------------------------------------------------
@@ -590,7 +590,7 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
         warn(_advice.of_few_samples(n, n_parameters), stacklevel=5)
 
     def _warn_of_record(self, X: Array, y: Array, stacklevel: int = 3) -> None:
-        """Records from which the dynamics cannot be told, or only with a constant that the model has not."""
+        """Warn of records that do not show the dynamics, or only with a constant that the model lacks."""
         if not self._is_wiener_hammerstein or len(X) <= self._lags.max_lag:
             return
         said = _advice.of_a_signal_at_rest(X, y)

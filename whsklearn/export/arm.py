@@ -1,4 +1,4 @@
-"""An arm for MuJoCo and as URDF: links, motors' inertia, damping and dry friction; the rest is told as losses."""
+"""An arm for MuJoCo and as URDF: links, motors' inertia, damping and dry friction; the rest is listed as losses."""
 
 from __future__ import annotations
 
@@ -114,7 +114,7 @@ def _passive(arm: Arm, k: int, reason: str) -> tuple[float, float, list[Loss]]:
 
 
 def _body(arm: Arm, k: int, losses: list[Loss]) -> tuple[float, NDArray[Any], NDArray[Any]]:
-    """Mass, centre, and inertia about it of a link; one that is no body is told, and made the least one."""
+    """Mass, centre and inertia about it of a link; numbers that no body has are reported and replaced."""
     numbers = arm.inertial[k]
     mass = float(numbers[0])
     if mass <= LEAST:

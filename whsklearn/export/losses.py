@@ -1,4 +1,4 @@
-"""What a format cannot hold, and how large it is: told, never dropped in silence."""
+"""What a format cannot hold, and how large it is: reported, never dropped silently."""
 
 from __future__ import annotations
 

@@ -44,7 +44,7 @@ class Exported:
 
     @property
     def si(self) -> tuple[str, str]:
-        """SI symbols of drive and motion, in which descriptions of robots are; Nm and rad where nothing told them."""
+        """SI symbols of drive and motion, as robot descriptions use them; Nm and rad where the units are unknown."""
         drive, motion = (factor_of(self.units.get(k, ""))[1] for k in ("input", "output"))
         return drive or "Nm", motion.removesuffix("/s") or "rad"
 
@@ -58,7 +58,7 @@ class Exported:
         return [dataclasses.replace(loss, size=spelled(loss.size)) for loss in losses]
 
     def foreign(self) -> list[Loss]:
-        """What a format that is in Nm or N, rad or m cannot take as it is: a current, counts, or a unit nobody told."""
+        """What a format in Nm or N, rad or m cannot take: a current, counts, or an unknown unit."""
         out = []
         for what, column, symbol, wanted in (
             ("drive", "input", self.si[0], ("Nm", "N")),

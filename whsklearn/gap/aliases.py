@@ -1,4 +1,4 @@
-"""Rivals: what else could stand in the place of an effect that was taken, and how surely it beats the next."""
+"""Rivals of a named effect: which others explain the record as well, and how surely it beats the next one."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from whsklearn.gap.old_search import Found
 def rivals_of(
     plant: Any, found: Found, rng: np.random.Generator
 ) -> tuple[list[list[str]], list[float], list[list[str]]]:
-    """For each effect: who else could stand there, the share of draws in which it beats all of them, who is the same.
+    """For each effect: its rivals, the share of draws in which it beats all of them, and its aliases.
 
     Each taken effect and its rivals are compared as they were when it was taken, in the same view.
     """

@@ -140,7 +140,7 @@ def _proved(plant: Any, found: Found, rng: np.random.Generator, alpha: float) ->
 
 
 def verdict_of(plant: Any, found: Found, alpha: float, run: float) -> str:
-    """The verdict, from what was taken and what is left.
+    """The verdict, from the effects taken and the residual.
 
     Parameters
     ----------

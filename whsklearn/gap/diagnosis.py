@@ -38,7 +38,7 @@ class NamedEffect:
     aliases : list of str
         Effects that no log can tell from it.
     units : tuple of two str
-        Of drive and position, in which its numbers are told; the effect itself is in SI.
+        Of drive and position, in which its numbers are given; the effect itself is in SI.
     orders : list of NamedEffect
         Further waves of the same family.
     p_value : float
@@ -105,7 +105,7 @@ class NamedEffect:
 
     @property
     def amplitude_unit(self) -> str:
-        """Unit in which the size is told; empty where it is a share or the log has no units."""
+        """Unit of the size; empty where it is a share or the log has no units."""
         quantity = getattr(self.effect, "quantities", {}).get(getattr(self.effect, "size", ""))
         if quantity is None or quantity.unit == "1" or not all(self.units):
             return ""
@@ -295,11 +295,11 @@ class Diagnosis:
     rounds, residual_tests : list of dict
         What the search took; tests of what is left.
     problems, notes : list
-        What is wrong with the log; what else is to be told.
+        What is wrong with the log; further remarks.
     pictures : dict of str to Any
         Arrays of the page's pictures, by name.
     units : dict of str to str
-        By role, in which all numbers are told.
+        By role, of all numbers in the diagnosis.
     logged : tuple of two str
         Units of the columns of drive and position, which the repaired model takes and gives.
     joints : list of dict
@@ -363,7 +363,7 @@ class Diagnosis:
     pictures: dict[str, Any] = field(default_factory=dict)
     file: str = ""  # name of the log
     origin: str = ""  # file, columns, span, rate, date and version in a sentence
-    units: dict[str, str] = field(default_factory=dict)  # by role, in which all numbers are told
+    units: dict[str, str] = field(default_factory=dict)  # by role, of all numbers in the diagnosis
     logged: tuple[str, str] = ("", "")  # units of the columns of drive and position
     test: list[dict[str, float]] = field(default_factory=list)  # free run on a second record, a row a horizon
     rows: dict[str, int] = field(default_factory=dict)  # used, given, segments; empty where no file was read
@@ -426,7 +426,7 @@ def _plain(value: Any) -> Any:
 
 
 def families(effects: list[NamedEffect]) -> list[NamedEffect]:
-    """One entry a name, at a joint: further orders of a wave are kept beside the first one."""
+    """One entry for each name and joint: further orders of a wave are listed with the first one."""
     out: dict[str, NamedEffect] = {}
     for e in effects:
         if e.label in out:

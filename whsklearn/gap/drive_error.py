@@ -1,4 +1,4 @@
-"""What is not known of the torque constant enters the intervals of all numbers in proportion to the drive."""
+"""The uncertainty of the torque constant enters the intervals of all numbers in proportion to the drive."""
 
 from __future__ import annotations
 

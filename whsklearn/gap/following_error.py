@@ -1,4 +1,4 @@
-"""A position servo of which only command and position are logged: its following error stands for the drive."""
+"""A position servo of which only command and position are logged: its following error takes the place of the drive."""
 
 from __future__ import annotations
 

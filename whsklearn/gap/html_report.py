@@ -19,12 +19,12 @@ SILENCE = {
     "said of this record only: effects marked not testable would not have shown.",
     "unknown": "More is left than noise, and it can be predicted from the motion on samples not fitted, and no "
     "effect of the catalogue explains it. No name is given rather than that of the nearest neighbour.",
-    "coloured_noise": "More is left than encoder noise, but nothing of it can be predicted from motion, drive or time: "
+    "coloured_noise": "More is left than encoder noise, but none of it can be predicted from motion, drive or time: "
     "disturbances, or noise with a colour of its own. No name is given.",
     "not_testable": "Nothing is seen, but most effects of the catalogue could not have been seen either: the axis "
     "moves too little or too uniformly.",
-    "ambiguous": "Two or more effects explain this record about as well. The next experiment would part them.",
-    "partial": "What was added explains a part of the gap only. Something else is missing too.",
+    "ambiguous": "Two or more effects explain this record about as well. The next experiment would distinguish them.",
+    "partial": "What was added explains only a part of the gap. Something else is missing too.",
 }
 
 

@@ -26,7 +26,7 @@ def paths(plant: Any, model: Any) -> tuple[dict[str, tuple[float, Array, float]]
     """(name -> (constant, its change along the record, share of the gap that this takes up), samples, seconds each).
 
     One constant at a time is let go, on the missing torque and the motion that the observer tracked: viscous and dry
-    friction together cannot be told apart within a second, and smoothed derivatives would bias them.
+    friction together cannot be separated within a second, and smoothed derivatives would bias them.
     """
     from whsklearn.estimators.rls import RLSRegressor
 

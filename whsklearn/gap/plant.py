@@ -1,4 +1,4 @@
-"""What the engine asks of a plant, and nothing else.
+"""The protocol between the engine and a plant.
 
 A `Plant` is one record under one kind of model.  It owns all physics: how a model is fitted, what it leaves
 unexplained (the *gap*), which effects may be missing and how each is tried.  The engine (`search`, `evidence`,

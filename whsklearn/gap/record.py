@@ -1,4 +1,4 @@
-"""A log as the workflow takes it, and what is read off it once."""
+"""A log as the gap workflow takes it, and what is computed from it once."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ class ServoRecord:
 
     @property
     def is_following_error(self) -> bool:
-        """Whether command minus position stands for the drive: it was made so, or is logged as an angle or a length.
+        """Whether command minus position takes the place of the drive, or the drive is logged as an angle or a length.
 
         Equal units alone say nothing: a converter's counts and an encoder's are both ``counts``.
         """

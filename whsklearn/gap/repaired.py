@@ -15,7 +15,7 @@ def as_model(system: Any, units: tuple[str, str] = ("Nm", "rad")) -> AxisModel |
     system : object
         What a finder handed back as ``model_``.
     units : tuple of str
-        Of drive (or input) and position (or output), as logged; empty where the log told none.
+        Of drive (or input) and position (or output), as logged; empty where the log states none.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""What the diagnosis says in words: the sentence first, and the experiment that would tell more."""
+"""What the diagnosis says in words: the sentence first, and the experiment that would show more."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def learned(d: Any) -> str:
     if not d.effects:
         return f"A smooth torque that depends on {on} was learned in its place. "
     share = f"{100 * max(d.learned.closure, 0):.0f} %"
-    return f"A smooth torque that depends on {on} was learned beside it and closes {share} of what it leaves. "
+    return f"A smooth torque that depends on {on} was learned in addition and closes {share} of the rest. "
 
 
 def summary(d: Any, plant: Any) -> str:
@@ -83,7 +83,7 @@ def summary(d: Any, plant: Any) -> str:
     if d.verdict == "partial":
         return (
             opening
-            + f"The gap resembles {article_list([e.label for e in d.effects])}, which explains a part only. "
+            + f"The gap resembles {article_list([e.label for e in d.effects])}, which explains only a part of it. "
             + learned(d)
             + left
         )
@@ -108,9 +108,9 @@ def summary(d: Any, plant: Any) -> str:
 
 
 def next_experiment(d: Any) -> str:
-    """The experiment that would decide what is open."""
+    """The experiment that would settle what this record leaves open."""
     if d.shortfall:
-        return "None before the base model has the order and the law that the record asks for."
+        return "First give the base model the orders and the law that the record needs."
     if d.verdict == "named" and not any(e.aliases for e in d.effects):
         return "None needed for this verdict; validate the repaired model on a second record."
     open_names = {n.partition(" at ")[0] for e in d.effects for n in (e.name, *e.aliases)}

@@ -1,4 +1,4 @@
-"""The look: what every family of effects would explain, to first order, in a record and in the model's own records.
+"""To first order, what every family of effects would explain in a record and in the model's own records.
 
 Near a fitted model all is linear: what is left is a vector, the model's own numbers span a plane of it, and an effect
 of given shape adds one column or a few.  So one scan answers both questions for a record and for any number of null

@@ -1,4 +1,4 @@
-"""How a verdict follows from what the search found, what is left and what the free run proves."""
+"""The verdict, from the effects found, the residual and the free run."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ def verdict_of(
     names: list[str], closure: float, rivals: list[list[str]], *, quiet: bool, follows: float, left: float = 0.0,
     still: float = 0.0,
 ) -> str:  # fmt: skip
-    """The verdict, from what was taken and what is left.
+    """The verdict, from the effects taken and the residual.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""An arm from its log: base numbers with intervals, and how well each joint's drive is told on held-out blocks."""
+"""An arm from its log: base numbers with intervals, and how well each joint's drive is predicted on held-out blocks."""
 
 from __future__ import annotations
 
@@ -186,7 +186,7 @@ def suspicions(arm: Arm, q: Array, torque: Array) -> list[str]:
 
 
 def swapped(joints: Sequence[str], phi: Array, target: Array, keep: NDArray[np.bool_]) -> list[str]:
-    """A sentence where the columns of the joints tell the drives far better in another order; else none.
+    """A sentence if the joints' columns explain the drives far better in another order, else an empty one.
 
     Parameters
     ----------

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 AS_GOOD = 1.075  # a simpler structure is taken within 7.5 % of the least error: what twins of one system differ by
 AT_FLOOR = 1.3  # times the noise; no structure can be better, and that of thirty numbers takes most of the time
 ORDERS = (1, 2, 3, 4)
-CHAIN_FROM = 300  # samples below which some thirty numbers of a chain cannot be told
+CHAIN_FROM = 300  # samples, below which some thirty numbers of a chain cannot be estimated
 EXPLAINS = 0.9  # of the trivial model's error; a best model above that says nothing about the record
 
 

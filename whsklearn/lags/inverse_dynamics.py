@@ -71,7 +71,7 @@ class InverseDynamicsLags(MotionStream, TransformerMixin, BaseEstimator):
         both ends besides where it is not given.
     standstill : float, optional
         Speed below which `rows` leaves rows out: at rest, friction is whatever the drive asks for, and the sign of
-        a noisy velocity is drawn by lot, which takes from Coulomb friction what it gives to viscous. By default
+        a noisy velocity is random, which moves Coulomb friction into viscous friction. By default
         five times the noise of the velocity in a record, 0 in a stream and where a hysteresis models the rest.
     causal : bool, default=False
         False: whole records, no delay. True: streams, a polynomial over a moving window;

@@ -1,4 +1,4 @@
-"""What lets the inverse dynamics go on from piece to piece: the methods of a stream, and what it carries."""
+"""The streaming methods of the inverse dynamics, and the state that they carry from piece to piece."""
 
 from __future__ import annotations
 

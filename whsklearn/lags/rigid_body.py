@@ -546,7 +546,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         if still.any():
             names = ", ".join(j for j, at_rest in zip(self.arm_.joints, still, strict=True) if at_rest)
             warnings.warn(
-                f"{names} does not move, so its friction cannot be told and its rows are left out.", UserWarning,
+                f"{names} does not move, so its friction cannot be identified and its rows are not used.", UserWarning,
                 stacklevel=6,
             )  # fmt: skip
         return np.where(still, np.inf, self.slow * speeds)

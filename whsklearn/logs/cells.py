@@ -55,7 +55,7 @@ def plain(cell: str) -> str:
 
 
 def is_word(cell: str) -> bool:
-    """Whether a cell holds a word that neither is a number nor stands for none.
+    """Whether a cell holds a word that is neither a number nor a code for a missing value.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""A current is no torque: the constant between them is asked for, and what is not known of it is carried along."""
+"""A current is not a torque: the torque constant is asked for, and its uncertainty is carried along."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def is_current(column: str, unit: str) -> bool:
 
 
 def doubt(column: str, unit: str) -> str:
-    """What has to be asked before a column that nobody named is taken for the drive; nothing for a torque or a voltage.
+    """The question to ask before a column that nobody named becomes the drive; empty for a torque or a voltage.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""What goes wrong with a log, told apart by who can mend it."""
+"""What goes wrong with a log, separated by who can mend it."""
 
 from __future__ import annotations
 

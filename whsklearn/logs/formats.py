@@ -1,4 +1,4 @@
-"""Which format a file is of, told by its first bytes before its ending, and the reader for it."""
+"""The format of a file, by its first bytes rather than its ending, and the reader for it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What stands above a table: names and units in one row or in stacked ones, time columns, and the clock.
+"""The head of a table: names and units in one row or in stacked ones, time columns, and the clock.
 
 Controllers write a head of ``key; value`` lines (ctrlX, CODESYS) or a block of labelled rows, one of which holds the
 names (TwinCAT Scope), and give each channel a time column of its own.  Scripts put names and clock into comments.

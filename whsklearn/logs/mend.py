@@ -26,7 +26,7 @@ BRAKED = 0.5  # s; an axis that stops sooner after its drive fell was braked, la
 
 
 def missing_rows(signals: dict[str, Array], columns: dict[str, str]) -> tuple[NDArray[np.bool_], Finding | None]:
-    """Rows without a usable number in some column, and what is said of them.
+    """Rows without a usable number in some column, and the finding that reports them.
 
     Raises
     ------
@@ -52,7 +52,7 @@ def missing_rows(signals: dict[str, Array], columns: dict[str, str]) -> tuple[ND
 
 
 def no_value(values: Array) -> NDArray[np.bool_]:
-    """Samples of 999, -9999 and the like far from all others: a sensor's word for none.
+    """Samples of 999, -9999 and the like far from all others: a sensor's code for a missing value.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Signals that are spread over files, one a signal, or over rows, those of several motors told apart by a number."""
+"""Signals that are spread over files, one for each signal, or over rows, with several motors separated by an id."""
 
 from __future__ import annotations
 

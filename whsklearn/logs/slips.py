@@ -1,4 +1,4 @@
-"""Slips that a log shows by itself: an inverted drive, a velocity for a position, degrees for radians, ms for s.
+"""Mistakes that a log reveals: an inverted drive, a velocity for a position, degrees for radians, ms for s.
 
 Pure functions of signals: the gap workflow and ``identify`` ask them when a log is read and when a result is no
 physics.  Each answer is a sentence and the option that mends it; nothing is changed unasked.

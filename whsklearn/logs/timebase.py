@@ -93,7 +93,7 @@ def on_one_clock(stamps: list[NDArray[Any]], unit: str, column: str) -> list[Arr
 
 
 def _whole_numbers(values: Array, column: str) -> tuple[str, tuple[Finding, ...]]:
-    """The unit of stamps of which none is told: seconds, unless whole numbers step too far for them.
+    """The unit of time stamps whose column states none: seconds, unless they are whole numbers with too large a step.
 
     Steps of 1 throughout may as well count samples, and are left for the slips to ask about.
     """

@@ -11,7 +11,7 @@ import re
 from collections.abc import Mapping
 
 UNKNOWN = "as logged"
-UNSTATED = frozenset({"", UNKNOWN})  # what stands where nothing told the unit
+UNSTATED = frozenset({"", UNKNOWN})  # what stands for a unit that nothing states
 
 # Spelling in a name or a header -> (symbol, factor to SI, SI symbol). Radians count as SI.
 _KNOWN: dict[str, tuple[str, float, str]] = {
@@ -152,9 +152,9 @@ def inertia_unit(drive: str, motion: str) -> str:
 
 
 def readable(symbol: str, default: str = "") -> str:
-    """The unit in which a person is told of a motion or a drive in ``symbol``: as logged, but for counts of a turn.
+    """The unit in which a motion or a drive in ``symbol`` is reported: as logged, except for counts per turn.
 
-    The rate of a motion is told in that motion; revolutions a minute in rad.
+    A rate is reported in the unit of its motion, revolutions per minute in rad.
 
     Examples
     --------

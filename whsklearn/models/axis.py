@@ -87,7 +87,7 @@ class AxisModel(IdentifiedModel):
 
     @property
     def si(self) -> tuple[str, str]:
-        """SI symbols of drive and motion; Nm and rad where nothing told them."""
+        """SI symbols of drive and motion; Nm and rad where the units are unknown."""
         drive, output = super().si
         return "Nm" if drive == UNKNOWN else drive, "rad" if output == UNKNOWN else output.removesuffix("/s")
 

@@ -26,7 +26,7 @@ class IdentifiedModel:
         Sampling time (s); 1.0 where the log had no time stamps.
     units : mapping of str to str
         Of the columns that `simulate` takes and gives, ``input`` and ``output``, as logged; where they are left out
-        nothing told them and SI is assumed. The numbers are in SI whatever the columns are in, see `parameter_units`.
+        they are unknown and SI is assumed. The numbers are in SI whatever the columns are in, see `parameter_units`.
     logged : {"output", "velocity", "position"}
         What the logged output is.  A model of ``position`` was fitted to its velocity, and its
         `simulate` integrates; ``output`` says nothing about it.
@@ -69,7 +69,7 @@ class IdentifiedModel:
 
     @property
     def parameter_units(self) -> dict[str, str]:
-        """The SI unit of every one of `parameters`: ``1`` for a bare number, ``as logged`` where the log told none."""
+        """The SI unit of each of `parameters`: ``1`` for a bare number, ``as logged`` where the log states none."""
         raise NotImplementedError
 
     @property

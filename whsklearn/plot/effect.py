@@ -1,4 +1,4 @@
-"""An effect by itself: what it asks of the drive, or adds to the reading, against what it depends on."""
+"""One effect alone: the drive that it takes, or what it adds to the reading, against the signal that it depends on."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A memory re-run in parts while the next samples come, so that none of them has to wait.
+"""A re-run of the memory in parts while the next samples arrive, so that no sample has to wait.
 
 While the memory fills, the samples up to instants that grow geometrically are re-run during the
 samples up to the next of them (`schedule`); a full memory is a page, re-run during the half page

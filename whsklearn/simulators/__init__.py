@@ -1,4 +1,4 @@
-"""Simulators of other tools behind the three methods that `whsklearn.gap.GapFinder` asks for."""
+"""Simulators of other tools behind the three methods that `whsklearn.gap.GapFinder` needs."""
 
 from whsklearn.simulators.fmu import FMUSimulator
 from whsklearn.simulators.mujoco import MuJoCoSimulator

@@ -1,4 +1,4 @@
-"""Effects by MuJoCo's own means: attributes of a joint and its actuator, passive parts beside them.
+"""Effects as MuJoCo expresses them: attributes of a joint and its actuator, and passive elements.
 
 =====================  ==============================================================
 effect                 in the MJCF

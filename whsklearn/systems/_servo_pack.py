@@ -25,7 +25,7 @@ def pack(axis: ServoAxis) -> Plant:
     Raises
     ------
     ValueError
-        If the drive would act early, or an effect of one's own cannot be simulated.
+        If the drive would act early, or a user-defined effect cannot be simulated.
     """
     present = [e for e in (*axis.law.terms, *axis.effects) if e.magnitude != e.neutral]
     plant = plant_of(present, parts_of(axis))

@@ -261,7 +261,7 @@ class Arm:
         return out
 
     def inverse_dynamics(self, q: ArrayLike, v: ArrayLike, a: ArrayLike, *, effects: bool = True) -> Array:
-        """Drives that a motion asks for, shape (n_samples, n_joints) in Nm (N where a joint slides).
+        """Drives that a motion needs, shape (n_samples, n_joints) in Nm (N where a joint slides).
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""Base parameters: the combinations of an arm's numbers that its drives can tell at all."""
+"""Base parameters: the combinations of an arm's numbers that its drives can identify."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def base_parameters(
     groups : sequence of int, optional
         How many columns each group has; by default each column is one.
     tolerance : float
-        Share of a column's length below which what is left of it counts as nothing.
+        Share of a column's length below which its remainder counts as zero.
 
     Examples
     --------

@@ -76,7 +76,7 @@ def slopes(x: Array) -> Array:
 
 
 def log_cholesky(numbers: Array) -> Array:
-    """The inverse; a body that is none is widened to the nearest that has a little mass and extent."""
+    """The inverse; numbers that no body can have are moved to the nearest body with a little mass and extent."""
     j = pseudo_inertia(numbers)
     values, vectors = np.linalg.eigh(j)
     least = np.array([1.0, 1.0, 1.0, LEAST_RADIUS**-2]) * LEAST_MASS * LEAST_RADIUS**2

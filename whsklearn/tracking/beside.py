@@ -1,4 +1,4 @@
-"""A run of the record that is kept beside the work: who learns never waits for a server or a database.
+"""A run that is recorded in the background: learning never waits for a server or a database.
 
 Metrics go into a bounded queue that a thread of its own empties; a full queue, a server that is down or a database
 that is locked loses metrics, never time, and what was lost is counted.
@@ -114,10 +114,10 @@ class BesideRun:
         return self.lost
 
     def _lose(self, reason: str) -> None:
-        """Say once that the record has gaps."""
+        """Say once that the record is incomplete."""
         if not self._said:
             self._said = True
-            self._say(f"The record in MLflow has gaps: {reason}; the stream goes on.")
+            self._say(f"The record in MLflow is incomplete: {reason}; the stream continues.")
 
     def _work(self) -> None:
         """Open, write, end."""

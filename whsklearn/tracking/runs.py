@@ -294,7 +294,7 @@ class Tracker:
                 self._end(run, status)
 
     def _end(self, run: Run, status: str) -> None:
-        """Write what is buffered and the end itself; a failure counts where the work did not fail."""
+        """Flush the buffer and end the run; an error here is raised only if the work itself succeeded."""
         lost = isinstance(sys.exception(), TrackingError)
         with contextlib.suppress(Exception) if status != "FINISHED" else contextlib.nullcontext():
             with store.interruptions_wait():
@@ -618,7 +618,7 @@ def input_example(model: Any, rows: ArrayLike) -> Any:
 
 
 def served_signature(n_features: int) -> Any:
-    """What MLflow lets through to a model: columns of any number, the output a double.
+    """The signature of a served model: columns of any numeric type in, doubles out.
 
     A typed signature would refuse float32, whole numbers or lists (a tensor), or arrays without names (named columns);
     the estimator itself checks what it is given, and says what is wrong.

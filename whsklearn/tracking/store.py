@@ -1,4 +1,4 @@
-"""Opening an MLflow store, and keeping its manners away from the rest of the library.
+"""Opening an MLflow store, and keeping MLflow's side effects out of the rest of the library.
 
 All that depends on how MLflow behaves, rather than on what we record, is in this file:
 telemetry, migrations of a new database, a server that is down, global state, chatter.
@@ -249,7 +249,7 @@ def active(mlflow: Any, client: Any, run_id: str) -> Iterator[None]:
 
 @contextlib.contextmanager
 def interruptions_wait() -> Iterator[None]:
-    """Ctrl-C and SIGTERM act when the block has ended: half a call leaves a run that nobody will end.
+    """Ctrl-C and SIGTERM act when the block has ended: an interrupted call would leave a run open for ever.
 
     A second one acts at once: a server that does not answer holds nobody up.  Outside the main thread, where signals
     never act, nothing is done.
