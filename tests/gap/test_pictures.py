@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from whsklearn.effects import Cogging
-from whsklearn.gap import Diagnosis, NamedEffect
+from whsklearn.gap import Diagnosis, NamedEffect, pictures
 from whsklearn.gap.diagnosis import CandidateLine
 from whsklearn.gap.pictures import DRAWN, draw, thinned, titled, width_of
 
@@ -67,3 +67,15 @@ def test_the_overlay_shows_two_seconds_or_ten_restarts(horizon, width):
 
 def test_a_log_without_units_has_none_on_its_axes():
     assert (titled("drive", "Nm"), titled("drive", "")) == ("drive (Nm)", "drive")
+
+
+def test_the_band_of_noise_is_the_floor_that_the_page_states():
+    import matplotlib.pyplot as plt
+
+    d = diagnosis(figures=(0.05, 0.005, 0.002))
+    figure, axes = plt.subplots()
+    assert pictures._over_time(axes, d)
+    (band,) = axes.patches
+    rms = float(np.sqrt(np.mean(np.sin(T[T > 0.1]) ** 2)))
+    assert band.get_height() == pytest.approx(4 * rms * 0.002 / 0.05)
+    plt.close(figure)

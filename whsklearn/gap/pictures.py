@@ -143,7 +143,9 @@ def _over_time(axes: Any, d: Diagnosis) -> bool:
     axes.plot(*thinned(p["gap_time"][keep], p["gap_before"][keep]), color=BEFORE, lw=0.6, label="before")
     if d.repaired:
         axes.plot(*thinned(p["gap_time"][keep], p["gap_after"][keep]), color=AFTER, lw=0.6, label="after")
-    axes.axhspan(-2 * p["floor"], 2 * p["floor"], color=FLOOR, alpha=0.3, lw=0, label="twice the noise floor")
+    before, _, noise = d.figures  # the floor that the page states
+    floor = noise / before * float(np.sqrt(np.mean(p["gap_before"][keep] ** 2))) if before > 0.0 else p["floor"]
+    axes.axhspan(-2 * floor, 2 * floor, color=FLOOR, alpha=0.3, lw=0, label="twice the noise floor")
     axes.set(xlabel=titled("time", p.get("clock", "s")), ylabel=titled(p["what"], p.get("gap_unit", p["units"][0])))
     axes.legend(frameon=False, fontsize=8)
     return True
