@@ -41,3 +41,9 @@ def test_ratios_are_spanned_in_ratios():
 def test_a_positive_quantity_is_one_whose_range_is():
     assert Quantity("Nm", 0.0, 1.0).positive
     assert not Quantity("Nm", -1.0, 1.0).positive
+
+
+@given(scales)
+def test_a_wave_over_position_comes_round_within_the_travel(record):
+    low, _ = get_effect("cogging").quantities["order"].bounds(record)
+    assert low * 2.0 * record.reach >= 2.0 * np.pi * (1.0 - 1e-12)

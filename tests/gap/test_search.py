@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -210,3 +210,34 @@ def test_a_name_that_explains_as_much_is_a_rival_though_chance_might_explain_it(
     taken = Named(look("a", 1e-6, 40.0), None, np.zeros(3))
     asked = [taken.look, look("as good", 0.1, 41.0), look("far behind", 0.1, 20.0), look("", 0.1, 45.0)]
     assert search._as_good(taken, asked) == ["as good"]
+
+
+def test_a_review_leaves_an_effect_that_a_better_one_is_not_told_from():
+    plant = Columns({"a": 0.5, "c": 0.3})
+    search = Search(plant, np.random.default_rng(0))
+    found = search.run(Regression())
+    assert [t.name for t in found.taken][0] in ("a", "twin")
+    first = found.taken[0].name
+    fresh = Search(plant, np.random.default_rng(1))
+    fresh._review(found)
+    assert found.taken[0].name == first, "a and its twin differ by a thousandth, whichever is better here"
+
+
+def test_what_goes_leaves_its_size_to_those_that_were_taken_beside_it():
+    plant = Columns({"a": 0.5, "c": 0.3})
+    found = Search(plant, np.random.default_rng(0)).run(Regression())
+    late = next(t for t in found.taken if t.name == "c")
+    found.steps[0].fitted.append(Named(late.look, late.model, late.errors, late.gain, 0.9))
+    i = next(i for i, t in enumerate(found.taken) if t.name != "c")
+    before = found.taken[i].size
+    Search._inherit(found, i)
+    assert next(t.size for t in found.taken if t.name == "c") == 0.9
+    assert found.taken[i].size == before
+
+
+def test_what_explains_no_more_than_of_its_own_records_is_not_taken():
+    plant = Columns({"a": 0.5})
+    looks = plant.looks(Regression(), np.random.default_rng(0))
+    inflated = [replace(k, null=k.null + 1e4, p_value=1e-6) if k.name == "a" else k for k in looks]
+    fitted = Search(plant, np.random.default_rng(0)).fitted(Regression(), inflated)
+    assert "own records" in next(f.reason for f in fitted if f.name == "a")

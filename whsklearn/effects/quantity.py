@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import math
 import re
 from dataclasses import dataclass
 
@@ -10,7 +11,7 @@ import numpy as np
 
 from whsklearn.effects.scales import Scales
 
-LEAST_PERIODS = 0.8  # rad of a wave over half the travel: below it, it is a line and a parabola
+ONE_PERIOD = math.pi  # rad of a wave over half the travel: with less of it, it is a line and a parabola
 N_STARTS = 5  # of a number that says nothing of its own; a decade of a logarithmic range is about two of them
 
 
@@ -96,8 +97,8 @@ class Quantity:
         >>> round(low, 3), round(high, 3)
         (0.01, 0.6)
         """
-        if self.scan == "position":  # at least most of a period within the travel; orders grow as the travel shrinks
-            least = max(self.low, LEAST_PERIODS * max(self.low, 1.0) / scales.reach)
+        if self.scan == "position":  # at least a period within the travel; orders grow as the travel shrinks
+            least = max(self.low, ONE_PERIOD / scales.reach)
             return least, max(self.high, self.high / scales.reach, 10.0 * least)
         unit, origin = scales.of(self.unit, self.scale)
         if unit is None:

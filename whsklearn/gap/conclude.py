@@ -107,12 +107,20 @@ def _proved(plant: Any, found: Found, rng: np.random.Generator, alpha: float) ->
     if shortfall:
         _give_back(found)
     while True:
+        as_found = found.model
         if found.taken:
             found.model = plant.settle(found.model)
         rows = prove(plant, found.base, found.model, rng)
         headline = next(r for r in rows if r["horizon"] == plant.headline)
         if not found.taken or headline["closure"] >= 0.0:
             break
+        if as_found is not found.model:
+            # numbers refitted along the run may suit the samples that they were fitted to, and no others
+            unsettled = prove(plant, found.base, as_found, rng)
+            other = next(r for r in unsettled if r["horizon"] == plant.headline)
+            if other["closure"] >= 0.0:
+                found.model, rows, headline = as_found, unsettled, other
+                break
         # a run that the restarts' noise has made useless at one horizon may still show the torque at a shorter one
         shorter = [r for r in rows if r["horizon"] < plant.headline and r["closure"] > 0.0]
         if shorter:

@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn.effects import effect_names, get_effect
+from whsklearn.gap.calibration import gain
 from whsklearn.gap.evidence import Evidence, Limits
 from whsklearn.gap.record import rms
 from whsklearn.gap.values import CandidateFit, Learned, Linearised, Look, ModelErrors
@@ -326,6 +327,11 @@ class PlantDefaults:
     def size(self, before: Array, after: Array) -> float:
         """Rms of what is gone between the errors of two models, in the unit of `Plant.scale`."""
         return float(np.sqrt(max(0.0, float(before @ before) - float(after @ after)) / before.size))
+
+    def fitted_gain(self: Any, model: Any, grown: Any, look: Any) -> tuple[float, float]:
+        """(gain g of a fitted effect, rms of what it explains in the unit of `Plant.scale`)."""
+        before, after = self.errors(model), self.errors(grown)
+        return gain(float(before @ before), float(after @ after), self.n_effective), self.size(before, after)
 
     def preferred(self, sound: list[Any]) -> Any:
         """Which of several sound fits (`whsklearn.gap.search.Named`) is taken, the best score first: that."""

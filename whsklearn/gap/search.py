@@ -276,9 +276,10 @@ class Search:
                 continue
             grown = self.plant.refine(model, look)
             errors = self.plant.errors(grown)
-            g = gain(float(before @ before), float(errors @ errors), self.plant.n_effective)
-            size = self.plant.size(before, errors)
+            g, size = self.plant.fitted_gain(model, grown, look)
             reason = self.plant.objection(grown, len(grown.terms) - 1)
+            if not reason and g <= 2.0 * float(np.mean(look.null)):
+                reason = "fitted, it explains no more than it does of the model's own records"
             if not reason and size < least:
                 reason = "fitted, it explains less than the tolerance"
             if not reason and size**2 < LEAST_SHARE * nameless**2:
@@ -365,21 +366,30 @@ class Search:
                 left = (self.plant.rms(self.plant.errors(m)) for m in (self.plant.settled(without), found.model))
                 if next(left) < AS_WELL * next(left):
                     found.model, changed = without, True
+                    self._inherit(found, i)
                     del found.taken[i], found.rivals[i]
                 continue
             looks = self.plant.looks(without, self.rng, found.model)
-            fitted = self.fitted(without, looks)
+            others = names[:i] + names[i + 1 :]  # what is there already takes no second place
+            fitted = [f for f in self.fitted(without, looks) if f.name not in others]
             best = self._chosen(without, fitted)
+            kept = next((f for f in fitted if f.name == found.taken[i].name and not f.reason), None)
+            if best is not None and kept is not None and kept.name in self.rivals(best, fitted):
+                best = kept
             if best is None:  # chance explains it, now that the others are in; else it stays as it is
                 left = (float(np.sum(self.plant.errors(m) ** 2)) for m in (without, found.model))
                 g = gain(next(left), next(left), self.plant.n_effective)
                 if g < 2.0 * np.log(1.0 / self.alpha):
                     found.model, changed = without, True
+                    self._inherit(found, i)
                     del found.taken[i], found.rivals[i]
                 continue
-            changed = changed or best.name != found.taken[i].name
-            # told by what it explained when its place was taken, not beside the others
-            best = replace(best, size=max(best.size, found.taken[i].size))
+            if best.name == found.taken[i].name:
+                # told by what it explained when its place was taken, not beside the others
+                best = replace(best, size=max(best.size, found.taken[i].size))
+            else:
+                changed = True
+                self._inherit(found, i)
             found.taken[i] = best
             found.rivals[i] = self.rivals(best, fitted) + self._as_good(best, looks)
             terms = best.model.terms
@@ -387,3 +397,16 @@ class Search:
         if alone or changed:
             found.model = self.plant.settled(found.model)
             found.remainder = self.plant.looks(found.model, self.rng)
+
+    @staticmethod
+    def _inherit(found: Found, i: int) -> None:
+        """Tell those beside the effect ``i``, which goes, by the most that they explained in any round.
+
+        They were taken beside it, and what it had explained is theirs.
+        """
+        most: dict[str, float] = {}
+        for f in (f for s in found.steps for f in s.fitted if not f.reason):
+            most[f.name] = max(most.get(f.name, 0.0), f.size)
+        for j, t in enumerate(found.taken):
+            if j != i:
+                found.taken[j] = replace(t, size=max(t.size, most.get(t.name, 0.0)))

@@ -85,6 +85,8 @@ class Look:
         Of its family.
     degrees : float
         See `whsklearn.gap.calibration.p_value`.
+    swapped : bool
+        Whether the gain is that of a regression the other way round (`whsklearn.gap.plants.servo_swapped`).
     """
 
     name: str
@@ -97,6 +99,7 @@ class Look:
     p_value: float = 1.0
     place: frozenset[str] = frozenset()
     degrees: float = 0.0
+    swapped: bool = False
 
     @property
     def score(self) -> float:

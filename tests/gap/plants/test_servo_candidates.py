@@ -89,3 +89,8 @@ def test_lugre_is_sought_beside_dahl_with_its_level_held_until_it_is_taken():
     assert len({q[3] for _, q in opened}) == 3
     assert all(q[:2] == row[:2] and q[4] == row[4] for _, q in opened)
     assert dahl.opened((0.3, 0.01), SCALES) == []
+
+
+def test_forces_of_the_place_are_known_by_their_equation():
+    of_place = {c.name for c in catalogue() if c.of_place}
+    assert of_place == {"gravity_imbalance", "cable_spring", "hardening_spring", "end_stop"}

@@ -21,7 +21,14 @@ from whsklearn.gap.evidence import QUIET
 from whsklearn.gap.filters import whiteness
 from whsklearn.gap.plant import PlantDefaults
 from whsklearn.gap.plants import servo_evidence as rules
-from whsklearn.gap.plants import servo_families, servo_free_run, servo_learned, servo_own, servo_screening
+from whsklearn.gap.plants import (
+    servo_families,
+    servo_free_run,
+    servo_learned,
+    servo_own,
+    servo_screening,
+    servo_swapped,
+)
 from whsklearn.gap.plants import servo_stop as stop
 from whsklearn.gap.plants.servo_candidates import TWO_MASS, aliases, candidate
 from whsklearn.gap.plants.servo_inverse import InverseView
@@ -218,6 +225,14 @@ class ServoPlant(PlantDefaults):
         self.inverse.artefact = self.own.mean
         self.n_effective = self.own.n_effective
         return with_p_values(servo_families.looks(self.inverse, self.inverse.fit(model), self.own, beside))
+
+    def fitted_gain(self, model: AxisModel, grown: AxisModel, look: Any) -> tuple[float, float]:
+        """(gain, size) of a fitted effect, the way round in which it was seen."""
+        if not look.swapped:
+            return super().fitted_gain(model, grown, look)
+        before = self.errors(model)
+        g, share = servo_swapped.explained(self.inverse, model, grown)
+        return g, max(self.size(before, self.errors(grown)), self.rms(before) * float(np.sqrt(share)))
 
     def refine(self, model: AxisModel, look: Any) -> AxisModel:
         """The candidate with its shape polished, sizes solved; numbers that a first look holds free if that pays."""
@@ -424,3 +439,4 @@ def law_names(law: str | None, default: str) -> tuple[str, ...]:
         if candidate(name).linear != 1:
             raise ValueError(f"{name!r} cannot stand in the base law of an axis; expected friction such as coulomb.")
     return names
+

@@ -152,6 +152,19 @@ class Candidate:
         signals.drive = np.zeros(N_POINTS)
         return not np.array_equal(with_drive, self.unit_columns(shape, signals))
 
+    @cached_property
+    def of_place(self) -> bool:
+        """Whether it is a torque of the position alone, whatever came before, of a shape that no scan has to find."""
+        if self.cls.port != "torque" or self.linear == 0 or self.scanned:
+            return False
+        signals, scales = Signals(Scales()), Scales()
+        shape = self.starts(scales)[0]
+        moving = self.unit_columns(shape, signals)
+        signals.velocity, signals.acceleration = -0.5 * signals.velocity, -signals.acceleration
+        signals.time, signals.drive = np.zeros(N_POINTS), np.zeros(N_POINTS)
+        signals.position = signals.position[::-1]
+        return np.array_equal(moving[::-1], self.unit_columns(shape, signals))
+
     @property
     def transforms(self) -> bool:
         """Whether it changes the drive as a whole, and has no size but its shape: a limit, a dead zone, a delay."""

@@ -97,6 +97,8 @@ LINE, AROUND = 1.5, 12.0
 # Shares of the drive above which an effect that acts on it explains it by itself (SO-101: a ripple of 1 "closed"
 # all).
 LARGEST_SHARE = {"torque_ripple": 0.5, "load_friction": 0.75}
+# Rms drives above which a torque only cancels another of the model: a pendulum that swings freely has 15 of gravity.
+AGAINST = 100.0
 # Share of its effect that a drive must keep when its gain changes: with 0.4 % of it left, inertia and missing torque
 # fall to 0.4 % too, and "explained" KR300 A with Coulomb friction hidden. Drawn changes leave 70 % and more.
 LEAST_GAIN_LEFT = 0.1

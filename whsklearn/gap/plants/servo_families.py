@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator
 from typing import Any
 
@@ -13,6 +14,7 @@ from whsklearn.gap.filters import CUTOFF_SIGMA
 from whsklearn.gap.plants import inverse_dynamics as ols
 from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants import servo_stop as stop
+from whsklearn.gap.plants import servo_swapped as swapped
 from whsklearn.gap.plants import servo_two_mass as two_mass
 from whsklearn.gap.plants.servo_candidates import TWO_MASS, Candidate
 from whsklearn.gap.plants.servo_inverse import later, reaching
@@ -66,7 +68,8 @@ def looks(view: Any, model: AxisModel, own: Own, beside: AxisModel | None = None
     rate = ols.slope(x @ sizes, view.step)[view.at]
     numbers = x[view.at][:, free[: x.shape[1]]]
     timed = Tangent(left, own.null, np.column_stack([numbers, rate]), own.n_effective, away)
-    out = [timed.look(f) for f in families(scene)]
+    other_way = swapped.tangent(view, model, np.random.default_rng(0))
+    out = [better(timed.look(f), other_way.look(f) if of_place else None) for f, of_place in families(scene)]
     out += [timed.look(f) for f in nameless(scene, (x @ sizes)[view.at])]
     if view.age(model) > rules.LATEST * view.scene.dt:  # then the age is no nuisance but the question
         plain = Tangent(left, own.null, numbers, own.n_effective, away)
@@ -83,14 +86,21 @@ def looks(view: Any, model: AxisModel, own: Own, beside: AxisModel | None = None
     return [look for look in out if look is not None]
 
 
-def families(scene: Scene) -> Iterator[Family]:
-    """Those that have columns, or a limit of the drive."""
+def better(look: Look | None, other: Look | None) -> Look | None:
+    """Of one family asked both ways round, the way that shows more; its size is of the drive in either."""
+    if look is None or other is None or other.score <= look.score:
+        return look
+    return dataclasses.replace(other, size=look.size, swapped=True)
+
+
+def families(scene: Scene) -> Iterator[tuple[Family, bool]]:
+    """Those that have columns, or a limit of the drive; whether it is a force of the place."""
     for kind in inverse_kinds(scene.model):
         if kind in stop.KINDS or kind.delays:
             continue
         if scene.torque is None and kind.driven and not kind.transforms:
             continue
-        yield family(scene, kind)
+        yield family(scene, kind), kind.of_place
 
 
 def family(scene: Scene, kind: Candidate) -> Family:

@@ -364,6 +364,11 @@ class InverseView(ViewDefaults):
         t = model.terms[index]
         if t.kind.code == codes.SATURATION and t.q[0] > 0.0 and self.below_limit(t.q[0]) < model.vector().size:
             return "the drive would stand at it nearly all the time, and its sign alone tells too little of the axis"
+        if t.kind.linear and t.kind.code not in TWO_MASS:
+            torque = self.torque(model) if self._depends(t) else None
+            own = self.term_columns(model, t, torque)[self.at] @ np.array(t.q[: t.kind.linear])
+            if self.rms(own) > rules.AGAINST * self.scene.torque:
+                return "it would be a hundred times the drive, and stand against another number of the model"
         return unphysical(self.record, model, index)
 
     def below_limit(self, limit: float) -> float:

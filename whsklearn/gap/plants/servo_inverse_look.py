@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn.effects import codes as k
-from whsklearn.effects.quantity import LEAST_PERIODS
+from whsklearn.effects.quantity import ONE_PERIOD
 from whsklearn.gap.filters import CUTOFF_SIGMA
 from whsklearn.gap.least_squares import least_squares
 from whsklearn.gap.plants import servo_evidence as rules
@@ -320,7 +320,7 @@ def next_order(view: Any, model: AxisModel, kind: Candidate) -> AxisModel | None
     base = Base(view, model)
     present = {round(t.q[2], 2) for t in model.terms if t.kind == kind}
     whole = all(o.is_integer() for o in present)
-    apart = np.pi * LEAST_PERIODS / view.scene.reach  # closer ones are one wave with an envelope
+    apart = ONE_PERIOD / view.scene.reach  # closer ones are one wave with an envelope
     orders = [
         o for o in scan_orders(view, base, kind, present)
         if (o.is_integer() or not whole) and all(abs(o - p) > apart for p in present)

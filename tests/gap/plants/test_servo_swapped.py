@@ -1,0 +1,75 @@
+"""A force of the place in free swings: nothing to inverse dynamics, nearly all to the acceleration given the drive."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from whsklearn import ServoAxis
+from whsklearn.effects import CableSpring, Coulomb, FrictionLaw, GravityImbalance, Viscous
+from whsklearn.gap import GapFinder
+from whsklearn.gap.calibration import n_effective
+from whsklearn.gap.plants import servo_swapped
+from whsklearn.gap.plants.servo_start import start_of
+from whsklearn.gap.record import ServoRecord
+from whsklearn.gap.tangent import Family
+
+RATE, SECONDS = 300.0, 20.0
+LAW = ("viscous", "coulomb")
+
+
+def swings(*effects, seed=0):
+    """A log of an axis that nobody holds: pushes far below what swings, read by a coarse encoder with some noise."""
+    rng = np.random.default_rng(seed)
+    n = int(RATE * SECONDS)
+    push = np.repeat(rng.standard_normal(n // 60), 60) * 0.3
+    axis = ServoAxis(inertia=0.15, law=FrictionLaw([Viscous(0.02), Coulomb(0.02)]), effects=effects, sample_rate=RATE)
+    run = axis.simulate_drive(push, initial_position=1.2)
+    return pd.DataFrame({"time_s": run.time, "torque_nm": run.drive, "position_rad": run.position + 1e-3 * rng.standard_normal(n)})
+
+
+def view_of(frame):
+    return start_of(ServoRecord.from_frame(frame), LAW, 0.004)
+
+
+@pytest.mark.parametrize("effect", [GravityImbalance(2.8), CableSpring(2.8)])
+def test_what_swings_is_told_by_the_acceleration(effect):
+    view, model = view_of(swings(effect))
+    left = servo_swapped.left(view, model)
+    a, _ = servo_swapped.regression(view, model)
+    assert np.std(left) > 0.8 * np.std(a), "the drive says next to nothing of the acceleration"
+    tangent = servo_swapped.tangent(view, model, np.random.default_rng(0))
+    assert tangent.power[0] == pytest.approx(np.sum(left**2), rel=1e-6)
+    column = view.blur(effect.contribution(view.motion))[view.at]
+    power = tangent.taken(Family("one", lambda _: iter(()), lambda *_: None), column[:, None, None])[0]
+    assert power[0, 0] > 0.9 * tangent.power[0]
+
+
+def test_gravity_of_a_free_pendulum_is_named_first():
+    finder = GapFinder("servo").fit(swings(GravityImbalance(2.8)))
+    first = finder.effects_[0]
+    assert "gravity_imbalance" in (first.name, *first.aliases)
+
+
+def test_both_directions_leave_the_same_of_a_model_that_is_whole():
+    frame = swings(seed=3)
+    view, model = view_of(frame)
+    a, _ = servo_swapped.regression(view, model)
+    inverse, swapped = view.gap(model), servo_swapped.left(view, model)
+    drive = view.drive[view.at]
+    # of one regression the share that is left is one less the squared correlation, whichever way round
+    assert np.var(swapped) / np.var(a) == pytest.approx(np.var(inverse) / np.var(drive), abs=0.05)
+
+
+def test_a_model_gains_nothing_over_itself():
+    view, model = view_of(swings(GravityImbalance(2.8)))
+    assert servo_swapped.explained(view, model, model) == (0.0, 0.0)
+
+
+def test_own_noise_has_the_colour_of_what_is_left():
+    view, model = view_of(swings(GravityImbalance(2.8)))
+    tangent = servo_swapped.tangent(view, model, np.random.default_rng(0))
+    assert np.mean(tangent.null.std(axis=1)) == pytest.approx(np.std(tangent.left), rel=0.1)
+    counts = [n_effective(row) for row in tangent.null]
+    assert 0.3 < np.median(counts) / n_effective(tangent.left) < 3.0
