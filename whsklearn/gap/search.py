@@ -29,7 +29,7 @@ WORTH_FITTING = 0.2
 # neighbours in it that explain little. Set on a handful of our own logs (0.09 there), not yet calibrated.
 LEAST_SHARE = 0.2
 
-# Of the power that nameless functions explain: a name that explains more than half of it stands for it, by the word.
+# Of a power that is to be explained: what explains more than half of it is its cause, by the word.
 HALF = 0.5
 
 # Multiple of what two effects leave that one which covers both may leave (`benchmarks.blind_large`: 1.7 and more where

@@ -8,7 +8,10 @@ import numpy as np
 import pytest
 
 from tests.gap.plants.example_servo import INERTIA, RATE, TIME, opened, record_of
-from whsklearn.gap.plants.servo_start import base_model, best_view, motion
+from whsklearn.datasets import make_servo_log
+from whsklearn.effects import InputDelay
+from whsklearn.gap.plants.servo_start import base_model, best_view, drive_lead, earlier, motion, start_of
+from whsklearn.gap.record import ServoRecord
 
 
 @pytest.fixture(scope="module")
@@ -59,3 +62,20 @@ def test_a_noisier_encoder_asks_for_a_lower_cut_off(views):
 def test_a_base_model_has_the_terms_of_its_law_and_nothing_else(views):
     model = base_model(("viscous", "coulomb"), views[2].scene)
     assert ([t.name for t in model.terms], model.n_base) == (["viscous", "coulomb"], 2)
+
+
+@pytest.mark.parametrize("late", [0, 8, 30])
+def test_a_drive_that_was_logged_late_is_found_and_moved(late):
+    frame = make_servo_log([], duration=12.0, random_state=0)
+    record = ServoRecord.from_frame(frame)
+    held = np.concatenate([np.full(late, record.drive[0]), record.drive[: record.drive.size - late]])
+    logged = dataclasses.replace(record, drive=held)
+    view, model = start_of(logged, ("viscous", "coulomb"), 0.004)
+    lead = drive_lead(view, model)
+    assert abs(lead - late) <= 1, "a sample is bookkeeping"
+    np.testing.assert_array_equal(earlier(logged, late).drive[: -late or None], record.drive[: -late or None])
+
+
+def test_a_drive_that_acts_later_than_it_was_logged_is_a_question():
+    record = ServoRecord.from_frame(make_servo_log([InputDelay(0.02)], duration=12.0, random_state=0))
+    assert drive_lead(*start_of(record, ("viscous", "coulomb"), 0.004)) == 0

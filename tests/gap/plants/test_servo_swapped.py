@@ -26,7 +26,9 @@ def swings(*effects, seed=0):
     push = np.repeat(rng.standard_normal(n // 60), 60) * 0.3
     axis = ServoAxis(inertia=0.15, law=FrictionLaw([Viscous(0.02), Coulomb(0.02)]), effects=effects, sample_rate=RATE)
     run = axis.simulate_drive(push, initial_position=1.2)
-    return pd.DataFrame({"time_s": run.time, "torque_nm": run.drive, "position_rad": run.position + 1e-3 * rng.standard_normal(n)})
+    return pd.DataFrame(
+        {"time_s": run.time, "torque_nm": run.drive, "position_rad": run.position + 1e-3 * rng.standard_normal(n)}
+    )
 
 
 def view_of(frame):

@@ -38,7 +38,7 @@ from whsklearn.gap.plants.servo_model import AxisModel
 from whsklearn.gap.plants.servo_observer import ObserverView
 from whsklearn.gap.plants.servo_pictures import pictures, signals
 from whsklearn.gap.plants.servo_sensors import coarse_encoder, unfold
-from whsklearn.gap.plants.servo_start import best_view, observer_view, start_of
+from whsklearn.gap.plants.servo_start import best_view, drive_lead, earlier, observer_view, start_of
 from whsklearn.gap.record import SPLIT, ServoRecord, rms
 from whsklearn.gap.tangent import with_p_values
 from whsklearn.gap.values import Learned, Linearised
@@ -76,6 +76,7 @@ class ServoPlant(PlantDefaults):
         self.gap_word = {"Nm": "missing torque", "N": "missing force"}.get(record.units[0], "missing drive")
         self.scale = rms(record.drive) if len(record) else 0.0
         self._folded: tuple[ObserverView, AxisModel] | None = None
+        self.lead = 0.0
 
     def check(self) -> list[Problem]:
         """See `whsklearn.gap.data_check.check_servo`."""
@@ -272,7 +273,14 @@ class ServoPlant(PlantDefaults):
         return self.inverse.fit(model)
 
     def settled(self, model: AxisModel) -> AxisModel:
-        """The model as the filter that its gap allows sees it, shapes polished without the artefacts of that filter."""
+        """The model as the filter that its gap allows sees it, shapes polished without the artefacts of that filter.
+
+        A drive that was logged after it had acted is moved back first.
+        """
+        late = drive_lead(self.inverse, model)
+        if late:
+            self.lead += late * self.record.dt
+            self._open(earlier(self.record, late))
         self.inverse.artefact = None
         other = best_view(self.inverse, model, self.tolerance)
         if not 1.0 / rules.WIDER < other.cutoff / self.inverse.cutoff < rules.WIDER:
@@ -383,12 +391,18 @@ class ServoPlant(PlantDefaults):
     def notes(self, base: AxisModel, model: AxisModel) -> list[str]:
         """Remarks on how the record was used."""
         view, skipped = self.observer, self.inverse.skipped
-        left_out = (
-            f"{max(skipped[0], 0.0):.3g} to {skipped[1]:.3g} s follow another law than the rest: left out."
-            if skipped
-            else ""
-        )
-        return ([left_out] if left_out else []) + [
+        notes = []
+        if skipped:
+            notes.append(
+                f"{max(skipped[0], 0.0):.3g} to {skipped[1]:.3g} s follow another law than the rest: left out."
+            )
+        if self.lead:
+            notes.append(
+                f"The drive was logged about {1e3 * self.lead:.0f} ms after it had acted, and is used that much "
+                "earlier: the clocks of drive and position differ."
+            )
+        return [
+            *notes,
             f"Position noise {self.record.told(view.noise, self.units[1])} (from sixth differences); the gap is seen "
             f"up to {view.filter.cutoff:.1f} Hz, where that noise makes {100 * view.floor() / self.scale:.2f} % "
             "of the rms drive.",
@@ -439,4 +453,3 @@ def law_names(law: str | None, default: str) -> tuple[str, ...]:
         if candidate(name).linear != 1:
             raise ValueError(f"{name!r} cannot stand in the base law of an axis; expected friction such as coulomb.")
     return names
-

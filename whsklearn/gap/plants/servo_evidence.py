@@ -65,6 +65,9 @@ LATEST = 1.5
 PAYS = 9.2
 # s: the oldest drive of a real log (pendulum rigs and arms reach -0.016 to 0.038 s)
 OLDEST = 0.06
+# Moves of a drive that was logged late: the first finds half of 16 ms, the third all.
+MOST_MOVES = 6
+
 # Judged samples for each block of cross-validation, or rests are not left out: a record at rest has no others.
 FEWEST_A_BLOCK = 10
 

@@ -69,7 +69,10 @@ def looks(view: Any, model: AxisModel, own: Own, beside: AxisModel | None = None
     numbers = x[view.at][:, free[: x.shape[1]]]
     timed = Tangent(left, own.null, np.column_stack([numbers, rate]), own.n_effective, away)
     other_way = swapped.tangent(view, model, np.random.default_rng(0))
-    out = [better(timed.look(f), other_way.look(f) if of_place else None) for f, of_place in families(scene)]
+    out = [
+        better(timed.look(f), other_way.look(f) if of_place else None, other_way.n, view.rms(left))
+        for f, of_place in families(scene)
+    ]
     out += [timed.look(f) for f in nameless(scene, (x @ sizes)[view.at])]
     if view.age(model) > rules.LATEST * view.scene.dt:  # then the age is no nuisance but the question
         plain = Tangent(left, own.null, numbers, own.n_effective, away)
@@ -86,11 +89,16 @@ def looks(view: Any, model: AxisModel, own: Own, beside: AxisModel | None = None
     return [look for look in out if look is not None]
 
 
-def better(look: Look | None, other: Look | None) -> Look | None:
-    """Of one family asked both ways round, the way that shows more; its size is of the drive in either."""
+def better(look: Look | None, other: Look | None, n: float, left: float) -> Look | None:
+    """Of one family asked both ways round, the way that shows more.
+
+    Its size is the same share of what is left of the drive, of rms ``left``, as of the acceleration, of ``n``
+    independent samples.
+    """
     if look is None or other is None or other.score <= look.score:
         return look
-    return dataclasses.replace(other, size=look.size, swapped=True)
+    size = max(look.size, left * float(np.sqrt(-np.expm1(-other.gain / n))))
+    return dataclasses.replace(other, size=size, swapped=True)
 
 
 def families(scene: Scene) -> Iterator[tuple[Family, bool]]:

@@ -28,6 +28,8 @@ Array = NDArray[Any]
 # Hz, of the soft loop: after a Stribeck curve is taken, 5 Hz leaves half of what 2 and 15 Hz leave (a slower loop lets
 # the axis stick longer than it did, a stiffer one takes the model's drive over)
 LOOP = 5.0
+# rad that an old drive may lag at the loop's natural frequency: it crosses over at 1.5 of it with 65 degrees in hand.
+STEADY = 0.4
 LOST = 1.0  # half travels off the measured path: it is another experiment then
 N_RECORDS = 5  # whose mean is known to 0.45 of their own spread
 N_NULL = 60  # rows in which chance is looked at: the moments of a Gumbel law to an eighth
@@ -65,7 +67,8 @@ def own_record(view: Any, model: AxisModel, rng: np.random.Generator, feed: Arra
         Age of the drive in s where it acts; below zero the log has it late.
     """
     record, dt = view.record, view.scene.dt
-    w = 2 * np.pi * min(LOOP, 0.03 / dt)
+    old = abs(delay) + sum(float(t.q[0]) for t in model.terms if t.kind.delays)
+    w = min(2 * np.pi * min(LOOP, 0.03 / dt), STEADY / max(old, dt))
     quiet = view.quantum / np.sqrt(12)
     sigma = np.sqrt(max(view.noise**2 - quiet**2, (0.3 * view.noise) ** 2))
     plant = model.plant()

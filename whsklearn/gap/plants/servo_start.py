@@ -18,6 +18,7 @@ from whsklearn.gap.plants.servo_inverse import InverseView
 from whsklearn.gap.plants.servo_model import FASTEST_COUPLING, AxisModel, Term
 from whsklearn.gap.plants.servo_observer import ObserverView
 from whsklearn.gap.record import ServoRecord, held_out_blocks, lattice, noise_level, rms
+from whsklearn.gap.search import HALF
 
 Array = NDArray[Any]
 HIGHEST_CUTOFF, LOWEST_CUTOFF = 0.08, 2.0  # of the sampling rate; Hz: where the search of the filter starts and ends
@@ -93,6 +94,40 @@ def start_of(record: ServoRecord, law: tuple[str, ...], goal: float) -> tuple[In
     model = dataclasses.replace(model, scene=scene)
     view = best_view(view, model, goal)
     return view, view.fit(model)
+
+
+def drive_lead(view: InverseView, model: AxisModel) -> int:
+    """Samples by which a drive was logged after it had acted; zero unless that explains half of what is left as logged.
+
+    The age of the drive that inverse dynamics finds falls short of the true one at first, so it is asked again until
+    it stays.  A drive that acts later than it was logged is a delay, and a question to the search.
+
+    Parameters
+    ----------
+    view : InverseView
+    model : AxisModel
+    """
+    seen, lead, dt = view.bare(), 0, view.scene.dt
+    left = seen.rms(seen.gap(model))
+    columns, target = seen.columns(model, seen.torque(model))[0][seen.at], seen.target(model)[0][seen.at]
+    as_logged = seen.rms(target - columns @ np.linalg.lstsq(columns, target, rcond=1e-10)[0])
+    for _ in range(rules.MOST_MOVES):
+        more = round(-seen.age(seen.fit(model)) / dt)
+        if more <= (0.0 if lead else rules.LATEST) or (lead + more) * dt > rules.OLDEST:
+            break
+        lead += more
+        seen = view.bare().beside(earlier(view.record, lead))
+        left = seen.rms(seen.gap(seen.fit(model)))
+    return lead if left**2 < HALF * as_logged**2 else 0
+
+
+def earlier(record: ServoRecord, samples: int) -> ServoRecord:
+    """The record with its drive so many samples earlier, the end of every segment held."""
+
+    def moved(u: Array) -> Array:
+        return np.concatenate([u[samples:], np.full(min(samples, u.size), u[-1])])
+
+    return dataclasses.replace(record, drive=record.by_piece(moved, record.drive))
 
 
 def observer_view(
