@@ -79,3 +79,30 @@ def test_the_band_of_noise_is_the_floor_that_the_page_states():
     rms = float(np.sqrt(np.mean(np.sin(T[T > 0.1]) ** 2)))
     assert band.get_height() == pytest.approx(4 * rms * 0.002 / 0.05)
     plt.close(figure)
+
+
+@pytest.mark.parametrize(("unit", "turn"), [("rad", 2 * np.pi), ("deg", 360.0)])
+@pytest.mark.parametrize("order", [3.0, 24.0])
+def test_the_bins_of_a_wave_over_position_follow_its_order(unit, turn, order):
+    from matplotlib.figure import Figure
+
+    from whsklearn.gap.localisation import Place
+    from whsklearn.gap.pictures import _where
+
+    angle = np.linspace(0.0, 1.0, 6000) * turn
+    wave = np.cos(2 * np.pi * order * angle / turn)
+    none = np.zeros(0)
+    place = Place("position", 0.0, turn, 0.5, 0.5, 0.01, unit, none, none, none)
+    series = {
+        "axes": {"position": (angle, unit)},
+        "usable": np.ones(6000, bool),
+        "gap_before": wave,
+        "gap_after": 0 * wave,
+    }
+    effect = NamedEffect(Cogging(1.0, order), {}, 0.0, 1.0, 1.0)
+    axes = Figure().subplots()
+    assert _where(axes, diagnosis(effects=[effect], where=[place], pictures=series))
+    line = next(x for x in axes.lines if x.get_label() == "the fitted effect")
+    x, y = line.get_data()
+    assert x.max() <= turn / order, "one period of it"
+    np.testing.assert_allclose(y, np.cos(2 * np.pi * order * x / turn), atol=0.05)

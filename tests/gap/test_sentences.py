@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from whsklearn.gap.localisation import NOWHERE
 from whsklearn.gap.sentences import article_list, summary
 
 PLANT = SimpleNamespace(gap_word="missing torque", whole="drive")
@@ -46,3 +47,22 @@ def test_a_coarse_reading_is_not_said_to_close_a_gap():
 @pytest.mark.parametrize("verdict", ["named", "ambiguous", "partial"])
 def test_every_verdict_with_effects_says_what_is_left(verdict):
     assert "falls to 2.00 %" in summary(diagnosis(verdict, [effect("cogging", ["torque_ripple"])]), PLANT)
+
+
+def test_what_was_not_shown_is_not_said_to_be_absent():
+    text = summary(diagnosis("unknown", figures=(0.3, 0.3, 0.01)), PLANT)
+    assert "could be shown" in text
+    assert "none of the effects" not in text
+
+
+def test_a_gap_the_size_of_noise_that_lies_nowhere_does_not_contradict_itself():
+    d = diagnosis("unknown", figures=(0.19771, 0.19771, 0.19769))
+    d.where_sentence = NOWHERE
+    text = summary(d, PLANT)
+    assert "no larger than noise, but it is not noise" in text
+    assert "follows none of the signals" not in text
+
+
+def test_more_missing_than_there_is_gets_a_word_on_why():
+    assert "worse than none" in summary(diagnosis("unknown", figures=(1.4, 1.4, 0.01)), PLANT)
+    assert "worse than none" not in summary(diagnosis("unknown", figures=(0.9, 0.9, 0.01)), PLANT)

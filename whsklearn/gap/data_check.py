@@ -98,8 +98,13 @@ def _motion_problems(r: ServoRecord) -> list[Problem]:
         return [Problem("data-not-moving", "The axis does not move", text)]
     if np.ptp(r.drive) == 0:
         return [Problem("data-no-drive", "The drive is constant", "The drive column never changes; pick the drive.")]
-    if np.count_nonzero(np.diff(r.drive)) < rules.FEWEST_CHANGES:
-        text = f"The drive changes fewer than {rules.FEWEST_CHANGES} times; pick the drive that was applied."
+    changes = np.count_nonzero(np.diff(r.drive))
+    if changes < rules.FEWEST_CHANGES:
+        text = (
+            f"The drive changes {changes} times in the whole record, at least {rules.FEWEST_CHANGES} are expected. If "
+            "this is a step test, log a richer motion as well: a step cannot tell effects apart. If the drive is in "
+            "another column, name that one."
+        )
         return [Problem("data-no-drive", "The drive hardly changes", text)]
     return []
 

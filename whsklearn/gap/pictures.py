@@ -13,6 +13,7 @@ from whsklearn.gap.diagnosis import Diagnosis
 
 BEFORE, AFTER, MEASURED, FLOOR = "#c2552d", "#1b7f4d", "#1c2530", "#8a97a5"
 WINDOW = 2.0  # s shown of the overlay
+A_PERIOD = 24  # bins over one period of a wave: its crest is within a hundredth of its size
 DRAWN = 3000  # pieces of a series of which the extremes are drawn: two a pixel of a wide screen
 
 
@@ -155,21 +156,39 @@ def _where(axes: Any, d: Diagnosis) -> bool:
     if not d.where:
         return False
     p, best = d.pictures, _shown_axis(d)
-    axes.errorbar(best.centres, best.means, best.errors, color=BEFORE, fmt="o", ms=3.5, lw=1, label="before")
     x = p["axes"][best.signal][0][p["usable"]]
-    edges = np.unique(np.quantile(x, np.linspace(0, 1, 61)))
+    before, after = p["gap_before"][p["usable"]], p["gap_after"][p["usable"]]
+    period = _period(d, best, float(np.ptp(x)))
+    if period:  # bins as wide as the travel is long would draw a fast wave as a jagged line
+        x, name = x % period, f"{best.signal} within a period"
+        edges = np.linspace(0.0, period, A_PERIOD + 1)
+    else:
+        axes.errorbar(best.centres, best.means, best.errors, color=BEFORE, fmt="o", ms=3.5, lw=1, label="before")
+        name, edges = best.signal, np.unique(np.quantile(x, np.linspace(0, 1, 61)))
     bins = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, edges.size - 2)
     count = np.maximum(np.bincount(bins, minlength=edges.size - 1), 1)
     centres = 0.5 * (edges[1:] + edges[:-1])
-    before, after = p["gap_before"][p["usable"]], p["gap_after"][p["usable"]]
+    if period:
+        means = np.bincount(bins, before, edges.size - 1) / count
+        spread = np.sqrt(np.bincount(bins, (before - means[bins]) ** 2, edges.size - 1) / count**2)
+        axes.errorbar(centres, means, spread, color=BEFORE, fmt="o", ms=3.5, lw=1, label="before")
     if d.repaired:
         fitted = np.bincount(bins, before - after, edges.size - 1) / count
         axes.plot(centres, fitted, color=AFTER, lw=1.3, label="the fitted effect")
         axes.plot(centres, np.bincount(bins, after, edges.size - 1) / count, color=FLOOR, lw=1, label="left after")
     axes.axhline(0, color=FLOOR, lw=0.6)
-    axes.set(xlabel=titled(best.signal, best.unit), ylabel=titled(p["what"], p.get("gap_unit", p["units"][0])))
+    axes.set(xlabel=titled(name, best.unit), ylabel=titled(p["what"], p.get("gap_unit", p["units"][0])))
     axes.legend(frameon=False, fontsize=8)
     return True
+
+
+def _period(d: Diagnosis, place: Any, travel: float) -> float:
+    """Longest period of the named waves over position, in the unit of the place; 0 where fewer than two are seen."""
+    if place.signal not in ("angle in the turn", "position"):
+        return 0.0
+    orders = [float(e.effect.order) for e in d.effects if hasattr(e.effect, "order")]
+    period = (360.0 if place.unit == "deg" else 2.0 * np.pi) / min(orders) if orders else 0.0
+    return period if 2.0 * period <= travel else 0.0
 
 
 def _shown_axis(d: Diagnosis) -> Any:

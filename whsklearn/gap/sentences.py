@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from whsklearn.gap import evidence as rules
+from whsklearn.gap.localisation import NOWHERE
 
 MENU = {
     frozenset(pair.split()): text
@@ -67,6 +68,8 @@ def summary(d: Any, plant: Any) -> str:
     what, whole = plant.gap_word, plant.whole
     before, after, floor = d.figures
     opening = f"Of the rms {whole}, the {what} is {percent(before)}; noise alone gives {percent(floor)}. "
+    if before > 1.0:
+        opening += f"Above 100 % the base model is worse than none, which would leave all of the {whole} missing. "
     left = (
         f"The {what} falls to {percent(after)}, and {100 * max(d.closure, 0):.0f} % of the gap in simulation is closed."
     )
@@ -90,11 +93,11 @@ def summary(d: Any, plant: Any) -> str:
     if d.shortfall:
         return opening + d.shortfall
     if d.verdict == "unknown":
-        return (
-            opening
-            + "Something follows the motion, and it is none of the effects in the catalogue. "
-            + (learned(d) + left if d.learned else d.where_sentence)
-        )
+        small = "It is no larger than noise, but it is not noise: " if percent(before) == percent(floor) else ""
+        follows = "something follows the motion, and no effect of the catalogue could be shown to be it. "
+        where = "No single signal tells where it lies." if d.where_sentence == NOWHERE else d.where_sentence
+        told = small + follows if small else follows.capitalize()
+        return opening + told + (learned(d) + left if d.learned else where)
     if d.verdict == "coloured_noise":
         return (
             opening

@@ -59,10 +59,10 @@ def check_chain(u: Array, y: Array) -> list[Problem]:
     share = flat_share(y)
     if share > CLIPPED and np.unique(y).size > LEVELS:
         text = (
-            f"The output stands at its extreme for {100 * share:.0f} % of the record: it is clipped in the log. "
-            "Log with a wider range, or pass the part that is not clipped."
+            f"The output stands at its extreme for {100 * share:.0f} % of the record. Either the log clips it, or the "
+            "plant stops there, as a tank that overflows. No chain of this kind does: pass the part before it."
         )
-        out.append(Problem("data-clipped-position", "The output is clipped", text))
+        out.append(Problem("data-clipped-position", "The output stops at its extreme", text))
     jumps = np.abs(y - np.median(y))
     spikes = int(np.sum(jumps > FAR * (np.quantile(jumps, 0.99) + 1e-300)))
     if spikes:
