@@ -14,6 +14,8 @@ from click.testing import CliRunner
 
 from benchmarks.blind_logs.servo import make_case
 from whsklearn.cli.gap import main
+from whsklearn.datasets import make_servo_log
+from whsklearn.effects import Cogging
 
 
 @pytest.fixture(scope="module")
@@ -151,3 +153,17 @@ def test_a_test_on_what_was_fitted_is_refused_and_writes_nothing(log, tmp_path, 
     assert "tests nothing" in result.output
     assert "Traceback" not in result.output
     assert not list((tmp_path / "r").glob("*"))
+
+
+def test_two_logs_are_one_diagnosis_and_one_log_twice_is_none(tmp_path):
+    for k in (0, 1):
+        frame = make_servo_log([Cogging(0.1, 12.0)], duration=10.0, random_state=k)
+        frame.assign(torque_nm=frame["torque_nm"] + 0.1 * k).to_csv(tmp_path / f"{k}.csv", index=False)
+    logs = [tmp_path / "0.csv", tmp_path / "1.csv"]
+    result = run(*logs, "--report", tmp_path / "report", "--no-track")
+    assert result.exit_code == 0, result.output
+    data = json.loads((tmp_path / "report" / "gap.json").read_text(encoding="utf-8"))
+    assert data["effects"][0]["name"] in ("cogging", "input_offset")
+    assert "1.csv counts too" in (tmp_path / "report" / "gap.html").read_text(encoding="utf-8")
+    assert run(logs[0], logs[0], "--report", tmp_path, "--no-track").exit_code == 3
+    assert run(*logs, "--model", "wiener-hammerstein", "--report", tmp_path, "--no-track").exit_code == 2

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import warnings
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -48,6 +49,7 @@ def orders_of(_context: Any, _option: Any, text: str | None) -> tuple[int, int, 
 
 @job
 @click.argument("log_file", metavar="LOG", type=click.Path(exists=True))
+@click.argument("more", metavar="[LOG ...]", nargs=-1, type=click.Path(exists=True))
 @click.option(
     "--model",
     "kind",
@@ -104,7 +106,8 @@ def orders_of(_context: Any, _option: Any, text: str | None) -> tuple[int, int, 
 def main(**options: Any) -> None:
     """Find, name and close the gap between a model and LOG.
 
-    LOG is a CSV of any dialect, Parquet, MAT, HDF5, TDMS, MDF4, MCAP, a ROS bag or a LeRobot folder.
+    Several logs of one axis make one diagnosis: numbers are shared, offset and timing are each log's own. A log is a
+    CSV of any dialect, Parquet, MAT, HDF5, TDMS, MDF4, MCAP, a ROS bag or a LeRobot folder.
 
     \b
     whsklearn gap axis.csv --time time_s --drive torque_nm --position position_rad --report gap
@@ -115,6 +118,8 @@ def main(**options: Any) -> None:
     from whsklearn.logs.errors import ColumnError, LogError
 
     folder = writable_folder(options["report"])
+    if options["more"] and (options["robot"] or options["simulator"] or options["kind"] != "servo"):
+        raise click.UsageError("Several logs are taken of a servo axis only; give one.")
     if options["robot"]:
         from whsklearn.cli.arm import gap_log
 
@@ -162,6 +167,7 @@ def diagnose(options: dict[str, Any], log: Bunch, second: Bunch | None, folder: 
     from whsklearn.logs.slips import slips_in
 
     record, columns = as_record(options, log)
+    record = [record, *map(partial(another, options, log), options["more"])] if options.get("more") else record
     for slip in slips_in(log) if options["kind"] == "servo" and not options["robot"] else []:
         note(str(slip))
         log.notes = (*log.notes, str(slip))
@@ -207,6 +213,14 @@ def diagnose(options: dict[str, Any], log: Bunch, second: Bunch | None, folder: 
         track(parent, finder, folder)
     say_where(tracker)
     return finder
+
+
+def another(options: dict[str, Any], first: Bunch, file: str) -> Any:
+    """A further log of the axis, with the columns of the first."""
+    log = liveliest(taken(options, read_log(options, file)))
+    refuse_fitted(first, log)
+    first.notes = (*first.notes, f"{log.name} counts too: {log.y.size} samples at {log.sample_rate:.6g} Hz.")
+    return as_record(options, log)[0]
 
 
 def test(options: dict[str, Any], finder: GapFinder, second: Bunch) -> None:

@@ -7,15 +7,18 @@ from collections.abc import Callable
 from typing import Any, Self
 
 import numpy as np
+import pandas as pd
 from sklearn.base import BaseEstimator
 
 from whsklearn._threads import one_blas_thread
 from whsklearn.gap.conclude import conclude
 from whsklearn.gap.diagnosis import Diagnosis
 from whsklearn.gap.evidence import DEFAULT_TOLERANCE
+from whsklearn.gap.joined import joined
 from whsklearn.gap.old_conclude import conclude as old_conclude
 from whsklearn.gap.old_search import Search as OldSearch
 from whsklearn.gap.plants import Base, make_plant
+from whsklearn.gap.record import ServoRecord
 from whsklearn.gap.search import Search, Step
 from whsklearn.gap.surrogate import best_score
 
@@ -111,10 +114,11 @@ class GapFinder(BaseEstimator):
 
         Parameters
         ----------
-        log : DataFrame, record or array
+        log : DataFrame, record, array, or list of records or frames
             A frame with the columns named in ``columns`` (``time``, ``drive``, ``position``, ``reference``; or
             ``input``, ``output``), or u of shape (n,) or (n, 1) with ``y`` given; of an arm time (n,), positions
-            and drives (n, n_joints), in SI and in the order of its joints.
+            and drives (n, n_joints), in SI and in the order of its joints.  Of an axis a list of records is one
+            diagnosis: their numbers are shared, offset and timing are each record's own.
         y : array-like of shape (n,), optional
             Output, if ``log`` is the input of a Wiener-Hammerstein system.
 
@@ -126,6 +130,9 @@ class GapFinder(BaseEstimator):
         began = time.perf_counter()
         rng = np.random.default_rng(self.random_state)
         self._say("check")
+        if isinstance(log, list) and log and isinstance(log[0], ServoRecord | pd.DataFrame):
+            named: Any = columns
+            log = joined([r if isinstance(r, ServoRecord) else ServoRecord.from_frame(r, **named) for r in log])
         plant = make_plant(
             self.model, log, y, Base(self.law, self.orders, self.direct), tolerance=self.tolerance, columns=columns
         )

@@ -1,0 +1,98 @@
+"""Several records of one axis as one with holes between: shared numbers, each record's own offset and timing."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from whsklearn.gap.data_check import check_servo
+from whsklearn.gap.evidence import DEFAULT_TOLERANCE
+from whsklearn.gap.plants.servo_start import start_of
+from whsklearn.gap.record import ServoRecord
+
+Array = NDArray[Any]
+
+LAW = ("viscous", "coulomb", "input_offset")
+UNEVEN = 0.01  # of a step by which two rates may differ and count as one
+HALF = 0.5  # samples
+APART = 1.0  # s between the end of a record and the next one's start, as good as any
+
+
+def joined(records: Sequence[ServoRecord]) -> ServoRecord:
+    """One record of which each given one is a segment, brought to the offset and the age of drive of their mean.
+
+    Parameters
+    ----------
+    records : sequence of ServoRecord
+        Of one axis, in the order of time.
+
+    Returns
+    -------
+    ServoRecord
+        With ``starts`` at every record's first sample.
+
+    Raises
+    ------
+    ValueError
+        If there is none, one of them cannot be used, or kinds of drive and motion or sampling rates differ.
+
+    Examples
+    --------
+    >>> from whsklearn.datasets import make_servo_log
+    >>> logs = [make_servo_log(duration=10.0, random_state=k) for k in (0, 1)]
+    >>> both = joined([ServoRecord.from_frame(log) for log in logs])
+    >>> len(both), both.starts
+    (20000, (10000,))
+    """
+    if not records:
+        raise ValueError("There is no record; give one or several.")
+    first = records[0]
+    if len(records) == 1:
+        return first
+    if len({r.units for r in records}) > 1:
+        raise ValueError(f"The records' units are {', '.join(str(r.units) for r in records)}; give one kind of them.")
+    steps = np.array([r.dt for r in records])
+    if np.ptp(steps) > UNEVEN * steps.min():
+        rates = ", ".join(f"{1.0 / s:.6g}" for s in steps)
+        raise ValueError(f"The records have {rates} samples a second; resample them to one rate.")
+    for k, r in enumerate(records):
+        for problem in check_servo(r):
+            if problem.fatal:
+                raise ValueError(f"Record {k + 1}: {problem.title}. {problem.explanation}")
+    records = alike(records)
+    begins = np.cumsum([0.0] + [float(r.time[-1] - r.time[0]) + APART for r in records])
+    sizes = np.cumsum([0] + [len(r) for r in records])
+    edges = [n + s for r, n in zip(records, sizes.tolist(), strict=False) for s in (0, *r.starts)]
+    referenced = all(r.reference is not None for r in records)
+    return replace(
+        first,
+        time=np.concatenate([r.time - r.time[0] + t for r, t in zip(records, begins, strict=False)]),
+        drive=np.concatenate([r.drive for r in records]),
+        position=np.concatenate([r.position for r in records]),
+        reference=np.concatenate([r.reference for r in records]) if referenced else None,  # type: ignore[misc]
+        starts=tuple(edges[1:]),
+    )  # fmt: skip
+
+
+def alike(records: Sequence[ServoRecord]) -> list[ServoRecord]:
+    """The records with the drive of each at their mean offset and age, as inverse dynamics sees both."""
+    seen = [start_of(r, LAW, DEFAULT_TOLERANCE) for r in records]
+    offsets = np.array([model.terms[-1].q[0] for _, model in seen])
+    ages = np.array([view.age(model) for view, model in seen])
+    return [
+        replace(r, drive=r.by_piece(partial(later, shift=shift, dt=r.dt), r.drive - beyond))
+        for r, beyond, shift in zip(records, offsets - offsets.mean(), ages.mean() - ages, strict=True)
+    ]
+
+
+def later(drive: Array, shift: float, dt: float) -> Array:
+    """A drive that many seconds older, by the record's own samples in between; its ends are held."""
+    if abs(shift) < HALF * dt:  # what the timing of a model takes up; interpolation would only smooth
+        return drive
+    t = np.arange(drive.size) * dt
+    return np.asarray(np.interp(t + shift, t, drive))
