@@ -11,6 +11,7 @@ COMMANDS = {
     "identify": "Find the model of an axis from its log: linear, Wiener-Hammerstein or physics.",
     "gap": "Find, name and close the gap between a model and a log.",
     "compare": "Tell what moved between records of one axis.",
+    "design": "Write the next reference, and tell what it would show.",
     "tune": "Search innovation length, covariance, forgetting, orders and laws.",
     "stream": "Identify row by row, day and night, with alarms and checkpoints.",
     "fleet": "Identify every axis of a folder and tell which stand apart.",

@@ -1,0 +1,53 @@
+"""From a diagnosis to the next reference: files, units of the log, clear errors."""
+
+from __future__ import annotations
+
+import json
+
+import pandas as pd
+import pytest
+from click.testing import CliRunner
+
+from whsklearn.cli.design import main
+from whsklearn.datasets import make_servo_log
+from whsklearn.effects import GravityImbalance
+from whsklearn.gap import GapFinder
+
+LIMITS = "position=2,speed=5,drive=2,seconds=8"
+
+
+@pytest.fixture(scope="module")
+def diagnosis(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("gap")
+    log = make_servo_log([GravityImbalance(0.15)], duration=10.0, sample_rate=250.0, random_state=1)
+    GapFinder("servo", max_effects=1).fit(log).report(folder)
+    return folder / "gap.json"
+
+
+def run(*arguments):
+    return CliRunner().invoke(main, [str(a) for a in arguments])
+
+
+def test_reference_and_answer(diagnosis, tmp_path):
+    result = run(diagnosis, "--limits", LIMITS, "--rivals", "gravity_imbalance", "--out", tmp_path)
+    assert result.exit_code == 0, result.output
+    answer = json.loads((tmp_path / "design.json").read_text(encoding="utf-8"))
+    assert answer["would_be_named"] == {"gravity_imbalance": True}
+    assert set(answer) >= {"would_be_named", "limits", "advice"}
+    table = pd.read_csv(tmp_path / "reference.csv")
+    assert len(table) == 2000
+    assert table.iloc[:, 1].abs().max() <= 2.0
+
+
+@pytest.mark.parametrize(
+    "limits", ["position=1", "position=1,speed=2,drive=3,seconds=x", "position=0,speed=1,drive=1,seconds=1"]
+)
+def test_limits_that_are_none(diagnosis, tmp_path, limits):
+    assert run(diagnosis, "--limits", limits, "--out", tmp_path).exit_code == 2
+
+
+def test_what_is_no_diagnosis_or_no_effect(diagnosis, tmp_path):
+    other = tmp_path / "other.json"
+    other.write_text("{}", encoding="utf-8")
+    assert "is no gap.json" in run(other, "--limits", LIMITS, "--out", tmp_path).output
+    assert "is no effect" in run(diagnosis, "--limits", LIMITS, "--rivals", "magic", "--out", tmp_path).output

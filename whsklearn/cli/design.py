@@ -1,0 +1,113 @@
+"""Design the next run: a reference within the limits of a rig, and which rivals of a diagnosis it would part."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+from typing import Any
+
+import click
+
+from whsklearn.cli.job import guarded, table, wrapped, writable_folder
+
+LIMITS = ("position", "speed", "drive", "seconds")
+MOST_RIVALS = 3  # beside what was named: a dry run each, some seconds
+
+
+def limits_of(_context: Any, _option: Any, text: str) -> dict[str, float]:
+    """Numbers above zero of a text such as ``position=0.5,speed=2,drive=1.2,seconds=6``."""
+    out = {}
+    for part in text.split(","):
+        name, _, value = part.partition("=")
+        try:
+            out[name.strip()] = float(value)
+        except ValueError:
+            raise click.BadParameter(f"{part!r}; expected NAME=NUMBER with a name of {', '.join(LIMITS)}.") from None
+    if set(out) != set(LIMITS) or min(out.values()) <= 0.0:
+        raise click.BadParameter(f"{text!r}; expected each of {', '.join(LIMITS)} once, above zero.")
+    return out
+
+
+@click.command(context_settings={"show_default": True, "max_content_width": 100})
+@click.argument("gap_file", metavar="GAP.JSON", type=click.Path(exists=True, dir_okay=False))
+@click.option(
+    "--limits", required=True, callback=limits_of, help="position=..,speed=..,drive=..,seconds=.. of the rig."
+)
+@click.option("--rivals", help="Names of effects, joined by commas; those of the diagnosis if left out.")
+@click.option("--out", type=click.Path(file_okay=False), default="design", help="Folder for reference and answer.")
+@click.option("--seed", type=click.IntRange(min=0), default=0, help="Seed of everything random.")
+def main(**options: Any) -> None:
+    """What to run next: a reference within limits, and what it would show.
+
+    GAP.JSON is that of `whsklearn gap`, with repaired.json beside it. Limits are in the units of the log.
+
+    \b
+    whsklearn design gap/gap.json --limits position=0.5,speed=2,drive=1.2,seconds=6 --out next
+    """  # noqa: D301 - click reads the backspace
+    guarded(write, **options)
+
+
+def write(**options: Any) -> None:
+    """Write the reference and the answer, and say it."""
+    import numpy as np
+
+    from whsklearn.gap.design import Limits, design
+    from whsklearn.logs.units import factor_of
+    from whsklearn.state import atomic_write
+
+    folder = writable_folder(options["out"])
+    data, axis, rivals, law = diagnosis_of(Path(options["gap_file"]), options["rivals"])
+    units = {role: data.get("units", {}).get(role, "") for role in ("drive", "position")}
+    by, far = (factor_of(units[role])[0] if units[role] else 1.0 for role in ("drive", "position"))
+    given = options["limits"]
+    limits = Limits(given["position"] * far, given["speed"] * far, given["drive"] * by, given["seconds"])
+    made = design(
+        axis, rivals, law, limits, share=data["missing"]["before"], noise=data["noise_floor_rmse"] * far,
+        alpha=data["alpha"], seed=options["seed"],
+    )  # fmt: skip
+    advice = made.advice(units["drive"] or "of drive", by)
+    rows = np.column_stack([made.time, made.reference / far])
+    name = f"reference_{units['position'] or 'rad'}"
+    np.savetxt(folder / "reference.csv", rows, delimiter=",", header=f"time_s,{name}", comments="", fmt="%.9g")
+    reached = {"position": made.reached.position / far, "speed": made.reached.speed / far,
+               "drive": made.reached.drive / by, "seconds": made.reached.seconds}  # fmt: skip
+    answer = {"would_be_named": made.named, "limits": given, "reached": reached, "advice": advice}
+    atomic_write(folder / "design.json", (json.dumps(answer, indent=2) + "\n").encode())
+    click.echo(
+        table(["rival", "would be named"], [[n.replace("_", " "), "yes" if y else "no"] for n, y in made.named.items()])
+    )
+    click.echo(wrapped(advice))
+    click.echo(f"Written: {folder / 'reference.csv'}, {folder / 'design.json'}")
+
+
+def diagnosis_of(file: Path, rivals: str | None) -> tuple[dict[str, Any], Any, list[Any], str]:
+    """(the diagnosis, the fitted axis without what may be missing, the rivals, the base model's friction law)."""
+    from whsklearn.effects import effect_names
+    from whsklearn.models import AxisModel, load_model
+
+    data = json.loads(file.read_text(encoding="utf-8"))
+    beside = file.with_name("repaired.json")
+    if "candidates" not in data or not beside.is_file():
+        raise ValueError(f"{file} is no gap.json with repaired.json beside it; give one that `whsklearn gap` wrote.")
+    model = load_model(beside)
+    if not isinstance(model, AxisModel):
+        raise ValueError(f"{beside} holds a model of kind {model.kind}; a run is designed for an axis.")
+    named = [e["name"] for e in data["effects"]]
+    law = ",".join(r["name"] for r in data["base"] if r["name"] in effect_names("friction"))
+    axis = dataclasses.replace(model, effects=tuple(e for e in model.effects if e.name not in named)).system()
+    if rivals is not None:
+        wanted: list[Any] = [n.strip() for n in rivals.split(",") if n.strip()]
+        if unknown := set(wanted) - set(effect_names()):
+            raise ValueError(
+                f"{', '.join(sorted(unknown))} is no effect; expected some of {', '.join(effect_names())}."
+            )
+    else:
+        others = [c["name"] for c in data["candidates"] if c["name"] not in named and c["status"] != "not_testable"]
+        wanted = [*named, *dict.fromkeys(others)][: len(named) + MOST_RIVALS]
+    fitted = {e.name: e for e in model.effects if e.name in named}
+    return data, axis, [fitted.get(n, n) for n in wanted], law
+
+
+if __name__ == "__main__":
+    main()

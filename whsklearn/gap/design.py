@@ -1,0 +1,177 @@
+"""The next run: a reference within limits, and a dry run of it that tells which rivals it would part.
+
+Every rival of a diagnosis is simulated under the reference with the log's own noise, and the finder runs on what it
+leaves.  A reference that is optimal for telling two models apart (T-optimal, Atkinson and Fedorov 1975) named no more
+than this multisine within the same limits (9 of 13 against 11); what helps is to know beforehand.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from whsklearn.datasets import draw_effect, make_servo_log, reference_signal
+from whsklearn.effects import Effect, get_effect
+from whsklearn.gap.finder import GapFinder
+from whsklearn.gap.record import ServoRecord
+from whsklearn.systems.servo import ServoAxis
+from whsklearn.systems.servo_parts import PIDController, Sensor
+
+Array = NDArray[Any]
+
+BANDWIDTH = 4.0  # Hz, of the controller of the dry run: above the reference's 2.9 Hz, below what a log of 50 Hz carries
+RISE = 0.5  # s, in which the reference begins from rest
+BEYOND = (1.5, 2.25)  # times the limits at which a rival that stays unseen is tried again
+SHRINK = 0.8  # of a reference that asks for too much drive
+MOST_SHRINKING = 20  # 0.8 to the twentieth: a hundredth of the travel
+
+
+class Limits(NamedTuple):
+    """What the next run may ask for, in SI: largest position, speed and drive, and its length (s)."""
+
+    position: float
+    speed: float
+    drive: float
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Design:
+    """A reference with what it would show.
+
+    Attributes
+    ----------
+    time, reference : ndarray of shape (n,)
+        In s and rad or m.
+    reached : Limits
+        What the simulated axis needs for it.
+    named : dict
+        Rival -> whether it would be named first, or beside its alias.
+    factors : dict
+        Rival that stays unseen -> the factor on the limits at which it is named, None if at none that was tried.
+
+    References
+    ----------
+    Atkinson and Fedorov 1975, The design of experiments for discriminating between two rival models, Biometrika
+    62(1), 57-70.
+
+    Examples
+    --------
+    >>> reached = Limits(0.4, 1.9, 1.1, 6.0)
+    >>> named = {"cogging": True, "cable_spring": False}
+    >>> made = Design(np.zeros(2), np.zeros(2), reached, named, {"cable_spring": 1.5})
+    >>> print(made.advice("Nm"))
+    Within these limits cogging would be named, cable spring would not; to see cable spring allow 1.65 Nm.
+    """
+
+    time: Array
+    reference: Array
+    reached: Limits
+    named: dict[str, bool]
+    factors: dict[str, float | None]
+
+    def advice(self, unit: str, by: float = 1.0) -> str:
+        """What the run would show, in words; drives in ``unit``, of which one is ``by`` in SI."""
+        seen = [n.replace("_", " ") for n, yes in self.named.items() if yes]
+        parts = [f"{' and '.join(seen)} would be named"] if seen else []
+        for name, yes in self.named.items():
+            if not yes:
+                parts.append(f"{name.replace('_', ' ')} would not")
+        text = "Within these limits " + ", ".join(parts)
+        for name, factor in self.factors.items():
+            told = name.replace("_", " ")
+            if factor is None:
+                text += f"; {told} is not named at {BEYOND[-1]:g} times these limits either"
+            else:
+                text += f"; to see {told} allow {factor * self.reached.drive / by:.3g} {unit}"
+        return text + "."
+
+
+def closed_loop(axis: ServoAxis, noise: float) -> ServoAxis:
+    """The axis under a controller of the dry run's bandwidth, with the log's noise on its reading."""
+    w = 2.0 * np.pi * min(BANDWIDTH, 0.04 * axis.sample_rate)
+    j = axis.inertia
+    controller = PIDController(j * w * w, 0.0, 1.4 * j * w, acceleration_feedforward=j)
+    return replace(axis, controller=controller, sensor=Sensor(noise=noise))
+
+
+def reference_within(axis: ServoAxis, limits: Limits, seed: int = 0) -> tuple[Array, Limits]:
+    """The library's rich reference, as large as the limits let it be on this axis, and what it needs.
+
+    Raises
+    ------
+    ValueError
+        If the axis cannot be moved within the limits.
+    """
+    rate = axis.sample_rate
+    shape = reference_signal("rich", limits.seconds, rate, amplitude=1.0, random_state=seed)
+    rise = np.minimum(1.0, np.arange(shape.size) / rate / RISE)
+    shape = (shape - shape[0]) * rise**2 * (3.0 - 2.0 * rise)
+    shape = shape / np.abs(shape).max()
+    size = min(limits.position, limits.speed / float(np.abs(np.gradient(shape, 1.0 / rate)).max()))
+    for _ in range(MOST_SHRINKING):
+        run = axis.simulate(size * shape, noise=False)
+        needs = float(np.abs(run.drive).max())
+        if needs <= limits.drive:
+            path = size * shape
+            speed = float(np.abs(np.gradient(path, 1.0 / rate)).max())
+            return path, Limits(float(np.abs(path).max()), speed, needs, limits.seconds)
+        size *= SHRINK
+    raise ValueError(
+        f"The axis needs {needs:.3g} of drive to move at all, and {limits.drive:.3g} are allowed; allow more drive."
+    )
+
+
+def is_named(axis: ServoAxis, rival: Effect, reference: Array, law: str, *, alpha: float, seed: int) -> bool:
+    """Whether the finder names a rival, or one of its aliases, in a run of the axis that has it."""
+    log = make_servo_log([rival], axis=axis, reference=reference, random_state=seed)
+    found = GapFinder("servo", law=law, alpha=alpha, max_effects=1, random_state=seed).fit(ServoRecord.from_frame(log))
+    return bool(found.effects_) and found.effects_[0].name in accepted(rival.name)
+
+
+def accepted(name: str) -> set[str]:
+    """The name, and those that no data can tell from it."""
+    return {name, *get_effect(name).aliases}
+
+
+def design(
+    axis: ServoAxis, rivals: Sequence[Effect | str], law: str, limits: Limits, *,
+    share: float, noise: float, alpha: float = 0.01, seed: int = 0,
+) -> Design:  # fmt: skip
+    """The next reference within limits, and which rivals it would part.
+
+    Parameters
+    ----------
+    axis : ServoAxis
+        Fitted, without the rivals.
+    rivals : sequence of Effect or str
+        As fitted, or by name: then of a size of ``share`` of the rms drive.
+    law : str
+        Friction of the base model that the finder is given.
+    limits : Limits
+    share : float
+    noise : float
+        Standard deviation on the position (rad or m).
+    alpha : float
+    seed : int
+
+    Raises
+    ------
+    ValueError
+        If the axis cannot be moved within the limits.
+    """
+    axis = closed_loop(axis, noise)
+    reference, reached = reference_within(axis, limits, seed)
+    rng = np.random.default_rng(seed)
+    drawn = [r if isinstance(r, Effect) else draw_effect(r, axis, reference, share, rng) for r in rivals]
+    named = {r.name: is_named(axis, r, reference, law, alpha=alpha, seed=seed) for r in drawn}
+    factors: dict[str, float | None] = {}
+    for rival in drawn:
+        if not named[rival.name]:
+            tried = (f for f in BEYOND if is_named(axis, rival, f * reference, law, alpha=alpha, seed=seed))
+            factors[rival.name] = next(tried, None)
+    return Design(np.arange(reference.size) / axis.sample_rate, reference, reached, named, factors)
