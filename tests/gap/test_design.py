@@ -13,7 +13,7 @@ AXIS = ServoAxis(inertia=0.05, law="viscous,coulomb", sample_rate=250.0)
 
 
 @pytest.mark.parametrize(
-    "limits", [Limits(0.5, 2.0, 1.5, 6.0), Limits(5.0, 2.0, 1.5, 6.0), Limits(5.0, 50.0, 0.8, 6.0)]
+    "limits", [Limits(0.5, 9.0, 9.0, 6.0), Limits(5.0, 2.0, 9.0, 6.0), Limits(5.0, 50.0, 2.0, 6.0)]
 )
 def test_the_reference_keeps_every_limit_and_reaches_one(limits):
     path, reached = reference_within(closed_loop(AXIS, 1e-5), limits)
