@@ -32,6 +32,9 @@ POSITIVE = click.FloatRange(min=0, min_open=True)
 @click.option("--rated-torque", type=POSITIVE, help="Nm; of table: for TF5200 and ServoOne.")
 @click.option("--torque-constant", type=POSITIVE, help="Nm/A; of table: for ServoOne's cogging table.")
 @click.option("--speed", type=POSITIVE, default=10.0, help="Highest speed of friction tables, rad/s or m/s.")
+@click.option(
+    "--spread", type=click.Path(exists=True, dir_okay=False), help="compare.json; of mjcf: ranges over units."
+)
 def main(model: str, to: str, out: str, effects: str | None, **options: Any) -> None:
     """Write MODEL (model.json of identify, repaired.json of gap) for another tool.
 
@@ -46,7 +49,11 @@ def write(model: Path, to: str, out: str, effects: str | None = None, **options:
     """Export, and say what the format cannot hold and where the files are."""
     from whsklearn.cli.own_effects import load_effects
     from whsklearn.export import FORMATS, Ratings, export_model
+    from whsklearn.export.ranges import write_ranges
 
+    spread = options.get("spread")
+    if spread and to != "mjcf":
+        raise click.UsageError(f"--spread writes ranges for MuJoCo, and --to is {to}; give --to mjcf.")
     if effects is not None:
         load_effects(effects)
     try:
@@ -64,7 +71,8 @@ def write(model: Path, to: str, out: str, effects: str | None = None, **options:
         rows = [(r.name, r.before, r.after, f"{100 * r.after / r.before:.3g} %") for r in done.left]
         title = "Torque (rms) that each table is for, and what a replay against the model says it leaves"
         click.echo(table(["table", "without", "with", "left"], rows, title=title))
-    click.echo(f"Written: {', '.join(map(str, done.paths))}")
+    ranges = [write_ranges(spread, done.paths[0])] if spread else []
+    click.echo(f"Written: {', '.join(map(str, [*done.paths, *ranges]))}")
 
 
 if __name__ == "__main__":

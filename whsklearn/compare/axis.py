@@ -154,4 +154,5 @@ def rows_of(view: InverseView, model: AxisModel, label: str, own: Mapping[str, s
         label, names, units, columns, view.drive[at], at, view.step, time, path, blocks_between(turns, at.size),
         nuisances, of, view.rms(view.drive[at]), slowest, covers,
         frozenset({"inertia", *(n for n, kind in kinds if kind.positive and n in LAW and both_ways)}),
+        (*(by for by, _ in told), 1.0),
     )  # fmt: skip

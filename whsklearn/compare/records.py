@@ -163,6 +163,7 @@ def table(rows: list[Rows], parts: list[Estimate]) -> list[dict[str, Any]]:
             "name": name, "unit": rows[0].units[i], "values": values.tolist(),
             "standard_errors": np.sqrt(variances).tolist(), "mean": mean, "spread_between": apart,
             "spread_within": float(np.sqrt(np.mean(variances))), "p_value_spread": p,
+            "to_si": rows[0].to_si[i] if rows[0].to_si else 1.0,
         })  # fmt: skip
     return out
 

@@ -57,6 +57,8 @@ class Rows:
         Name -> names of numbers that move with it: a spring with its place of rest moves the offset too.
     positive : frozenset of str
         Names of numbers that physics has positive.
+    to_si : tuple of float
+        What one of each unit is in SI; empty: all are SI.
     """
 
     label: str
@@ -75,6 +77,7 @@ class Rows:
     slowest: float
     covers: dict[str, tuple[str, ...]]
     positive: frozenset[str] = frozenset()
+    to_si: tuple[float, ...] = ()
 
     @property
     def sizes(self) -> Array:

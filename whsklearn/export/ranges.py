@@ -1,0 +1,60 @@
+"""Ranges for domain randomisation: how far the numbers of a MuJoCo joint lie apart over records of several units."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+from whsklearn.state import atomic_write
+
+# What MuJoCo calls a number of an axis; none of them can be below zero.
+HELD = {"inertia": "inertia", "viscous": "damping", "coulomb": "frictionloss", "cable_spring": "stiffness"}
+DEVIATIONS = 2.0  # either way: 95 % of units of which these were drawn
+
+
+def ranges_of(comparison: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    """MuJoCo's name of a number -> its range over units, in SI.
+
+    The range is two deviations either way of the mean, where the deviation is that between records beyond the one
+    within them, and what is not known of the mean itself.
+
+    Parameters
+    ----------
+    comparison : dict
+        ``compare.json``.
+
+    Raises
+    ------
+    ValueError
+        If it has no numbers of several records.
+
+    Examples
+    --------
+    >>> row = {"name": "viscous", "unit": "mNm s/rad", "mean": 120.0, "spread_between": 10.0, "spread_within": 2.0,
+    ...        "values": [110.0, 120.0, 130.0, 120.0], "to_si": 1e-3}
+    >>> round(ranges_of({"numbers": [row]})["damping"]["low"], 4)
+    0.0999
+    """
+    rows = comparison.get("numbers") or []
+    if not rows or len(rows[0]["values"]) < 2:
+        raise ValueError("The comparison holds no numbers of several records; give the compare.json of `compare`.")
+    out = {}
+    for row in rows:
+        if row["name"] in HELD:
+            n, si = len(row["values"]), float(row["to_si"])
+            apart = DEVIATIONS * (row["spread_between"] ** 2 + row["spread_within"] ** 2 / n) ** 0.5
+            low, high = ((row["mean"] + sign * apart) * si for sign in (-1.0, 1.0))
+            out[HELD[row["name"]]] = {
+                "of": row["name"], "mean": row["mean"] * si, "low": max(low, 0.0), "high": high, "records": n,
+            }  # fmt: skip
+    return out
+
+
+def write_ranges(comparison: str | os.PathLike[str], model: Path) -> Path:
+    """Write the ranges of a ``compare.json`` beside a model's file; returns their path."""
+    data = json.loads(Path(comparison).read_text(encoding="utf-8"))
+    path = model.with_suffix(".ranges.json")
+    atomic_write(path, (json.dumps(ranges_of(data), indent=2) + "\n").encode())
+    return path
