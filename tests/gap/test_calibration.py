@@ -3,7 +3,16 @@
 import numpy as np
 import pytest
 
-from whsklearn.gap.calibration import coloured, gain, n_effective, p_value, separable, smoothed_power, vuong
+from whsklearn.gap.calibration import (
+    coloured,
+    gain,
+    n_effective,
+    p_value,
+    rival_leads,
+    separable,
+    smoothed_power,
+    vuong,
+)
 
 
 def test_p_values_of_superfluous_columns_are_uniform_or_larger():
@@ -90,3 +99,23 @@ def test_coloured_noise_has_the_spectrum_it_was_given():
     seen = (power > 1e-2 * power.max()) & (np.arange(power.size) > 40)
     assert np.mean(np.log(made[seen] / power[seen])) == pytest.approx(0.0, abs=0.1)
     assert np.std([np.std(coloured(power, x.size, rng)) / np.std(x) for _ in range(20)]) < 0.2
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_records_of_the_true_rival_show_the_lead_of_a_wrong_name(seed):
+    """A wrong name that is ahead by chance is no further ahead than records of the right one put it."""
+    rng = np.random.default_rng(seed)
+    right = rng.standard_normal(1500)
+    wrong = right + 0.05 * rng.standard_normal(1500)
+    before = right + rng.standard_normal(1500)
+
+    def errors(column):
+        return before - column * (column @ before) / (column @ column)
+
+    taken, other = errors(wrong), errors(right)
+    leads = rival_leads(before, taken, other, 1500.0, rng)
+    lead = gain(float(other @ other), float(taken @ taken), 1500.0)
+    assert p_value(lead, leads) > 0.01
+    far = rng.standard_normal(1500)
+    assert p_value(gain(float(errors(far) @ errors(far)), float(other @ other), 1500.0),
+                   rival_leads(before, other, errors(far), 1500.0, rng)) < 1e-6  # fmt: skip

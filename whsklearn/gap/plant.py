@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn.effects import effect_names, get_effect
-from whsklearn.gap.calibration import gain
+from whsklearn.gap.calibration import gain, rival_leads
 from whsklearn.gap.evidence import Evidence, Limits
 from whsklearn.gap.record import rms
 from whsklearn.gap.values import CandidateFit, Learned, Linearised, Look, ModelErrors
@@ -332,6 +332,11 @@ class PlantDefaults:
         """(gain g of a fitted effect, rms of what it explains in the unit of `Plant.scale`)."""
         before, after = self.errors(model), self.errors(grown)
         return gain(float(before @ before), float(after @ after), self.n_effective), self.size(before, after)
+
+    def leads(self: Any, taken: Any, other: Any, rng: np.random.Generator) -> Array:
+        """Lead of the one taken in records that the other makes: to first order, from what each explains."""
+        before = self.errors(self.fit(taken.model.without(len(taken.model.terms) - 1)))
+        return rival_leads(before, taken.errors, other.errors, self.n_effective, rng)
 
     def preferred(self, sound: list[Any]) -> Any:
         """Which of several sound fits (`whsklearn.gap.search.Named`) is taken, the best score first: that."""

@@ -215,10 +215,6 @@ class ArmPlant(PlantDefaults):
         """No more than the tolerance."""
         return 0.0
 
-    def leads(self, taken: Any, other: Any, rng: np.random.Generator) -> Array:
-        """None made: the records of a rival are not simulated."""
-        return np.zeros(0)
-
     def aliases(self, name: str) -> tuple[str, ...]:
         """Names that no record of drives and positions tells from this one, at the same joint."""
         effect, at, joint = name.partition(" at ")

@@ -326,10 +326,6 @@ class ServoPlant(PlantDefaults):
         """What physics forbids."""
         return self.inverse.objection(model, index)
 
-    def leads(self, taken: Any, other: Any, rng: np.random.Generator) -> Array:
-        """Lead of the one taken in records that the other makes."""
-        return np.zeros(0)
-
     # --- proof --------------------------------------------------------------------------------
     def simulate(self, model: AxisModel, horizon: float) -> Array:
         """See `whsklearn.gap.plants.servo_free_run.free_run`."""
