@@ -22,6 +22,7 @@ from whsklearn.gap.plants.servo_inverse_look import ANTIRESONANCES, CONTACTS, GA
 from whsklearn.gap.plants.servo_model import AxisModel, Term
 from whsklearn.gap.plants.servo_nameless import generic_basis
 from whsklearn.gap.plants.servo_own import Own
+from whsklearn.gap.search import HALF
 from whsklearn.gap.tangent import Family, Look, Tangent
 
 Array = NDArray[Any]
@@ -90,15 +91,15 @@ def looks(view: Any, model: AxisModel, own: Own, beside: AxisModel | None = None
 
 
 def better(look: Look | None, other: Look | None, n: float, left: float) -> Look | None:
-    """Of one family asked both ways round, the way that shows more.
+    """Of one family asked both ways round, the first, unless it is blind to more than half of what the other sees.
 
-    Its size is the same share of what is left of the drive, of rms ``left``, as of the acceleration, of ``n``
-    independent samples.
+    Families are compared by what they explain of the drive, of rms ``left``; the size of one that is seen the other
+    way round is the same share of it as of the acceleration, of ``n`` independent samples.
     """
-    if look is None or other is None or other.score <= look.score:
+    if look is None or other is None:
         return look
-    size = max(look.size, left * float(np.sqrt(-np.expm1(-other.gain / n))))
-    return dataclasses.replace(other, size=size, swapped=True)
+    size = left * float(np.sqrt(-np.expm1(-other.gain / n)))
+    return dataclasses.replace(other, size=size, swapped=True) if look.size**2 < HALF * size**2 else look
 
 
 def families(scene: Scene) -> Iterator[tuple[Family, bool]]:

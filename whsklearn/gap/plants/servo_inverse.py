@@ -442,7 +442,11 @@ class InverseView(ViewDefaults):
         return looking.widened(self, model)
 
     def linearised(self, model: AxisModel) -> Linearised:
-        """Residual and derivatives in all free numbers, scaled to the independent samples."""
+        """Residual and derivatives in all free numbers, scaled to the independent samples.
+
+        The residual is linear in the sizes, and their derivatives are the columns: differences would cost a record of
+        columns each, and learned curves have dozens of sizes.
+        """
         factor = np.sqrt(self.n_effective / self.at.size)
 
         def residual(x: Array) -> Array:
@@ -452,7 +456,20 @@ class InverseView(ViewDefaults):
             return factor * (left[self.at] - (0.0 if self.artefact is None else self.artefact))
 
         torque = self.torque(model)
-        rate = ols.slope(self.columns(model, torque)[0] @ self.sizes(model), self.step)
+        columns = self.columns(model, torque)[0]
+        rate = ols.slope(columns @ self.sizes(model), self.step)
         x, (low, high) = model.vector(), model.bounds()
         r = residual(x)
-        return Linearised(x, low, high, r, jacobian(residual, x, r, model.steps(), high), model.with_vector)
+        sizes, first = np.zeros(x.size, dtype=np.intp), 1 + np.cumsum([0, *(t.kind.linear for t in model.terms)])
+        if not any(t.kind.code in TWO_MASS for t in model.terms):  # they split the inertia, and are not linear
+            sizes[2:] = [first[i] + j if j < model.terms[i].kind.linear else 0 for i, j, _ in model.free()]
+        rest = np.flatnonzero(sizes == 0)
+
+        def moved(part: Array) -> Array:
+            whole = x.copy()
+            whole[rest] = part
+            return residual(whole)
+
+        slopes = -factor * columns[self.at][:, sizes]
+        slopes[:, rest] = jacobian(moved, x[rest], r, model.steps()[rest], high[rest])
+        return Linearised(x, low, high, r, slopes, model.with_vector)
