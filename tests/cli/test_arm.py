@@ -117,6 +117,22 @@ def test_gap_names_what_a_joint_lacks(folder):
     assert load_model(out / "gap" / "repaired.json").kind == "arm"
 
 
+def test_gap_tests_the_repaired_arm_on_a_second_log_and_refuses_the_first(folder):
+    out, _ = folder
+    hidden = {"pitch": [Cogging(0.1, order=7.0)]}
+    for name, seed in (("one", 1), ("two", 2)):
+        make_arm_log(effects=hidden, duration=12.0, random_state=seed).to_csv(out / f"{name}.csv", index=False)
+    options = ["--robot", out / "arm.xml", "--report", out / "tested", "--no-track"]
+    done = run(gap, out / "one.csv", *options, "--test", out / "two.csv")
+    assert done.exit_code == 0, done.output
+    rows = json.loads((out / "tested" / "gap.json").read_text())["test"]
+    assert rows
+    assert all(r["after"] < 0.5 * r["before"] for r in rows)
+    done = run(gap, out / "one.csv", *options, "--test", out / "one.csv")
+    assert done.exit_code != 0
+    assert "a test on what was fitted tests nothing" in " ".join(done.output.split())
+
+
 def test_gap_finds_gains_by_a_load_and_a_load_by_an_identified_model(folder):
     out, _ = folder
     place = (0.1, 0.0, 0.05)

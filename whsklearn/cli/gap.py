@@ -123,7 +123,12 @@ def main(**options: Any) -> None:
     if options["robot"]:
         from whsklearn.cli.arm import gap_log
 
-        finder = diagnose(options, gap_log(options), None, folder)
+        log = gap_log(options)  # with --load, it puts the gains into the options
+        again = options | {"log_file": options["second"], "load": None, "loaded": None}
+        second = gap_log(again) if options["second"] else None
+        if second is not None:
+            refuse_fitted(log, second)
+        finder = diagnose(options, log, second, folder)
         if finder.verdict_ == "data_problem":
             raise SystemExit(UNUSABLE)
         return

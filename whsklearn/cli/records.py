@@ -160,7 +160,7 @@ def refuse_fitted(train: Bunch, test: Bunch) -> None:
     signals = []
     for log in (train, test):
         by, far = (factor_of(log.units.get(role, ""))[0] for role in ("drive", "position"))
-        signals.append(np.column_stack([log.X[:, 0] * by, log.y * far]))
+        signals.append(np.column_stack([log.X * by, log.y * far]))
     found = shared_run(*signals)
     if found is not None:
         i, j, n = found

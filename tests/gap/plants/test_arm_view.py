@@ -1,0 +1,111 @@
+"""One record of an arm behind the filters: the fit, what it leaves, and the records that the fitted arm makes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from whsklearn import RigidBodyLags
+from whsklearn.datasets import default_arm, make_arm_log
+from whsklearn.effects import CableSpring
+from whsklearn.gap.plants.arm_terms import AtJoint, JointInertia, JointTerm, Load, candidates
+from whsklearn.gap.plants.arm_view import LATEST, ArmState, ArmView, law_of, point, solved
+
+pytestmark = pytest.mark.usefixtures("library_effects")
+
+ARM = default_arm()
+
+
+def view_of(effects=None, *, late=0, seed=0):
+    q, u = make_arm_log(ARM, effects, duration=12.0, random_state=seed, return_arrays=True)
+    u = np.vstack([u[late:], np.repeat(u[-1:], late, axis=0)]) if late else u  # drives that act ``late`` samples on
+    lags = RigidBodyLags(ARM, 500.0, law="viscous,coulomb").fit(q, u)
+    view = ArmView(lags, q, u)
+    model = view.fit(ArmState(np.zeros(len(lags.base_.names)), np.zeros(ARM.n_joints)))
+    view.weigh(model)
+    return view, view.fit(model)
+
+
+@pytest.fixture(scope="module")
+def plain(request):
+    return view_of()
+
+
+def kind_of(name):
+    return next(k for k in candidates(ARM, {}, frozen=False, weight=0) if k.name == name)
+
+
+def test_a_complete_model_leaves_less_than_a_percent_of_every_drive(plain):
+    view, model = plain
+    assert np.all(view.by_joint(view.left(model)) < 0.01 * view.drive_rms)
+
+
+def test_what_is_missing_at_a_joint_is_left_there_and_a_term_takes_it():
+    view, model = view_of({"yaw": [CableSpring(1.0)]})
+    left = view.by_joint(view.left(model)) / view.drive_rms
+    assert left[0] > 5 * left[1]
+    term = JointTerm(kind_of("cable_spring at yaw"), (1.0, 0.0))
+    fitted = view.fit(model.with_term(term))
+    assert fitted.terms[0].q[0] == pytest.approx(1.0, rel=0.05)
+    assert view.by_joint(view.left(fitted))[0] < 0.2 * view.by_joint(view.left(model))[0]
+    assert fitted.without(0).terms == ()
+
+
+def test_ages_up_to_two_samples_are_bookkeeping_and_more_is_not():
+    left = {}
+    for late in (0, 1, 6):
+        view, model = view_of(late=late)
+        assert np.all(model.timing <= LATEST * view.dt + 1e-12)
+        left[late] = float((view.by_joint(view.left(model)) / view.drive_rms).max())
+    assert left[1] < 1.5 * left[0]
+    assert left[6] > 3.0 * left[0]
+
+
+def test_a_load_is_columns_of_its_link_at_every_joint(plain):
+    view, _ = plain
+    kind, place = AtJoint(Load, "pitch", (0.0, 1.0)), (0.1, 0.0, 0.05)
+    asked = view.columns(kind, place).reshape(view.n_rows, view.n_joints)
+    heavy = ARM.with_body("pitch", 1.0, place)
+    truth = heavy.inverse_dynamics(*view.moved, effects=False) - ARM.inverse_dynamics(*view.moved, effects=False)
+    np.testing.assert_allclose(asked, view.blur(truth), atol=1e-6 * np.abs(truth).max())
+
+
+def test_inertia_along_two_joints_is_paid_for_by_both(plain):
+    view, _ = plain
+    term = JointTerm(AtJoint(JointInertia, "yaw+pitch", (1.0, 1.0)), (0.5,))
+    along = view.blur(0.5 * view.moved.acceleration.sum(axis=1))
+    np.testing.assert_allclose(view.contribution(term), np.column_stack([along, along]))
+
+
+def test_own_records_of_a_complete_model_are_as_large_as_what_it_leaves(plain):
+    view, model = plain
+    own = view.own(model, np.random.default_rng(0))
+    null = np.sqrt(np.mean([view.by_joint(x) ** 2 for x in own.null], axis=0))
+    left = view.by_joint(view.left(model) - np.where(view.keep, own.mean, 0.0))
+    assert np.all((null > 0.5 * left) & (null < 2.0 * left))
+    assert 2.0 < own.n_effective < view.n_rows * view.n_joints
+
+
+def test_the_encoders_read_on_their_grid(plain):
+    q, u = (plain[0].position, plain[0].drive)
+    step = 2 * np.pi / 4096
+    view = ArmView(plain[0].lags, np.round(q / step) * step, u)
+    read = view.read(view.moved.position, np.random.default_rng(0))
+    for x, grid in zip(read.T, view.grid, strict=True):
+        assert grid == pytest.approx(step)
+        np.testing.assert_allclose(x / grid, np.round(x / grid), atol=1e-6)
+
+
+def test_least_squares_weighs_rows_and_shares_among_equal_columns():
+    rng = np.random.default_rng(0)
+    x = rng.standard_normal((50, 2))
+    y = x @ [2.0, -1.0]
+    y[:10] = 100.0
+    weight = np.where(np.arange(50) < 10, 0.0, rng.uniform(0.5, 2.0, 50))
+    np.testing.assert_allclose(solved(x, y, weight), [2.0, -1.0])
+    np.testing.assert_allclose(solved(np.column_stack([x[:, 0], x[:, 0]]), 2 * x[:, 0], np.ones(50)), [1.0, 1.0])
+
+
+def test_a_body_of_a_kilogram_has_its_moment_at_its_place():
+    np.testing.assert_allclose(point((0.1, 0.2, 0.3))[:4], [1.0, 0.1, 0.2, 0.3])
+    assert law_of({"yaw": (0, (CableSpring(1.0),))}) == {"yaw": ("cable_spring",)}
