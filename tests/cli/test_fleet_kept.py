@@ -44,11 +44,15 @@ def test_an_axis_whose_files_changed_is_done_anew(folder, tmp_path):
     assert [r["axis"] for r in Kept(tmp_path / "t.parquet", "p=1", folder, "axis").rows(["a0", "a1"])] == ["a0"]
 
 
+def _add_and_stop(kept, row):
+    kept.add([row])
+    raise KeyboardInterrupt
+
+
 def test_an_error_keeps_what_is_finished_and_says_where(folder, tmp_path, capsys):
-    with pytest.raises(KeyboardInterrupt):
-        with Kept(tmp_path / "t.parquet", "p=1", folder, "axis") as kept:
-            kept.add([row(folder, "a0")])
-            raise KeyboardInterrupt
+    kept = Kept(tmp_path / "t.parquet", "p=1", folder, "axis")
+    with pytest.raises(KeyboardInterrupt), kept:
+        _add_and_stop(kept, row(folder, "a0"))
     assert len(pd.read_parquet(kept.path)) == 1
     assert "1 axes are kept in" in capsys.readouterr().err
 

@@ -7,8 +7,10 @@ import dataclasses
 import numpy as np
 import pytest
 
+from tests.lags.test_rigid_body import RATE, smooth_log
+from tests.systems.drawn_arms import drawn_arm
 from whsklearn.datasets import default_arm, make_arm_log
-from whsklearn.effects import Cogging, Coulomb
+from whsklearn.effects import Cogging, Coulomb, Viscous
 from whsklearn.identification import identify_arm
 from whsklearn.identification.arm_fit import suspicions, swapped
 from whsklearn.lags import RigidBodyLags
@@ -86,3 +88,12 @@ def test_a_log_as_it_should_be_raises_no_suspicion():
 def test_drives_in_another_order_are_told_by_what_is_left_of_them():
     rows = RigidBodyLags(ARM, 1 / DT).joint_rows(Q, TORQUE[:, ::-1])
     assert "yaw by that given for pitch" in swapped(ARM.joints, *rows)[0]
+
+
+@pytest.mark.parametrize("n", [7, 20])
+def test_arms_of_many_joints(n):
+    arm = drawn_arm(n, 3, slides=0.0, branch=0.0, gravity=(0, 0, -9.81))
+    arm = arm.with_effects({joint: (Viscous(0.5), Coulomb(0.5)) for joint in arm.joints})
+    found = identify_arm(*smooth_log(arm, seconds=12.0), dt=1.0 / RATE, robot=arm)
+    assert list(found.missing) == list(arm.joints)
+    assert max(found.missing.values()) < 1e-3

@@ -8,8 +8,10 @@ import json
 import numpy as np
 import pytest
 
+from tests.lags.test_rigid_body import RATE, smooth_log
+from tests.systems.drawn_arms import drawn_arm
 from whsklearn.datasets import default_arm, make_arm_log
-from whsklearn.effects import CableSpring, Cogging, LoadFriction, Stribeck
+from whsklearn.effects import CableSpring, Cogging, Coulomb, LoadFriction, Stribeck, Viscous
 from whsklearn.gap import GapFinder
 from whsklearn.gap.plants.arm import ArmRecord, arm_plant
 from whsklearn.identification import identify_arm
@@ -65,6 +67,18 @@ def test_gravity_is_named_where_the_file_has_none():
     assert names(found) == ["gravity"]
     row = next(r for r in found.diagnosis_.joints if r["joint"] == "pitch")
     assert row["before"] > 10 * row["after"]
+
+
+def test_an_arm_of_seven_joints():
+    arm = drawn_arm(7, 3, slides=0.0, branch=0.0, gravity=(0, 0, -9.81))
+    arm = arm.with_effects({joint: (Viscous(0.5), Coulomb(0.5)) for joint in arm.joints})
+    size = 0.1 * float(np.std(smooth_log(arm, seconds=12.0)[1][:, 4]))
+    q, u = smooth_log(arm.with_effects({"j4": Cogging(size, 9.0)}), seconds=12.0)
+    rng = np.random.default_rng(0)
+    q, u = q + 1e-6 * rng.standard_normal(q.shape), u + 0.01 * u.std(axis=0) * rng.standard_normal(u.shape)
+    found = GapFinder(arm).fit(ArmRecord(np.arange(len(q)) / RATE, q, u))
+    assert found.verdict_ == "named"
+    assert names(found) == ["cogging at j4"]
 
 
 def test_two_joints_have_a_name_each():
