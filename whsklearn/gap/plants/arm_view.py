@@ -35,7 +35,9 @@ N_RECORDS = 5  # of the arm's own, as of an axis (`servo_own`)
 N_NULL = 15  # rows in which chance is looked at
 LATEST = 2.0  # samples of age of a drive that are bookkeeping; beyond, it is a delay
 OLDEST = 0.06  # s, of a drive in any logger
-HELD, STANDS_OUT = 2.0, 4.0  # dry friction at rest, either way of that in motion; deviations of what is left
+# At rest dry friction is anything between both signs, and the model says one of them: it is off by twice its size.
+HELD = 2.0
+STANDS_OUT = 4.0  # deviations of what is left, beyond which chance puts 6e-5 of a normal remainder
 SEEN = 1e-9  # of the largest singular value: a column that adds less is made of the others
 
 
