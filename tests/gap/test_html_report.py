@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from whsklearn.gap import Diagnosis
+from whsklearn.gap.diagnosis import VERDICTS
 from whsklearn.gap.html_report import COLOURS, SILENCE, render, significant
-from whsklearn.gap.verdict import VERDICTS
 
 
 @pytest.mark.parametrize("verdict", VERDICTS)

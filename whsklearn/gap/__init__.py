@@ -1,12 +1,11 @@
 """Close the gap: find where simulation and measurement disagree, name what is missing, add it, prove it."""
 
 from whsklearn.gap.data_check import Problem
-from whsklearn.gap.diagnosis import CandidateLine, Diagnosis, LearnedTorques, NamedEffect
+from whsklearn.gap.diagnosis import VERDICTS, CandidateLine, Diagnosis, LearnedTorques, NamedEffect
 from whsklearn.gap.finder import GapFinder
 from whsklearn.gap.localisation import Place
 from whsklearn.gap.record import ServoRecord
 from whsklearn.gap.values import Curve
-from whsklearn.gap.verdict import VERDICTS
 
 __all__ = [
     "VERDICTS",

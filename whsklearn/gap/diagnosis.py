@@ -16,6 +16,7 @@ from whsklearn.gap.localisation import Place
 from whsklearn.gap.values import Curve
 from whsklearn.logs.units import respelled
 
+VERDICTS = ("no_gap", "named", "ambiguous", "partial", "unknown", "coloured_noise", "not_testable", "data_problem")
 MAP_POINTS = 1440  # of a map over one turn: four to a degree, nine to a period of the highest order looked for
 
 

@@ -9,7 +9,7 @@ cross-validated ones, which have paid for over-fitting already.  A name further 
 a size above the tolerance, and numbers that are physical.
 
 Here stand the thresholds of the engine and of what all plants share.  Those that only one kind of model knows stand
-beside it, in `plants.servo_evidence` and `plants.simulator_evidence`.  How finely a fit steps
+beside it, in `plants.servo_evidence`.  How finely a fit steps
 or where a search begins is no rule: such numbers stand where they are used.
 """
 
@@ -38,18 +38,8 @@ MAD = 1.4826
 # Share of the rms drive or output: no effect below is worth a name. Surrogates of records with nothing missing leave
 # 0.0037 to 0.0047 of the drive in the inverse view. The one default of every entry.
 DEFAULT_TOLERANCE = 0.004
-# Closure for a confident name: a neighbour of the true effect closes more than 0.8 in 3 % of "blind" cases.
-NAMED = 0.88
-# Closure of the gap from which that of the free run may stand for it: a floor of the restarts as large as what is
-# left "closes" any run (SO-101's jaw: run 1.0, gap 0.33); true names close 0.98 of the gap ("blind").
-RUN_STANDS = 0.5
 # Closure below which the name of the nearest neighbour says nothing: wrong names close 0.2 in the median ("blind").
 PARTIAL = 0.3
-# Floors that several effects together may leave: three wrong ones can imitate one without a name ("blind").
-LEFT_BY_SEVERAL = 2.5
-# Share of a gap that nameless functions of the motion must predict to be no noise: "blind" records with coloured
-# noise reach 0.02, effects outside the catalogue 0.1 and more.
-FOLLOWS = 0.04
 # Share of the base model's gap that the motion may still predict at the floor beside a sure name. What is left is
 # worth no name, but friction that grows above a speed leaves 0.05 to 0.09 as `stribeck` and a spring that gives way
 # 0.08 as three effects (`benchmarks.learned`); true names leave up to 0.03 ("blind --kinds named").
@@ -74,23 +64,6 @@ NOT_WORSE = 0.05
 
 # Delta BIC to the runner-up: "very strong" of Kass and Raftery 1995, JASA 90(430).
 LEAST_MARGIN = 10.0
-# Or the commoner one explains this share of the held-out sum of squares and is behind by less than this delta BIC.
-MOSTLY, MOSTLY_MARGIN = 0.9, 40.0
-# Share of bootstrap draws in which the winner beats the runner-up; the draws, and the blocks of which each is made:
-# errors within a fortieth of a record depend on each other, 200 draws tell 0.9 to 0.02.
-SURE = 0.9
-DRAWS, REDRAWN_BLOCKS = 200, 40
-# Share of the noise: two simulators that differ by less are one. A spring beside the simulator's own differs from an
-# offset by 0.006, a wave of order one from gravity by 0.05, other neighbours by 0.3 (`benchmarks.blind_simulator`).
-SAME_SIMULATION = 0.1
-# Share of the best one's explained power that suffices for an elementary law to go first: with two effects missing,
-# the wrong one of two candidates reaches up to 0.65 of the right one's power ("blind --kinds pair").
-ELEMENTARY_SHARE = 0.7
-# Multiple of what two effects leave that one which covers both may leave (`benchmarks.blind_large`, seed 9002: 1.7
-# where both are there).
-AS_WELL = 1.02
-# Share of the rms gap, by which two fits of one model may differ: a fit ends at as much ("real": 1e-5 to 1e-4).
-SAME_FIT = 5e-4
 
 # --- what has no name, and what a record cannot show ----------------------------------------------
 
@@ -107,17 +80,8 @@ MOSTLY_BLIND = 0.5
 
 # --- what is worth the time of a joint fit ("blind") ----------------------------------------------
 
-# Rounds of the search for each name: an exchange may give back what a round took, and a count of names might never be
-# full.
-ROUNDS_A_NAME = 2
-# Looks refined in a round: a right effect ranked lower than fifth in no blind case.
-MOST_REFINED = 7
-# The same where the gap is at the floor already, and a fit costs seconds as an axis's does.
+# Looks refined where the gap is at the floor already, and a fit costs seconds as an axis's does.
 FEW_REFINED = 2
-# Share of the best look's gain that makes another worth a fit; and the first looks, which a smaller share makes worth
-# it: a linear look underrates large effects.
-WORTH_REFINING = 0.3
-FIRST_LOOKS, WORTH_AMONG_FIRST = 5, 0.03
 # Share of what is left that counts as a gap over the floor: at the floor itself no share of it means anything.
 LEAST_GAP = 1e-3
 
@@ -351,32 +315,3 @@ def weigh(view: Any, current: Any, fits: Sequence[Any]) -> list[Evidence]:
             )
         )
     return sorted(out, key=lambda evidence: -evidence.delta_bic)
-
-
-def objections(plant: Any, view: Any, evidence: Evidence, chance: float, n: float, least: float | None = None) -> str:
-    """Why the candidate earns no name; empty if it does. ``least`` share of the drive: by default the tolerance."""
-    need = view.limits.need(n, chance * evidence.chance_weight)
-    if evidence.delta_bic < need:
-        return f"evidence {evidence.delta_bic:.0f} is below the {need:.0f} that chance and noise may reach"
-    share, least = evidence.explained / plant.scale, plant.tolerance if least is None else least
-    if share < least:
-        return f"it explains {100 * share:.2f} % of the rms {plant.whole}, below the tolerance of {100 * least:.2f} %"
-    if evidence.better < view.limits.blocks or evidence.held_gain <= 0:
-        return f"it improves only {100 * evidence.better:.0f} % of the held-out blocks"
-    return evidence.fitted.look.reason or view.objection(evidence.fitted.model, len(evidence.fitted.model.terms) - 1)
-
-
-def preferred(view: Any, common: Evidence, best: Evidence) -> bool:
-    """Whether a commoner effect goes before the one with the strongest evidence."""
-    behind = best.delta_bic - common.delta_bic
-    mostly = common.held_gain > MOSTLY and view.limits.forgiven > 1.0
-    margin = MOSTLY_MARGIN if mostly else LEAST_MARGIN
-    return behind < margin or common.left < view.limits.forgiven * best.left
-
-
-def bootstrap_share(winner: Array, rival: Array, rng: np.random.Generator, n_resamples: int = DRAWS) -> float:
-    """How often the winner's squared error is the smaller one when blocks of the record are redrawn."""
-    size = max(1, winner.size // REDRAWN_BLOCKS)
-    gain = (rival**2 - winner**2)[: size * (winner.size // size)].reshape(-1, size).sum(axis=1)
-    draws = rng.integers(0, gain.size, (n_resamples, gain.size))
-    return float((np.sum(gain[draws].sum(axis=1) > 0) + 0.5) / (n_resamples + 1.0))

@@ -15,12 +15,9 @@ from whsklearn.gap.conclude import conclude
 from whsklearn.gap.diagnosis import Diagnosis
 from whsklearn.gap.evidence import DEFAULT_TOLERANCE
 from whsklearn.gap.joined import joined
-from whsklearn.gap.old_conclude import conclude as old_conclude
-from whsklearn.gap.old_search import Search as OldSearch
 from whsklearn.gap.plants import Base, make_plant
 from whsklearn.gap.record import ServoRecord
 from whsklearn.gap.search import Search, Step
-from whsklearn.gap.surrogate import best_score
 
 STEPS = ("check", "base model", "search", "prove", "locate", "done")
 
@@ -68,9 +65,9 @@ class GapFinder(BaseEstimator):
 
     References
     ----------
-    Schwarz 1978, Annals of Statistics 6(2), 461-464, for the evidence; Theiler, Eubank, Longtin, Galdrikian and
-    Farmer 1992, Testing for nonlinearity in time series: the method of surrogate data, Physica D 58, 77-94, for its
-    threshold; Ljung 1999, System Identification, 2nd ed., ch. 16, for held-out samples.
+    Davison and Hinkley 1997, Bootstrap Methods and their Application, ch. 4, for records that a model makes itself;
+    Vuong 1989, Econometrica 57(2), 307-333, and Cox 1962, JRSS B 24(2), 406-424, for which of two effects it is; Ljung
+    1999, System Identification, 2nd ed., ch. 16, for held-out samples.
 
     Examples
     --------
@@ -142,15 +139,8 @@ class GapFinder(BaseEstimator):
         self._say("base model")
         base = plant.base(rng)
         self._say("search")
-        if hasattr(plant, "looks"):
-            found: Any = Search(plant, rng, self.alpha, self.max_effects, self.on_round).run(base)
-            self.found_ = found
-            diagnosis = conclude(plant, found, rng, self._say, self.alpha)
-        else:  # a kind of model that still weighs by thresholds
-            on_round: Any = self.on_round
-            search = OldSearch(plant, lambda v, m: best_score(v, m, 1, rng), self.max_effects, on_round)
-            found = self.found_ = search.run(base)
-            diagnosis = old_conclude(plant, found, rng, self._say)
+        found = self.found_ = Search(plant, rng, self.alpha, self.max_effects, self.on_round).run(base)
+        diagnosis = conclude(plant, found, rng, self._say, self.alpha)
         diagnosis.problems = problems
         return self._close(plant, diagnosis, plant.system(found.model), began)
 

@@ -9,9 +9,8 @@ from tests.gap.plants.example_simulator import RECORD, Damper, Told
 from whsklearn.effects import CableSpring
 from whsklearn.gap import GapFinder
 from whsklearn.gap.plants.simulator import SimulatorPlant
-from whsklearn.gap.plants.simulator_model import SimulatorModel
 from whsklearn.gap.standard_errors import errors_of, labelled_errors
-from whsklearn.gap.values import Look
+from whsklearn.gap.tangent import Look
 
 
 def test_names_what_the_simulator_lacks():
@@ -28,8 +27,7 @@ def test_complete_simulator_lacks_nothing():
 def test_numbers_that_can_be_set_have_errors_without_a_refit():
     plant = SimulatorPlant(Told(1.2), RECORD, tolerance=0.004)
     base = plant.base(np.random.default_rng(0))
-    look = Look("cable_spring", 1.0, (CableSpring(1.0, 0.0),))
-    plant.look(base)
+    look = Look("cable_spring", 1.0, np.zeros(2), (CableSpring(1.0, 0.0),))
     model = plant.refine(base, look)
     spring = model.terms[0].effect
     assert (spring.stiffness, model.simulator.damping) == pytest.approx((0.3, 1.0), rel=2e-3)
@@ -41,13 +39,3 @@ def test_numbers_that_can_be_set_have_errors_without_a_refit():
     rough = 1e-3 / np.std(RECORD.position) / np.sqrt(0.6 * len(RECORD))
     assert rough / 3 < errors["damping"] < 10 * rough
     assert 0 < next(iter(of_spring.values())) < 0.01 * spring.stiffness
-
-
-def test_two_effects_that_predict_the_same_are_one():
-    plant = SimulatorPlant(Told(1.2), RECORD, tolerance=0.004)
-    base = plant.base(np.random.default_rng(0))
-    near, far = (
-        SimulatorModel(base.simulator, (), base.error + share * plant.noise * np.ones(len(RECORD)))
-        for share in (0.01, 1.0)
-    )
-    assert (plant.same_signature(base, near), plant.same_signature(base, far)) == (True, False)

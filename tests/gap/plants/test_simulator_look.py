@@ -1,4 +1,4 @@
-"""What a simulator may lack, seen by its error differentiated twice."""
+"""The motion that effects are looked at along, and the shapes at which they are."""
 
 from __future__ import annotations
 
@@ -6,19 +6,9 @@ import numpy as np
 import pytest
 
 from tests.gap.plants.example_simulator import RECORD, TIME
-from whsklearn.effects import ContactStop, DisturbanceTone, EndStop, LuGre
+from whsklearn.effects import ContactStop, LuGre
 from whsklearn.gap import ServoRecord
-from whsklearn.gap.plants.simulator_look import catalogue, gains, motion, sized_by_drive
-
-
-def test_of_two_effects_the_one_that_is_missing_gains_more():
-    """The error of a mass on which a torque acts is that torque integrated twice."""
-    path = 0.5 * np.sin(2.0 * TIME) + 0.2 * np.sin(5.3 * TIME)
-    torque = np.maximum(path - 0.3, 0.0)
-    error = np.cumsum(np.cumsum(torque - torque.mean())) * (TIME[1] - TIME[0]) ** 2
-    m, train = motion(ServoRecord(TIME, np.cos(TIME), path)), np.ones(TIME.size, dtype=bool)
-    stop, tone = gains(m, error, [EndStop(1.0, 0.3), DisturbanceTone(1.0, 1.7, 0.0)], train)
-    assert 0.0 <= tone < 0.1 * stop <= 0.1
+from whsklearn.gap.plants.simulator_look import catalogue, gone, motion, sized_by_drive
 
 
 def test_the_smoothed_motion_of_a_wave_is_the_wave_and_its_derivatives():
@@ -50,3 +40,10 @@ def test_a_stop_is_as_stiff_as_the_drive_pushes_against_it():
     found = sized_by_drive(m, true.resized(1.0), np.ones(TIME.size, dtype=bool))
     assert found.stiffness == pytest.approx(30.0, rel=0.02)
     assert (found.angle, found.side) == (0.4, "upper")
+
+
+def test_what_is_gone_is_told_as_a_share_of_the_acceleration():
+    record = ServoRecord(TIME, np.cos(TIME), np.sin(2.0 * TIME))
+    error = 1e-3 * np.sin(20.0 * TIME)  # a hundred times the share in the acceleration that it has in the position
+    assert gone(motion(record), error, np.zeros_like(error), record) == pytest.approx(0.1, rel=0.05)
+    assert gone(motion(record), np.zeros_like(error), error, record) == 0.0

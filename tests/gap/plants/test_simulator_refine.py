@@ -10,7 +10,7 @@ from whsklearn.effects import CableSpring, Cogging, InputOffset
 from whsklearn.gap import ServoRecord
 from whsklearn.gap.plants.simulator import SimulatorPlant
 from whsklearn.gap.plants.simulator_refine import movable, refine, sized, sizes
-from whsklearn.gap.values import Look
+from whsklearn.gap.tangent import Look
 
 
 def plant_of(spring):
@@ -51,7 +51,7 @@ def test_an_effect_that_the_simulator_cannot_hold_is_refused_and_leaves_the_mode
 
     closed = SimulatorPlant(Closed(1.0), RECORD, tolerance=0.004)
     model = closed.base(np.random.default_rng(0))
-    same = refine(closed, model, Look("cogging", 1.0, (Cogging(1.0, 3.0),)))
+    same = refine(closed, model, Look("cogging", 1.0, np.zeros(2), (Cogging(1.0, 3.0),)))
     assert closed.refused == {"cogging": "no such part"}
     assert same.terms[-1].effect.magnitude == 0.0
     np.testing.assert_array_equal(same.error, model.error)

@@ -17,7 +17,6 @@ says that it was not tried.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
 from functools import cached_property
 from typing import Any
 
@@ -26,33 +25,27 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from whsklearn.effects import effect_names, get_effect
+from whsklearn.gap.calibration import gain, n_effective
 from whsklearn.gap.data_check import Problem, check_servo
-from whsklearn.gap.evidence import SAME_SIMULATION, WHITENED
 from whsklearn.gap.filters import autoregression, whiten, whiteness
-from whsklearn.gap.plant import PlantDefaults, ViewDefaults
-from whsklearn.gap.plants import simulator_evidence as rules
-from whsklearn.gap.plants.simulator_look import (
-    STARTS,
-    Motion,
-    catalogue,
-    columns_of,
-    gains,
-    motion,
-    whole,
-)
+from whsklearn.gap.plant import PlantDefaults
+from whsklearn.gap.plants.simulator_families import Seen, accelerations, slopes
+from whsklearn.gap.plants.simulator_look import Motion, catalogue, gone, motion, whole
 from whsklearn.gap.plants.simulator_model import SimulatorFit, SimulatorModel
-from whsklearn.gap.plants.simulator_nameless import explainable
 from whsklearn.gap.plants.simulator_pictures import pictures, signals
 from whsklearn.gap.plants.simulator_refine import refine
 from whsklearn.gap.record import SPLIT, ServoRecord, held_out_blocks, lattice, noise_level, rms
-from whsklearn.gap.values import Linearised, Look, ModelErrors
+from whsklearn.gap.search import MOST_FITTED, WORTH_FITTING
+from whsklearn.gap.tangent import Look, with_p_values
+from whsklearn.gap.values import Linearised
 
 Array = NDArray[Any]
 AR_ORDER = 12  # of the whitening polynomial
+GATE = 0.1  # p-value below which an effect is fitted, which takes seconds: above the usual levels
 
 
-class SimulatorPlant(PlantDefaults, ViewDefaults):
-    """A record under a simulator of three methods; its own and only view.
+class SimulatorPlant(PlantDefaults):
+    """A record under a simulator of three methods.
 
     Parameters
     ----------
@@ -65,7 +58,7 @@ class SimulatorPlant(PlantDefaults, ViewDefaults):
 
     whole = "motion"
     gap_word = "error of the simulated position"
-    limits = WHITENED
+    exact = True
 
     def __init__(self, model: Any, record: ServoRecord, *, tolerance: float):
         self.given_model, self.record, self.tolerance = model, record, tolerance
@@ -91,14 +84,6 @@ class SimulatorPlant(PlantDefaults, ViewDefaults):
         self.noise = max(noise_level(self.record.position), lattice(self.record.position) / np.sqrt(12.0), 1e-300)
         return self.fits.build((), refit=False)
 
-    def verdict_view(self, base: SimulatorModel) -> Any:
-        """The whole record."""
-        return self
-
-    def view(self, model: SimulatorModel, after: Any | None) -> Any | None:
-        """The plant itself, once."""
-        return self if after is None else None
-
     def fit(self, model: SimulatorModel) -> SimulatorModel:
         """The simulator refitted with the model's effects."""
         return self.fits.build(model.terms) if model.terms else self.fits.build((), refit=False)
@@ -119,80 +104,99 @@ class SimulatorPlant(PlantDefaults, ViewDefaults):
         """Measured minus simulated position."""
         return self.fits.built(model).error
 
-    def floor(self, model: SimulatorModel | None = None) -> float:
-        """Noise of the position."""
-        return self.noise
+    def errors(self, model: SimulatorModel) -> Array:
+        """The same: those of held-out samples tell no less."""
+        return self.gap(model)
 
-    def quiet(self, model: SimulatorModel, least: float) -> bool:
-        """Whether the error is noise or worth no name, as a share of the position and of the acceleration.
+    def settled(self, model: SimulatorModel) -> SimulatorModel:
+        """The model itself: every fit is a joint one."""
+        return self.fits.built(model)
+
+    def size(self, before: Array, after: Array) -> float:
+        """Rms of the error that is gone, or the same share of the acceleration if that is the larger one.
 
         A torque at some hertz hardly moves the position of a free axis: a tone of 6 % of the drive moved it by 0.4 %
         (`benchmarks.blind_simulator`, disturbance_tone 5002).
         """
-        error, noise = self._accelerations(model), self.noise * float(np.linalg.norm(self.motion.kernels[2]))
-        least_acceleration = least / self.scale * self._acceleration if self.scale else 0.0
-        small = self.rms(error) ** 2 <= (self.limits.quiet * noise) ** 2 + least_acceleration**2
-        return bool(small and super().quiet(model, least))
-
-    def explained(self, before: SimulatorModel, after: SimulatorModel) -> float:
-        """Rms of the error that is gone, or the same share of the acceleration if that is the larger one."""
-        gone = self.rms(self._accelerations(before)) ** 2 - self.rms(self._accelerations(after)) ** 2
-        share = np.sqrt(max(gone, 0.0)) / max(self._acceleration, 1e-300)
-        return max(super().explained(before, after), float(share) * self.scale)
+        return max(super().size(before, after), self.scale * gone(self.motion, before, after, self.record))
 
     @cached_property
     def motion(self) -> Motion:
         """The smoothed motion."""
         return motion(self.record)
 
-    def _accelerations(self, model: SimulatorModel) -> Array:
-        """Second derivative of the error through the motion's filter."""
-        m = self.motion
-        return m.seen(self.gap(model), 2)[m.usable]
-
     @property
-    def _acceleration(self) -> float:
-        """Rms acceleration of the motion."""
-        m = self.motion
-        return self.rms(m.seen(self.record.position, 2)[m.usable])
-
-    def look(self, model: SimulatorModel) -> list[Look]:
-        """Every effect at its best shapes, by a regression of the error's second derivative."""
+    def shapes(self) -> dict[str, list[Any]]:
+        """Every effect that the simulator takes, at every shape worth a look."""
         if self._shapes is None:
             given = getattr(self.given_model, "effects_to_try", None)
-            self._shapes = {} if given is not None else catalogue(self.record, self.motion.signals, self.further_shapes)
+            shapes = {} if given is not None else catalogue(self.record, self.motion.signals, self.further_shapes)
             for e in given if given is not None else getattr(self.given_model, "also_try", ()):
-                self._shapes.setdefault(e.name, []).append(e)
-            self._shapes = {name: whole(shapes, self.whole_fields) for name, shapes in self._shapes.items()}
-            self._leave_out_what_cannot_be_held(model)
-        error, out = self.gap(model), []
-        for name, shapes in self._shapes.items():
-            if name in self.refused:
-                continue
-            known = [e for e in shapes if columns_of(e, self.motion.signals).size]
-            ranked = sorted(zip(gains(self.motion, error, known, self.train), range(len(known)), strict=True))[::-1]
-            if not known:
-                out.append(Look(name, rules.NO_COLUMN, tuple(shapes[:1]), 1, 1, costly=True))
-                continue
-            best = tuple(known[i] for _, i in ranked[:STARTS])
-            numbers = len(best[0].coefficients) + len(best[0].shape_fields()) or 1
-            expected = np.inf
-            common = shapes[0].elementary  # always simulated: in closed loop a constant shows in no derivative
-            gain = max(float(ranked[0][0]), rules.ALWAYS_TRIED if common else 0.0)
-            out.append(Look(name, gain, best, numbers, max(1, len(known)), expected, elementary=common))
-        return out
+                shapes.setdefault(e.name, []).append(e)
+            self._shapes = {name: whole(found, self.whole_fields) for name, found in shapes.items()}
+            self._leave_out_what_cannot_be_held()
+        return {name: found for name, found in self._shapes.items() if name not in self.refused}
 
-    def _leave_out_what_cannot_be_held(self, model: SimulatorModel) -> None:
+    def looks(self, model: SimulatorModel, rng: np.random.Generator, beside: Any = None) -> list[Look]:
+        """Every effect by the error's second derivative, common ones by simulation too; the likely ones fitted.
+
+        They are fitted here, so that all are weighed by what the best of them leaves.
+        """
+        model = self.fits.built(model)
+        seen = Seen.of(self, model, rng)
+        best: dict[str, Look] = {}
+        nameless = []
+        for k in with_p_values([*accelerations(self, seen), *slopes(self, seen)]):
+            if not k.name:
+                nameless.append(k)
+            else:
+                both = [k, best.get(k.name, k)]
+                best[k.name] = dataclasses.replace(
+                    min(both, key=lambda one: one.p_value), size=max(one.size for one in both)
+                )
+        looks, fitted = sorted(best.values(), key=lambda k: -k.score), 0
+        before, strongest = self.errors(model), 0.0
+        for i, k in enumerate(looks):
+            if k.p_value > GATE or k.size < self.tolerance * self.scale or fitted == MOST_FITTED:
+                continue
+            if k.size**2 < WORTH_FITTING * strongest**2:  # both to first order, which says too little of all alike
+                continue
+            grown = refine(self, model, k)
+            looks[i] = dataclasses.replace(k, start=grown, size=self.size(before, self.errors(grown)))
+            fitted += 1
+            if not self.objection(grown, len(grown.terms) - 1):
+                strongest = max(strongest, k.size)
+        after = {i: self.errors(k.start) for i, k in enumerate(looks) if isinstance(k.start, SimulatorModel)}
+        self.n_effective = n_effective(min([before, *after.values()], key=rms))
+        for i, e in after.items():
+            g = gain(float(before @ before), float(e @ e), self.n_effective)
+            looks[i] = dataclasses.replace(looks[i], gain=g)
+        return looks + nameless
+
+    def refine(self, model: SimulatorModel, look: Look) -> SimulatorModel:
+        """The model with the effect, fitted when it was looked for."""
+        return look.start if isinstance(look.start, SimulatorModel) else refine(self, self.fits.built(model), look)
+
+    def leads(self, taken: Any, other: Any, rng: np.random.Generator) -> Array:
+        """None: records that a rival makes would cost nine joint fits; blocks of this one must do."""
+        return np.zeros(0)
+
+    def demand(self, model: SimulatorModel) -> float:
+        """No more than the tolerance."""
+        return 0.0
+
+    def remains(self, model: SimulatorModel, nameless: float) -> float:
+        """Where something follows the motion, all of the error that noise does not explain."""
+        above = float(np.sqrt(max(self.rms(self.gap(model)) ** 2 - self.noise**2, 0.0)))
+        return max(nameless, above) if nameless > 0.0 else 0.0
+
+    def _leave_out_what_cannot_be_held(self) -> None:
         """Ask the simulator for every effect once, so that none is ranked that it cannot take."""
         for name, shapes in (self._shapes or {}).items():
             try:
-                self.fits.built(model).simulator.with_effect(shapes[0])
+                self.fits.core.with_effect(shapes[0])
             except (ValueError, NotImplementedError) as error:
                 self.refused[name] = str(error)
-
-    def refine(self, model: SimulatorModel, look: Look) -> SimulatorModel:
-        """See `whsklearn.gap.plants.simulator_refine.refine`."""
-        return refine(self, model, look)
 
     def left(self, model: SimulatorModel) -> float:
         """Rms error of the training samples."""
@@ -216,16 +220,6 @@ class SimulatorPlant(PlantDefaults, ViewDefaults):
         """Whitened training samples of errors, shape (n,) or (n, k); k may be 0."""
         return whiten(error, self.ar)[self.train] if error.size else error[self.train]
 
-    def compare(self, models: Sequence[SimulatorModel], best: int) -> list[ModelErrors]:
-        """Errors whitened by what the best leaves; held-out errors as they are."""
-        errors = [self.gap(m) for m in models]
-        self.tune(errors[best])
-        held, out = ~self.train, []
-        for e in errors:
-            w = whiten(e, self.ar)
-            out.append(ModelErrors(w[self.train], w[held], self.block[held], float(self.train.sum())))
-        return out
-
     def objection(self, model: SimulatorModel, index: int) -> str:
         """What is unphysical in an effect's size."""
         effect = model.terms[index].effect
@@ -236,14 +230,6 @@ class SimulatorPlant(PlantDefaults, ViewDefaults):
             return f"its size would be {effect.magnitude:.3g}, and a physical one is positive"
         return ""
 
-    def same_signature(self, a: SimulatorModel, b: SimulatorModel) -> bool:
-        """Whether both predict the same position, far below its noise: no such record tells them apart."""
-        return self.rms(self.gap(a) - self.gap(b)) < SAME_SIMULATION * self.noise
-
-    def replaceable(self, model: SimulatorModel, index: int) -> bool:
-        """Any term may be exchanged."""
-        return True
-
     # --- proof and report -----------------------------------------------------------------
     def simulate(self, model: SimulatorModel, horizon: float) -> Array:
         """The whole record, on which the model may not have been fitted (a surrogate's): it is not restarted."""
@@ -253,17 +239,9 @@ class SimulatorPlant(PlantDefaults, ViewDefaults):
         """Position and the held-out mask."""
         return self.record.position, ~self.train
 
-    def follows(self, model: SimulatorModel) -> float:
-        """See `whsklearn.gap.plants.simulator_nameless.explainable`."""
-        return explainable(self, model)
-
     def aliases(self, name: str) -> tuple[str, ...]:
         """The catalogue's."""
         return tuple(get_effect(name).aliases) if name in effect_names() else ()
-
-    def commoner(self, name: str) -> tuple[str, ...]:
-        """Names preferred on a tie."""
-        return get_effect(name).commoner if name in effect_names() else ()
 
     def linearised(self, model: SimulatorModel) -> Linearised:
         """Of the whitened training residual by the numbers of all effects, and by the simulator's own if it has any.
@@ -296,7 +274,7 @@ class SimulatorPlant(PlantDefaults, ViewDefaults):
 
     def figures(self, base: SimulatorModel, model: SimulatorModel) -> tuple[float, float, float]:
         """(gap before, after, floor)."""
-        return self.rms(self.gap(base)), self.rms(self.gap(model)), self.floor()
+        return self.rms(self.gap(base)), self.rms(self.gap(model)), self.noise
 
     @property
     def every(self) -> int:

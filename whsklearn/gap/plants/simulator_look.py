@@ -1,9 +1,4 @@
-"""Which effects a simulator may lack: its error, differentiated twice, against every effect's column.
-
-A simulator whose position is off by e lacks a torque d with J e'' + (what its friction, springs and controller answer
-to e' and e) = -d.  Nothing of that is known here, so e'' is regressed on e', e, the motion itself (its own numbers may
-be off) and one effect at a time, on the measured motion; all seen through one Gaussian.
-"""
+"""The measured motion as effects see it, and every shape of an effect that is worth a look."""
 
 from __future__ import annotations
 
@@ -25,7 +20,6 @@ HIGHEST = 25.0  # Hz; above, an encoder's noise is all there is in a second deri
 CENTRES = np.array([0.0, -0.5, 0.5, -1.0, 1.0, -1.5, 1.5])  # of a spring, in half strokes from the middle
 DEPTHS = np.array([0.003, 0.01, 0.03, 0.08])  # of half the travel, that a stop may give
 RELAXATIONS = (0.005, 0.02, 0.06)  # s, of a contact's damping
-STARTS = 2  # of the best shapes of an effect that are handed to the fit: neighbours of a wave are local minima
 
 
 @dataclass(frozen=True)
@@ -72,28 +66,15 @@ def motion(record: Any) -> Motion:
     return Motion(signals, kernels, max(1, int(1.0 / (5.0 * cutoff * record.dt))))
 
 
-def gains(m: Motion, error: Array, effects: list[Effect], train: NDArray[np.bool_]) -> list[float]:
-    """Share of the sum of squares of e'' that each effect explains beyond e, e' and the motion."""
-    s, at = m.signals, m.usable
-    mask = train[:: m.every][at]
-    motion_columns = np.column_stack([s.acceleration, Viscous(1.0).columns(s), Coulomb(1.0).columns(s)])
-    base = np.column_stack([m.seen(motion_columns), m.seen(error), m.seen(error, 1)])[at][mask]
-    target = m.seen(error, 2)[at][mask]
-    scale = np.linalg.norm(base, axis=0)
-    q, _ = np.linalg.qr(base / np.where(scale > 0, scale, 1.0))
-    left = target - q @ (q.T @ target)
-    whole = float(left @ left) + 1e-300
-    out = []
-    for e in effects:
-        columns = m.seen_effect(e)[at][mask]
-        z = columns - q @ (q.T @ columns)
-        if not np.all(np.isfinite(z)) or float(np.sum(z * z)) < 1e-12 * float(np.sum(columns * columns)) + 1e-300:
-            out.append(0.0)
-            continue
-        weights, *_ = np.linalg.lstsq(z, left, rcond=1e-9)
-        rest = left - z @ weights
-        out.append(1.0 - float(rest @ rest) / whole)
-    return out
+def acceleration(m: Motion, record: Any) -> float:
+    """Rms acceleration of the motion."""
+    return rms(m.seen(record.position, 2)[m.usable])
+
+
+def gone(m: Motion, before: Array, after: Array, record: Any) -> float:
+    """Rms of the error's second derivative that is gone between two errors, as a share of the acceleration."""
+    first, last = (rms(m.seen(e, 2)[m.usable]) for e in (before, after))
+    return float(np.sqrt(max(first**2 - last**2, 0.0)) / max(acceleration(m, record), 1e-300))
 
 
 def sized_by_drive(m: Motion, effect: Effect, train: NDArray[np.bool_]) -> Effect:

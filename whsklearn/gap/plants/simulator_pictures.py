@@ -33,6 +33,6 @@ def pictures(plant: Any, base: SimulatorModel, model: SimulatorModel) -> dict[st
         "time": np.arange(y.size) * plant.record.dt, "measured": y, "held": ~plant.train,
         "runs": {"before": y - plant.gap(base), "after": y - plant.gap(model)},
         "gap_time": np.arange(gaps[0].size) * step, "usable": np.ones(gaps[0].size, dtype=bool),
-        "floor": plant.floor(), "axes": signals(plant), "units": plant.units, "what": plant.gap_word,
+        "floor": plant.noise, "axes": signals(plant), "units": plant.units, "what": plant.gap_word,
         **spectra(*gaps, step, y[:: plant.every], np.arange(0.5, 40.0, 0.1)),
     }  # fmt: skip

@@ -6,11 +6,16 @@ from typing import Any
 
 import numpy as np
 
-from whsklearn.gap.plants import simulator_evidence as rules
-from whsklearn.gap.plants.simulator_look import columns_of, sized_by_drive
+from whsklearn.gap.plants.simulator_look import columns_of, gone, sized_by_drive
 from whsklearn.gap.plants.simulator_model import EffectTerm, SimulatorModel
 from whsklearn.gap.record import rms
-from whsklearn.gap.values import Look
+from whsklearn.gap.tangent import Look
+
+# Share of the error: an effect that leaves less is fitted again under the weights of what it leaves, since before the
+# weights hid the effect's own spectrum; a look that promised as much, and whose fit leaves more, is begun anew.
+PROMISING = 0.5
+# Such fits at most, and the share of the error that the last one leaves: a stop takes three.
+AGAIN, SETTLED = 4, 0.8
 
 
 def refine(plant: Any, model: SimulatorModel, look: Look) -> SimulatorModel:
@@ -30,14 +35,15 @@ def refine(plant: Any, model: SimulatorModel, look: Look) -> SimulatorModel:
     if best is None:
         refused = (*model.terms, EffectTerm(look.start[0].resized(0.0)))
         return SimulatorModel(model.simulator, refused, model.error)
-    if look.gain > rules.PROMISING and plant.left(best) > rules.PROMISING * plant.left(model):
+    whole = plant.scale * gone(plant.motion, model.error, np.zeros_like(model.error), plant.record)
+    if look.size**2 > PROMISING * whole**2 and plant.left(best) > PROMISING * plant.left(model):
         best = min((best, anew(plant, model, look.start[0])), key=plant.left)
     left = plant.left(model)
-    if plant.left(best) < rules.PROMISING * left:
-        for _ in range(rules.AGAIN):
+    if plant.left(best) < PROMISING * left:
+        for _ in range(AGAIN):
             plant.tune(best.error)  # weighed by what is left: before, the weights hid the effect's own spectrum
             left, best = plant.left(best), plant.fits.grow(model, best, plant.weighed, again=True)
-            if plant.left(best) > rules.SETTLED * left:
+            if plant.left(best) > SETTLED * left:
                 break
     return best
 
@@ -87,19 +93,27 @@ def sizes(plant: Any, home: SimulatorModel, start: Any) -> list[Any]:
 
 def sized(plant: Any, model: SimulatorModel, start: Any) -> Any:
     """The size (and phase) by the sensitivity of the simulated position to it."""
+    slopes, shape = smallest(plant, model, start)
+    own = plant.weighed(plant.fits.tangent(model))
+    columns = np.column_stack([plant.weighed(slopes), own])
+    size = -np.linalg.lstsq(columns, plant.weighed(model.error), rcond=1e-9)[0][: slopes.shape[1]]
+    return type(start).from_coefficients(size, **shape)
+
+
+def smallest(plant: Any, model: SimulatorModel, start: Any) -> tuple[Any, dict[str, Any]]:
+    """(derivatives of the error by the sizes of a small effect, shape (n, 1 or 2); its other numbers)."""
     torque = rms(plant.record.drive) or 1.0
+    shape = {k: v for k, v in {**start.shape, **start.options}.items() if not (start.phased and k == "phase")}
+    if start.column_kind != "exact":  # it has no small size: what it does at its own
+        return (plant.fits.error(model.simulator.with_effect(start)) - model.error)[:, None], shape
     unit = float(np.sqrt(np.mean(np.square(columns_of(start, plant.motion.signals))))) or 1.0
     small = (0.01 * torque if start.port != "output" else 10.0 * plant.noise) / unit
     weights = np.eye(2) * small if start.phased else np.array([[small]])
-    shape = {k: v for k, v in {**start.shape, **start.options}.items() if not (start.phased and k == "phase")}
-    before = plant.weighed(model.error)
     columns = []
     for w in weights:
         moved = model.simulator.with_effect(type(start).from_coefficients(w, **shape))
-        columns.append((plant.weighed(plant.fits.error(moved)) - before) / small)
-    own = plant.weighed(plant.fits.tangent(model))
-    size = -np.linalg.lstsq(np.column_stack([*columns, own]), before, rcond=1e-9)[0][: len(columns)]
-    return type(start).from_coefficients(size, **shape)
+        columns.append((plant.fits.error(moved) - model.error) / small)
+    return np.column_stack(columns), shape
 
 
 def movable(field: str) -> bool:

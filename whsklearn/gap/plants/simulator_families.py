@@ -1,0 +1,159 @@
+"""Effects that a simulator may lack as columns: of its error's second derivative, and of the simulation itself.
+
+The error is e = J^-1 of a missing torque, twice integrated, beside what friction, springs and controller answer to it;
+so e'' is regressed on e, e' and the motion (the simulator's own numbers may be off) and on one effect at a time, along
+the measured motion: any number of shapes for no simulation.  A common law is asked by simulation, too, one run a
+number: a constant shows in no derivative of a closed loop.  A simulator's own records are exact, so what it leaves of
+them is noise: of the spectrum of its error, with random phases.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from whsklearn.effects import Coulomb, Effect, Viscous
+from whsklearn.gap.calibration import coloured, n_effective, smoothed_power
+from whsklearn.gap.plants.simulator_look import Motion, acceleration, columns_of, motion
+from whsklearn.gap.plants.simulator_model import SimulatorModel
+from whsklearn.gap.plants.simulator_refine import smallest
+from whsklearn.gap.tangent import Family, Look, Tangent
+
+Array = NDArray[np.float64]
+
+N_NULL = 15  # own records: the moments of a Gumbel law to a quarter
+STANDING_OUT = 2.0  # multiple of the noise's power up to which a line of the error counts as noise
+BLOCK = 64  # shapes whose columns are held at once
+BUMPS = 15  # hills of a nameless function of the position, and of the speed
+WAVES = 8  # of the position in its own unit, beside them
+
+
+@dataclass(frozen=True)
+class Seen:
+    """A model's error and those of its own records, as looks take them."""
+
+    model: SimulatorModel
+    error: Array
+    null: Array
+    motion: Motion
+
+    @classmethod
+    def of(cls, plant: Any, model: SimulatorModel, rng: np.random.Generator) -> Seen:
+        """Of a fitted model."""
+        power = smoothed_power(model.error)
+        null = [coloured(power, model.error.size, rng) for _ in range(N_NULL)]
+        position = plant.record.position - noise_of(model.error, plant.noise)
+        followed = motion(dataclasses.replace(plant.record, position=position))
+        return cls(model, model.error, np.array(null), followed)
+
+
+def noise_of(error: Array, noise: float) -> Array:
+    """What of a simulation's error is noise of this rms: all lines that do not stand out of it (Wiener's filter).
+
+    Signals of a motion that hold the very noise that the error is would explain it: a sign at every reversal does.
+    """
+    there_and_back = np.concatenate([error, error[::-1]])  # no jump where the ends meet
+    share = STANDING_OUT * noise**2 * there_and_back.size / np.maximum(smoothed_power(there_and_back), 1e-300)
+    lines = np.fft.rfft(there_and_back) * np.minimum(share, 1.0)
+    return np.asarray(np.fft.irfft(lines, there_and_back.size)[: error.size])
+
+
+def accelerations(plant: Any, seen: Seen) -> Iterator[Look]:
+    """Every effect at all its shapes, and nameless functions of the motion, in the error's second derivative."""
+    m = seen.motion
+    s, at = m.signals, m.usable
+    mask = plant.train[:: m.every][at]
+    own = m.seen(np.column_stack([s.acceleration, Viscous(1.0).columns(s), Coulomb(1.0).columns(s)]))[at][mask]
+
+    def parts(e: Array) -> tuple[Array, Array]:
+        return m.seen(e, 2)[at][mask], np.column_stack([m.seen(e), m.seen(e, 1)])[at][mask]
+
+    left, answers = parts(seen.error)
+    # an own record's answers are its own
+    null = [free(target, np.column_stack([own, z])) for target, z in map(parts, seen.null)]
+    plane = np.column_stack([own, answers])
+    rest = free(left, plane)
+    tangent = Tangent(left, np.array(null), plane, n_effective(rest))
+    # what repeats in time passes any loop as it is, and the error that it makes would explain it
+    timed = Tangent(left, np.array([parts(e)[0] for e in seen.null]), own, n_effective(free(left, own)))
+    share = plant.scale / max(acceleration(m, plant.record), 1e-300)
+
+    def column(effect: Effect) -> Array:
+        return m.seen_effect(effect)[at][mask]
+
+    for name, shapes in plant.shapes.items():
+        known = [e for e in shapes if columns_of(e, s).size]
+        scanned = shapes[0].scanned()
+        by_time = bool(scanned) and shapes[0].quantities[scanned].scan == "time"
+        look = (timed if by_time else tangent).look(_scanned(name, known, column)) if known else None
+        if look is not None:
+            yield dataclasses.replace(look, size=look.size * share)
+    for f in nameless(s):
+        columns = m.seen(f)[at][mask]
+        columns = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+        look = tangent.look(Family("", _one(None, columns), lambda *_: None, columns.shape[1]))
+        if look is not None:
+            yield dataclasses.replace(look, size=look.size * share)
+
+
+def slopes(plant: Any, seen: Seen) -> Iterator[Look]:
+    """Common laws, and effects that have no column of the motion, by what a little of each does to the simulation."""
+    train = plant.train
+    plane = plant.fits.tangent(seen.model)[train]
+    left = seen.error[train]
+    tangent = Tangent(left, seen.null[:, train], plane, n_effective(free(left, plane)))
+    for name, shapes in plant.shapes.items():
+        start = shapes[0]
+        if not start.elementary and columns_of(start, plant.motion.signals).size:
+            continue
+        try:
+            columns = smallest(plant, seen.model, start)[0][train]
+        except (ValueError, NotImplementedError, FloatingPointError) as error:
+            plant.refused[name] = str(error)
+            continue
+        look = tangent.look(Family(name, _one(start, columns), lambda shape, _: shape, columns.shape[1]))
+        if look is not None:
+            yield dataclasses.replace(look, start=(start,))
+
+
+def _one(shape: Any, columns: Array) -> Any:
+    """The columns of one shape, as a family gives them."""
+    return lambda _: iter([([shape], columns[:, None, :], 1.0)])
+
+
+def _scanned(name: str, shapes: list[Any], column: Any) -> Family:
+    """One effect with all its shapes."""
+
+    def blocks(_: Tangent) -> Iterable[tuple[Any, Array, float]]:
+        for i in range(0, len(shapes), BLOCK):
+            some = shapes[i : i + BLOCK]
+            yield some, np.stack([column(e) for e in some], axis=1), 1.0
+
+    e = shapes[0]
+    numbers = len(e.coefficients) + len(e.shape_fields()) or 1
+    return Family(name, blocks, lambda shape, _: (shape,), numbers)
+
+
+def nameless(s: Any) -> Iterator[Array]:
+    """Functions without a name of position, of speed and direction, of the drive; (n, k) each."""
+    q = (s.position - s.position.mean()) / (np.std(s.position) or 1.0)
+    v = s.velocity / (2.0 * np.std(s.velocity) or 1.0)
+    sign, u = np.tanh(s.kappa * s.velocity), s.drive / (np.std(s.drive) or 1.0)
+    bumps = [np.exp(-0.5 * ((q - c) / 0.2) ** 2) for c in np.linspace(-2.0, 2.0, BUMPS)]
+    yield np.column_stack([q, q**2, q**3, *bumps])
+    yield np.column_stack([f(k * s.position) for k in range(1, WAVES + 1) for f in (np.cos, np.sin)])
+    fast = [np.exp(-0.5 * ((v - c) / 0.15) ** 2) for c in np.linspace(-1.0, 1.0, BUMPS)]
+    yield np.column_stack([np.abs(v), v * np.abs(v), *fast])
+    yield np.column_stack([sign * q, sign * np.abs(u), u])
+
+
+def free(target: Array, columns: Array) -> Array:
+    """What columns leave of a target by least squares."""
+    scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    q, _ = np.linalg.qr(columns / scale)
+    return np.asarray(target - q @ (q.T @ target))
