@@ -45,4 +45,4 @@ def test_without_a_name_it_is_unknown_where_something_follows_the_motion():
 def test_where_own_records_are_exact_the_errors_are_the_run_and_what_is_shown_is_no_noise():
     assert verdict(0.02, 0.3, exact=True) == "named"
     assert verdict(1.0, 0.0, taken=(), floor=0.999, remainder=[NAMELESS], exact=True) == "unknown"
-    assert verdict(1.0, 0.0, taken=(), exact=True) == "no_gap"
+    assert verdict(1.0, 0.0, taken=(), exact=True) == "coloured_noise"

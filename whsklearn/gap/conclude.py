@@ -165,7 +165,7 @@ def verdict_of(plant: Any, found: Found, alpha: float, run: float) -> str:
     # doubled after one empty record of a test; to be calibrated
     quiet = after**2 <= (rules.QUIET * floor) ** 2 + 2.0 * least**2
     if plant.exact:  # own records that lack nothing but an effect need no margin
-        quiet = nameless <= least
+        quiet = quiet and nameless <= least
     if not found.taken:
         if quiet or not found.steps:
             asked = {k.name for k in found.remainder if k.name}

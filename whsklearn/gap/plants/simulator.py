@@ -25,7 +25,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from whsklearn.effects import effect_names, get_effect
-from whsklearn.gap.calibration import gain, n_effective
+from whsklearn.gap.calibration import gain, n_effective, p_value
 from whsklearn.gap.data_check import Problem, check_servo
 from whsklearn.gap.filters import autoregression, whiten, whiteness
 from whsklearn.gap.plant import PlantDefaults
@@ -33,7 +33,7 @@ from whsklearn.gap.plants.simulator_families import Seen, accelerations, slopes
 from whsklearn.gap.plants.simulator_look import Motion, catalogue, gone, motion, whole
 from whsklearn.gap.plants.simulator_model import SimulatorFit, SimulatorModel
 from whsklearn.gap.plants.simulator_pictures import pictures, signals
-from whsklearn.gap.plants.simulator_refine import refine
+from whsklearn.gap.plants.simulator_refine import PROMISING, refine
 from whsklearn.gap.record import SPLIT, ServoRecord, held_out_blocks, lattice, noise_level, rms
 from whsklearn.gap.search import MOST_FITTED, WORTH_FITTING
 from whsklearn.gap.tangent import Look, with_p_values
@@ -41,6 +41,7 @@ from whsklearn.gap.values import Linearised
 
 Array = NDArray[Any]
 AR_ORDER = 12  # of the whitening polynomial
+FAR_ABOVE = 3.0  # multiple of the noise: its level is known from sixth differences, to some per cent
 GATE = 0.1  # p-value below which an effect is fitted, which takes seconds: above the usual levels
 
 
@@ -156,14 +157,21 @@ class SimulatorPlant(PlantDefaults):
                 )
         looks, fitted = sorted(best.values(), key=lambda k: -k.score), 0
         before, strongest = self.errors(model), 0.0
+        # an error far above the noise hides a strong effect in records of its own spectrum: then fits are asked
+        far = rms(before) > FAR_ABOVE * self.noise and not any(k.p_value <= GATE for k in looks)
         for i, k in enumerate(looks):
-            if k.p_value > GATE or k.size < self.tolerance * self.scale or fitted == MOST_FITTED:
+            likely = k.p_value <= GATE or far
+            if not likely or k.size < self.tolerance * self.scale or fitted == MOST_FITTED:
                 continue
             if k.size**2 < WORTH_FITTING * strongest**2:  # both to first order, which says too little of all alike
                 continue
             grown = refine(self, model, k)
-            looks[i] = dataclasses.replace(k, start=grown, size=self.size(before, self.errors(grown)))
             fitted += 1
+            left = self.errors(grown)
+            looks[i] = dataclasses.replace(k, start=grown, size=self.size(before, left))
+            if far and rms(left) < PROMISING * rms(before):
+                g = gain(float(before @ before), float(left @ left), n_effective(before))
+                looks[i] = dataclasses.replace(looks[i], p_value=p_value(g, k.null, len(looks) + len(nameless)))
             if not self.objection(grown, len(grown.terms) - 1):
                 strongest = max(strongest, k.size)
         after = {i: self.errors(k.start) for i, k in enumerate(looks) if isinstance(k.start, SimulatorModel)}

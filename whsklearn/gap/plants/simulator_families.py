@@ -2,9 +2,9 @@
 
 The error is e = J^-1 of a missing torque, twice integrated, beside what friction, springs and controller answer to it;
 so e'' is regressed on e, e' and the motion (the simulator's own numbers may be off) and on one effect at a time, along
-the measured motion: any number of shapes for no simulation.  A common law is asked by simulation, too, one run a
-number: a constant shows in no derivative of a closed loop.  A simulator's own records are exact, so what it leaves of
-them is noise: of the spectrum of its error, with random phases.
+the measured motion: any number of shapes for no simulation.  A law of few shapes is asked by simulation, too, one run a
+shape: a constant shows in no derivative of a closed loop, and not every simulator is a free mass.  A simulator's own
+records are exact, so what it leaves of them is noise: of the spectrum of its error, with random phases.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ Array = NDArray[np.float64]
 
 N_NULL = 15  # own records: the moments of a Gumbel law to a quarter
 STANDING_OUT = 2.0  # multiple of the noise's power up to which a line of the error counts as noise
+FEW_SHAPES = 8  # of an effect that is asked by simulation too: one run each
 BLOCK = 64  # shapes whose columns are held at once
 BUMPS = 15  # hills of a nameless function of the position, and of the speed
 WAVES = 8  # of the position in its own unit, beside them
@@ -102,23 +103,32 @@ def accelerations(plant: Any, seen: Seen) -> Iterator[Look]:
 
 
 def slopes(plant: Any, seen: Seen) -> Iterator[Look]:
-    """Common laws, and effects that have no column of the motion, by what a little of each does to the simulation."""
+    """Laws of few shapes, and effects without a column, by what a little of each does to the simulation."""
     train = plant.train
     plane = plant.fits.tangent(seen.model)[train]
     left = seen.error[train]
     tangent = Tangent(left, seen.null[:, train], plane, n_effective(free(left, plane)))
     for name, shapes in plant.shapes.items():
-        start = shapes[0]
-        if not start.elementary and columns_of(start, plant.motion.signals).size:
+        if len(shapes) > FEW_SHAPES and columns_of(shapes[0], plant.motion.signals).size:
             continue
-        try:
-            columns = smallest(plant, seen.model, start)[0][train]
-        except (ValueError, NotImplementedError, FloatingPointError) as error:
-            plant.refused[name] = str(error)
-            continue
-        look = tangent.look(Family(name, _one(start, columns), lambda shape, _: shape, columns.shape[1]))
-        if look is not None:
-            yield dataclasses.replace(look, start=(start,))
+        columns = []
+        for start in shapes[:FEW_SHAPES]:
+            try:
+                columns.append(smallest(plant, seen.model, start)[0][train])
+            except (ValueError, NotImplementedError, FloatingPointError) as error:
+                plant.refused[name] = str(error)
+                break
+        if name not in plant.refused:
+            look = tangent.look(_simulated(name, shapes, columns))
+            if look is not None:
+                yield look
+
+
+def _simulated(name: str, shapes: list[Any], columns: list[Array]) -> Family:
+    """One effect with its few shapes."""
+    numbers = columns[0].shape[1] + (len(columns) > 1)
+    block = [(shapes[: len(columns)], np.stack(columns, axis=1), 1.0)]
+    return Family(name, lambda _: iter(block), lambda shape, _: (shape,), numbers)
 
 
 def _one(shape: Any, columns: Array) -> Any:
