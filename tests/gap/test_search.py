@@ -191,12 +191,12 @@ def test_an_effect_that_settles_at_more_than_was_left_before_is_taken_back_and_t
     assert found.steps[0].taken is None
 
 
-def test_what_nameless_functions_show_together_shows_the_name_that_explains_most_of_it():
+def test_what_nameless_functions_show_together_shows_the_names_that_explain_a_share_of_it():
     def look(name, p, size):
         return Look(name, 10.0, np.zeros(3), size=size, p_value=p)
 
     search = Search(Columns({}), np.random.default_rng(0), alpha=0.01)
-    shown = search._shown([look("", 1e-6, 1.0), look("strong", 0.2, 0.9), look("weak", 0.2, 0.6)])
+    shown = search._shown([look("", 1e-6, 1.0), look("strong", 0.2, 0.9), look("weak", 0.2, 0.4)])
     assert {k.name: k.p_value for k in shown} == {"": 1e-6, "strong": 1e-6, "weak": 0.2}
     unsure = search._shown([look("", 0.02, 1.0), look("strong", 0.2, 0.9)])
     assert [k.p_value for k in unsure] == [0.02, 0.2]

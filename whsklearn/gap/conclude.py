@@ -179,7 +179,7 @@ def verdict_of(plant: Any, found: Found, alpha: float, run: float) -> str:
     # exact records: the errors are of a free run themselves, and the held-out ones need only be no larger
     if (share if plant.exact else min(share, run)) < MOST:
         return "partial"
-    if still > STILL * before and (still > 0.5 * least or run < WELL):  # half: it is not worth a name itself
+    if still > STILL * before and (still > least or run < WELL):  # below the tolerance it is not worth a name itself
         return "partial"
     return "ambiguous" if any(found.rivals) else "named"
 
