@@ -45,7 +45,7 @@ def diagnose(name: str, seed: int) -> dict[str, Any]:
                       "seconds": round(time.process_time() - began, 1)}  # fmt: skip
     foreign = [e for e in d.effects if not matched(e, (*cause.names, *cause.beside))]
     missed = set(cause.names) - {t for e in d.effects for t in matched(e, cause.names)}
-    first = not d.effects or bool(matched(d.effects[0], (*cause.names, *cause.beside)))
+    first = not d.effects or bool(matched(d.effects[0], cause.names))
     sure = d.verdict == "named"
     return row | {
         "verdict": d.verdict, "names": "+".join(e.name for e in d.effects), "closure": round(d.closure, 3),
