@@ -76,6 +76,6 @@ def test_a_stream_without_a_server_goes_on(tmp_path, monkeypatch):
     log = write(tmp_path / "log.csv", rows(150))
     done = CliRunner().invoke(main, [str(log), *[a for a in QUICK if a != "--no-track"]])
     assert done.exit_code == 0, done.output
-    assert "The record in MLflow has gaps" in done.stderr
+    assert "The record in MLflow is incomplete" in done.stderr
     assert "did not reach the record" in done.stderr
     assert carried(Path(f"{log}.whs"))["rows"] == 150

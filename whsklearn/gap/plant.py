@@ -1,26 +1,24 @@
 """The protocol between the engine and a plant.
 
 A `Plant` is one record under one kind of model.  It owns all physics: how a model is fitted, what it leaves
-unexplained (the *gap*), which effects may be missing and how each is tried.  The engine (`search`, `evidence`,
-`surrogate`, `verdict`, `proof`, `finder`) owns all decisions: it names no effect and asks for no kind of model.
-
-A plant offers one or more `View` of its gap, coarse to fine; the engine searches each in turn (``view``), starting
-from the model that the one before ended with.  A servo axis has two: inverse dynamics on the measured motion (linear,
-holds however much is missing) and an observer on the simulated motion (accurate when little is missing).  A plant with
-one way of looking is its own view: ``view`` returns ``self`` first and then None.
+unexplained (the *gap*), which effects may be missing and how each is tried.  The engine (`search`, `conclude`,
+`proof`, `finder`) owns all decisions: it names no effect and asks for no kind of model.
 
 How to write a plant
 --------------------
-1. A frozen model class with ``terms`` (base model's first), ``n_base`` and ``without(index)``; each term has
-   ``name`` and ``effect`` (the library's own `whsklearn.effects.Effect`).
-2. ``look``: rank candidates cheaply (a linear look is enough) and give each as a `Look`; ``refine`` fits one jointly
-   with the model.  ``compare`` gives the `ModelErrors` of several models, whitened or weighted as the plant sees fit.
-3. ``simulate``: the free run that proves.  Everything else has a meaning of its own in `Plant`.
+1. A frozen model class with ``terms`` (base model's first), ``n_base``, ``without(index)`` and ``with_terms``; each
+   term has ``name`` and ``effect`` (the library's own `whsklearn.effects.Effect`).
+2. ``base``, ``errors``, ``fit`` and ``settled``: the model, what it leaves, sizes solved, shapes polished.
+3. ``looks``: every candidate to first order, in the record and in records that the model makes itself
+   (`whsklearn.gap.tangent.Tangent` does both at once); ``refine`` fits one of them.  ``n_effective`` is the number of
+   independent samples that the last looks counted by.
+4. ``simulate``: the free run that proves.  Everything else has a default in `PlantDefaults`, or tells the report
+   something.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import Any, Protocol
 
 import numpy as np
@@ -28,9 +26,8 @@ from numpy.typing import NDArray
 
 from whsklearn.effects import effect_names, get_effect
 from whsklearn.gap.calibration import gain, rival_leads
-from whsklearn.gap.evidence import Evidence, Limits
 from whsklearn.gap.record import rms
-from whsklearn.gap.values import CandidateFit, Learned, Linearised, Look, ModelErrors
+from whsklearn.gap.values import Learned, Linearised
 
 Array = NDArray[Any]
 
@@ -63,80 +60,6 @@ class Model(Protocol):
 
     def with_terms(self, terms: tuple[Any, ...]) -> Any:
         """The model with these terms in place of its own."""
-
-
-class View(Protocol):
-    """One way to weigh what a model lacks.
-
-    Attributes
-    ----------
-    limits : Limits
-    looks_beside : bool
-        Whether `look_again` finds more than `look`.
-    """
-
-    limits: Limits
-    looks_beside: bool
-
-    def fit(self, model: Any) -> Any:
-        """The model with all its free numbers refitted."""
-
-    def gap(self, model: Any) -> Array:
-        """What the model lacks at every judged sample, shape (n,), in the unit of drive or output."""
-
-    def rms(self, gap: Array) -> float:
-        """Rms of a gap over the samples that are judged."""
-
-    def floor(self, model: Any) -> float:
-        """Rms of the gap that noise alone gives this model in this view."""
-
-    def quiet(self, model: Any, least: float) -> bool:
-        """Whether noise, and the gap ``least`` that is worth no name, explain what a model lacks."""
-
-    def explained(self, before: Any, after: Any) -> float:
-        """Rms of what the last effect of ``after`` does, in the unit of `Plant.scale`."""
-
-    def same_signature(self, a: Any, b: Any) -> bool:
-        """Whether no such record tells the last effects of two models apart."""
-
-    def look(self, model: Any) -> list[Look]:
-        """All candidates on top of a fitted model, the most promising first."""
-
-    def look_again(self, model: Any, beside: Any) -> list[Look]:
-        """The same for a model that is ``beside`` without one effect, so that more is known than the model says."""
-
-    def absorbed(self, model: Any, index: int) -> Any:
-        """The model without a term that its last one says already (`Effect.covers`), the last one fitted anew."""
-
-    def refine(self, model: Any, look: Look) -> Any:
-        """The model with the candidate added as its last term, fitted jointly."""
-
-    def compare(self, models: Sequence[Any], best: int) -> list[ModelErrors]:
-        """Errors of several models under one weighting, chosen for what ``models[best]`` leaves over."""
-
-    def objection(self, model: Any, index: int) -> str:
-        """What is unphysical in the numbers of a term; empty if nothing."""
-
-    def demand(self, model: Any) -> float:
-        """Least share of the gap's rms that a further effect must explain (0: no more than the tolerance)."""
-
-    def replaceable(self, model: Any, index: int) -> bool:
-        """Whether other candidates may be tried in the place of a term."""
-
-    def settled(self, model: Any) -> Any:
-        """The model with numbers refitted that its last term moves, where ``refine`` fits only that term's."""
-
-    def family(self, model: Any) -> Iterable[CandidateFit]:
-        """Further members of the last term's family (orders of a wave), each earned; empty for most effects."""
-
-    def widened(self, model: Any) -> CandidateFit | None:
-        """The model with numbers of its last term set free that a first look holds; None where there are none."""
-
-    def trimmed(self, model: Any) -> Any:
-        """The same view without a part of the record that follows another law than the rest; mostly itself."""
-
-    def surrogate(self, model: Any, rng: np.random.Generator) -> Any:
-        """The same view of a record that the model itself made in the same experiment: nothing is missing in it."""
 
 
 class Plant(Protocol):
@@ -178,14 +101,29 @@ class Plant(Protocol):
     def base(self, rng: np.random.Generator) -> Any:
         """The base model, fitted."""
 
-    def view(self, model: Any, after: Any | None) -> Any | None:
-        """The view in which to search on from ``model`` after the one given (None: the first); None: no further."""
+    def looks(self, model: Any, rng: np.random.Generator, beside: Any | None = None) -> list[Any]:
+        """Every candidate on top of the model (`whsklearn.gap.tangent.Look`), nameless families too.
 
-    def starts_over(self, base: Any, model: Any, view: Any) -> bool:
-        """Whether ``view``, just ended, was the wrong one to begin with, so that the search goes back to the base."""
+        ``beside`` is the model with the effect that is asked anew, for what can be looked at beside it only.
+        """
 
-    def verdict_view(self, base: Any) -> Any:
-        """The view whose gap and floor decide the verdict on the whole record."""
+    def refine(self, model: Any, look: Any) -> Any:
+        """The model with one candidate fitted."""
+
+    def errors(self, model: Any) -> Array:
+        """What the model leaves at the judged samples, shape (n,)."""
+
+    def fit(self, model: Any) -> Any:
+        """The model with its sizes solved."""
+
+    def settled(self, model: Any) -> Any:
+        """The model with all numbers fitted jointly."""
+
+    def objection(self, model: Any, index: int) -> str:
+        """What physics has against the numbers of a term; empty if nothing."""
+
+    def demand(self, model: Any) -> float:
+        """Least share of the rms left that a further effect must explain."""
 
     def surrogate(self, model: Any, rng: np.random.Generator) -> Any:
         """A plant whose record the model itself made in the same experiment: nothing is missing in it."""
@@ -220,9 +158,6 @@ class Plant(Protocol):
     def commoner(self, name: str) -> tuple[str, ...]:
         """Names preferred to ``name`` where both explain the record about as well."""
 
-    def doubtful(self, model: Any, index: int, taken: Evidence, rival: Evidence) -> bool:
-        """Whether the rival may be the true one although the term ``index`` of the model has the better evidence."""
-
     def linearised(self, model: Any) -> Linearised:
         """The fit's vector, residual and derivatives at the model, for standard errors."""
 
@@ -255,56 +190,6 @@ class Plant(Protocol):
 
     def system(self, model: Any) -> Any:
         """The model as the library's own object."""
-
-
-class ViewDefaults:
-    """What a view does unless its plant knows better."""
-
-    looks_beside = False
-
-    def quiet(self: Any, model: Any, least: float) -> bool:
-        """Whether the gap is no larger than its floor and ``least`` together."""
-        return bool(self.rms(self.gap(model)) ** 2 <= (self.limits.quiet * self.floor(model)) ** 2 + least**2)
-
-    def rms(self, gap: Array) -> float:
-        """Rms over all samples of the gap."""
-        return rms(gap)
-
-    def explained(self: Any, before: Any, after: Any) -> float:
-        """Rms of the gap that is gone."""
-        return float(np.sqrt(max(self.rms(self.gap(before)) ** 2 - self.rms(self.gap(after)) ** 2, 0.0)))
-
-    def settled(self, model: Any) -> Any:
-        """The model itself: ``refine`` fits all numbers jointly."""
-        return model
-
-    def family(self, model: Any) -> Iterable[CandidateFit]:
-        """None: further orders are candidates like any other."""
-        return ()
-
-    def widened(self, model: Any) -> CandidateFit | None:
-        """None: ``refine`` has all numbers free."""
-        return None
-
-    def trimmed(self, model: Any) -> Any:
-        """The view itself."""
-        return self
-
-    def look_again(self: Any, model: Any, beside: Any) -> list[Look]:
-        """As without it."""
-        return list(self.look(model))
-
-    def absorbed(self: Any, model: Any, index: int) -> Any:
-        """All free numbers refitted."""
-        return self.fit(model.without(index))
-
-    def same_signature(self, a: Any, b: Any) -> bool:
-        """No two effects are one and the same but for `Plant.aliases`."""
-        return False
-
-    def demand(self, model: Any) -> float:
-        """No more than the tolerance."""
-        return 0.0
 
 
 class PlantDefaults:
@@ -365,14 +250,6 @@ class PlantDefaults:
     def remains(self, model: Any, nameless: float) -> float:
         """Rms of what still follows the signals without a name: all that is seen of it."""
         return nameless
-
-    def doubtful(self, model: Any, index: int, taken: Evidence, rival: Evidence) -> bool:
-        """Never: a margin and redrawn blocks tell any two effects apart."""
-        return False
-
-    def starts_over(self, base: Any, model: Any, view: Any) -> bool:
-        """Never: no view of this plant depends on where the sensor sits."""
-        return False
 
     def falls_short(self, base: Any, model: Any) -> str:
         """Nothing: the base model has no order that could be too low."""

@@ -94,27 +94,6 @@ class CandidateFit:
         return self.look.name
 
 
-class ModelErrors(NamedTuple):
-    """Errors of one model as evidence is computed from them.
-
-    Attributes
-    ----------
-    errors : ndarray of shape (n,)
-        Whitened errors for delta BIC: of the fitted samples, or cross-validated ones.
-    held : ndarray of shape (m,)
-        Errors on samples not fitted.
-    block : ndarray of int, shape (m,)
-        Block of each held-out sample.
-    n_effective : float
-        Independent samples in ``errors``.
-    """
-
-    errors: Array
-    held: Array
-    block: NDArray[np.intp]
-    n_effective: float
-
-
 class Linearised(NamedTuple):
     """A fitted vector with its residual and derivatives.
 

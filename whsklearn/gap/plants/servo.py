@@ -103,12 +103,6 @@ class ServoPlant(PlantDefaults):
         self.observer = observer_view(record, base.scene, self.inverse.start, tolerance=self.tolerance).coarsened(base)
         return base
 
-    def coarse(self, model: AxisModel) -> bool:
-        """Whether the model is too rough to run beside the record: a stop's law, or a model that leaves its path."""
-        return stop.holds(model) or (
-            self.observer.rms(self.observer.gap(model)) > rules.DRIFTS * self.inverse.rms(self.inverse.gap(model))
-        )
-
     def surrogate(self, model: AxisModel, rng: np.random.Generator) -> ServoPlant:
         """The plant of a record that the model itself made in the same experiment."""
         view = self.observer.surrogate(model, rng)

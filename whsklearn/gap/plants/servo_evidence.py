@@ -9,33 +9,9 @@ from __future__ import annotations
 import numpy as np
 
 from whsklearn.gap.evidence import MAD as MAD  # for the modules of this plant
-from whsklearn.gap.evidence import Limits
-
-# Cross-validated errors of inverse dynamics: 25 kept every true first effect and no false one on 15 real logs and 21
-# blind ones ("real"); the factor over chance is 2 since cross-validation has charged for fitting already. A spring of
-# two numbers looks better than gravity wherever friction is still missing: gravity is forgiven 1.6 times its leftover
-# (known pendulums, "real --only xl330": at most 1.3; "blind" with cable_spring, over gravity: 2.5 and more).  Records
-# with nothing missing reach 1.28 of their surrogate, with Stribeck 4.1, with drag 8: quiet at 1.35.
-CROSS_VALIDATED = Limits(
-    per_sample=0.0,
-    least=25.0,
-    most=25.0,
-    over_chance=2.0,
-    price=0.5,
-    quiet=1.35,
-    forgiven=1.6,
-    run_counts=False,
-    drops=True,
-)
 
 # --- which view is to be trusted ("real", "blind") ------------------------------------------------
 
-# Share of the variation of the drive: above, a wrong model carries the observer's estimate along and hides what it
-# lacks. Blind records with effects of up to 15 % of the drive are named by the observer without error.
-LARGE_GAP = 0.2
-# Multiple of the gap of inverse dynamics that the observer may see behind a filter that lets less through; more is
-# its own drift: LAAS shows 5 to 6. The blind records are named under this rule, their ratio was not looked at.
-DRIFTS = 1.5
 # Share of the rms drive that a model may leave for the torque it predicts to stand for the drive.
 DRIVE_KNOWN = 0.35
 
@@ -73,19 +49,11 @@ FEWEST_A_BLOCK = 10
 
 # --- how many places a look has looked at ("blind") -----------------------------------------------
 
-# Independent ones, by what a scan of inverse dynamics finds: more orders and tones are tried, but neighbours share
-# most of their power; a step is tried at 25 times.
-PLACES = {"position": 200, "time": 400, "step": 25}
-
 # --- what an effect may be beside others, and what no axis does -----------------------------------
 
 # Share of the rms left beside a play that a further effect must explain: impacts follow everything a little ("blind
 # --kinds named" with backlash).
 BESIDE_A_PLAY = 0.66
-# Share of the evidence by which a rival of the same transmission may be behind and still be fitted and run beside it,
-# and of the run's error by which it must then be worse, or both names are given: a coupling of much damping slips as
-# a play does (SO-101's jaw: 3 and 1 %; a play of MuJoCo behind a poor first fit: 5 % of the evidence).
-PLAY_OR_DAMPER = 0.1
 # Share of the evidence for a name that the first steps of a two-mass refit must have earned to go on ("blind").
 HALF_WAY = 0.5
 # rad of travel, over which a wave of one shaft must come back every turn.
@@ -157,18 +125,6 @@ FOLD_BELOW, FOLD_ABOVE, FOLD_TURNS = 0.002, 0.01, 0.02
 # s on either side of a turn over which slopes are taken; of the rms speed, the least of these slopes; and the ratios
 # of the two that are one slope turned over: a real turn comes to rest.
 FOLD_WINDOW, FOLD_SPEED, FOLD_RATIO = 0.006, 0.1, (0.4, 2.5)
-
-# --- a segment that follows another law than the rest, in inverse dynamics ("real --only laas") ---
-
-# Share of the record: a window, and the longest segment that may be left out.
-ODD_WINDOW, ODD_SHARE = 0.02, 0.06
-# Multiple of the median window's rms: what is odd, and what this share of windows must stay below. LAAS has 6 and 1.1
-# with its first orders in, eight pendulum logs have no such segment.
-ODD, EVEN, EVEN_SHARE = 4.0, 2.0, 0.9
-# Robust standard deviations, which a Gaussian never reaches; the first 0.15 s of LAAS (before the index pulse, 2 % of
-# the samples and 60 % of what is left) reach 15.
-CAP = 6.0
-
 # --- how long a free run shows the model ("real") -------------------------------------------------
 
 # s: the longest horizon, and those tried where it shows nothing.

@@ -10,7 +10,6 @@ lag, dead zone) have no honest column: they are left to the observer; a limit ch
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Sequence
 from copy import copy
 from typing import Any
 
@@ -19,13 +18,11 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from whsklearn.effects import Scales, codes
-from whsklearn.gap.evidence import weigh
+from whsklearn.gap.evidence import QUIET
 from whsklearn.gap.filters import CUTOFF_SIGMA, filtered, gaussian_derivatives
 from whsklearn.gap.least_squares import jacobian
-from whsklearn.gap.plant import ViewDefaults
 from whsklearn.gap.plants import inverse_dynamics as ols
 from whsklearn.gap.plants import servo_evidence as rules
-from whsklearn.gap.plants import servo_inverse_look as looking
 from whsklearn.gap.plants import servo_stop as stop
 from whsklearn.gap.plants import servo_two_mass as two_mass
 from whsklearn.gap.plants.servo_candidates import TWO_MASS
@@ -33,8 +30,8 @@ from whsklearn.gap.plants.servo_columns import Signals, effect_columns
 from whsklearn.gap.plants.servo_model import AxisModel, Term
 from whsklearn.gap.plants.servo_objections import unphysical
 from whsklearn.gap.plants.servo_surrogate import surrogate_record
-from whsklearn.gap.record import ServoRecord, lattice, noise_level
-from whsklearn.gap.values import CandidateFit, Linearised, Look, ModelErrors
+from whsklearn.gap.record import ServoRecord, lattice, noise_level, rms
+from whsklearn.gap.values import Linearised
 
 Array = NDArray[Any]
 PER_CUTOFF = 5.0  # samples a period of the cut-off that decimation keeps
@@ -57,7 +54,7 @@ def later(code: int, u: Array, age: float, dt: float) -> Array:
     return np.asarray(lfilter([1 - a], [1, -a], u, zi=[a * u[0]])[0])
 
 
-class InverseView(ViewDefaults):
+class InverseView:
     """One record behind one Gaussian.
 
     Parameters
@@ -71,9 +68,6 @@ class InverseView(ViewDefaults):
     skipped : tuple of float, optional
         (from, to) in s of a segment that follows another law than the rest of the record.
     """
-
-    limits = rules.CROSS_VALIDATED
-    looks_beside = True  # `look_again` tries more than `look`
 
     def __init__(
         self, record: ServoRecord, scene: Scales, cutoff: float, start: tuple[Array, Array],
@@ -122,6 +116,14 @@ class InverseView(ViewDefaults):
             keep[(self.time > self.skipped[0]) & (self.time < self.skipped[1])] = False
         out = keep[:: self.every]
         return out if out.sum() >= rules.FEWEST_A_BLOCK * ols.N_BLOCKS else ~holes[:: self.every]
+
+    def rms(self, gap: Array) -> float:
+        """Over the judged samples."""
+        return rms(gap)
+
+    def quiet(self, model: AxisModel, least: float) -> bool:
+        """Whether the gap is no larger than its floor and ``least`` together."""
+        return self.rms(self.gap(model)) ** 2 <= (QUIET * self.floor(model)) ** 2 + least**2
 
     def bare(self) -> InverseView:
         """The view without the artefacts taken off."""
@@ -319,28 +321,6 @@ class InverseView(ViewDefaults):
         """The view of a record that the model itself made in the same experiment."""
         return InverseView(surrogate_record(self, model, rng), self.scene, self.cutoff, self.start, self.skipped)
 
-    def trimmed(self, model: AxisModel) -> InverseView:
-        """The view without the one segment that follows another law than the rest, if there is one.
-
-        A start-up before the encoder has seen its index, a hand on the axis, an emergency stop: what is left there is
-        several times what is left elsewhere, and elsewhere it is even.  What comes back (stops, knocks) stays.
-        """
-        if self.skipped is not None:
-            return self
-        time, gap = self.time[:: self.every][self.at], self.gap(model)
-        width = rules.ODD_WINDOW * self.scene.duration
-        number = (time // width).astype(np.intp)
-        count = np.bincount(number)
-        power = np.bincount(number, gap**2) / np.maximum(count, 1)
-        rms = np.sqrt(power[count > 0])
-        odd = np.flatnonzero(np.sqrt(power) > rules.ODD * np.median(rms))
-        most = rules.ODD_SHARE / rules.ODD_WINDOW
-        uneven = np.quantile(rms, rules.EVEN_SHARE) > rules.EVEN * np.median(rms)
-        if odd.size == 0 or odd[-1] - odd[0] >= most or uneven:
-            return self
-        span = (float(odd[0] * width) - self.g.size // 2 * self.scene.dt, float((odd[-1] + 1) * width))
-        return InverseView(self.record, self.scene, self.cutoff, self.start, span)
-
     def cross_validated(self, model: AxisModel) -> Array:
         """Errors of every judged sample predicted by the fit to the other blocks."""
         _, x, target, _, free = self.solved(model)
@@ -348,16 +328,6 @@ class InverseView(ViewDefaults):
         rows = (x, target) if away is None else (x * away[:, None], target * away)
         _, fits = ols.held_out(ols.blocks_of(*rows, self.block), self.at.size, free)
         return stop.outside(target - np.einsum("ij,ij->i", x, fits[self.block]), away)
-
-    def compare(self, models: Sequence[AxisModel], best: int) -> list[ModelErrors]:
-        """Cross-validated errors of each, capped at `servo_evidence.CAP` robust deviations of what the best leaves.
-
-        A start-up or a knock that no candidate explains would else decide between them by its own sum of squares.
-        """
-        errors = [self.cross_validated(m) for m in models]
-        cap = rules.CAP * rules.MAD * float(np.median(np.abs(errors[best])))
-        errors = [np.clip(e, -cap, cap) for e in errors]
-        return [ModelErrors(e, e, self.block, self.n_effective) for e in errors]
 
     def objection(self, model: AxisModel, index: int) -> str:
         """What is wrong with the sign or the range of a term's numbers; empty if nothing."""
@@ -384,11 +354,6 @@ class InverseView(ViewDefaults):
         """Beside a play a further effect must explain most of what is left."""
         return rules.BESIDE_A_PLAY if model.has_play else 0.0
 
-    def replaceable(self, model: AxisModel, index: int) -> bool:
-        """Further orders of a family stand and fall with its first."""
-        name = model.terms[index].name
-        return sum(t.name == name for t in model.added) < 2
-
     def seen(self, model: AxisModel) -> tuple[Array, Array, Array, NDArray[np.bool_], NDArray[np.bool_]]:
         """(position, velocity, drive, training mask, held-out mask) at the samples of the gap."""
         held, away = self.block % 5 >= 3, stop.away(self, model)
@@ -397,50 +362,6 @@ class InverseView(ViewDefaults):
         return q, v, self.drive[self.at], ~held & away, held & away
 
     # --- candidates ---------------------------------------------------------------------------
-    def look(self, model: AxisModel) -> list[Look]:
-        """Every candidate at its best start, by the drop of the sum of squares beyond the model's own columns."""
-        return looking.looks(self, model)
-
-    def look_again(self, model: AxisModel, beside: AxisModel) -> list[Look]:
-        """The same; what multiplies the torque is tried too where only ``beside`` predicts it well enough.
-
-        Coulomb friction stands for a gear's load friction until gravity or a spring is found; without it too much is
-        left again for the load friction to be looked at, and it would never be tried in its place.
-        """
-        return looking.looks(self, model, beside)
-
-    def absorbed(self, model: AxisModel, index: int) -> AxisModel:
-        """The last term polished without the one that it covers: a spring's place of rest takes an offset in."""
-        rest = model.without(index)
-        return looking.polished(self, rest.without(len(rest.terms) - 1), rest.terms[-1])
-
-    def refine(self, model: AxisModel, look: Look) -> AxisModel:
-        """The candidate with its shape polished on the sum of squares, sizes solved."""
-        return looking.polished(self, model, look.start)
-
-    def settled(self, model: AxisModel) -> AxisModel:
-        """See `whsklearn.gap.plants.servo_inverse_look.settled`."""
-        return looking.settled(self, model)
-
-    def family(self, model: AxisModel) -> Iterator[CandidateFit]:
-        """Further orders of the model's last term, while each earns its place."""
-        last = model.terms[-1]
-        if not (last.kind.repeats and last.kind.scanned == "position"):
-            return
-        for _ in range(rules.MOST_ORDERS - 1):
-            grown = looking.next_order(self, model, last.kind)
-            if grown is None:
-                return
-            fitted = CandidateFit(Look(last.name, 1.0, n_numbers=3), grown)
-            if weigh(self, model, [fitted])[0].delta_bic < rules.ORDER_NEED:
-                return
-            model = grown
-            yield fitted
-
-    def widened(self, model: AxisModel) -> CandidateFit | None:
-        """See `whsklearn.gap.plants.servo_inverse_look.widened`."""
-        return looking.widened(self, model)
-
     def linearised(self, model: AxisModel) -> Linearised:
         """Residual and derivatives in all free numbers, scaled to the independent samples.
 

@@ -14,7 +14,6 @@ from whsklearn.gap.filters import CUTOFF_SIGMA
 from whsklearn.gap.least_squares import least_squares
 from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants import servo_stop as stop
-from whsklearn.gap.plants import servo_two_mass as two_mass
 from whsklearn.gap.plants.servo_candidates import TWO_MASS, Candidate, usable
 from whsklearn.gap.plants.servo_model import AxisModel, Term
 from whsklearn.gap.values import CandidateFit, Look
@@ -24,7 +23,6 @@ GAPS = (0.002, 0.004, 0.009, 0.018, 0.037, 0.075, 0.15)  # rad
 CONTACTS = (6.0, 12.0, 25.0, 60.0)  # Hz, of the antiresonance in contact
 ANTIRESONANCES = np.geomspace(0.8, 65.0, 20)  # Hz
 N_LIMITS = 40  # of the drive over the plausible range: an eighth apart
-N_LINES = 3  # of a spectrum that are looked at as tones
 POLISH = 4  # rounds over the shape numbers, the step shrunk to 0.55 in each to a tenth of the start's spacing, and a
 # parabola through the last three: a spring of twice the drive off by a tenth leaves more than its neighbours explain
 HIGHEST = 160.0  # periods a turn
@@ -65,28 +63,6 @@ class Base:
         return float(1.0 - np.sum((self.left - explained) ** 2) / max(self.power, 1e-300))
 
 
-def looks(view: Any, model: AxisModel, beside: AxisModel | None = None) -> list[Look]:
-    """Every candidate at its best start; the torque is predicted by ``beside`` where the model leaves too much."""
-    base, out = Base(view, model, beside), []
-    struck = stop.regions(view, model)
-    for kind in inverse_kinds(model):
-        if kind in stop.KINDS:
-            term = stop.start(kind, struck)
-            if term is not None:
-                out.append(stop.look_of(view, model, kind, term))
-            continue
-        if base.torque is None and kind.driven and kind.code != k.SATURATION:
-            continue
-        term, gain, n_looks = best_start(view, base, kind)
-        if term is None:
-            continue
-        out.append(Look(
-            kind.name, max(gain, 0.0), term, n_numbers=kind.n_slots - len(kind.held), n_looks=n_looks,
-            elementary=kind.elementary,
-        ))  # fmt: skip
-    return out
-
-
 def inverse_kinds(model: AxisModel) -> tuple[Candidate, ...]:
     """Candidates with a form in this view."""
     return tuple(c for c in (*usable([t.kind for t in model.terms]), *stop.usable(model)) if has_form(c))
@@ -95,42 +71,6 @@ def inverse_kinds(model: AxisModel) -> tuple[Candidate, ...]:
 def has_form(c: Candidate) -> bool:
     """Whether inverse dynamics of the motor's side shows a candidate."""
     return c.linear > 0 or c.transforms or c.code in TWO_MASS
-
-
-def best_start(view: Any, base: Base, kind: Candidate) -> tuple[Term | None, float, int]:
-    """(term at its best start, gain, places looked at)."""
-    model = base.model
-    if kind.code in TWO_MASS:
-        play = kind.code == k.BACKLASH
-        grid = [(g, f) for g in GAPS for f in CONTACTS] if play else [(0.0, f) for f in ANTIRESONANCES]
-        grid = [(g, f) for g, f in grid if f < 0.2 / view.scene.dt and g < view.scene.reach]
-        terms = [two_mass.start(model, kind, g, f, 0.15 if play else 0.05) for g, f in grid]
-    elif kind.scanned == "position":
-        orders = scan_orders(view, base, kind)
-        terms = [Term(kind, (0.0, 0.0, order)) for order in orders]
-    elif kind.code == k.SATURATION:
-        return best_limit(view, model, kind)
-    elif kind.scanned == "time":
-        terms = [Term(kind, (0.0, 0.0, f)) for f in scan_tones(view, base, kind)]
-    elif kind.scanned == "step":
-        low, high = kind.ranged(view.scene)[0]
-        terms = [Term(kind, (0.0, t)) for t in np.linspace(low, high, rules.PLACES["step"])]
-    else:
-        terms = [Term(kind, (*([0.0] * kind.linear), *shape)) for shape in kind.starts(view.scene)]
-    if not terms:
-        return None, 0.0, 1
-    gains = [term_gain(view, base, t) for t in terms]
-    best = int(np.argmax(gains))
-    return terms[best], gains[best], rules.PLACES.get(kind.scanned, len(terms))
-
-
-def best_limit(view: Any, model: AxisModel, kind: Candidate) -> tuple[Term | None, float, int]:
-    """The limit of the drive under which the model leaves the smallest share of it."""
-    before = view.rms(view.gap(model))
-    limits = np.geomspace(*kind.ranged(view.scene)[0], N_LIMITS)
-    gaps = [view.rms(view.gap(model.with_term(Term(kind, (float(limit),))))) for limit in limits]
-    best = int(np.argmin(gaps))
-    return Term(kind, (float(limits[best]),)), 1.0 - (gaps[best] / max(before, 1e-300)) ** 2, N_LIMITS
 
 
 def term_gain(view: Any, base: Base, term: Term) -> float:
@@ -190,24 +130,6 @@ def pair_gains(base: Base, c: Array, s: Array) -> Array:
     ridge = 1e-5 * (cc + ss) + 1e-300
     cc, ss = cc + ridge, ss + ridge
     return (ss * rc**2 - 2 * cs * rc * rs + cc * rs**2) / np.maximum(cc * ss - cs**2, 1e-300) / max(base.power, 1e-300)
-
-
-def scan_tones(view: Any, base: Base, kind: Candidate) -> list[float]:
-    """The three strongest lines up to the cut-off, from the spectrum of what is left (rests are filled with zeros)."""
-    low = kind.ranged(view.scene)[0][0]
-    left = np.zeros(view.drive.size)
-    left[view.at] = base.left
-    n = 4 * left.size
-    power = np.abs(np.fft.rfft(left, n)) ** 2
-    frequency = np.fft.rfftfreq(n, view.step)
-    inside = np.flatnonzero((frequency >= low) & (frequency <= 1.5 * view.cutoff))
-    out: list[float] = []
-    for i in inside[np.argsort(power[inside])[::-1]]:
-        if all(abs(frequency[i] - f) > 1.0 / view.scene.duration for f in out):
-            out.append(float(frequency[i]))
-        if len(out) == N_LINES:
-            break
-    return out
 
 
 def polished(view: Any, model: AxisModel, term: Term) -> AxisModel:

@@ -1,4 +1,4 @@
-"""Whether a gap follows the motion at all: nameless functions of position, speed, drive and time, cross-validated."""
+"""Nameless functions of position, speed, drive and time: what a gap follows that has no name."""
 
 from __future__ import annotations
 
@@ -43,22 +43,3 @@ def hats(q: Array, width: float) -> Array:
     """
     centres = np.linspace(-1.0, 1.0, round(2.0 / width) + 1)
     return np.maximum(0.0, 1.0 - np.abs(q[:, None] - centres) / (centres[1] - centres[0]))
-
-
-def explainable(view: Any, model: Any) -> float:
-    """Cross-validated share of the gap that follows the motion, whatever the law: bins and waves.
-
-    At most zero for coloured noise; clearly above it if something is missing that has no name here.
-    """
-    d = view.gap(model)
-    angle, v, u, train, held = view.seen(model)
-    basis = generic_basis(view.scene, angle, v, u)
-    shares = []
-    for block in basis:
-        mean, scale = block[train].mean(axis=0), block[train].std(axis=0) + 1e-12
-        x = (block - mean) / scale
-        gram = x[train].T @ x[train] + 0.01 * train.sum() * np.eye(x.shape[1])
-        weights = np.linalg.solve(gram, x[train].T @ (d[train] - d[train].mean()))
-        left = d[held] - d[train].mean() - x[held] @ weights
-        shares.append(1.0 - float(left @ left) / float(d[held] @ d[held]))
-    return max(shares)

@@ -8,7 +8,6 @@ the inverse view goes first.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -16,18 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn.effects import Scales
-from whsklearn.gap.evidence import WHITENED
 from whsklearn.gap.filters import ResidualFilter, autoregression, solve_whitening, whiten
 from whsklearn.gap.least_squares import Fit, jacobian, least_squares
-from whsklearn.gap.plant import ViewDefaults
-from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants import servo_screening as screening
-from whsklearn.gap.plants.servo_candidates import usable
-from whsklearn.gap.plants.servo_model import LONGEST_STEP, AxisModel, Term
-from whsklearn.gap.plants.servo_objections import unphysical
+from whsklearn.gap.plants.servo_model import LONGEST_STEP, AxisModel
 from whsklearn.gap.plants.servo_surrogate import surrogate_record
 from whsklearn.gap.record import ServoRecord, rms
-from whsklearn.gap.values import CandidateFit, Linearised, Look, ModelErrors
+from whsklearn.gap.values import Linearised
 
 Array = NDArray[Any]
 AR_ORDER = 12  # of the whitening polynomial
@@ -37,7 +31,7 @@ LOST = 1e3  # times the travel or the speed of the record: a run beyond has dive
 
 
 @dataclass
-class ObserverView(ViewDefaults):
+class ObserverView:
     """One record under one residual filter.
 
     Attributes
@@ -136,7 +130,6 @@ class ObserverView(ViewDefaults):
         self.ar = autoregression(d[self.usable], AR_ORDER, white)
 
     # --- the protocol of a view --------------------------------------------------------------
-    limits = WHITENED
 
     def coarsened(self, model: AxisModel) -> ObserverView:
         """The view with the longest fine step, a quarter of a sample at the most, that leaves the gap as it is.
@@ -164,55 +157,6 @@ class ObserverView(ViewDefaults):
             self.weigh(self.rms(self.gap(model)))
             model, _ = self.fitted(model)
         return model
-
-    def look(self, model: AxisModel) -> list[Look]:
-        """See `whsklearn.gap.plants.servo_screening.screen`."""
-        self.weigh(self.rms(self.gap(model)))
-        model, fit = self.fitted(model, max_iterations=4)
-        first = len(model.terms) == model.n_base
-        kinds = usable([t.kind for t in model.terms])
-        if self.is_surrogate and first:  # their looks would be costly, and set no level that chance reaches
-            kinds = tuple(k for k in kinds if k.cls.port != "block")
-        return [screening.look_of(self, t, fit, first=first) for t in screening.screen(self, model, fit, kinds)]
-
-    def refine(self, model: AxisModel, look: Look) -> AxisModel:
-        """See `whsklearn.gap.plants.servo_screening.refine`."""
-        self.weigh(self.rms(self.gap(model)))
-        return screening.refine(self, model, look.start)
-
-    def widened(self, model: AxisModel) -> CandidateFit | None:
-        """The last term with its later numbers free, fitted with all others from the best of their starts."""
-        last = model.terms[-1]
-        rows = last.kind.opened(last.q, self.scene)
-        if not rows:
-            return None
-        self.weigh(self.rms(self.gap(model)))
-        tried = [model.with_terms((*model.terms[:-1], Term(*row))) for row in rows]
-        best = min(tried, key=lambda m: float(np.sum(self.residual(m) ** 2)))
-        look = Look(last.name, 1.0, n_numbers=len(last.kind.later), n_looks=len(rows))
-        return CandidateFit(look, self.fitted(best)[0])
-
-    def compare(self, models: Sequence[AxisModel], best: int) -> list[ModelErrors]:
-        """Held-out errors without the colour of what is left, training errors whitened by what the best leaves."""
-        gaps = [self.gap(m) for m in models]
-        self.weigh(self.rms(gaps[best]))
-        held = [self.whitened(d, on="held") for d in gaps]
-        self.tune_whitening(gaps[best])
-        block = self.held[(self.held >= 0) & self.usable]
-        fitted = [self.whitened(d) for d in gaps]
-        return [ModelErrors(e, h, block, float(e.size)) for e, h in zip(fitted, held, strict=True)]
-
-    def objection(self, model: AxisModel, index: int) -> str:
-        """What is wrong with the sign or the range of a term's numbers; empty if nothing."""
-        return unphysical(self.record, model, index)
-
-    def demand(self, model: AxisModel) -> float:
-        """Beside a play a further effect must explain most of what is left."""
-        return rules.BESIDE_A_PLAY if model.has_play else 0.0
-
-    def replaceable(self, model: AxisModel, index: int) -> bool:
-        """Whether others may be tried in a term's place: nothing else disconnects a load."""
-        return not (model.has_play and not model.without(index).has_play)
 
     def surrogate(self, model: AxisModel, rng: np.random.Generator) -> ObserverView:
         """The view of a record that the model itself made in the same experiment."""
