@@ -52,6 +52,32 @@ def test_a_log_with_a_hole_is_used_on_both_sides_of_it(tmp_path):
     assert page.index("225 of 225 in 2 segments") < page.index("<table>")
 
 
+def test_all_segments_of_a_test_log_are_judged(tmp_path):
+    # behind its hole the plant of the test log has twice the gain: who judges the longest segment alone sees nothing
+    rng = np.random.default_rng(0)
+
+    def log(n):
+        u = rng.normal(size=n)
+        y = lfilter([0.0, 0.5, 0.2], [1.0, -1.2, 0.5], u) + 0.01 * rng.normal(size=n)
+        return pd.DataFrame({"time_s": 0.01 * np.arange(n), "u": u, "y": y})
+
+    log(240).to_csv(tmp_path / "log.csv", index=False)
+    second = log(300).drop(index=range(170, 190))
+    arguments = [tmp_path / "log.csv", "--time", "time_s", "--input", "u", "--output", "y", "--no-track"]
+    arguments += ["--test", tmp_path / "test.csv", "--out", tmp_path / "out"]
+    errors = []
+    for gain in (1.0, 2.0):
+        y = np.where(second.index >= 190, gain * second.y, second.y)
+        second.assign(y=y).to_csv(tmp_path / "test.csv", index=False)
+        done = CliRunner().invoke(main, [str(a) for a in arguments])
+        assert done.exit_code == 0, done.output
+        found = json.loads((tmp_path / "out" / "identify.json").read_text())
+        (chosen,) = [m for m in found["models"] if m["name"] == found["recommended_name"]]
+        errors.append(chosen["test"]["rmse"])
+    assert errors[0] < 0.015  # the noise: no run goes on across the hole
+    assert errors[1] > 0.1
+
+
 def test_a_child_run_a_structure_and_the_model_itself_are_recorded(tmp_path, mlflow_root):
     import mlflow
 

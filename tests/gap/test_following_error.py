@@ -11,6 +11,7 @@ from click.testing import CliRunner
 
 from whsklearn.cli.gap import main
 from whsklearn.gap.following_error import following_error
+from whsklearn.gap.record import ServoRecord
 
 RATE, SECONDS = 50.0, 40.0
 GAIN, INERTIA, VISCOUS, COULOMB, GRAVITY = 30.0, 0.02, 1.5, 0.4, 3.0
@@ -37,6 +38,11 @@ def servo(late: float, gravity: float) -> pd.DataFrame:
     return pd.DataFrame({"time_s": t, "command_rad": command_at(t), "position_rad": np.round(out / step) * step})
 
 
+def record_of(log: pd.DataFrame, starts: tuple[int, ...] = ()) -> ServoRecord:
+    time, command, position = (log[c].to_numpy() for c in ("time_s", "command_rad", "position_rad"))
+    return ServoRecord(time, np.zeros_like(time), position, command, ("rad", "rad"), starts=starts)
+
+
 @pytest.fixture(scope="module")
 def hanging():
     return servo(late=0.06, gravity=GRAVITY)
@@ -44,8 +50,22 @@ def hanging():
 
 def test_a_late_command_is_found_and_a_prompt_one_is_left(hanging):
     for log, late in ((hanging, 0.06), (servo(0.0, GRAVITY), 0.0)):
-        _, found = following_error(log.command_rad.to_numpy(), log.position_rad.to_numpy(), 1.0 / RATE)
+        _, found = following_error(record_of(log))
         assert found == pytest.approx(late, abs=2.1 / RATE)  # viscous friction takes up a part of a delay
+
+
+def test_no_command_from_before_a_hole_acts_behind_it(hanging):
+    # behind the hole the axis is a turn further: a command of the first segment there would be an error of 6 rad
+    turn = 2.0 * np.pi
+    far = hanging.assign(command_rad=hanging.command_rad + turn, position_rad=hanging.position_rad + turn)
+    first, second = hanging.iloc[:1000], far.iloc[1150:]
+    error, delay = following_error(record_of(pd.concat([first, second]), starts=(1000,)))
+    assert delay == pytest.approx(0.06, abs=2.1 / RATE)
+    late = round(delay * RATE)
+    for part, found in ((first, error[:1000]), (second, error[1000:])):
+        command, position = part.command_rad.to_numpy(), part.position_rad.to_numpy()
+        np.testing.assert_allclose(found[late:], command[:-late] - position[late:], atol=1e-12)
+        np.testing.assert_allclose(found[:late], command[0] - position[:late], atol=1e-12)
 
 
 def test_gravity_is_named_per_unit_of_the_loops_gain(hanging, tmp_path):

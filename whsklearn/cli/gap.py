@@ -7,6 +7,7 @@ missing) into the report folder and records the diagnosis in MLflow: a parent ru
 from __future__ import annotations
 
 import warnings
+from dataclasses import replace
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
@@ -301,7 +302,7 @@ def as_record(options: dict[str, Any], log: Bunch) -> tuple[Any, dict[str, Any]]
 
     from whsklearn.gap.following_error import following_error
     from whsklearn.gap.record import ServoRecord
-    from whsklearn.logs.units import UNKNOWN, factor_between, factor_of
+    from whsklearn.logs.units import UNKNOWN, factor_between
 
     if options["robot"]:
         return (log.time, log.y, log.X), {}
@@ -315,9 +316,16 @@ def as_record(options: dict[str, Any], log: Bunch) -> tuple[Any, dict[str, Any]]
         reference = reference * factor_between(log.units.get("reference", unit), unit)
     if log.command is not None:
         reference = log.command * factor_between(log.units.get("command", unit), unit)
-        by = factor_of(unit)[0]
-        drive, delay = following_error(reference * by, log.y * by, 1.0 / log.sample_rate)
-        drive, drive_unit = drive / by, unit
+        drive, drive_unit = reference - log.y, unit
+    units = "drive" if drive_unit == UNKNOWN else drive_unit, "rad" if unit == UNKNOWN else unit
+    record = ServoRecord(
+        log.time, drive, log.y, reference, units, resolution=1.0 if unit.startswith("counts") else 0.0,
+        error_for_drive=log.command is not None, logged=(drive_unit, unit),
+        starts=tuple(int(k) + 1 for k in np.flatnonzero(np.diff(log.groups))),
+    )  # fmt: skip
+    if log.command is not None:
+        error, delay = following_error(record)
+        record = replace(record, drive=error)
         late = f", the command taken {delay:.3g} s later," if delay else ""
         text = (
             f"No drive is logged: command minus position{late} stands for it. Sizes are per unit of the loop's gain: "
@@ -326,12 +334,7 @@ def as_record(options: dict[str, Any], log: Bunch) -> tuple[Any, dict[str, Any]]
         )
         note(text)
         log.notes = (*log.notes, text)
-    units = "drive" if drive_unit == UNKNOWN else drive_unit, "rad" if unit == UNKNOWN else unit
-    return ServoRecord(
-        log.time, drive, log.y, reference, units, resolution=1.0 if unit.startswith("counts") else 0.0,
-        error_for_drive=log.command is not None, logged=(drive_unit, unit),
-        starts=tuple(int(k) + 1 for k in np.flatnonzero(np.diff(log.groups))),
-    ), {}  # fmt: skip
+    return record, {}
 
 
 def model_of(options: dict[str, Any]) -> Any:

@@ -13,7 +13,7 @@ import click
 from tqdm import tqdm
 
 from whsklearn.cli.job import job, say_where, table, tracker_for, worse_than_mean, wrapped, writable_folder
-from whsklearn.cli.records import logged_option, longest, note_assumed, read, reading_options, refuse_fitted
+from whsklearn.cli.records import logged_option, note, note_assumed, read, reading_options, refuse_fitted
 
 if TYPE_CHECKING:
     from sklearn.utils import Bunch
@@ -53,7 +53,7 @@ def main(**options: Any) -> None:
     from whsklearn.identification.report import on_intervals, write
 
     train = log_of(options["train"], options)
-    test = longest(log_of(options["test"], options)) if options["test"] else None
+    test = log_of(options["test"], options) if options["test"] else None
     note_assumed(train)
     if test is not None:
         refuse_fitted(train, test)
@@ -82,6 +82,11 @@ def main(**options: Any) -> None:
             drive_error=train.drive_error,
             groups=train.groups,
             progress=progress,
+        )
+    if test is not None and found.test.y.size < test.y.size:
+        note(
+            f"{found.test.y.size} of {test.y.size} samples of {test.name} are used: the other segments are too short "
+            "to judge anything."
         )
     page = write(found, options["out"])
     told = wrapped(on_intervals(found))
@@ -135,8 +140,8 @@ def log_of(path: str, options: dict[str, Any]) -> Bunch:
     return read(path, options, **columns)
 
 
-def as_train(test: Bunch, train: Bunch) -> tuple[Any, Any]:
-    """Drive and output of a test log in the units of the first."""
+def as_train(test: Bunch, train: Bunch) -> tuple[Any, Any, Any]:
+    """Drive and output of a test log in the units of the first, and its segments."""
     from whsklearn.logs.units import factor_between
 
     out = []
@@ -145,7 +150,7 @@ def as_train(test: Bunch, train: Bunch) -> tuple[Any, Any]:
             out.append(signal * factor_between(test.units[role], train.units[role]))
         except ValueError as error:
             raise ValueError(f"The two logs have another {role}: {error}; give a log of the same columns.") from None
-    return out[0], out[1]
+    return out[0], out[1], test.groups
 
 
 def comparison(found: Identification) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -9,52 +10,68 @@ from numpy.typing import NDArray
 
 from whsklearn.gap import evidence as rules
 from whsklearn.gap.filters import CUTOFF_SIGMA, filtered, gaussian_derivatives
+from whsklearn.gap.record import ServoRecord
 
 Array = NDArray[Any]
 LONGEST_DELAY = 0.4  # s between a command's stamp and its effect: a bus of hobby servos needs 0.06 to 0.2
 CUTOFF = 4.0  # Hz: commands of a position servo are slow
 
 
-def following_error(command: Array, position: Array, dt: float) -> tuple[Array, float]:
-    """(command minus position, rad; the delay, s, by which the command acts late), the record's first samples repeated.
+def following_error(record: ServoRecord) -> tuple[Array, float]:
+    """(command minus position, rad; the delay, s, by which the command acts late), first samples repeated.
 
     Inside the servo, torque = gain (command - position), so the error is the drive in units of the loop's gain.  A
     command that is stamped when it is sent acts later; the delay taken is the one at which inertia, viscous and dry
-    friction, a constant and gravity explain the error best.
+    friction, a constant and gravity explain the error best.  Neither the delay nor a filter reaches across a hole.
 
     Parameters
     ----------
-    command, position : ndarray of shape (n,)
-    dt : float
+    record : ServoRecord
+        Its reference is the command; its drive is not looked at.
 
     Examples
     --------
     >>> t = np.arange(3000) * 0.02
     >>> wave = lambda t: 0.4 * np.sin(1.3 * t) + 0.2 * np.sin(4.1 * t + 1.0) + 0.05 * np.sin(9.0 * t)
     >>> sags = wave(t - 0.1) - 0.02 * np.cos(wave(t - 0.1))
-    >>> round(following_error(wave(t), sags, 0.02)[1], 2)
+    >>> record = ServoRecord(t, np.zeros_like(t), sags, wave(t), units=("rad", "rad"))
+    >>> round(following_error(record)[1], 2)
     0.1
     """
+    command, position, dt = record.reference, record.position, record.dt
+    assert command is not None
     kernels = gaussian_derivatives(CUTOFF_SIGMA / (2 * np.pi * min(CUTOFF, 0.08 / dt)), dt)
-    q, v, a = (filtered(position - position.mean(), k, 1) for k in kernels)
+    q, v, a = (record.by_piece(partial(filtered, taps=k, every=1), position - position.mean()) for k in kernels)
     q = q + position.mean()
     slow = 0.05 * float(np.std(v)) + 1e-12
     columns = np.column_stack([a, v, np.tanh(v / slow), np.ones_like(q), np.cos(q), np.sin(q)])
-    edge = min(kernels[0].size + round(LONGEST_DELAY / dt), q.size // 4)
-    inside = slice(edge, q.size - edge)
+    edge = kernels[0].size + round(LONGEST_DELAY / dt)
+    inside = record.by_piece(partial(_inner, edge=edge), np.ones(q.size, dtype=bool))
     basis, _ = np.linalg.qr(columns[inside])
 
     def left(samples: int) -> float:
-        error = (filtered(late(command, samples), kernels[0], 1) - q)[inside]
+        error = (record.by_piece(partial(_smooth_late, samples=samples, kernel=kernels[0]), command) - q)[inside]
         return float(np.linalg.norm(error - basis @ (basis.T @ error)))
 
     losses = [left(k) for k in range(round(LONGEST_DELAY / dt) + 1)]
     best = int(np.argmin(losses))
     if losses[best] > rules.WORTH_A_DELAY * losses[0]:
         best = 0
-    return late(command, best) - position, best * dt
+    return record.by_piece(partial(late, samples=best), command) - position, best * dt
 
 
 def late(x: Array, samples: int) -> Array:
     """A signal some samples later, its first value before."""
+    samples = min(samples, x.size)
     return np.concatenate([np.full(samples, x[0]), x[: x.size - samples]])
+
+
+def _smooth_late(x: Array, samples: int, kernel: Array) -> Array:
+    return filtered(late(x, samples), kernel, 1)
+
+
+def _inner(all_of_it: Array, edge: int) -> Array:
+    """The samples of a segment that neither a filter nor a delay brings to its ends."""
+    edge = min(edge, all_of_it.size // 4)
+    n = np.arange(all_of_it.size)
+    return (n >= edge) & (n < all_of_it.size - edge)

@@ -163,7 +163,7 @@ def identify(
     y: ArrayLike,
     *,
     dt: float = 1.0,
-    test: tuple[ArrayLike, ArrayLike] | None = None,
+    test: tuple[ArrayLike, ArrayLike] | tuple[ArrayLike, ArrayLike, ArrayLike] | None = None,
     skip: int = 0,
     logged: str = "auto",
     units: dict[str, str] | None = None,
@@ -179,8 +179,9 @@ def identify(
         Input and output.
     dt : float, default=1.0
         Sampling time (s).
-    test : pair of array-like, optional
-        Another record to report on; the choice is made on the last 30 % of the first in either case.
+    test : tuple of array-like, optional
+        Another record to report on, (u, y) or (u, y, groups); the choice is made on the last 30 % of the first in
+        either case.
     skip : int, default=0
         First samples of the test that do not count.
     logged : {"auto", "output", "velocity", "position"}, default="auto"
@@ -241,8 +242,11 @@ def identify(
         progress(f"{chosen.name}, on the whole record")
     chosen.model = _fitted(replace(chosen), fit_again, whole, units).model or chosen.model
     chosen.model = _with_drive_error(chosen.model, drive_error)
-    judged = held_out if test is None else replace(view(*test, dt, whole.logged), si=whole.si)
-    if test is None:  # it begins in motion
+    if test is not None:
+        cuts = test[2] if len(test) == 3 else None
+        judged = replace(view(test[0], test[1], dt, whole.logged, cuts), si=whole.si)
+    else:  # it begins in motion
+        judged = held_out
         skip = max(skip, lead(judged.longest.u.size, dt))
     for compared in tried:
         compared.train = _indices(compared.model, fitting, 0)
