@@ -1,4 +1,4 @@
-"""Several records of one axis: what moved between them, by how much, or the smallest change that would have shown."""
+"""Compare records of one axis: what changed between them and by how much, or the smallest change that would show."""
 
 from whsklearn.compare.comparison import Change, Comparison
 from whsklearn.compare.records import compare_records

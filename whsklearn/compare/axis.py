@@ -1,4 +1,4 @@
-"""Records of one axis as rows of the same regression: one filter, one softness of the sign, the same effects in all."""
+"""Records of one axis as rows of the same regression, with the same filter, smoothing of the sign and effects."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ SHOWN = 0.1  # of a column's rms in the record that shows it best: a number that
 
 
 class OneWay(ValueError):
-    """Records of which friction and offset cannot be compared."""
+    """Raised for records whose friction and offset cannot be compared."""
 
 
 def axis_rows(records: list[ServoRecord], labels: list[str], alpha: float, rng: np.random.Generator) -> list[Rows]:
@@ -51,9 +51,9 @@ def axis_rows(records: list[ServoRecord], labels: list[str], alpha: float, rng: 
     records : list of ServoRecord
     labels : list of str
     alpha : float
-        Probability of a column that no record needs.
+        Probability of adding a column that no record needs.
     rng : Generator
-        Of the rows of chance.
+        Draws the random rows.
     """
     views, models = alike(records)
     for _ in range(MOST_EFFECTS):
@@ -78,8 +78,8 @@ def alike(records: list[ServoRecord]) -> tuple[list[InverseView], list[AxisModel
     ways = {direction(v.motion.velocity, slowest) for v in views}
     if len(ways) > 1:
         raise OneWay(
-            "The records turn different ways, one of them never back: what is friction there and what an offset cannot "
-            "be told. Log a run that reverses."
+            "The records turn in different directions, and at least one of them never reverses, so friction and offset "
+            "cannot be separated. Log a run that reverses."
         )
     law = LAW if ways == {0} else ONE_WAY
     return views, [v.fit(base_model(law, v.scene)) for v in views]
@@ -91,7 +91,7 @@ def direction(speed: Array, slowest: float) -> int:
 
 
 def missing(view: InverseView, model: AxisModel, rng: np.random.Generator, alpha: float) -> list[Look]:
-    """The effects whose columns explain more of what one record leaves than chance does."""
+    """The effects whose columns explain more of one record's residual than chance does."""
     scene = Scene(view, model)
     _, x, target, sizes, _ = view.solved(model)
     left = (target - x @ sizes)[view.at]
@@ -114,12 +114,12 @@ def path_of(view: InverseView) -> Array:
 
 
 def constant(kind: Candidate) -> bool:
-    """Whether an effect is a constant of the axis with columns of its own, and no finer law of another effect."""
+    """Whether an effect is a constant of the axis with its own columns, and not a refinement of another effect."""
     return kind.cls.place in PLACES and kind.linear > 0 and not (kind.driven or kind.parent or kind in stop.KINDS)
 
 
 def shown_by_all(views: list[InverseView], models: list[AxisModel], term: Term) -> bool:
-    """Whether the effect's columns stand apart from the model's in every record, and are of a like size in all."""
+    """Whether the effect's columns are distinct from the model's in every record, and of similar size in all."""
     sizes = []
     for view, model in zip(views, models, strict=True):
         z = view.term_columns(model, term, None)[view.at]
@@ -132,7 +132,7 @@ def shown_by_all(views: list[InverseView], models: list[AxisModel], term: Term) 
 
 
 def rows_of(view: InverseView, model: AxisModel, label: str, own: Mapping[str, str]) -> Rows:
-    """The judged samples of a view, numbers in the units that ``own`` says; last of them the age of the drive."""
+    """The judged samples of a view, with numbers in the units given by ``own``; the last is the age of the drive."""
     at = view.at
     x = view.columns(model)[0]
     rate = ols.slope(x @ view.sizes(model), view.step)

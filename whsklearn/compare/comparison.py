@@ -1,4 +1,4 @@
-"""What a comparison of records found, as data: for the terminal, for ``compare.json``, for the page."""
+"""The result of a comparison of records, as data for the terminal, ``compare.json`` and the page."""
 
 from __future__ import annotations
 
@@ -14,29 +14,29 @@ SHOWN = 0.05  # of the scale of a number: an interval of 95 %
 
 @dataclass(frozen=True)
 class Change:
-    """One number, or one effect, that moved.
+    """One number, or one effect, that changed.
 
     Attributes
     ----------
     name : str
         ``inertia``, ``delay``, ``gain``, or the canonical name of an effect.
     before, after : float
-        In ``unit``; of an effect with a cosine and a sine its amplitude, of the gain its ratio.
+        Values in ``unit``; the amplitude of an effect with a cosine and a sine, the ratio for the gain.
     standard_error : float
-        Of the difference.
+        Standard error of the difference.
     degrees : float
-        Of freedom of that error.
+        Degrees of freedom of that error.
     unit : str
     p_value : float
-        That records of which nothing moved show such a change in any number.
+        Probability that records between which nothing changed show such a change in any number.
     rivals : list of str
-        What explains the difference nearly as well.
+        Other changes that explain the difference nearly as well.
     share : float
-        Rms of the drive that changed, as a share of the rms drive.
+        Rms of the change in the drive, as a share of the rms drive.
     direction : tuple of float, optional
-        (turn of an effect with a cosine and a sine, its standard error), rad.
+        Phase shift of an effect with a cosine and a sine, and its standard error (rad).
     between : tuple of str, optional
-        Of more than two records, those between which it moved.
+        If there are more than two records, those between which it changed.
 
     References
     ----------
@@ -113,7 +113,7 @@ class Change:
 
 @dataclass
 class Comparison:
-    """The answer to "what moved".
+    """The answer to the question "what changed?".
 
     Attributes
     ----------
@@ -121,18 +121,18 @@ class Comparison:
         ``moved``, ``nothing`` or ``cannot_tell``.
     sentence : str
     labels : list of str
-        Of the records.
+        Labels of the records.
     changes : list of Change
-        The surest first.
+        The most certain first.
     smallest_seen : dict
-        Name -> the smallest change that would have been named.
+        Name -> the smallest change that would have been detected.
     reason : str
-        Why nothing can be told.
+        Why nothing can be concluded.
     numbers : list of dict
-        A row a number: name, unit, values and standard errors of all records, spread between and within them.
+        One row per number: name, unit, values and standard errors of all records, spread between and within them.
     notes : list of str
     usable : bool
-        Whether every record is one of which anything can be learnt.
+        Whether every record can be used.
     alpha, seconds : float
 
     References
@@ -161,7 +161,7 @@ class Comparison:
 
     @property
     def smallest_rows(self) -> list[dict[str, Any]]:
-        """A row a name: the smallest change that would have been named, with its unit."""
+        """One row per name: the smallest change that would have been detected, with its unit."""
         units = {r["name"]: r["unit"] for r in reversed(self.numbers)} | {"gain": "1"}
         return [{"name": n, "smallest": v, "unit": units.get(n, "")} for n, v in self.smallest_seen.items()]
 

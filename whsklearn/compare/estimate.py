@@ -1,4 +1,4 @@
-"""The numbers of one record, with a covariance that holds for coloured errors, uneven errors and a model that is wrong.
+"""The numbers of one record, with a covariance that is valid for coloured or uneven errors and for a wrong model.
 
 Three looks at the same spread, none of which is enough alone.  The spectrum of what is left gives the covariance under
 stationary noise, whatever its colour.  Leaving out one block at a time shows where the errors are uneven.  The halves
@@ -40,11 +40,11 @@ class Estimate:
     values : ndarray of shape (p,)
     covariance : ndarray of shape (p, p)
     degrees : float
-        Of freedom of the covariance: blocks less one.
+        Degrees of freedom of the covariance: the number of blocks minus one.
     left : float
-        Rms of what is left, as a share of the rms drive.
+        Rms of the residual, as a share of the rms drive.
     drift : dict
-        Number -> rms by which it walks within the record, beyond noise.
+        Number -> rms by which it drifts within the record, beyond noise.
     """
 
     label: str
@@ -56,7 +56,7 @@ class Estimate:
 
 
 def estimate(rows: Rows) -> Estimate:
-    """Least squares of one record, drift projected out.
+    """Least squares of one record, with drift projected out.
 
     References
     ----------
@@ -145,7 +145,7 @@ def _drift(fit: Array, variance: Array, of: tuple[int, ...], size: Array, unit: 
 
 
 def pooled(parts: list[Estimate]) -> Estimate:
-    """Several records as one: the mean weighted by information."""
+    """Several records combined into one: their mean, weighted by information."""
     if len(parts) == 1:
         return parts[0]
     weights = [np.linalg.inv(e.covariance) for e in parts]

@@ -1,4 +1,4 @@
-"""Which number moved: what a change of each would explain of the whole difference between two estimates.
+"""Which number changed: how much of the whole difference between two estimates a change in each would explain.
 
 The difference delta of two estimates with covariance S speaks for a hypothesis "delta = E s" by a Student law with as
 many degrees of freedom as S has: twice the log likelihood falls from (nu + p) ln(1 + chi0 / nu) to the same of chi_E.
@@ -18,28 +18,28 @@ Array = NDArray[Any]
 
 PRIOR = 0.3  # of the rms drive: a typical change, for the price of a free number (Occam)
 BESIDE = 4.0  # nats: what explains the difference e^4 times worse is no rival
-LEAST = 0.005  # of the rms drive: changes below are not worth a name
+LEAST = 0.005  # of the rms drive: smaller changes are not reported
 MOST_CHANGES = 3
 
 
 @dataclass(frozen=True)
 class Difference:
-    """Second estimate less the first.
+    """The second estimate minus the first.
 
     Attributes
     ----------
     names : tuple of str
-        Of the p numbers.
+        Names of the p numbers.
     covers : dict
-        Name -> names of numbers that move with it.
+        Name -> names of numbers that change with it.
     values : ndarray of shape (p,)
     covariance : ndarray of shape (p, p)
     degrees : float
-        Of freedom of the covariance.
+        Degrees of freedom of the covariance.
     mean, errors : ndarray of shape (p,)
         The numbers themselves, pooled, and their standard errors.
     sizes : ndarray of shape (p,)
-        Rms drive a unit of each number.
+        Rms drive per unit of each number.
     scale : float
         Rms drive.
     """
@@ -57,13 +57,13 @@ class Difference:
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """One thing that may have moved.
+    """One possible change.
 
     Attributes
     ----------
     name : str
     basis : ndarray of shape (p, k)
-        Directions in which the numbers move.
+        Directions in which the numbers change.
     """
 
     name: str
@@ -72,23 +72,23 @@ class Hypothesis:
 
 @dataclass(frozen=True)
 class Found:
-    """A hypothesis beside others, fitted.
+    """A hypothesis, fitted together with others.
 
     Attributes
     ----------
     hypothesis : Hypothesis
     step : ndarray of shape (k,)
-        How far along its basis.
+        Step along its basis.
     errors : ndarray of shape (k,)
         Standard errors.
     chi2 : float
-        By which the difference is better explained.
+        Improvement in chi-squared of the difference.
     evidence : float
-        Nats, the price of its numbers taken off.
+        In nats, after subtracting the price of its numbers.
     p_value : float
-        That chance does so, for one hypothesis.
+        Probability of such an improvement by chance, for one hypothesis.
     size : float
-        Rms of the drive that it changes, as a share of the rms drive.
+        Rms of the change in the drive, as a share of the rms drive.
     """
 
     hypothesis: Hypothesis
@@ -101,7 +101,7 @@ class Found:
 
 
 def hypotheses(d: Difference) -> list[Hypothesis]:
-    """Every number by its name, and the gain of the drive: all numbers but an age of the drive, scaled alike."""
+    """One hypothesis per named number, and one for the gain of the drive: all numbers scaled alike except its age."""
     unit = np.eye(d.values.size)
     out = []
     for name in dict.fromkeys(d.names):
@@ -112,7 +112,7 @@ def hypotheses(d: Difference) -> list[Hypothesis]:
 
 
 def weigh(d: Difference, h: Hypothesis, given: Array) -> Found:
-    """A hypothesis on top of the directions ``given``, shape (p, m), that are taken to have moved."""
+    """Fit a hypothesis in addition to the directions ``given``, shape (p, m), that are assumed to have changed."""
     w = np.linalg.inv(d.covariance)
     nu, p = d.degrees, d.values.size
     rest = d.values - _project(d.values, w, given)
@@ -145,7 +145,7 @@ def _occam(d: Difference, h: Hypothesis, information: Array) -> float:
 
 
 def moved(d: Difference, alpha: float) -> list[tuple[Found, list[Found]]]:
-    """What moved, the surest first, each with its rivals; empty where nothing did.
+    """What changed, the most certain first, each with its rivals; empty if nothing did.
 
     A second change must be as sure as the first beside it, and explain e^4 times more than the first alone.
     """
@@ -165,7 +165,7 @@ def moved(d: Difference, alpha: float) -> list[tuple[Found, list[Found]]]:
 
 
 def smallest(d: Difference, alpha: float) -> dict[str, float]:
-    """Name -> the smallest change that would have been named, in the number's unit (of a pair, its amplitude)."""
+    """Name -> the smallest change that would have been detected, in the number's unit (for a pair, its amplitude)."""
     w = np.linalg.inv(d.covariance)
     every = hypotheses(d)
     z = float(student.isf(alpha / len(every) / 2.0, d.degrees))

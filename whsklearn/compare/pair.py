@@ -1,4 +1,4 @@
-"""Two records, or two groups of them: the difference of their numbers, and what moved as a reader takes it."""
+"""The difference between two records, or two groups of records, and what changed, as shown to the reader."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ Array = NDArray[Any]
 
 
 def between(rows: list[Rows], first: list[Estimate], second: list[Estimate]) -> Difference:
-    """The difference of two groups of estimates; of two single records on one path, of the records themselves.
+    """The difference of two groups of estimates, or of two single records themselves if they share one path.
 
     Parameters
     ----------
     rows : list of Rows
-        Of all records.
+        Rows of all records.
     first, second : list of Estimate
     """
     a, b = pooled(first), pooled(second)
@@ -44,7 +44,7 @@ def _walk(a: Estimate, b: Estimate, i: int) -> float:
 
 
 def changes_between(d: Difference, before: Estimate, units: tuple[str, ...], alpha: float) -> list[Change]:
-    """What moved, as a reader takes it."""
+    """What changed, as shown to the reader."""
     found = moved(d, alpha)
     if not found:
         return []
@@ -53,7 +53,7 @@ def changes_between(d: Difference, before: Estimate, units: tuple[str, ...], alp
     w = np.linalg.inv(d.covariance)
     inverse = np.linalg.pinv(basis.T @ w @ basis, rcond=1e-10, hermitian=True)
     step = inverse @ (basis.T @ w @ d.values)
-    # what the change leaves of the difference is noise of both records; the first has its share of it
+    # The residual of the difference is noise of both records; the first record has its share of it.
     start = before.values + before.covariance @ w @ (d.values - basis @ step)
     out, i = [], 0
     for best, rivals in found:

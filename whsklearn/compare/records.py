@@ -1,4 +1,4 @@
-"""`compare_records`: several records of one axis, and what moved between them."""
+"""`compare_records`: what changed between several records of one axis."""
 
 from __future__ import annotations
 
@@ -31,16 +31,16 @@ N_KNOTS = 24
 def compare_records(
     records: Sequence[ServoRecord], labels: Sequence[str] = (), *, alpha: float = 0.01, random_state: int = 0
 ) -> Comparison:
-    """What moved between records of one axis, by how much, or that nothing did, or why that cannot be told.
+    """Find what changed between records of one axis and by how much, or say that nothing did or why it is unknown.
 
     Parameters
     ----------
     records : sequence of ServoRecord
-        Two at least, in the order of time.
+        At least two, in order of time.
     labels : sequence of str, optional
-        What the records are called.
+        Names of the records.
     alpha : float
-        Probability of a change that is named though nothing moved.
+        Probability of reporting a change although nothing changed.
     random_state : int
 
     Raises
@@ -91,7 +91,7 @@ def _compared(records: list[ServoRecord], labels: list[str], alpha: float, rng: 
 
 
 def unusable(record: ServoRecord, label: str) -> str:
-    """Why nothing can be told from a record; empty if it can be used."""
+    """Why nothing can be concluded from a record; empty if it can be used."""
     for problem in check_servo(record):
         if problem.fatal:
             return f"{label}: {problem.title}. {problem.explanation}"
@@ -115,7 +115,7 @@ def cannot_tell(reason: str, labels: list[str]) -> Comparison:
 
 
 def compare_rows(rows: list[Rows], alpha: float) -> Comparison:
-    """The comparison of records that are rows of one regression."""
+    """Compare records that are given as rows of one regression."""
     labels = [r.label for r in rows]
     parts = [estimate(r) for r in rows]
     for part in parts:
@@ -142,7 +142,7 @@ def compare_rows(rows: list[Rows], alpha: float) -> Comparison:
 
 
 def unphysical(rows: Rows, part: Estimate) -> str:
-    """Which number of a record is surely negative though physics has it positive, as a sentence; empty if none is."""
+    """A sentence on the number that is clearly negative although physics requires a positive one; empty if none is."""
     errors = np.sqrt(np.diag(part.covariance))
     for i, name in enumerate(rows.names):
         if name in rows.positive and part.values[i] < -SURE * errors[i]:
@@ -154,7 +154,7 @@ def unphysical(rows: Rows, part: Estimate) -> str:
 
 
 def table(rows: list[Rows], parts: list[Estimate]) -> list[dict[str, Any]]:
-    """A row a number: value and standard error of every record, the mean, and how far records lie apart beyond them."""
+    """One row per number: value and standard error in each record, the mean, and the excess spread between records."""
     out = []
     for i, name in enumerate(rows[0].names):
         values, variances = np.array([e.values[i] for e in parts]), np.array([e.covariance[i, i] for e in parts])
@@ -169,7 +169,7 @@ def table(rows: list[Rows], parts: list[Estimate]) -> list[dict[str, Any]]:
 
 
 def drift_notes(rows: list[Rows], parts: list[Estimate]) -> list[str]:
-    """What walks within a record, and is therefore no change between records."""
+    """Notes on numbers that drift within a record, which therefore do not count as changes between records."""
     out = []
     for r, e in zip(rows, parts, strict=True):
         for i, walk in e.drift.items():
@@ -182,7 +182,7 @@ def drift_notes(rows: list[Rows], parts: list[Estimate]) -> list[str]:
 
 
 def own_sizes(d: Difference) -> dict[str, float]:
-    """Name -> size of the number itself that is beyond doubt, of those that an axis always has a size of."""
+    """Name -> size of the number that is certain, for the numbers that every axis has."""
     out = {}
     for name in dict.fromkeys(d.names):
         if name not in ("delay", "input_offset"):
@@ -193,7 +193,7 @@ def own_sizes(d: Difference) -> dict[str, float]:
 
 
 def unseen(d: Difference, smallest_seen: dict[str, float]) -> str:
-    """Why "nothing" would say too much: half of any number would have been missed; empty if it would not."""
+    """Why "nothing" would claim too much: a change of half of any number would have been missed; empty if not so."""
     sizes = own_sizes(d)
     if any(smallest_seen[name] < SEEN * size for name, size in sizes.items()):
         return ""

@@ -1,4 +1,4 @@
-"""The report of a comparison: ``compare.json`` for programs, ``compare.html`` for a person."""
+"""The report of a comparison: ``compare.json`` for programs and ``compare.html`` for people."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ def write_report(found: Comparison, folder: str | os.PathLike[str]) -> Path:
     ----------
     found : Comparison
     folder : str or path
-        Made if it is not there.
+        Created if it does not exist.
 
     Returns
     -------
     path
-        Of the page.
+        Path of the page.
 
     Examples
     --------

@@ -1,7 +1,7 @@
-"""What a comparison knows of a record: a regression whose numbers have names, and what may drift beside them.
+"""A record as a comparison sees it: a regression with named numbers, and the slow drift that may accompany them.
 
 torque = X theta + nuisances + rest, sample by sample behind one filter.  An axis and a joint of an arm come to this
-form (`whsklearn.compare.axis`, `whsklearn.compare.arm`); from here on nothing knows which it was.
+form (`whsklearn.compare.axis`, `whsklearn.compare.arm`); the rest of the code does not distinguish them.
 """
 
 from __future__ import annotations
@@ -30,17 +30,17 @@ class Rows:
     Attributes
     ----------
     label : str
-        Of the record.
+        Name of the record.
     names, units : tuple of str
-        Of the p numbers; a name may stand for several of them.
+        Names and units of the p numbers; several numbers may share a name.
     columns : ndarray of shape (n, p)
-        Drive a unit of each number.
+        Drive per unit of each number.
     target : ndarray of shape (n,)
         The logged drive.
     at : ndarray of int of shape (n,)
-        Which samples of an even grid these are.
+        Indices of these samples on an even grid.
     step : float
-        Of that grid (s).
+        Step of that grid (s).
     time, path : ndarray of shape (n,)
         Time since the record's start (s) and position.
     block : ndarray of int of shape (n,)
@@ -48,17 +48,17 @@ class Rows:
     nuisances : ndarray of shape (n, m)
         Slow changes of some numbers along the record.
     of : tuple of int
-        Of which number each nuisance is.
+        The number that each nuisance belongs to.
     scale : float
         Rms drive.
     slowest : float
-        Frequency (Hz) below which there is no motion to speak of.
+        Frequency (Hz) below which there is practically no motion.
     covers : dict
-        Name -> names of numbers that move with it: a spring with its place of rest moves the offset too.
+        Name -> names of numbers that change with it: a spring changes the offset too, by its rest position.
     positive : frozenset of str
-        Names of numbers that physics has positive.
+        Names of numbers that must be positive by physics.
     to_si : tuple of float
-        What one of each unit is in SI; empty: all are SI.
+        Factor from each unit to SI; empty if all are SI.
     """
 
     label: str
@@ -86,14 +86,14 @@ class Rows:
 
 
 def blocks_between(reversals: NDArray[np.intp], n: int) -> NDArray[np.intp]:
-    """Blocks of about equal length that end at reversals, 5 to 10 of them; even ones where it turns too rarely.
+    """5 to 10 blocks of about equal length that end at reversals; equal blocks if reversals are too rare.
 
     Parameters
     ----------
     reversals : ndarray of int
         Samples before which the speed changes sign.
     n : int
-        Samples in all.
+        Total number of samples.
 
     Examples
     --------
@@ -116,7 +116,7 @@ def reversals_of(speed: Array, slowest: float) -> NDArray[np.intp]:
 
 
 def slowest_of(path: Array, time: Array) -> float:
-    """Frequency (Hz) below which a twentieth of the path's variance lies; zero where it does not even go once around.
+    """Frequency (Hz) below which a twentieth of the path's variance lies; zero if not even one cycle is completed.
 
     Examples
     --------
@@ -130,7 +130,7 @@ def slowest_of(path: Array, time: Array) -> float:
 
 
 def drifting(columns: Array, names: tuple[str, ...], time: Array, slowest: float) -> tuple[Array, tuple[int, ...]]:
-    """Slow changes of offset and friction: the column times half waves of cosines over the record.
+    """Slow changes of offset and friction: the column times cosine half waves over the record.
 
     Parameters
     ----------
@@ -144,7 +144,7 @@ def drifting(columns: Array, names: tuple[str, ...], time: Array, slowest: float
     -------
     nuisances : ndarray of shape (n, m)
     of : tuple of int
-        Of which number each is.
+        The number that each belongs to.
     """
     span = max(float(time[-1] - time[0]), 1e-300)
     phase = np.pi * (time - time[0]) / span
@@ -158,16 +158,16 @@ def drifting(columns: Array, names: tuple[str, ...], time: Array, slowest: float
 
 
 def difference(a: Rows, b: Rows, values: Array) -> Rows | None:
-    """What the second record's drive has beyond the first's, where both follow the same path; None where not.
+    """The second record's drive minus the first's, if both follow the same path; None if they do not.
 
-    What no model explains is the same in both and cancels.
+    What no model explains is the same in both records and cancels.
 
     Parameters
     ----------
     a, b : Rows
         With the same columns.
     values : ndarray of shape (p,)
-        Numbers about which both are linear.
+        Numbers about which both records are linearised.
     """
     shift = _shift(a, b)
     if shift is None:
@@ -184,7 +184,7 @@ def difference(a: Rows, b: Rows, values: Array) -> Rows | None:
 
 
 def _shift(a: Rows, b: Rows) -> float | None:
-    """By how much the second record is later along the same path (s); None if it is another path."""
+    """Delay of the second record along the same path (s); None if the paths differ."""
     step = max(a.step, b.step)
     grids = [np.arange(0.0, r.time[-1], step) for r in (a, b)]
     p, q = (np.interp(t, r.time, r.path) for t, r in zip(grids, (a, b), strict=True))

@@ -1,4 +1,4 @@
-"""More than two records: the record from which on a number is another one, and how far records of copies lie apart."""
+"""More than two records: the record at which a number changes, and the spread between records of equal axes."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Array = NDArray[Any]
 
 
 def spread(values: Array, variances: Array) -> tuple[float, float, float]:
-    """(mean, deviation between records beyond that within them, p-value that there is none).
+    """The mean, the deviation between records beyond that within them, and the p-value that there is none.
 
     References
     ----------
@@ -51,9 +51,9 @@ def scattered(parts: list[Estimate]) -> Array:
 
 
 def change_point(rows: list[Rows], parts: list[Estimate], alpha: float) -> tuple[list[Change], Difference]:
-    """What moved between two records in a row and stayed, and the difference it was found in.
+    """What changed between two consecutive records and stayed, and the difference in which it was found.
 
-    Each side's records must agree better than the sides do: their scatter counts as noise.
+    The records of each side must agree better than the two sides do: their scatter counts as noise.
     """
     splits = range(1, len(parts))
     best: tuple[list[Change], Difference] | None = None
@@ -71,7 +71,7 @@ def change_point(rows: list[Rows], parts: list[Estimate], alpha: float) -> tuple
 
 
 def scatter(rows: list[Rows], parts: list[Estimate], alpha: float) -> list[Change]:
-    """Numbers that differ from record to record, in no order: the lowest and the highest record of each."""
+    """Numbers that vary between records without any order, each with its lowest and highest record."""
     out = []
     for i, name in enumerate(rows[0].names):
         values, variances = np.array([e.values[i] for e in parts]), np.array([e.covariance[i, i] for e in parts])

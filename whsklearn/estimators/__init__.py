@@ -1,4 +1,4 @@
-"""The scikit-learn faces of the recursions, and the yardsticks they are held against."""
+"""The scikit-learn estimators: the recursions, and the baselines they are compared with."""
 
 from whsklearn.estimators.differential_evolution import DifferentialEvolutionRegressor
 from whsklearn.estimators.gradient import MultiInnovationGradientRegressor

@@ -1,4 +1,4 @@
-"""What a record or a setting will not give, in one sentence; None where there is nothing to say."""
+"""Warnings about a record or a setting, in one sentence each; None where there is nothing to say."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def of_few_samples(n: int, n_parameters: int) -> str | None:
 
 
 def of_a_signal_at_rest(X: Array, y: Array) -> str | None:
-    """A record that shows no dynamics."""
+    """The warning for a record that shows no dynamics."""
     for name, values, what in (("input", X, "excite the axis"), ("output", y, "check its column")):
         if np.ptp(values, axis=0).max() == 0.0:
             return f"The {name} is constant, expected one that moves; the dynamics cannot be seen, {what}."
@@ -53,7 +53,7 @@ def of_a_signal_at_rest(X: Array, y: Array) -> str | None:
 
 
 def of_a_constant(law: FrictionLaw, X: Array, y: Array) -> str | None:
-    """An output that lies off what moves, where every term of the law is odd and no parameter is a constant."""
+    """The warning for an output with a constant offset, where all terms of the law are odd and no parameter is one."""
     n = len(y) - TAPS
     if n < FEWEST_FOR_A_CONSTANT or not _is_odd(law):
         return None
@@ -74,7 +74,7 @@ def of_a_constant(law: FrictionLaw, X: Array, y: Array) -> str | None:
 
 
 def of_several_inputs(name: str, n_inputs: int) -> str | None:
-    """Columns that are taken for inputs, where the structure was left out."""
+    """The warning that columns are taken as inputs, because no structure was given."""
     if n_inputs == 1:
         return None
     return (
@@ -85,7 +85,7 @@ def of_several_inputs(name: str, n_inputs: int) -> str | None:
 
 
 def of_a_dynamic_record(name: str, X: Array, y: Array, restart: NDArray[np.bool_]) -> str | None:
-    """A static regression, because the structure was left out, of a record whose past tells of its present."""
+    """The warning for a static regression (no structure was given) of a record whose past predicts its present."""
     if X.shape[1] != 1 or (share := told_by_past(X, y, restart)) <= DYNAMIC:
         return None
     return (
@@ -95,7 +95,7 @@ def of_a_dynamic_record(name: str, X: Array, y: Array, restart: NDArray[np.bool_
 
 
 def told_by_past(u: Array, y: Array, restart: NDArray[np.bool_]) -> float:
-    """Share of what y = theta u leaves that its own last three values and those of u explain; 0 where too short."""
+    """Share of the residual of y = theta u that its own and u's last three values explain; 0 if too short."""
     late = np.convolve(restart, np.ones(PAST + 1), "full")[: len(u)] == 0
     if np.count_nonzero(late) < FEWEST:
         return 0.0
@@ -108,7 +108,7 @@ def told_by_past(u: Array, y: Array, restart: NDArray[np.bool_]) -> float:
 
 
 def of_scale(X: Array, y: Array) -> str | None:
-    """Signals of a size that a recursion which begins with theta and P of about one does not reach."""
+    """The warning for signals whose scale a recursion that starts with theta and P near one cannot reach."""
     for name, values, least, most in (("y", y, LEAST_OUTPUT, MOST_OUTPUT), ("X", X, LEAST_INPUT, MOST_INPUT)):
         size = float(np.sqrt(np.mean(values * values)))
         if size > 0.0 and not least <= size <= most:
@@ -120,20 +120,20 @@ def of_scale(X: Array, y: Array) -> str | None:
 
 
 def of_an_axis(names: list[str], theta: Array, covariance: Array, n_rows: int, path: Array) -> str | None:
-    """Numbers that no axis has, and the likely mistake.
+    """The warning for parameters that no real axis can have, with the likely mistake.
 
     Parameters
     ----------
     names : list of str
-        Of the columns.
+        Names of the columns.
     theta : ndarray of shape (n_columns,)
         Weights.
     covariance : ndarray of shape (n_columns, n_columns)
-        Of the weights.
+        Covariance of the weights.
     n_rows : int
-        Independent ones that the filters leave.
+        Number of independent rows that the filters leave.
     path : ndarray of shape (n,)
-        What was given for the position.
+        The signal that was given as the position.
     """
     if n_rows < FEWEST_ROWS * len(theta):
         return (
@@ -168,7 +168,7 @@ def of_an_axis(names: list[str], theta: Array, covariance: Array, n_rows: int, p
 
 
 def _inseparable(names: list[str], covariance: Array, errors: Array) -> tuple[str, str] | None:
-    """The first two weights whose estimates are as good as one; None if there are none."""
+    """The first two weights that cannot be estimated separately; None if there are none."""
     size = np.outer(errors, errors)
     alike = np.abs(np.divide(covariance, size, out=np.zeros_like(size), where=size > 0.0)) > INSEPARABLE
     pairs = np.argwhere(np.triu(alike, 1))
@@ -176,7 +176,7 @@ def _inseparable(names: list[str], covariance: Array, errors: Array) -> tuple[st
 
 
 def of_a_free_run(r2: float) -> str | None:
-    """A free run that is worse than a constant."""
+    """The warning for a free run that is worse than a constant."""
     if not r2 < 0.0:
         return None
     return (
@@ -186,7 +186,7 @@ def of_a_free_run(r2: float) -> str | None:
 
 
 def of_the_order(numbers: NDArray[np.int64] | None) -> str | None:
-    """Samples that do not follow each other, as the folds of a shuffled KFold leave them."""
+    """The warning for samples that are not consecutive, such as the folds of a shuffled KFold."""
     if numbers is None or numbers.size < 2:
         return None
     steps = np.diff(numbers)

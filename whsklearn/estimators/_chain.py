@@ -1,4 +1,4 @@
-"""What the fits of a Wiener-Hammerstein chain share, in one go or block by block."""
+"""What the batch fit and the block-by-block fit of a Wiener-Hammerstein chain share."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 class ChainRegressor(AxisRegressor):
     """A chain whose orders and law may be found by the fit; blocks may have direct paths.
 
-    A subclass says where its natural vector and its covariance are, and by `_found_lags` what was found.
+    A subclass provides its natural vector and covariance, and reports in `_found_lags` what the fit found.
     """
 
     @property
@@ -37,7 +37,7 @@ class ChainRegressor(AxisRegressor):
         return WienerHammersteinLags() if self.lags is None else self.lags
 
     def _found_lags(self) -> dict[str, Any] | None:
-        """Settings of the lags that the fit found; None where it did not look for any."""
+        """The lag settings that the fit found; None if it did not search for any."""
         raise NotImplementedError
 
     @property
@@ -47,7 +47,7 @@ class ChainRegressor(AxisRegressor):
 
     @property
     def structure_(self) -> WienerHammersteinLags:
-        """Orders, law and delays as found."""
+        """Orders, law and delays that the fit found."""
         check_is_fitted(self, "state_")
         return clone(self._lags)
 

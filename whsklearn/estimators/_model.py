@@ -29,10 +29,10 @@ RADIUS = 0.9995
 
 
 class Structure(NamedTuple):
-    """Orders, number of inputs, law, the index of its key term (-1 where it has none), and the lead of the answer.
+    """Orders, number of inputs, law, the index of its key term (-1 if it has none), and the lead of the response.
 
-    ``advance`` is the number of samples by which the chain answers before the paper's, whose blocks each
-    take one: 2 where both have a direct path.
+    ``advance`` is the number of samples by which the chain responds earlier than the paper's, whose blocks
+    delay by one sample each. It is 2 where both blocks have a direct path.
     """
 
     dims: NDArray[np.int64]
@@ -47,7 +47,7 @@ class Structure(NamedTuple):
         return self.key >= 0 and int(self.law.codes[self.key]) == VISCOUS
 
     def slices(self) -> tuple[slice, slice, slice, slice, slice]:
-        """Where a[1:], b, weights, c[1:], d stand in the natural vector."""
+        """Positions of a[1:], b, weights, c[1:] and d in the natural vector."""
         na, nb, nc, nd, nw = (int(i) for i in self.dims)
         ends = np.cumsum([0, na - 1, nb, nw, nc - 1, nd])
         return tuple(slice(int(s), int(e)) for s, e in itertools.pairwise(ends))  # type: ignore[return-value]
@@ -110,7 +110,7 @@ def named(natural: Array, s: Structure) -> dict[str, Any]:
 
 
 def named_errors(variances: Array, s: Structure) -> dict[str, Any]:
-    """Standard errors in the layout of `named`; fixed entries have none, so zero."""
+    """Standard errors in the layout of `named`; zero for fixed entries."""
     errors = named(np.sqrt(np.maximum(variances, 0.0)), s)
     errors["a"].flat[0] = 0.0
     errors["c"][0] = 0.0
@@ -118,7 +118,7 @@ def named_errors(variances: Array, s: Structure) -> dict[str, Any]:
 
 
 def inside(denominator: Array) -> Array:
-    """The denominator with its poles drawn inside the unit circle, so that a free run stays finite."""
+    """The denominator with its poles moved inside the unit circle, so that a free run stays finite."""
     if denominator.size == 0 or is_stable(np.ascontiguousarray(denominator), 1.0):
         return denominator
     largest = np.abs(np.roots(np.concatenate([[1.0], denominator]))).max()
@@ -157,10 +157,10 @@ def _zeros_at_end(p: Array) -> int:
 def free_run(
     natural: Array, s: Structure, u: Array, restart: NDArray[np.bool_], covariance: Array | None = None
 ) -> Array:
-    """Y from u alone, at rest where an experiment begins; shape (n,).
+    """The output y from u alone, starting each experiment at rest; shape (n,).
 
-    With a ``covariance`` of the natural parameters, the output that is expected over what is not known of L1:
-    sign(dx) becomes its mean, erf(dx / (sqrt(2) sd(t))), sd(t) from the sensitivities of dx at t.
+    With a ``covariance`` of the natural parameters, this is the expected output, averaged over the uncertainty
+    of L1: sign(dx) becomes its mean, erf(dx / (sqrt(2) sd(t))), with sd(t) from the sensitivities of dx at t.
     """
     return predictions(natural, s, u, np.zeros(len(u)), restart, 0, covariance)
 
@@ -184,9 +184,9 @@ def predictions(
     natural: Array, s: Structure, u: Array, y: Array, restart: NDArray[np.bool_], horizon: int,
     covariance: Array | None = None,
 ) -> Array:  # fmt: skip
-    """Y_hat(t | t - horizon): outputs up to t - horizon are known; horizon 0 stands for none."""
+    """Y_hat(t | t - horizon): outputs up to t - horizon are known; horizon 0 means that none is."""
     if s.advance:
-        # both delays commute with the static law, so a lead is the same chain with its output shifted
+        # Both delays commute with the static law, so a chain with a lead is the same chain with its output shifted.
         u, y, restart, back = shifted(u, y, restart, s.advance)
         return predictions(natural, s._replace(advance=0), u, y, restart, horizon)[back]
     v = _before_l2(natural, s, u, restart, covariance)[0]
@@ -200,7 +200,7 @@ def predictions(
 def _before_l2(
     natural: Array, s: Structure, u: Array, restart: NDArray[np.bool_], covariance: Array | None
 ) -> tuple[Array, Array]:
-    """What enters L2's denominator, and min(p, 1 - p) of each sign."""
+    """The signal that enters L2's denominator, and min(p, 1 - p) for each sign."""
     a, b, w, c, _ = (natural[i] for i in s.slices())
     n1 = a.size + b.size
     spread = np.zeros((0, 0)) if covariance is None else np.ascontiguousarray(covariance[:n1, :n1])
@@ -220,13 +220,13 @@ def _before_l2(
         for begin in begins:
             late[begin : begin + m] = 0.0
         out += weight * late
-    return out, np.where(dx == 0.0, 0.0, 0.5 * (1.0 - certainty))  # at rest the sign is no question
+    return out, np.where(dx == 0.0, 0.0, 0.5 * (1.0 - certainty))  # at rest the sign does not matter
 
 
 def shifted(
     u: Array, y: Array, restart: NDArray[np.bool_], advance: int
 ) -> tuple[Array, Array, NDArray[np.bool_], NDArray[np.int64]]:
-    """Every experiment with y later by ``advance`` samples (u, where that is negative), and where its samples went."""
+    """Experiments with y (u, if negative) delayed by ``advance`` samples, and the new positions of their samples."""
     begins = np.append(np.flatnonzero(restart), len(u))
     lengths = np.diff(begins) + abs(advance)
     starts_at = np.append(0, np.cumsum(lengths)[:-1])

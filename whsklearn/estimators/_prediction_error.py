@@ -1,4 +1,4 @@
-"""One-step prediction errors of a record, climbed over ever sharper signs: what `PEMRegressor` minimises by default."""
+"""One-step prediction errors, minimised over ever sharper signs: the default criterion of `PEMRegressor`."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-# kappa times the root mean square of dx; at the last about 1 sample in 400 lies within the smoothed sign
+# kappa times the root mean square of dx; at the last value about 1 sample in 400 lies within the smoothed sign
 LADDER = (1.0, 2.0, 4.0, 8.0, 20.0, 50.0, 100.0, 200.0, 400.0)
 INFERENCE = 20.0  # sharpness at which the covariance is taken, see `PEMRegressor`
 
@@ -46,7 +46,7 @@ class PredictionError:
         return least_squares_start(theta, self.kernel, self.u, self.y, self.restart) if i % 2 else theta
 
     def best_linear(self, rng: np.random.Generator) -> Array:
-        """Blocks of the best linear approximation, in the place of the nonlinear model's."""
+        """A start whose blocks are those of the best linear approximation."""
         s = self.structure
         moves = not np.isin(s.law.codes, (POWER, HINGE, CONSTANT, NATURAL_SPLINE)).all()
         law = FrictionLaw([Viscous() if moves else Power()])
@@ -78,7 +78,7 @@ class PredictionError:
         return -np.nan_to_num(np.clip(rows, -1e100, 1e100)) * np.reshape(self.root, (-1, 1))
 
     def climb(self, theta: Array, ladder: tuple[float, ...] = LADDER) -> tuple[float, Array]:
-        """(least sum of squares under the true sign, its parameters) over the rungs."""
+        """The least sum of squares under the true sign over all rungs, and its parameters."""
         from scipy.optimize import least_squares
 
         best = np.inf, theta

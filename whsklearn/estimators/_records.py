@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 
-LARGEST = 1e30  # of a number that passes for sane
+LARGEST = 1e30  # largest magnitude that is accepted as a sane number
 
 
 class Given(NamedTuple):
@@ -26,14 +26,14 @@ class Given(NamedTuple):
     lengths: tuple[int, ...] | None = None
 
     def apart(self, values: Array) -> Any:
-        """An answer for every sample, as a list if records came as one."""
+        """The result for every sample, as a list if the records came as a list."""
         return values if self.lengths is None else np.split(values, np.cumsum(self.lengths)[:-1])
 
 
 def sample_numbers(X: Any) -> NDArray[np.int64] | None:
-    """Where the samples stood in the record that they come from, shape (n,); None where nothing tells.
+    """Positions of the samples in their original record, shape (n,); None if they are unknown.
 
-    A frame's index tells, and so does scikit-learn while it fits a fold.
+    They are known from a frame's index, or from scikit-learn while it fits a fold.
     """
     index = getattr(X, "index", None)
     if getattr(getattr(index, "dtype", None), "kind", "") in ("i", "u"):
@@ -45,9 +45,9 @@ def sample_numbers(X: Any) -> NDArray[np.int64] | None:
 
 
 def fold_of_a_search() -> dict[str, Any] | None:
-    """What scikit-learn knows of the fold that it fits or scores; None outside of a search or a cross-validation.
+    """What scikit-learn knows of the fold that it fits or scores; None outside a search or a cross-validation.
 
-    It hands an estimator the samples of a fold without their numbers.
+    scikit-learn hands an estimator the samples of a fold without their indices.
     """
     frame = sys._getframe()
     while frame is not None:
@@ -73,14 +73,14 @@ def joined(
     X : array-like, or list of array-like of shape (n_i, n_features)
     y, sample_weight : array-like or list of array-like of shape (n_i,), optional
     groups : array-like, optional
-        Not together with a list.
+        Not allowed together with a list.
     first : int
-        Number of the first experiment.
+        Label of the first experiment.
 
     Raises
     ------
     ValueError
-        If the lists are not of one length, or come with groups.
+        If the lists differ in length, or are given together with groups.
     """
     if not is_list_of_records(X):
         return Given(X, y, groups, sample_weight)
@@ -117,7 +117,7 @@ def _stacked(X: Any) -> Any:
 
 
 def checked_weights(sample_weight: ArrayLike | None, n: int, *, some: bool) -> Array | None:
-    """Weights as a float array; None where all are one, and an error where they cannot be.
+    """Weights as a float array; None if all are one. Invalid weights are an error.
 
     Parameters
     ----------
@@ -129,7 +129,7 @@ def checked_weights(sample_weight: ArrayLike | None, n: int, *, some: bool) -> A
     Raises
     ------
     ValueError
-        If they are of another shape, not finite, negative, or all zero.
+        If they have another shape, are not finite, are negative, or are all zero.
     """
     if sample_weight is None:
         return None
@@ -141,7 +141,7 @@ def checked_weights(sample_weight: ArrayLike | None, n: int, *, some: bool) -> A
     if weights.shape != (n,):
         raise ValueError(f"sample_weight has shape {weights.shape}, expected ({n},): a weight a sample.")
     if not np.isfinite(weights).all() or (weights < 0).any() or (weights > 1e12).any():
-        raise ValueError("sample_weight holds numbers that are no weights, expected 0 to 1e12; mend those samples.")
+        raise ValueError("sample_weight holds numbers that are not weights, expected 0 to 1e12; correct those samples.")
     if some and n and not weights.any():
         raise ValueError("sample_weight is zero for every sample, expected at least one above zero; weight some.")
     return None if (weights == 1.0).all() else np.ascontiguousarray(weights)
@@ -163,7 +163,7 @@ def is_plain(X: Any, y: Any, n_features: int) -> bool:
 def _usable(X: Array, y: Array) -> bool:
     """Finite and of sane size; the sum of squares is not finite if any number is not."""
     if y.size == 1:
-        # plain numbers, as one call of NumPy takes longer than a row of a few; no comparison holds for NaN
+        # Plain numbers: one NumPy call takes longer than checking a short row. No comparison holds for NaN.
         return abs(y.item()) < LARGEST and all(abs(v) < LARGEST for v in X.ravel().tolist())
     with np.errstate(over="ignore"):
         return bool(np.dot(y, y) < 1e60) and bool(np.vdot(X, X) < 1e60)

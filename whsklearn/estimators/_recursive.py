@@ -1,4 +1,4 @@
-"""The scikit-learn face of the recursions: `fit`, `partial_fit` and the choice of a stream."""
+"""The scikit-learn interface of the recursions: `fit`, `partial_fit` and the choice of a stream."""
 
 from __future__ import annotations
 
@@ -51,25 +51,26 @@ class RecursiveRegressor(AxisRegressor):
     ) -> Self:
         """Learn a record from a clean start.
 
-        The record goes through the recursion once; with ``gradient="full"`` the samples
-        still in memory are re-run once more at the end.
+        The record passes through the recursion once. With ``gradient="full"`` the samples that
+        are still in memory are run once more at the end.
 
         Parameters
         ----------
         X : array-like of shape (n, n_features), or list of them
-            Input u of shape (n, 1); with ``lags=None``, rows.  The records of a list are experiments of their own.
+            Input u of shape (n, 1); with ``lags=None``, rows.  Each record of a list is a separate experiment.
         y : array-like of shape (n,), or list of them
             Output.
         groups : array-like of shape (n,), optional
-            Experiments; the state restarts where one begins.
+            Experiment of each sample; the state restarts at the beginning of each.
         sample_weight : array-like of shape (n,), optional
-            Of the squared errors, as 1 / variance.  A sample of weight zero teaches nothing, as a row; as a sample
-            of a chain it drives the state all the same.  Rows that a filter makes (`InverseDynamicsLags`) take none.
+            Weights of the squared errors, as 1 / variance.  A row with weight zero is ignored.  A sample of a chain
+            with weight zero is not fitted but still drives the state.  Rows that a filter makes
+            (`InverseDynamicsLags`) take no weights.
 
         Raises
         ------
         ValueError
-            If a parameter, a shape or a number is not what it must be; nothing changes then.
+            If a parameter, a shape or a number is invalid; the estimator is then unchanged.
         """
         with self._alone(), self._unchanged_if_refused():
             self._keep_lags()
@@ -98,9 +99,10 @@ class RecursiveRegressor(AxisRegressor):
     def partial_fit(
         self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None, sample_weight: ArrayLike | None = None
     ) -> Self:
-        """Learn further samples; the chunks in which they come make no difference.
+        """Learn further samples; how they are divided into chunks makes no difference.
 
-        All of them or none: a call that an exception or Ctrl-C ends leaves what was learnt before it, to the bit.
+        A call learns all of its samples or none: if an exception or Ctrl-C ends it, the state is bit for bit what it
+        was before.
 
         Parameters
         ----------
@@ -110,7 +112,7 @@ class RecursiveRegressor(AxisRegressor):
         Raises
         ------
         ValueError
-            As `fit`; the state is exactly as it was then.
+            As for `fit`; the state is then exactly as it was.
         """
         stream = self._stream
         if (
@@ -133,7 +135,7 @@ class RecursiveRegressor(AxisRegressor):
     def _partial_fit_alone(
         self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None, sample_weight: ArrayLike | None
     ) -> Self:
-        """`partial_fit` of one thread at a time."""
+        """`partial_fit`, called by one thread at a time."""
         stream = self._stream
         told = groups is not None or sample_weight is not None
         if stream is None or told or not is_plain(X, y, self.n_features_in_):
@@ -182,7 +184,7 @@ class RecursiveRegressor(AxisRegressor):
         if self._is_wiener_hammerstein and not first and stream is None:
             self._keep_lags()
             self._check_state(self.state_)
-        if first and len(X) >= FIRST_RERUN:  # the first rows of a stream may well stand still
+        if first and len(X) >= FIRST_RERUN:  # the axis may well stand still in the first rows of a stream
             self._warn_of_record(X, y, stacklevel=6)
         rows, targets = X, y
         if not self._is_wiener_hammerstein and self.lags is not None:
@@ -198,10 +200,10 @@ class RecursiveRegressor(AxisRegressor):
         self._keep(stream, state, seed, groups)
 
     def consolidate(self) -> Self:
-        """Re-run the samples in memory now, as `fit` does at its end; a stream may do so when it has time."""
+        """Re-run the samples in memory now, as `fit` does at its end; useful when a stream has time to spare."""
         check_is_fitted(self, "state_")
         with self._alone():
-            state = copied(self.state_)  # so that an interrupt leaves what was
+            state = copied(self.state_)  # so that an interrupt leaves the old state
             self._make_stream(self.theta_.size, state["seed"]).settle(state)
             self.state_ = state
         return self
@@ -209,14 +211,14 @@ class RecursiveRegressor(AxisRegressor):
     def forget_past(self, samples: float = 100.0) -> Self:
         """Let all that was learnt so far count for no more than ``samples`` samples from now on.
 
-        For a system that has just changed: however long the stream was, the estimate follows
-        as fast as one that has seen so few.  `whsklearn.change.forgetting_after` is the
-        forgetting to go on with.
+        This is for a system that has just changed. However long the stream was, the estimate then
+        follows as fast as one that has seen only so few samples.  `whsklearn.change.forgetting_after`
+        gives the forgetting factor to continue with.
 
         Parameters
         ----------
         samples : float, default=100
-            Above 0.  Where the estimate rests on fewer already, nothing changes.
+            A number above 0.  If the estimate already rests on fewer samples, nothing changes.
 
         Raises
         ------
@@ -234,7 +236,7 @@ class RecursiveRegressor(AxisRegressor):
 
     @property
     def innovation_variance_(self) -> float:
-        """Variance of the one-step prediction error, over the latest samples."""
+        """Variance of the one-step prediction error over the latest samples."""
         _ = self.theta_
         loss = self.state_["loss"]
         rows = loss.reshape(-1, 2)
@@ -254,7 +256,7 @@ class RecursiveRegressor(AxisRegressor):
             warn(_advice.of_scale(X, y), stacklevel + 1)
 
     def _warn_of_an_axis(self, path: Array, n_rows: int, stacklevel: int = 4) -> None:
-        """Numbers of a rigid axis that no axis has."""
+        """Warn of rigid-axis parameters that no real axis can have."""
         if self.lags is None or self._is_wiener_hammerstein or self._answers_several:
             return
         independent = int(n_rows * getattr(self.lags_, "independent_share", 1.0))
@@ -263,7 +265,7 @@ class RecursiveRegressor(AxisRegressor):
     # -- settings ------------------------------------------------------------------------
 
     def _check_parameters(self) -> None:
-        """Raise in one sentence for a parameter that cannot be."""
+        """Raise in one sentence if a parameter is invalid."""
         p = self.p
         if isinstance(p, bool) or not isinstance(p, (int, np.integer)) or p < 1:
             raise ValueError(f"p is {p!r}, expected a whole number of 1 or more, the innovation length.")
@@ -310,7 +312,7 @@ class RecursiveRegressor(AxisRegressor):
         return theta0
 
     def _make_stream(self, n_columns: int, seed: int) -> Stream:
-        """The way of learning that the parameters ask for."""
+        """The stream that the parameters ask for."""
         p0 = getattr(self, "P0", None)
         forgetting = float(getattr(self, "forgetting", 1.0))
         p = int(self.p)
@@ -353,7 +355,7 @@ class RecursiveRegressor(AxisRegressor):
 
     @property
     def _default_output(self) -> str:  # type: ignore[override]
-        """The published reading has no covariance to expect anything by."""
+        """Default output of `predict`; the published reading has no covariance, so it has no expected output."""
         return "expected" if self.gradient == "full" else "simulation"
 
     def _reader(self) -> Stream:
@@ -366,12 +368,12 @@ class RecursiveRegressor(AxisRegressor):
         return stream
 
     def _drop_stream(self) -> None:
-        """What was made by the parameters or for the state of before."""
+        """Drop what was made for the old parameters or the old state."""
         for name in _NO_STATE:
             self.__dict__.pop(name, None)
 
     def _kept_out(self) -> RowsStream | None:
-        """The stream of rows, after which nobody gets in but by the lock until its ``let_go``; None for others."""
+        """The stream of rows, closed until its ``let_go`` to all without the lock; None for other streams."""
         stream = self._stream
         if type(stream) is not RowsStream:
             return None
@@ -436,14 +438,12 @@ class RecursiveRegressor(AxisRegressor):
             if isinstance(value, int) and (type(state[name]) is not int or state[name] < 0):
                 raise ValueError(f"The state has {name} {state[name]!r}, expected a count; go back to an earlier one.")
             if isinstance(value, np.ndarray) and getattr(state[name], "dtype", None) != value.dtype:
-                raise ValueError(
-                    f"The state's {name} is of another kind than {value.dtype}; go back to an earlier one."
-                )
+                raise ValueError(f"The state's {name} has another type than {value.dtype}; go back to an earlier one.")
         if state.get("fill", 0) > len(state.get("memory_restart", ())):
             raise ValueError(f"The state's memory cannot hold {state['fill']} samples; go back to an earlier one.")
 
     def _check_size(self, state: dict[str, Any]) -> None:
-        """Refuse settings that ask for far more numbers than the state holds, before room is made for them."""
+        """Refuse settings that ask for far more numbers than the state holds, before memory is allocated for them."""
         held = sum(np.size(value) for value in state.values())
         n, memory, n_starts = self.n_features_in_, 0, 1
         if self._is_wiener_hammerstein:
@@ -462,7 +462,7 @@ class RecursiveRegressor(AxisRegressor):
             )
 
     def set_params(self, **params: Any) -> Self:
-        """Set parameters; a stream goes on with them from the next sample."""
+        """Set parameters; a stream uses them from the next sample on."""
         self._drop_stream()
         return super().set_params(**params)
 
@@ -473,5 +473,5 @@ class RecursiveRegressor(AxisRegressor):
         return state
 
 
-_NO_STATE = "_stream", "_asked"  # of an estimator's attributes: both can be made anew
+_NO_STATE = "_stream", "_asked"  # attributes of an estimator that can be made anew
 _NO_RESTART = np.zeros(1, dtype=np.bool_)

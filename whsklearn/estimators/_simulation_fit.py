@@ -1,4 +1,4 @@
-"""Between the chain of a simulation-error fit and the natural parameters of a `WienerHammersteinLags`."""
+"""Conversion between the chain of a simulation-error fit and the natural parameters of a `WienerHammersteinLags`."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 LARGEST_LINEAR = 8  # total order of the best linear model; beyond it poles and zeros cancel, and blocks are padded
-BATCHES = 60  # of the scores, for a covariance that does not take the error for white
+BATCHES = 60  # batches of the scores, for a covariance that does not assume a white error
 
 
 class SimulationFit(NamedTuple):
-    """Orders, law and delays as found, the natural vector, its covariance, the (weighted) sum of squares, sigma^2."""
+    """Orders, law and delays found, the natural vector, its covariance, the (weighted) sum of squares and sigma^2."""
 
     lags: dict[str, Any]
     natural: Array
@@ -36,12 +36,12 @@ class SimulationFit(NamedTuple):
 
 
 def scale_free(law: FrictionLaw) -> bool:
-    """Whether the law of any multiple of x is one of the same kind: then the scale of x is a choice."""
+    """Whether the law of any multiple of x is of the same kind, so that the scale of x is arbitrary."""
     return all(isinstance(t, (Power, Hinge, NaturalSpline)) for t in law.terms)
 
 
 def structures_for(lags: WienerHammersteinLags) -> tuple[Structure, ...]:
-    """What to search for, given the orders."""
+    """The structures to search among, given the orders."""
     na, nb, nc, nd = (int(n) for n in lags.dims()[:4])
     poles, zeros = nb + nd, na + nc - 2
     surplus = max(poles - LARGEST_LINEAR, zeros - LARGEST_LINEAR, 0)
@@ -72,7 +72,7 @@ def from_record(
     u, y, restart : ndarray of shape (n, m), (n,), (n,)
         The record.
     start : ndarray or None
-        A natural vector to begin with; None divides the best linear model.
+        A natural vector to start from; None divides the best linear model into blocks.
     weights : ndarray of shape (n,), optional
         Of the squared errors.
     """
@@ -88,7 +88,7 @@ def from_record(
         data = record(lagged, answer, again, heavy)
         ends = data.bounds[1:]
         for k in range(late):
-            data.counts[ends - 1 - k] = False  # the answers that come after an experiment's last measurement
+            data.counts[ends - 1 - k] = False  # outputs that come after an experiment's last measurement
     if start is not None and lags is not None:
         fitted = refine(to_chain(start, _dims(lags, u.shape[1]), u.shape[1], law), data, 60, free=scale_free(law))
     else:
@@ -108,7 +108,7 @@ def described(fitted: Fitted, data: IOData, delays: tuple[int, ...], *, normed: 
 
 
 def natural_of(chain: Chain) -> tuple[Array, NDArray[np.int64]]:
-    """The natural vector of a monic chain, and which of its sensitivities stands where."""
+    """The natural vector of a monic chain, and the position of each of its sensitivities."""
     m, na = chain.b1.shape
     nb, nc, nd = chain.a1.size - 1, chain.b2.size, chain.a2.size - 1
     cuts = np.cumsum([m * na, nb, nc, nd, chain.weights.size])
@@ -118,7 +118,7 @@ def natural_of(chain: Chain) -> tuple[Array, NDArray[np.int64]]:
 
 
 def to_chain(natural: Array, dims: NDArray[np.int64], n_inputs: int, law: FrictionLaw) -> Chain:
-    """The chain of a natural vector; poles outside the circle are drawn inside."""
+    """The chain of a natural vector; poles outside the unit circle are moved inside."""
     na, nb, nc, _, nw = (int(i) for i in dims)
     a, b, w, c, d = np.split(natural, np.cumsum([na - 1, nb, nw, nc - 1]))
     one = np.ones(1)
@@ -128,7 +128,7 @@ def to_chain(natural: Array, dims: NDArray[np.int64], n_inputs: int, law: Fricti
 
 
 def monic(chain: Chain) -> Chain:
-    """The same chain with b1[0] = b2[0] = 1: x in the unit of the paper, all gain in the law."""
+    """The same chain with b1[0] = b2[0] = 1: x is in the paper's unit, and all gain is in the law."""
     first, second = _away_from_zero(chain.b1), _away_from_zero(chain.b2)
     law, weights = rescaled(chain.law, chain.weights, first)
     b1, b2 = chain.b1 / first, chain.b2 / second
@@ -160,7 +160,7 @@ def rescaled(law: FrictionLaw, weights: Array, factor: float) -> tuple[FrictionL
 
 
 def _away_from_zero(numerator: Array) -> float:
-    """The leading coefficient; one that vanishes is as small as it may be for the division to stay a number."""
+    """The leading coefficient; one that vanishes is replaced by the smallest one that keeps the division finite."""
     first, least = float(numerator.flat[0]), 1e-9 * float(np.abs(numerator).max())
     return first if abs(first) > least else (np.copysign(least, first) or 1.0)
 
@@ -172,9 +172,9 @@ def _dims(lags: WienerHammersteinLags, m: int) -> NDArray[np.int64]:
 
 
 def _covariance(rows: Array, error: Array, n: int) -> Array:
-    """(J J')^-1 S (J J')^-1, S from the sums of J e over batches of the record.
+    """(J J')^-1 S (J J')^-1, with S from the sums of J e over batches of the record.
 
-    What a free run leaves is seldom white, and then sigma^2 (J J')^-1 says too little; of a white error
+    The residual of a free run is seldom white, and then sigma^2 (J J')^-1 is too small. For a white error
     the two have the same mean.  Ljung 1999, (9.26).
     """
     scale = np.maximum(np.linalg.norm(rows, axis=1), 1e-150)

@@ -1,4 +1,4 @@
-"""How far a measured output may lie from the predicted one: parameters that are not known, and noise."""
+"""How far a measured output may lie from the predicted one, because of noise and of uncertain parameters."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-DRAWS = 100  # a standard deviation from so many is known to 7 %
+DRAWS = 100  # a standard deviation from so many draws is known to 7 %
 SEED = 0  # the same draws for every call, so that predicting twice gives the same
 
 
@@ -26,7 +26,7 @@ def rows_spread(rows: Array, covariance: Array, noise_variance: float) -> Array:
 def draws(natural: Array, covariance: Array, s: wh.Structure, u: Array, restart: NDArray[np.bool_]) -> Array:
     """Standard deviation of the free runs of parameters drawn from N(natural, covariance), shape (n,).
 
-    Draws, not sensitivities: where the law jumps a free run is no smooth function of its parameters.
+    Draws are used, not sensitivities: where the law jumps, a free run is not a smooth function of its parameters.
     """
     if not np.isfinite(covariance).all():
         return np.full(len(u), np.inf)

@@ -1,7 +1,7 @@
-"""The three ways an estimator learns, as state in and state out behind one interface.
+"""The three ways an estimator learns, behind one interface that takes a state and returns a state.
 
-`RowsStream` takes rows as they are, `PublishedStream` is the paper's reading to the letter,
-`FullStream` the exact gradient.  A stream object holds settings only; what is learnt lives
+`RowsStream` takes rows as they are, `PublishedStream` follows the paper to the letter, and
+`FullStream` uses the exact gradient.  A stream object holds only settings; what is learnt is
 in the ``state`` dict that every call takes, so that it can be copied, saved and compared.
 """
 
@@ -33,7 +33,7 @@ from whsklearn.recursion.pseudolinear import Published, auxiliary_size, run_pseu
 from whsklearn.recursion.sign_posterior import Gaussian
 from whsklearn.recursion.subinnovations import Samples
 
-_numba_settings: Any = numba.config  # its attributes are made at run time
+_numba_settings: Any = numba.config  # its attributes are created at run time
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -45,21 +45,21 @@ if TYPE_CHECKING:
 
 
 class Stream(Protocol):
-    """What an estimator asks of its way of learning."""
+    """What an estimator requires of its way of learning."""
 
-    undo: Undo  # of an interrupted call
+    undo: Undo  # undoes an interrupted call
 
     def initial(self) -> State:
-        """The state that has seen nothing."""
+        """The state before any sample."""
 
     def run(self, state: State, u: Array, y: Array, restart: NDArray[np.bool_], weight: Array | None = None) -> None:
-        """Learn from samples, in place; ``weight`` is of their squared errors."""
+        """Learn from samples, in place; ``weight`` weighs their squared errors."""
 
     def settle(self, state: State) -> None:
-        """Read the record once more where the stream keeps one, in place."""
+        """Run the record once more, in place, if the stream keeps one."""
 
     def forget_past(self, state: State, samples: float) -> None:
-        """Let what was learnt count for no more than so many samples, in place."""
+        """Let what was learnt count for no more than this many samples, in place."""
 
     def theta(self, state: State) -> Array:
         """The estimate, in the paper's order."""
@@ -69,7 +69,7 @@ class Stream(Protocol):
 
 
 def noise_variance(loss: Array, n_parameters: int) -> float:
-    """Residual sum of squares by degrees of freedom; nan before there are any."""
+    """Residual sum of squares divided by the degrees of freedom; NaN while there are none."""
     free = loss[1] - n_parameters
     return float(loss[0] / free) if free > 0 else float("nan")
 
@@ -102,7 +102,7 @@ class RowsStream:
         }
 
     def run(self, state: State, u: Array, y: Array, restart: NDArray[np.bool_], weight: Array | None = None) -> None:
-        """One update a row; an experiment's first window does not reach into the one before."""
+        """One update per row; an experiment's first window does not reach into the previous experiment."""
         seen = len(y)
         self._packed[SINCE] = -1.0  # what `step` learnt last is no longer the last
         if weight is not None:
@@ -123,13 +123,13 @@ class RowsStream:
         state["seen"] += seen
 
     def step(self, state: State, u: Array, y: Array) -> bool:
-        """One row of float64; False, with nothing changed, if it needs the full validation or another thread is in."""
+        """Learn one float64 row; False, and no change, if it needs full validation or another thread is active."""
         if state is not self._of or state["theta"] is not self._theta:
             return False  # until `pack`
         try:
             since = self._kernel(self._packed, state["since"], u, y)
         except BaseException as error:
-            # a signal is handled after the kernel, which learns a row whole or not at all; then it counts as learnt
+            # A signal is handled after the kernel, which learns a row completely or not at all; the row then counts.
             if self._packed[SINCE] == state["since"] + 1:
                 state["seen"] += 1
                 state["since"] += 1
@@ -143,7 +143,7 @@ class RowsStream:
         return True
 
     def pack(self, state: State) -> None:
-        """Make the state ready for `step`: what a row changes moves into one array, and the state has views of it."""
+        """Prepare the state for `step`: all that a row changes moves into one array, of which the state holds views."""
         if self.gradient or _numba_settings.DISABLE_JIT or (state is self._of and state["theta"] is self._theta):
             return
         flat = np.empty(pack_size(self.n, self.p))
@@ -156,13 +156,13 @@ class RowsStream:
         self._of, self._theta = state, state["theta"]
 
     def hold(self, state: State) -> None:
-        """Keep `step` out until `let_go`; a row that it has learnt in another thread and not told yet is waited for."""
+        """Keep `step` out until `let_go`, after waiting for a row that another thread is just learning."""
         self._packed[BUSY] = 1.0
         while state is self._of and self._packed[SINCE] not in (-1.0, state["since"]):
             time.sleep(0.0)
 
     def let_go(self, state: State) -> None:
-        """Let `step` in again, with the state that there is now and no other: nobody may learn on one that is gone."""
+        """Let `step` in again, with the present state only: no thread may learn on a state that was replaced."""
         if state is not self._of:
             self._of = {}
         self._packed[BUSY] = 0.0
@@ -184,7 +184,7 @@ class RowsStream:
 
 
 class PublishedStream:
-    """(6) to (14) to the letter, with the auxiliary model."""
+    """(6) to (14) of the paper to the letter, with the auxiliary model."""
 
     def __init__(self, structure: Structure, p: int, p0: float, forgetting: float, theta0: Array, mode: int):
         self.structure, self.p, self.p0, self.forgetting = structure, p, p0, forgetting
@@ -235,7 +235,7 @@ class PublishedStream:
         _forget_past(state, samples, self.ceiling)
 
     def running(self, state: State) -> Array:
-        """Natural parameters as the recursion has them."""
+        """The natural parameters of the running recursion."""
         return natural_vector(state["theta"], self.structure)
 
     def theta(self, state: State) -> Array:
@@ -261,13 +261,13 @@ class FullStream:
         return multistart.initial_state(self.reading)
 
     def run(self, state: State, u: Array, y: Array, restart: NDArray[np.bool_], weight: Array | None = None) -> None:
-        """One window a sample and start, the memory at its instants."""
+        """One window per sample and start; the memory is re-run at its own instants."""
         if self.undo.noted and self._page is not None:
             self._page.put_off()
         self._page = multistart.run(state, self.reading, u, y, restart, self._page, weight)
 
     def settle(self, state: State) -> None:
-        """Re-run the memory, so that the whole record speaks at the present parameters."""
+        """Re-run the memory, so that the whole record is evaluated at the present parameters."""
         if self.reading.memory and state["fill"]:
             multistart.consolidate(state, self.reading, self._page)
             self._page = None
@@ -277,7 +277,7 @@ class FullStream:
         multistart.forget_past(state, samples)
 
     def estimate(self, state: State) -> Gaussian:
-        """Mean and covariance of the natural parameters; worked out once for a state."""
+        """Mean and covariance of the natural parameters; computed once per state."""
         s = multistart.answer(state)
         numbers = [state["seen"], state["fill"], s, state["known"][0], state["oblivion"], state["past_count"][0]]
         mark = np.append(state["theta"][s], numbers).tobytes()
@@ -286,7 +286,7 @@ class FullStream:
         return self._known[1]
 
     def _estimate(self, state: State) -> Gaussian:
-        """The posterior where signs may be in doubt, else the model that answers and its P."""
+        """The posterior if signs may be in doubt, otherwise the model that gives the answer and its P."""
         r = self.reading
         if r.memory and multistart.is_silent(state) and state["fill"] > r.size:
             state = multistart.settled(state, r)  # made at once for the answer, which is then that of `fit`
@@ -302,11 +302,11 @@ class FullStream:
         return Gaussian(state["theta"][s], noise_variance(state["loss"][s], 0) * covariance(state["ud"][s]))
 
     def running(self, state: State) -> Array:
-        """Natural parameters of the model that answers, as the recursion has them."""
+        """Natural parameters, in the running recursion, of the model that gives the answer."""
         return state["theta"][multistart.answer(state)].copy()
 
     def natural(self, state: State) -> Array:
-        """The posterior mean, or the parameters of the model that answers."""
+        """The posterior mean, or the parameters of the model that gives the answer."""
         return self.estimate(state).mean.copy()
 
     def theta(self, state: State) -> Array:
@@ -333,7 +333,7 @@ def _weighted(u: Array, y: Array, restart: NDArray[np.bool_], weight: Array) -> 
 
 
 def _forget_past(state: State, samples: float, ceiling: float) -> None:
-    """One strong forgetting of all that a single recursion knows."""
+    """Strongly forget, once, what a single recursion knows."""
     left = min(1.0, samples / max(float(state["loss"][1]), 1e-300))
     state["loss"] *= left
     state["power"] *= left
@@ -341,7 +341,7 @@ def _forget_past(state: State, samples: float, ceiling: float) -> None:
 
 
 def pieces(restart: NDArray[np.bool_]) -> list[slice]:
-    """The record cut where an experiment begins."""
+    """The record, cut where each experiment begins."""
     cuts = np.flatnonzero(restart)
     if not cuts.size:
         return [slice(0, restart.size)] if restart.size else []

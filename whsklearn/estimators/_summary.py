@@ -21,11 +21,11 @@ class Summary:
     Attributes
     ----------
     title : str
-        Estimator and kind of model.
+        The estimator and the kind of model.
     facts : dict of str
-        Structure, samples, poles, noise, in words.
+        Structure, samples, poles and noise, in words.
     table : pandas.DataFrame
-        A row a parameter: ``value``, ``standard_error``, ``low`` and ``high`` of the 95 % interval.
+        One row per parameter: ``value``, ``standard_error``, and ``low`` and ``high`` of the 95 % interval.
     """
 
     title: str
@@ -91,7 +91,7 @@ def _chain_facts(model: Any) -> dict[str, str]:
 
 
 def _poles(denominator: Any) -> str:
-    """The poles, a conjugate pair once."""
+    """The poles; a conjugate pair is listed once."""
     if not denominator.size:
         return "no poles"
     roots = np.roots(np.append(1.0, denominator))
@@ -105,7 +105,7 @@ def _poles(denominator: Any) -> str:
 
 
 def _flat(parameters: dict[str, Any]) -> dict[str, float]:
-    """a, b, c, d entry by entry, counted as in (1) and (2); a_1 and c_1 are one by definition and left out."""
+    """a, b, c, d entry by entry, numbered as in (1) and (2); a_1 and c_1 are one by definition and are omitted."""
     out: dict[str, float] = {}
     for name, value in parameters.items():
         if np.ndim(value) == 0:

@@ -1,8 +1,8 @@
 """Undoing a call of ``partial_fit`` that an exception or a signal ended halfway.
 
-Arrays change in place, and a copy of them before every row would cost more than the row.  So a copy is taken
-now and then, the few rows since are noted, and after an exception they are learnt anew on a copy of the copy: the
-recursion is deterministic, so that is the state before the call to the bit.
+Arrays change in place, and copying them before every row would cost more than the row.  So a copy is taken now
+and then, and the few rows since are noted.  After an exception these rows are learnt again on a copy of that copy.
+The recursion is deterministic, so the result is bit for bit the state before the call.
 """
 
 from __future__ import annotations
@@ -19,28 +19,28 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-# To learn 64 rows anew takes no longer than the longest re-run of a memory.
+# Learning 64 rows again takes no longer than the longest re-run of a memory.
 ROWS = 64
-PLAIN = frozenset((int, float, str, type(None)))  # types of values that nothing can change
+PLAIN = frozenset((int, float, str, type(None)))  # types of immutable values
 
 
 def copied(state: State) -> State:
-    """The state in arrays of its own, but for the read-only ones: what changes them puts others in their place."""
+    """The state in its own arrays, except for the read-only ones, which are replaced and never changed."""
     return {name: _own(value) for name, value in state.items()}
 
 
-# of a stream with a memory, beginnings of names: the memory only grows, up to where another one takes its place
-# (`NextMemory`), and what a re-run is given is replaced whole where it ends
+# Prefixes of names in the state of a stream with a memory.  The memory only grows until another one replaces it
+# (`NextMemory`), and the input of a re-run is replaced as a whole when the re-run ends.
 REPLACED = "memory_", "page_", "prior_", "past_", "origin"
 
 
 def noted(state: State) -> State:
-    """The same, but for what only grows or is replaced: its copy would take as long as the row that waits for it."""
+    """The same, without copying what only grows or is replaced: that would take as long as the row itself."""
     return {name: value if name.startswith(REPLACED) else _own(value) for name, value in state.items()}
 
 
 def emptied(state: State) -> State:
-    """A noted state in arrays of its own, and nothing in the memory beyond the samples that it held."""
+    """A noted state in its own arrays, with nothing in the memory beyond the samples it held then."""
     state = copied(state)
     if "memory_restart" in state:
         history = len(state["memory_y"]) - len(state["memory_restart"])
@@ -52,22 +52,22 @@ def emptied(state: State) -> State:
 
 
 def _own(value: Any) -> Any:
-    """The value, or a copy of what can be changed."""
+    """The value, or a copy of it if it is mutable."""
     if isinstance(value, np.ndarray):
         return value.copy() if value.flags.writeable else value
     return value if type(value) in PLAIN else copy.copy(value)
 
 
 class Undo:
-    """What is needed to go back to the state before the present call.
+    """What is needed to return to the state before the present call.
 
-    Interrupts are taken by Python where a call returns or a function begins, never between two plain assignments:
-    those below that belong together stand together.
+    Python handles interrupts where a call returns or a function begins, never between two plain assignments.
+    So assignments below that belong together are kept together.
     """
 
     def __init__(self) -> None:
-        self.noted = False  # in this call: what else a row has to do can wait for the next one
-        self._of: Any = None  # the state that was copied; another one, or one that others changed, is copied anew
+        self.noted = False  # in this call; further work can wait for the next row
+        self._of: Any = None  # the state that was copied; a different one, or one changed by others, is copied again
         self._seen = -1
         self._copy: State = {}
         self._sizes: tuple[int, ...] = ()
@@ -76,7 +76,7 @@ class Undo:
         self._y = np.empty(ROWS)
 
     def before(self, state: State, u: Array, y: Array) -> None:
-        """Note rows of shapes (n, n_columns) and (n,) that are about to be learnt within one experiment."""
+        """Note rows, of shapes (n, n_columns) and (n,), that are about to be learnt within one experiment."""
         n = len(y)
         if self._of is not state or self._seen != state["seen"] or self._filled + n > ROWS:
             kept = noted(state)
@@ -99,11 +99,11 @@ class Undo:
         self._seen += n
 
     def clear(self) -> None:
-        """Forget the copy: the state is about to change in another way than by rows."""
+        """Forget the copy, because the state is about to change other than by rows."""
         self._of = None
 
     def restored(self, stream: Stream) -> State:
-        """The state before the call, in new arrays; interrupts meanwhile wait, as one is under way already."""
+        """The state before the call, in new arrays; further interrupts wait, as one is already being handled."""
         while True:
             try:
                 state = emptied(self._copy)

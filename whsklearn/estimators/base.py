@@ -1,4 +1,4 @@
-"""What all identified models share: validation, free run, prediction ahead, state, files."""
+"""What all identified models share: validation, free run, prediction ahead, state and files."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ if TYPE_CHECKING:
 
 
 OUTPUTS = ("expected", "simulation")
-# Signs expected to be wrong in an experiment, up to which none of them is more likely than not: where they come by
-# chance, none is with probability exp(-m), and one half is m = ln 2.  So below it the simulation has the less median
-# error, and the expected output, which has the less mean square whatever m, above it.
+# Expected number m of wrong signs in an experiment up to which it is more likely than not that none is wrong.  If they
+# occur by chance, none is wrong with probability exp(-m), which is one half at m = ln 2.  So below this number the
+# simulation has the smaller median error, and above it the expected output, whose mean square is smaller for any m.
 FEW_SIGNS = math.log(2.0)
-LARGEST_COUNT = 2**62  # of samples: a stream at 1 MHz takes 100,000 years to it, and twice as much is no int64 any more
-TOLD: set[str] = set()  # what is said once in a process
+LARGEST_COUNT = 2**62  # of samples: a stream at 1 MHz reaches it after 100,000 years; twice as many exceed an int64
+TOLD: set[str] = set()  # warnings that are given once per process
 LEARNT = ("theta", "ud", "loss", "memory_u", "memory_y", "recent_u", "recent_y", "rows", "targets", "before")
 
 
@@ -52,10 +52,10 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
     """
 
     lags: Any
-    _states_errors: ClassVar[bool] = True  # False where the method has no covariance, which its docstring says
+    _states_errors: ClassVar[bool] = True  # False if the method has no covariance, as its docstring says
     _default_output = "simulation"  # of `predict`
-    _fits_free_run = False  # whether the error that was minimised is that of the free run, and not one step ahead
-    _finds_constant = False  # whether the model may lie a constant off, beside what its law gives
+    _fits_free_run = False  # whether the error minimised is that of the free run, not the one-step error
+    _finds_constant = False  # whether the model can have a constant besides those of its law
 
     # -- what the model is ---------------------------------------------------------------
 
@@ -66,12 +66,12 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
 
     @property
     def _answers_several(self) -> bool:
-        """Whether y has a column a joint, as the lags of an arm make its rows."""
+        """Whether y has one column per joint, as for the lags of an arm."""
         return bool(getattr(self.lags, "multi_output", False))
 
     @property
     def _takes_direct_paths(self) -> bool:
-        """Whether the blocks may answer without the paper's delay of one sample each."""
+        """Whether the blocks may respond without the paper's delay of one sample each."""
         return False
 
     @property
@@ -81,11 +81,11 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
 
     @property
     def _lags(self) -> WienerHammersteinLags:
-        """The same as it was when learning began: changing ``lags`` later changes no fitted model."""
+        """The transformer as it was when learning began: changing ``lags`` later does not change a fitted model."""
         return self.__dict__.get("lags_", self._given_lags)
 
     def _structure(self) -> wh.Structure:
-        """Orders and law as the kernels take them."""
+        """Orders and law in the form that the kernels take."""
         lags = self._lags
         dims = lags.dims()
         dims[0] *= self.n_features_in_
@@ -113,7 +113,7 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
 
     @property
     def _lock(self) -> threading.RLock:
-        """Of those who learn, and who read what is learnt; no part of the state, so no copy and no file holds it."""
+        """The lock of threads that learn or read; it is no part of the state, so no copy and no file holds it."""
         found: threading.RLock = self.__dict__.get("_own_lock") or self.__dict__.setdefault(
             "_own_lock", threading.RLock()
         )
@@ -121,7 +121,7 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
 
     @contextmanager
     def _alone(self) -> Iterator[None]:
-        """Make other threads wait that learn, or that read what was learnt."""
+        """Make other threads that learn, or that read what was learnt, wait."""
         with self._lock:
             yield
 
@@ -146,12 +146,12 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
 
     @property
     def standard_errors_(self) -> Array:
-        """Standard errors of `theta_`, shape (n_parameters,); NaN, with a warning, where the record tells none."""
+        """Standard errors of `theta_`, shape (n_parameters,); NaN, with a warning, if the record cannot give them."""
         return self._told(np.sqrt(np.maximum(np.diag(self.covariance_), 0.0)))
 
     @property
     def parameters_(self) -> dict[str, Any]:
-        """``a``, ``b``, ``c``, ``d`` and a weight a term of the law; on given rows, a weight a column."""
+        """``a``, ``b``, ``c``, ``d`` and one weight per term of the law; for given rows, one weight per column."""
         check_is_fitted(self, "state_")
         if self._is_wiener_hammerstein:
             return wh.named(self._natural(), self._structure())
@@ -159,25 +159,25 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
 
     @property
     def parameter_standard_errors_(self) -> dict[str, Any]:
-        """Standard errors in the layout of `parameters_`; NaN, with a warning, where the record tells none."""
+        """Standard errors in the layout of `parameters_`; NaN, with a warning, if the record cannot give them."""
         check_is_fitted(self, "state_")
         if self._is_wiener_hammerstein:
             return wh.named_errors(self._told(np.diag(self._natural_covariance())), self._structure())
         return dict(zip(self._column_names(), self.standard_errors_.tolist(), strict=True))
 
     def _told(self, values: Array) -> Array:
-        """The same values; a warning if some are no numbers."""
+        """The same values, with a warning if some are NaN."""
         if self._states_errors and not np.isfinite(values).all():
             warnings.warn(
-                "Some standard errors are NaN, as the samples so far do not tell them: what moved is less than the "
-                "parameters ask for; give a longer record of an axis that moves.",
+                "Some standard errors are NaN, because the samples so far do not determine them: there was too little "
+                "motion for the parameters; give a longer record of an axis that moves.",
                 UserWarning,
                 stacklevel=3,
             )
         return values
 
     def _column_names(self) -> list[str]:
-        """Names of the weights on given rows."""
+        """Names of the weights for given rows."""
         if self.lags is not None:
             return [str(n) for n in self.lags_.get_feature_names_out()]
         names = getattr(self, "feature_names_in_", [f"x{i}" for i in range(self.n_features_in_)])
@@ -188,44 +188,46 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
     def predict(
         self, X: ArrayLike, groups: ArrayLike | None = None, *, output: str | None = None, return_std: bool = False
     ) -> Any:
-        """Free run: the output from X alone, at rest before the first sample.
+        """Free run: the output from X alone, starting at rest before the first sample.
 
-        Where the law jumps with sign(dx), a sample at which dx is small may have either sign for parameters that the
-        record cannot tell apart.  The *expected* output takes the mean over them, sign(dx) becoming
-        erf(dx / (sqrt(2) sd)); it has the least mean squared error (on Example 5.1, N = 1,000, 7.5 dB, about two
-        thirds of the simulation's, benchmarks/accuracy.py).  The *simulation* is what `parameters_` give, with one
-        sign at each sample: right to the last sample on most records when all is known well, as after 20,000 clean
-        samples, and what a simulator or an export will do.  `wrong_signs` tells how many signs of a record the
-        simulation is expected to get wrong; with fewer than 0.7 (ln 2) it is more likely than not all right, and is
-        what is given by default.
+        If the law jumps with sign(dx), the sign is uncertain at samples where dx is small: parameters that the record
+        cannot tell apart give different signs.  The *expected* output is the mean over these parameters, in which
+        sign(dx) becomes erf(dx / (sqrt(2) sd)).  It has the least mean squared error (on Example 5.1, N = 1,000,
+        7.5 dB, about two thirds of the simulation's, benchmarks/accuracy.py).  The *simulation* uses `parameters_`,
+        with one sign at each sample.  When the parameters are known well, as after 20,000 clean samples, it is right
+        to the last sample on most records, and it is what a simulator or an export will compute.  `wrong_signs` tells
+        how many signs of a record the simulation is expected to get wrong.  If these are fewer than 0.7 (ln 2), it is
+        more likely than not that all signs are right, and the simulation is the default.
 
         Parameters
         ----------
         X : array-like of shape (n, n_features), or list of them
-            Input u; with ``lags=None`` the rows themselves.  Several records as a list give a list.
+            Input u; with ``lags=None`` the rows themselves.  A list of records gives a list.
         groups : array-like of shape (n,), optional
             Experiments; each starts at rest.
         output : {"expected", "simulation"}, optional
-            By default what is expected for an estimator that has a posterior of its parameters, as the recursive ones
-            with ``gradient="full"``, where 0.7 signs or more of the experiment are expected to be wrong; else, and for
-            other estimators, the simulation of `parameters_`.  They differ for a law with sign(dx) only.  The count is
-            of the whole experiment: where the first half of a record is to be told as the record is, name the output.
+            Which output to give.  By default it is the expected output if the estimator has a posterior of its
+            parameters, as the recursive ones with ``gradient="full"`` do, and 0.7 signs or more of the experiment are
+            expected to be wrong.  Otherwise it is the simulation of `parameters_`.  The two differ only for a law with
+            sign(dx).  Signs are counted over the whole experiment, so the default may differ between a record and its
+            first half; name the output where both must be alike.
         return_std : bool, default=False
-            Whether the standard deviation of the measured output about the free run is wanted too.  It holds what
-            is not known of the parameters (the spread of the free runs of 100 draws from their Gaussian) and the
-            noise: constant where the free run was fitted, else the one-step error through L2's denominator.
+            Whether to return the standard deviation of the measured output about the free run too.  It includes the
+            uncertainty of the parameters (the spread of the free runs of 100 draws from their Gaussian) and the
+            noise, which is constant if the free run was fitted, and otherwise the one-step error through L2's
+            denominator.
 
         Returns
         -------
         y_hat : ndarray of shape (n,)
-            Finite whatever the estimate: poles outside the unit circle are drawn inside.
+            Finite whatever the estimate: poles outside the unit circle are moved inside.
         std : ndarray of shape (n,)
-            With ``return_std`` only; infinite before anything is known of the noise.
+            Only with ``return_std``; infinite while nothing is known of the noise.
 
         Raises
         ------
         ValueError
-            If X or a setting cannot be, or a standard deviation is asked of an estimator that has no covariance.
+            If X or a setting is invalid, or if the estimator has no covariance and a standard deviation is asked for.
         """
         check_is_fitted(self, "state_")
         by_record = output is None and self._default_output == "expected"
@@ -241,7 +243,7 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
         return (given.apart(y_hat), given.apart(std)) if return_std else given.apart(y_hat)
 
     def _predicted(self, u: Array, groups: ArrayLike | None, output: str, with_std: bool) -> tuple[Array, Array]:
-        """(free run, its standard deviation or as many zeros)."""
+        """The free run, and its standard deviation or as many zeros."""
         std = np.zeros(len(u))
         if not self._is_wiener_hammerstein:
             rows: Array = u if self.lags is None else np.asarray(self.lags_.transform(u, groups=groups))
@@ -271,9 +273,9 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
     def wrong_signs(self, X: ArrayLike, groups: ArrayLike | None = None) -> Array:
         """How many signs of dx a simulation of `parameters_` is expected to get wrong in each experiment of X.
 
-        The sum over the samples of min(p, 1 - p), p the probability that dx is positive by what is known of L1: zero
-        for a law without sign(dx) and for an estimator that has no covariance.  `predict` gives the simulation below
-        0.7 (ln 2) and the expected output from there on.
+        This is the sum over the samples of min(p, 1 - p), where p is the probability that dx is positive given what is
+        known of L1.  It is zero for a law without sign(dx) and for an estimator that has no covariance.  `predict`
+        gives the simulation below 0.7 (ln 2), and the expected output from there on.
 
         Parameters
         ----------
@@ -298,7 +300,7 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
         return float("nan")
 
     def _noise_filter(self, natural: Array, structure: wh.Structure) -> Array:
-        """Denominator behind which the error that was minimised stands in the free run: L2's in (2)."""
+        """The denominator through which the minimised error enters the free run: that of L2 in (2)."""
         return wh.inside(natural[structure.slices()[4]])
 
     def score(
@@ -330,27 +332,27 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
         Parameters
         ----------
         X : array-like of shape (n, n_features), or list of them
-            Input; several records as a list give a list.
+            Input; a list of records gives a list.
         y : array-like of shape (n,)
             Measured output.
         horizon : int, default=1
-            Samples; 1 is the one-step prediction.
+            Number of samples; 1 is the one-step prediction.
         groups : array-like of shape (n,), optional
             Experiments.
         settle : bool, default=True
-            False answers from the running estimate, in less than 200 us for a few hundred samples in arrays of
-            float64: for a control loop. With True an estimator in mid-stream first works out the mean over the signs
-            that the samples leave in doubt, or a fit to what there is so far, which takes 20 ms and more.
+            False uses the running estimate. This takes less than 200 us for a few hundred samples in float64 arrays
+            and suits a control loop. With True, an estimator in mid-stream first computes the mean over the signs that
+            are still in doubt, or a fit to the samples so far, which takes 20 ms and more.
 
         Returns
         -------
         ndarray of shape (n,)
-            On given rows, which hold no past output of their own, the same as `predict`.
+            For given rows, which hold no past output of their own, the same as `predict`.
 
         Raises
         ------
         ValueError
-            If an argument cannot be, or ``settle`` is False and there is no running estimate yet.
+            If an argument is invalid, or if ``settle`` is False and there is no running estimate yet.
         """
         if not settle and groups is None and type(horizon) is int and horizon >= 1:
             # a column of pandas is read-only
@@ -375,7 +377,7 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
         return given.apart(_finite(wh.predictions(natural, structure, writeable(u), known, restart, int(horizon))))
 
     def _is_plain(self, X: Any, y: Any) -> bool:
-        """Whether X and y need no further check by a fitted estimator."""
+        """Whether a fitted estimator can use X and y without further checks."""
         return "state_" in self.__dict__ and len(getattr(X, "shape", ())) == 2 and is_plain(X, y, self.n_features_in_)
 
     def _ahead_now(self, X: Array, y: Array, horizon: int) -> Array:
@@ -387,7 +389,7 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
         return _finite(wh.predictions(*self._running(), X, y, restart, horizon))
 
     def _running(self) -> tuple[Array, wh.Structure]:
-        """The running estimate of the natural parameters, without the work on signs in doubt, and their structure."""
+        """The running estimate of the natural parameters, with signs in doubt left unresolved, and the structure."""
         return self._natural(), self._structure()
 
     # -- in words, and for other tools -----------------------------------------------------
@@ -419,12 +421,12 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
         Returns
         -------
         first, second : scipy.signal.dlti
-            u to x and v to y, with their delays; several inputs give a tuple of systems, one an input, as the first.
+            u to x and v to y, with their delays. With several inputs the first is a tuple of systems, one per input.
 
         Raises
         ------
         ValueError
-            If the estimator works on rows and has no blocks, or ``dt`` is no positive number.
+            If the estimator works on rows and has no blocks, or if ``dt`` is not a positive number.
 
         Examples
         --------
@@ -446,7 +448,7 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
     # -- state ---------------------------------------------------------------------------
 
     def get_state(self) -> dict[str, Any]:
-        """A copy of all that was learnt, as a dict of arrays and numbers."""
+        """Return a copy of all that was learnt, as a dict of arrays and numbers."""
         check_is_fitted(self, "state_")
         with self._alone():
             state = {"n_features_in": int(self.n_features_in_), "state": copy.deepcopy(self.state_)}
@@ -457,12 +459,12 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
         return state
 
     def set_state(self, state: dict[str, Any]) -> Self:
-        """Go on from what `get_state` of an estimator with the same parameters returned.
+        """Continue from what `get_state` of an estimator with the same parameters returned.
 
         Raises
         ------
         ValueError
-            If the state is not of this kind of estimator or its orders differ.
+            If the state is of another kind of estimator, or its orders differ.
         """
         if not isinstance(state, dict) or not {"n_features_in", "state"} <= state.keys():
             raise ValueError("This is no state of an estimator; give what get_state() returned.")
@@ -484,7 +486,7 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
         return self
 
     def _check_state(self, state: dict[str, Any]) -> None:
-        """Raise if a state cannot be this estimator's."""
+        """Raise if a state cannot belong to this estimator."""
         if not isinstance(state, dict) or "theta" not in state:
             raise ValueError("This state holds no theta; give what get_state() of the same estimator returned.")
         for name, value in state.items():
@@ -500,12 +502,12 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Self:
-        """Read what `save` wrote; a stream goes on from there.
+        """Read what `save` wrote; a stream continues from there.
 
         Raises
         ------
         ValueError
-            If the file is damaged, foreign, or of another estimator.
+            If the file is damaged, not one that `save` wrote, or of another estimator.
         """
         params, state = read_state(path, cls.__name__)
         try:
@@ -523,12 +525,12 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
 
     @contextmanager
     def _unchanged_if_refused(self) -> Iterator[None]:
-        """Put every attribute back if the call within fails, fitted ones such as n_features_in_ too."""
+        """Restore every attribute if the call within fails, including fitted ones such as n_features_in_."""
         before = self.__dict__.copy()
         try:
             yield
         except BaseException:
-            self.__dict__ = before  # one step, that no second interrupt can cut in two
+            self.__dict__ = before  # one step, which a second interrupt cannot split
             raise
 
     def _keep_lags(self) -> None:
@@ -561,7 +563,7 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
         return writeable(u), writeable(target)
 
     def _checked_record(self, given: Given) -> tuple[Array, Array, NDArray[np.bool_], Array | None]:
-        """X, y, starts of experiments and weights for a batch fit; all attributes as before if refused."""
+        """X, y, starts of experiments and weights for a batch fit; attributes stay unchanged if they are refused."""
         with self._unchanged_if_refused():
             self._keep_lags()
             X, y = self._validate(given.X, given.y, reset=True)
@@ -575,11 +577,11 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
         return X, y, restart, weights
 
     def _rows(self, X: Array, y: Array, groups: ArrayLike | None) -> tuple[Array, Array]:
-        """Rows and targets of a record, as the lags other than the Wiener-Hammerstein ones make them."""
+        """Rows and targets of a record, made by lags other than the Wiener-Hammerstein ones."""
         return (X, y) if self.lags is None else self.lags_.rows(X, y, groups)
 
     def _need_rows(self, n: int) -> None:
-        """Raise where a record cannot fill the lags once; warn where its samples are no more than the parameters."""
+        """Raise if a record is too short to fill the lags once; warn if it has no more samples than parameters."""
         needed = self._lags.max_lag + 1 if self._is_wiener_hammerstein else 1
         if n < needed:
             raise ValueError(
@@ -590,7 +592,7 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
         warn(_advice.of_few_samples(n, n_parameters), stacklevel=5)
 
     def _warn_of_record(self, X: Array, y: Array, stacklevel: int = 3) -> None:
-        """Warn of records that do not show the dynamics, or only with a constant that the model lacks."""
+        """Warn of records that do not show the dynamics, or that need a constant the model lacks."""
         if not self._is_wiener_hammerstein or len(X) <= self._lags.max_lag:
             return
         said = _advice.of_a_signal_at_rest(X, y)
@@ -599,14 +601,14 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
         warn(said, stacklevel + 1)
 
     def _warn_of_order(self, X: Any, stacklevel: int = 3) -> None:
-        """A dynamic model of samples that were shuffled; said once, and not of every fold."""
+        """Warn of a dynamic model that is fitted to shuffled samples; once, not for every fold."""
         said = None if self.lags is None else _advice.of_the_order(sample_numbers(X))
         if said is not None and said not in TOLD:
             TOLD.add(said)
             warn(said, stacklevel + 1)
 
     def _warn_of_structure(self, X: Array, y: Array, restart: NDArray[np.bool_], stacklevel: int = 3) -> None:
-        """Where ``lags`` was left out, what it stands for is not the same for all estimators: say what was taken."""
+        """Say which structure is used where ``lags`` was not given, because its default differs between estimators."""
         if self.lags is not None:
             return
         name = type(self).__name__
@@ -624,7 +626,7 @@ class AxisRegressor(RegressorMixin, BaseEstimator):
 
     def __sklearn_tags__(self) -> Any:
         tags = super().__sklearn_tags__()
-        # a strictly delayed dynamic model cannot fit the static data of the generic checks
+        # A strictly delayed dynamic model cannot fit the static data of the generic checks.
         tags.regressor_tags.poor_score = self.lags is not None
         return tags
 
@@ -636,5 +638,5 @@ def warn(said: str | None, stacklevel: int) -> None:
 
 
 def _finite(y_hat: Array) -> Array:
-    """Interim estimates may be far off; what leaves the estimator is a number."""
+    """Make predictions finite: interim estimates may be far off, but the estimator returns numbers only."""
     return np.clip(np.nan_to_num(y_hat, nan=0.0, posinf=1e30, neginf=-1e30), -1e30, 1e30)

@@ -1,4 +1,4 @@
-"""A population search over the free-run error, as the turntable literature has it."""
+"""A population search over the free-run error, as in the turntable literature."""
 
 from __future__ import annotations
 
@@ -17,24 +17,24 @@ if TYPE_CHECKING:
 
 
 class DifferentialEvolutionRegressor(PEMRegressor):
-    """Differential evolution on the free-run error; a yardstick that needs no gradient and no start.
+    """Differential evolution on the free-run error: a baseline that needs no gradient and no starting point.
 
     Parameters
     ----------
     lags : WienerHammersteinLags, optional
         Orders and law; Example 5.1's by default.
     n_generations : int, default=200
-        Generations at the most.
+        Largest number of generations.
     bound : float, default=3.0
-        Entries of a and c and the law's weights are sought within +-bound, denominators
-        through reflection coefficients, so that every candidate is stable.
+        Entries of a and c and the law's weights are sought within +-bound. Denominators are
+        searched by reflection coefficients, so that every candidate is stable.
     random_state : int, RandomState or None
-        Of the population.
+        Draws the population.
 
     Attributes
     ----------
     theta_, parameters_
-        As for `RMILSRegressor`; a population search has no covariance (nan).
+        As for `RMILSRegressor`; a population search has no covariance (NaN).
     cost_ : float
         Sum of squared free-run errors.
 
@@ -85,7 +85,7 @@ class DifferentialEvolutionRegressor(PEMRegressor):
         y : array-like of shape (n,)
             Output.
         groups : array-like of shape (n,), optional
-            The experiment of each row; one by default.
+            The experiment of each row; a single experiment by default.
         sample_weight : array-like of shape (n,), optional
             1 / variance of each sample.
         """

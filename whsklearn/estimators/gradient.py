@@ -1,4 +1,4 @@
-"""The multi-innovation stochastic gradient, the cheap relative of MILS."""
+"""The multi-innovation stochastic gradient, a cheap relative of MILS."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ if TYPE_CHECKING:
 class MultiInnovationGradientRegressor(RecursiveRegressor):
     """theta(t) = theta(t-1) + Phi(p, t) E(p, t) / r(t), r(t) = lambda r(t-1) + norm(phi(t))^2.
 
-    A yardstick: no covariance, n operations a sample, slow.  On a Wiener-Hammerstein system
-    the rows are the published ones, (6).
+    A baseline: it takes n operations per sample, has no covariance and converges slowly.  For a
+    Wiener-Hammerstein system the rows are the published ones, (6).
 
     Parameters
     ----------
     lags : WienerHammersteinLags or InverseDynamicsLags, optional
-        How rows are made of X and y; None takes the columns of X as they are.
+        How rows are made from X and y; None takes the columns of X as they are.
     p : int, default=4
         Innovation length.
     forgetting : float, default=1.0
-        Of r(t), in (0, 1]; below 1 the step does not shrink to zero.
+        Forgetting factor of r(t), in (0, 1]; below 1 the step does not shrink to zero.
     theta0 : float or array-like of shape (n_parameters,), optional
         theta(0), in the paper's order.
 
     Attributes
     ----------
     theta_, parameters_, state_
-        As for `RLSRegressor`; there are no standard errors (nan).
+        As for `RLSRegressor`; there are no standard errors (NaN).
 
     References
     ----------

@@ -12,12 +12,12 @@ if TYPE_CHECKING:
 
 
 class MILSRegressor(RecursiveRegressor):
-    """Multi-innovation least squares: each sample updates with the p - 1 before it, as one block.
+    """Multi-innovation least squares: each sample updates together with the p - 1 before it, as one block.
 
     Parameters
     ----------
     lags : WienerHammersteinLags or InverseDynamicsLags, optional
-        How rows are made of X and y; None takes the columns of X as they are.
+        How rows are made from X and y; None takes the columns of X as they are.
     p : int, default=4
         Innovation length.
     P0, forgetting, theta0, gradient, n_starts, memory, random_state
@@ -30,10 +30,10 @@ class MILSRegressor(RecursiveRegressor):
 
     Notes
     -----
-    The block update is carried out as p scalar ones, to which it is equal (block inversion
-    lemma), so no matrix is inverted.  To the letter (``gradient="pseudolinear"``) each sample
-    counts in p windows with weight one and P is about p times too small; otherwise its
-    weight is 1/p and P is calibrated.
+    The block update is computed as p scalar updates, which are equivalent to it (block inversion
+    lemma), so no matrix is inverted.  In the published form (``gradient="pseudolinear"``) each
+    sample counts in p windows with weight one, and P is about p times too small.  Otherwise its
+    weight is 1/p, and P is calibrated.
 
     References
     ----------

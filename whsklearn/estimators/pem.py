@@ -1,4 +1,4 @@
-"""The batch fit, of the one-step prediction error or of the simulation error: the yardstick of the recursions."""
+"""The batch fit of the one-step prediction error or of the simulation error: the baseline for the recursions."""
 
 from __future__ import annotations
 
@@ -26,50 +26,51 @@ class PEMRegressor(ChainRegressor):
     """Batch fit of a Wiener-Hammerstein system: the least error one step ahead, or in free run.
 
     ``criterion="prediction"`` minimises the one-step prediction error by Levenberg-Marquardt from
-    several starts.  The first is the best linear approximation: the same two blocks about a linear law,
-    fitted first; the others are random.  Each climbs a ladder of ever sharper signs, and the start and
-    rung with the least prediction error under the true sign is kept.  It is right where noise enters
-    as in (2), before L2's denominator, and the friction law (4) acts on dx, as in Example 5.1.
+    several starts.  The first is the best linear approximation: the same two blocks with a linear law
+    between them.  The other starts are random.  Each start is refined with ever sharper signs, and the
+    result with the least prediction error under the true sign is kept.  Use it where noise enters as
+    in (2), before L2's denominator, and the friction law (4) acts on dx, as in Example 5.1.
 
     ``criterion="simulation"`` minimises the error of the free run.  The poles and zeros of the best
-    linear approximation are divided between L1 and L2 in all ways, and the best divisions refined
-    with exact sensitivities, the law solved anew at each step.  It is right for measured records, where
-    noise is added to the output and no model is exact, for laws in x and for high orders; without
-    ``lags`` it looks for orders, lets poles grow where the error says that one is missing, and takes a
-    cubic spline as law, or a polynomial of third degree where data held out do not tell it from the spline.
-    For laws in dx it begins from the answer of the other criterion.
+    linear approximation are divided between L1 and L2 in all possible ways.  The best divisions are
+    refined with exact sensitivities, and the law is solved again at each step.  Use it for measured
+    records, where noise is added to the output and no model is exact, for laws in x, and for high
+    orders.  Without ``lags`` it searches for the orders and adds poles where the error shows that one
+    is missing.  The law is then a cubic spline, or a polynomial of third degree where held-out data show
+    no difference between the two.  For laws in dx it starts from the result of the other criterion.
 
     Parameters
     ----------
     lags : WienerHammersteinLags, optional
-        Orders, law and delays.  None is Example 5.1's for the prediction error, and a search for the
-        simulation error.  Knots of a law by name (``law="cubic_spline"``) follow the data in the latter.
+        Orders, law and delays.  None means those of Example 5.1 for the prediction error, and a search for
+        the simulation error.  In the latter, the knots of a law given by name (``law="cubic_spline"``) are
+        chosen from the data.
     criterion : {"prediction", "simulation"}, default="prediction"
-        Which error is minimised.
+        The error to minimise.
     n_starts : int, default=16
-        Of the prediction error: one from the best linear approximation, of the others every second with
-        weights, c and d from least squares given a random L1.
+        Number of starts for the prediction error.  The first is the best linear approximation.  Of the
+        others, every second takes weights, c and d from least squares given a random L1.
     random_state : int, RandomState or None
-        Of the starts.
+        Draws the starts.
 
     Attributes
     ----------
     theta_, covariance_, standard_errors_, parameters_, parameter_standard_errors_
         As for `RMILSRegressor`.
     structure_ : WienerHammersteinLags
-        Orders, law with its weights and knots, and delays, as found.
+        Orders, law with its weights and knots, and delays, as the fit found them.
     cost_ : float
-        Sum of squared errors; those of a free run without the first samples of each
-        experiment (300, or a tenth), whose transient no model at rest can know.
+        Sum of squared errors.  For a free run, the first samples of each experiment (300, or a tenth)
+        are excluded, because a model that starts at rest cannot know their transient.
     costs_ : ndarray of shape (n_starts,)
-        The sum of squared one-step errors of each start; those near the least found the same minimum.
+        The sum of squared one-step errors of each start; starts near the least value found the same minimum.
 
     Notes
     -----
-    The covariance of the prediction error is sigma^2 (J'J)^-1 with the sign smoothed to kappa rms(dx) = 20.
-    Under the true sign the likelihood is a staircase in a and b, and no Gaussian interval is exact there;
-    benchmarks/accuracy.py measures what these cover.  That of the simulation error does not take what
-    is left for white: sums of J e over 60 batches of the record stand for sigma^2 J'J.
+    For the prediction error the covariance is sigma^2 (J'J)^-1, with the sign smoothed to kappa rms(dx) = 20.
+    Under the true sign the likelihood is a staircase in a and b, so no Gaussian interval is exact;
+    benchmarks/accuracy.py measures their coverage.  For the simulation error the covariance does not
+    assume a white residual: sums of J e over 60 batches of the record replace sigma^2 J'J.
 
     References
     ----------
@@ -86,7 +87,7 @@ class PEMRegressor(ChainRegressor):
     >>> model.parameters_["b"].round(1)
     array([1. , 0.5])
 
-    A saturation between two blocks with direct paths, orders and law left to the fit:
+    A saturation between two blocks with direct paths; the fit finds orders and law:
 
     >>> import numpy as np
     >>> from scipy.signal import lfilter
@@ -130,18 +131,18 @@ class PEMRegressor(ChainRegressor):
         Parameters
         ----------
         X : array-like of shape (n, 1), or list of them
-            Input; the records of a list are experiments of their own.
+            Input; each record of a list is a separate experiment.
         y : array-like of shape (n,), or list of them
             Output.
         groups : array-like of shape (n,), optional
-            Experiments; the state restarts where one begins.
+            Experiment of each sample; the state restarts at the beginning of each.
         sample_weight : array-like of shape (n,), optional
-            Of the squared errors, as 1 / variance; a sample of weight zero drives the state and is not fitted.
+            Weights of the squared errors, as 1 / variance; a sample of weight zero drives the state but is not fitted.
 
         Raises
         ------
         ValueError
-            If the record is too short, a number is not finite, or a setting cannot be.
+            If the record is too short, a number is not finite, or a setting is invalid.
         """
         if isinstance(self.n_starts, bool) or not isinstance(self.n_starts, (int, np.integer)) or self.n_starts < 1:
             raise ValueError(f"n_starts is {self.n_starts!r}, expected a whole number of 1 or more.")
@@ -188,7 +189,7 @@ class PEMRegressor(ChainRegressor):
             raise ValueError(
                 f"X has {X.shape[1]} inputs, and orders are searched for one; give lags=WienerHammersteinLags(...)."
             )
-        # the best linear approximation says nothing of a law in dx, nor of how several inputs share L1
+        # The best linear approximation tells nothing about a law in dx, nor how several inputs share L1.
         free = not many and scale_free(law_of(self.lags))
         start = None if free else self._fit_prediction(X, y, restart, weights)["theta"]
         fit = from_record(self.lags, X, y, restart, start, weights)

@@ -12,39 +12,39 @@ if TYPE_CHECKING:
 
 
 class RLSRegressor(RecursiveRegressor):
-    """Recursive least squares: on given rows, or of a Wiener-Hammerstein system.
+    """Recursive least squares on given rows, or on a Wiener-Hammerstein system.
 
     Parameters
     ----------
     lags : WienerHammersteinLags or InverseDynamicsLags, optional
-        How rows are made of X and y; None takes the columns of X as they are.
+        How rows are made from X and y; None takes the columns of X as they are.
     P0 : float, optional
-        P(0) = P0 I; 1e6 by default, 1 for the exact gradient without memory.
+        P(0) = P0 I. The default is 1e6, or 1 for the exact gradient without memory.
     forgetting : float, default=1.0
         Forgetting factor, in (0, 1].
     theta0 : float or array-like of shape (n_parameters,), optional
         theta(0), in the paper's order.
     gradient : {"full", "pseudolinear"}, default="full"
-        Exact gradient of the predictor, or the published key-term reading; of no
-        consequence on given rows.
+        The exact gradient of the predictor, or the published key-term form. It has no
+        effect on given rows.
     n_starts : int, default=32
-        Starts side by side (exact gradient only).
+        Number of starts that run in parallel (exact gradient only).
     memory : int, default=4096
-        Samples kept and re-run with the newest parameters; 0 for the pure recursion (exact
-        gradient only).
+        Number of samples that are kept and re-run with the newest parameters; 0 gives the pure
+        recursion (exact gradient only).
     random_state : int, RandomState or None
-        Of the starts.
+        Draws the starts.
 
     Attributes
     ----------
     theta_ : ndarray of shape (n_parameters,)
-        Estimate.
+        The estimate.
     covariance_, standard_errors_ : ndarrays
-        Of ``theta_``.
+        Covariance and standard errors of ``theta_``.
     parameters_ : dict
         The estimate by name.
     state_ : dict
-        All that the stream carries.
+        The complete state of the stream.
 
     References
     ----------

@@ -14,52 +14,52 @@ class RMILSRegressor(MILSRegressor):
     Parameters
     ----------
     lags : WienerHammersteinLags or InverseDynamicsLags, optional
-        How rows are made of X and y; None takes the columns of X as they are, and then
-        sub-innovations and block are the same numbers.
+        How rows are made from X and y. None takes the columns of X as they are; the
+        sub-innovations then equal the block update of `MILSRegressor`.
     p : int, default=4
-        Innovation length: the last p samples are re-run at each new one.
+        Innovation length: the last p samples are re-run at each new sample.
     P0 : float, optional
-        P(0) = P0 I, 1e6 by default: in units of the noise variance, or of the output's power
-        with the exact gradient; 1 by default without memory.
+        P(0) = P0 I, in units of the noise variance, or of the output's power with the exact
+        gradient. The default is 1e6, or 1 without memory.
     forgetting : float, default=1.0
         Forgetting factor, in (0, 1].
     theta0 : float or array-like of shape (n_parameters,), optional
-        theta(0), in the paper's order; 0.01 in the published reading, one start more in the
-        other.
+        theta(0), in the paper's order. In the published form its default is 0.01; with the exact
+        gradient it is one additional start.
     gradient : {"full", "pseudolinear"}, default="full"
-        "pseudolinear" is the published reading to the letter: key-term separation (5), an
-        auxiliary model, weights of one.  It does not converge on the paper's own example
-        (``python -m pipelines.reproduce`` shows it).  "full" is the exact gradient of the
-        same predictor, the recursive prediction error method.
+        "pseudolinear" is the published method to the letter: key-term separation (5), an
+        auxiliary model and weights of one.  It does not converge on the paper's own example
+        (``python -m pipelines.reproduce`` shows this).  "full" uses the exact gradient of the
+        same predictor: the recursive prediction error method.
     n_starts : int, default=32
-        Starts side by side; the prediction error has wrong minima.
+        Number of starts that run in parallel, because the prediction error has wrong minima.
     memory : int, default=4096
-        Samples kept and re-run with the newest parameters, in parts of some 50 us between the
-        samples; 0 for the pure recursion, which loses about half of the accuracy.
+        Number of samples that are kept and re-run with the newest parameters, in parts of about
+        50 us between the samples. 0 gives the pure recursion, which loses about half of the accuracy.
     random_state : int, RandomState or None
-        Of the starts.
+        Draws the starts.
 
     Attributes
     ----------
     theta_ : ndarray of shape (n_parameters,)
-        Estimate, in the paper's order (6).
+        The estimate, in the paper's order (6).
     covariance_, standard_errors_ : ndarrays of shape (n_parameters, n_parameters), (n_parameters,)
-        Of ``theta_``.
+        Covariance and standard errors of ``theta_``.
     parameters_ : dict
         ``a``, ``b``, ``c``, ``d`` and a weight for each term of the law.
     parameter_standard_errors_ : dict
-        In the same layout.
+        Their standard errors, in the same layout.
     innovation_variance_ : float
-        Of the one-step prediction error.
+        Variance of the one-step prediction error.
     state_ : dict
-        All that the stream carries; its size does not grow.
+        The complete state of the stream; its size does not grow.
 
     Notes
     -----
-    Where the law jumps with sign(dx), ``theta_`` and ``standard_errors_`` are mean and standard
+    If the law jumps with sign(dx), ``theta_`` and ``standard_errors_`` are the mean and standard
     deviation of the posterior over the samples whose sign is in doubt, and `predict` gives the
-    output that is expected over them.  They are worked out when they are asked for, in 20 to 110 ms,
-    and kept until the next sample; `partial_fit` does not wait for them.
+    output expected over them.  They are computed when they are read, which takes 20 to 110 ms, and
+    kept until the next sample; `partial_fit` does not wait for them.
 
     References
     ----------

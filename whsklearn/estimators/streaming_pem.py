@@ -31,24 +31,24 @@ if TYPE_CHECKING:
 
 
 class StreamingPEMRegressor(ChainRegressor):
-    """Wiener-Hammerstein system by its simulation error, in one pass and bounded memory.
+    """Identify a Wiener-Hammerstein system by its simulation error, in one pass and with bounded memory.
 
-    The first ``n_start`` samples are kept and fitted as `PEMRegressor` with ``criterion="simulation"`` does
-    it.  From then on each block is re-run with the newest parameters, from 300 samples before it, and
+    The first ``n_start`` samples are kept and fitted as by `PEMRegressor` with ``criterion="simulation"``.
+    From then on each block is re-run with the newest parameters, from 300 samples before it, and
 
         |e_block(theta)|^2 + (theta - theta_0)' R (theta - theta_0)
 
-    is lowered in three Gauss-Newton steps, after which R grows by J'J of the block.  The chunks in which
-    samples come make no difference.
+    is lowered in three Gauss-Newton steps, after which R grows by J'J of the block.  How the samples are
+    divided into chunks makes no difference.
 
     Parameters
     ----------
     lags : WienerHammersteinLags, optional
         Orders, law and delays; None searches for them, as `PEMRegressor` does.
     n_start : int, default=5000
-        Samples of the start, which takes some seconds when it is due; before it, `predict` fits what there is.
+        Number of samples of the start.  Its fit takes some seconds.  Before it, `predict` fits the samples so far.
     block : int, default=1000
-        Samples of a block; 200 to 3,000 make no difference on the benchmark.
+        Number of samples of a block; values from 200 to 3,000 make no difference on the benchmark.
 
     Attributes
     ----------
@@ -88,23 +88,24 @@ class StreamingPEMRegressor(ChainRegressor):
     def fit(
         self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None, sample_weight: ArrayLike | None = None
     ) -> Self:
-        """Forget all and take a record in one pass; as `partial_fit` on a new estimator.
+        """Forget all that was learnt and fit a record in one pass, as `partial_fit` on a new estimator.
 
         Parameters
         ----------
         X : array-like of shape (n, 1), or list of them
-            Input; the records of a list are experiments of their own.
+            Input; each record of a list is a separate experiment.
         y : array-like of shape (n,), or list of them
             Output.
         groups : array-like of shape (n,), optional
-            Experiments; the state restarts where one begins.
+            Experiment of each sample; the state restarts at the beginning of each.
         sample_weight : array-like of shape (n,), optional
-            Of the squared errors, as 1 / variance; a sample of weight zero drives the state and is not fitted.
+            Weights of the squared errors, as 1 / variance; a sample of weight zero drives the state but is not fitted.
 
         Raises
         ------
         ValueError
-            If the record is too short, a number is not finite, or a setting cannot be; the estimator is as before then.
+            If the record is too short, a number is not finite, or a setting is invalid. The estimator then stays
+            unchanged.
         """
         with self._alone(), self._unchanged_if_refused():
             for name in ("state_", "_early"):
@@ -117,7 +118,7 @@ class StreamingPEMRegressor(ChainRegressor):
     def partial_fit(
         self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None, sample_weight: ArrayLike | None = None
     ) -> Self:
-        """Take further samples; without ``groups`` they continue the last experiment.  Raises as `fit`.
+        """Learn further samples; without ``groups`` they continue the last experiment.  Raises as `fit` does.
 
         Parameters
         ----------
@@ -126,7 +127,7 @@ class StreamingPEMRegressor(ChainRegressor):
         y : array-like of shape (n,)
             Output.
         groups : array-like of shape (n,), optional
-            The experiment of each row; one by default.
+            The experiment of each row; by default the last one continues.
         sample_weight : array-like of shape (n,), optional
             1 / variance of each sample.
         """
@@ -176,7 +177,7 @@ class StreamingPEMRegressor(ChainRegressor):
         }
 
     def _take(self, state: dict[str, Any], X: Array, y: Array, restart: NDArray[np.bool_], weight: Array) -> None:
-        """Samples into the buffer; the start and every block at their counts, whatever the chunks."""
+        """Put samples into the buffer; fit the start and every block at fixed counts, whatever the chunks."""
         done = 0
         while done < len(y):
             due = self.n_start if state["lags"] is None else self.n_start + self.block
@@ -194,12 +195,12 @@ class StreamingPEMRegressor(ChainRegressor):
 
     @property
     def _skip(self) -> int:
-        """Samples of an experiment's start that do not count."""
+        """Number of samples at the start of an experiment that do not count."""
         return min(SKIP, int(self.n_start) // 10)
 
     @one_blas_thread
     def _begin(self, state: dict[str, Any]) -> None:
-        """The batch fit of the start, and its information."""
+        """Fit the start as a batch, and keep its information matrix."""
         begun = self._started(state)
         chain = self._chain(begun, state["u"].shape[1])
         data = _window(state, 0, self._skip)
@@ -209,21 +210,21 @@ class StreamingPEMRegressor(ChainRegressor):
         state["loss"] = np.array([float(error @ error), float(data.counts.sum())])
 
     def _started(self, state: dict[str, Any]) -> dict[str, Any]:
-        """theta and lags of the batch fit to all that is in the buffer."""
+        """theta and lags of a batch fit to all samples in the buffer."""
         restart = state["restart"].copy()
         restart[0] = True
         model = PEMRegressor(self.lags, criterion="simulation", n_starts=4, random_state=0)
         with warnings.catch_warnings():
             warnings.simplefilter(
                 "ignore", UserWarning
-            )  # a stream may well begin at rest; that is no mistake of its user
+            )  # a stream may well begin at rest; that is not a mistake of the user
             model.fit(state["u"], state["y"], groups=np.cumsum(restart), sample_weight=state["weight"])
         found = model.state_
         return {"theta": found["theta"], "lags": found["lags"], "spread": found["covariance"], "noise": found["noise"]}
 
     @one_blas_thread
     def _block(self, state: dict[str, Any]) -> None:
-        """The last ``block`` samples of the buffer."""
+        """Learn the last ``block`` samples of the buffer."""
         m = state["u"].shape[1]
         chain, data = self._chain(state, m), _window(state, self.block, self._skip)
         at = Coordinates(state["basis"], np.array([0, chain.b1.size + chain.a1.size - 1]))
@@ -239,7 +240,7 @@ class StreamingPEMRegressor(ChainRegressor):
         return to_chain(answer["theta"], dims, m, as_law(lags.law))
 
     def _answer(self) -> dict[str, Any]:
-        """theta and lags: of the state, or before the start of a fit to what there is."""
+        """theta and lags of the state or, before the start, of a fit to the samples so far."""
         if self.state_["lags"] is not None:
             return self.state_
         early = self.__dict__.get("_early")
@@ -282,7 +283,7 @@ class StreamingPEMRegressor(ChainRegressor):
 
 
 def _window(state: dict[str, Any], last: int, skip: int) -> IOData:
-    """The buffer as a record in which the last samples count (0: all), but for those just after a restart."""
+    """The buffer as a record in which only the last samples count (0: all), except those just after a restart."""
     restart, n = state["restart"].copy(), state["y"].size
     counts = np.arange(n) >= (n - last if last else 0)
     for begin in np.flatnonzero(restart):

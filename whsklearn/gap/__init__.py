@@ -1,4 +1,4 @@
-"""Close the gap: find where simulation and measurement disagree, name what is missing, add it, prove it."""
+"""Close the gap: find where simulation and measurement disagree, name what is missing, add it and prove the result."""
 
 from whsklearn.gap.data_check import Problem
 from whsklearn.gap.diagnosis import VERDICTS, CandidateLine, Diagnosis, LearnedTorques, NamedEffect

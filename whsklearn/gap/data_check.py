@@ -1,4 +1,4 @@
-"""The data check: what would make any diagnosis worthless is said before one is made."""
+"""The data check: problems that would make any diagnosis worthless are reported before one is made."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from whsklearn.gap.record import ServoRecord
 
 @dataclass(frozen=True)
 class Problem:
-    """A finding on the data.
+    """A problem found in the data.
 
     Attributes
     ----------
@@ -21,7 +21,7 @@ class Problem:
     title, explanation : str
         What is wrong, and what to do.
     fatal : bool
-        Whether a diagnosis is out of the question.
+        Whether it makes a diagnosis impossible.
 
     References
     ----------

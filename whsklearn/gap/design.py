@@ -1,8 +1,8 @@
-"""The next run: a reference within limits, and a dry run of it that tells which rivals it would part.
+"""The next run: a reference within limits, and a dry run that shows which rivals it would distinguish.
 
-Every rival of a diagnosis is simulated under the reference with the log's own noise, and the finder runs on what it
-leaves.  A reference that is optimal for telling two models apart (T-optimal, Atkinson and Fedorov 1975) named no more
-than this multisine within the same limits (9 of 13 against 11); what helps is to know beforehand.
+Every rival of a diagnosis is simulated under the reference with the noise of the log, and the finder runs on the
+simulated record.  A reference that is optimal for distinguishing two models (T-optimal, Atkinson and Fedorov 1975)
+named no more rivals than this multisine within the same limits (9 of 13 against 11); what helps is to know beforehand.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class Limits(NamedTuple):
 
 @dataclass(frozen=True)
 class Design:
-    """A reference with what it would show.
+    """A reference, and what it would show.
 
     Attributes
     ----------
@@ -52,7 +52,7 @@ class Design:
     named : dict
         Rival -> whether it would be named first, or beside its alias.
     factors : dict
-        Rival that stays unseen -> the factor on the limits at which it is named, None if at none that was tried.
+        Rival that stays unseen -> the factor on the limits at which it is named; None if no factor tried names it.
 
     References
     ----------
@@ -134,7 +134,7 @@ def is_named(axis: ServoAxis, rival: Effect, reference: Array, law: str, *, alph
 
 
 def accepted(name: str) -> set[str]:
-    """The name, and those that no data can tell from it."""
+    """The name, and the names that no data can distinguish from it."""
     return {name, *get_effect(name).aliases}
 
 
@@ -142,14 +142,14 @@ def design(
     axis: ServoAxis, rivals: Sequence[Effect | str], law: str, limits: Limits, *,
     share: float, noise: float, alpha: float = 0.01, seed: int = 0,
 ) -> Design:  # fmt: skip
-    """The next reference within limits, and which rivals it would part.
+    """The next reference within limits, and which rivals it would distinguish.
 
     Parameters
     ----------
     axis : ServoAxis
         Fitted, without the rivals.
     rivals : sequence of Effect or str
-        As fitted, or by name: then of a size of ``share`` of the rms drive.
+        As fitted, or by name; an effect given by name has a size of ``share`` of the rms drive.
     law : str
         Friction of the base model that the finder is given.
     limits : Limits

@@ -22,30 +22,30 @@ MAP_POINTS = 1440  # of a map over one turn: four to a degree, nine to a period 
 
 @dataclass
 class NamedEffect:
-    """An effect with its numbers, its evidence and what it cannot be distinguished from.
+    """An effect with its parameters, its evidence, and the effects it cannot be distinguished from.
 
     Attributes
     ----------
     effect : Effect
-        With its numbers.
+        The effect with its parameters.
     standard_errors : dict of str to float
-        By the names that `Effect.labelled` gives.
+        Standard errors by the names that `Effect.labelled` gives.
     delta_bic : float
-        Evidence, after the price of numbers and places looked at.
+        Evidence, after subtracting the price of its free parameters and of the places searched.
     confidence : float
-        Share of redrawn blocks of the record on which it beats its best rival.
+        Share of resampled blocks of the record on which it beats its best rival.
     closure : float
         Share of the gap that it closes.
     aliases : list of str
-        Effects that no log can tell from it.
+        Effects that no log can distinguish from it.
     units : tuple of two str
-        Of drive and position, in which its numbers are given; the effect itself is in SI.
+        Units of drive and position in which its parameters are given; the effect itself is in SI.
     orders : list of NamedEffect
         Further waves of the same family.
     p_value : float
         Probability that a record in which nothing is missing shows as much, all families taken into account.
     joint : str
-        Of an arm, at which it acts; a sum of two joints where it acts along both.
+        For an arm, the joint at which it acts; a sum of two joints if it acts along both.
 
     References
     ----------
@@ -83,7 +83,7 @@ class NamedEffect:
 
     @property
     def parameters(self) -> dict[str, float | str]:
-        """The numbers in the units of the log, under names that say them: ``torque_nm``, of a line ``torque_n``."""
+        """The parameters in the units of the log, which their names state: ``torque_nm``, for a line ``torque_n``."""
         return self._told(self.effect.labelled())
 
     @property
@@ -113,7 +113,7 @@ class NamedEffect:
         return respelled(quantity.unit, dict(zip(("Nm", "rad"), self.units, strict=True)))[1]
 
     def as_dict(self) -> dict[str, Any]:
-        """For the report's file; a family of waves has its orders and its map over one turn besides."""
+        """The entry for the report's file; a family of waves also has its orders and its map over one turn."""
         return (
             {
                 "name": self.name,
@@ -187,12 +187,12 @@ def in_units(label: str, units: tuple[str, str]) -> str:
 
 @dataclass
 class LearnedTorques:
-    """What has no name and was learned.
+    """A torque without a name that was learned from the record.
 
     Attributes
     ----------
     curves : tuple of Curve
-        A curve for each signal that what is left depends on.
+        A curve for each signal that the remainder depends on.
     closure : float
         Share of the gap that the curves close in free run on held-out samples.
 
@@ -225,18 +225,18 @@ class LearnedTorques:
 
 @dataclass
 class CandidateLine:
-    """One line of the table of candidates: an effect that was asked for, and what became of it.
+    """One line of the table of candidates: an effect that was considered, and the outcome.
 
     Attributes
     ----------
     name : str
-        Of the effect.
+        Name of the effect.
     delta_bic : float
         Its evidence.
     closure : float
         Share of the gap that it closes.
     status, reason : str
-        What was decided, and why.
+        The decision and its reason.
     p_value : float
         Probability that a record in which nothing is missing shows as much, all families taken into account.
 
@@ -276,9 +276,9 @@ class Diagnosis:
     learned : LearnedTorques or None
         What has no name and was learned.
     candidates : list of CandidateLine
-        Every effect that was asked for.
+        Every effect that was considered.
     where : list of Place
-        Where the gap is densest; ``where_sentence`` says it.
+        Where the gap is densest; ``where_sentence`` says so in words.
     before, after : dict of str to float
         ``nmse``, ``mu_e`` and ``rmse`` (unit of the position) of the free run on held-out samples.
     floor : float
@@ -288,33 +288,33 @@ class Diagnosis:
     figures : tuple of three floats
         Missing share of the rms drive (or output): before, after, and of noise alone.
     next_experiment, shortfall : str
-        The record that would settle what is open; what the base model falls short of.
+        The record that would settle what is still open; what the base model lacks.
     horizons, test : list of dict
         Free runs by horizon, and on a second record.
     base_parameters, drifting : list of dict
         Numbers of the base model before and after; those that drift along the record.
     rounds, residual_tests : list of dict
-        What the search took; tests of what is left.
+        The effects that the search added; tests of the remainder.
     problems, notes : list
         What is wrong with the log; further remarks.
     pictures : dict of str to Any
-        Arrays of the page's pictures, by name.
+        Arrays for the page's pictures, by name.
     units : dict of str to str
-        By role, of all numbers in the diagnosis.
+        Units of all numbers in the diagnosis, by role.
     logged : tuple of two str
         Units of the columns of drive and position, which the repaired model takes and gives.
     joints : list of dict
-        Of an arm: what is missing at each joint before and after, as a share of its drive, the floor, and the names.
+        For an arm: what is missing at each joint before and after, as a share of its drive, the floor, and the names.
     rows : dict of str to int
         Rows of the log: ``used``, ``given``, and in how many ``segments`` they are.
     need : float
-        Delta BIC that a name had to beat.
+        Delta BIC that an effect had to exceed to be named.
     alpha : float
-        Level at which names were given.
+        Significance level at which effects were named.
     horizon : float
-        Of the free runs above, in ``horizon_unit``.
+        Horizon of the free runs above, in ``horizon_unit``.
     seconds : float
-        Of processor time.
+        Processor time (s).
     interrupted : bool
         Whether the search was ended early.
     file, origin : str
@@ -373,7 +373,7 @@ class Diagnosis:
 
     @property
     def repaired(self) -> bool:
-        """Whether the model after is another than the model before."""
+        """Whether the repaired model differs from the base model."""
         return bool(self.effects) or self.learned is not None
 
     def as_dict(self) -> dict[str, Any]:
@@ -406,7 +406,7 @@ class Diagnosis:
         return _plain(raw)
 
     def run(self) -> dict[str, Any]:
-        """What of a run differs from one time to the next: ``run.json``."""
+        """What differs between runs of the same log, for ``run.json``."""
         now = datetime.now(UTC).isoformat(timespec="seconds")
         return {"file": self.file, "seconds": self.seconds, "finished": now, "version": __version__}
 

@@ -1,4 +1,4 @@
-"""`GapFinder`: the workflow as an estimator, one call from a log to a verdict: check, base, search, prove, report."""
+"""`GapFinder`: the workflow as an estimator. One call leads from log to verdict: check, base, search, prove, report."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ STEPS = ("check", "base model", "search", "prove", "locate", "done")
 
 
 class GapFinder(BaseEstimator):
-    """Find what a model lacks against a log, name it, add it, and show that the gap has closed.
+    """Find what a model lacks compared with a log, name it, add it, and show that the gap has closed.
 
     Parameters
     ----------
@@ -40,13 +40,13 @@ class GapFinder(BaseEstimator):
     direct : int
         How many of its two blocks have a direct path.
     max_effects : int
-        Effects added at the most.
+        Largest number of effects to add.
     tolerance : float
-        Smallest effect worth a name, rms as a share of the rms drive or output.
+        Smallest effect that is named: its rms as a share of the rms drive or output.
     alpha : float
-        Probability of a false name in a record in which nothing is missing.
+        Probability of naming an effect in a record in which nothing is missing.
     random_state : int
-        Of surrogates, shifts and starts.
+        Draws surrogates, shifts and starts.
     progress : callable, optional
         Called with the name of each step as it begins.
     on_round : callable, optional
@@ -57,11 +57,12 @@ class GapFinder(BaseEstimator):
     verdict_ : str
         One of ``no_gap named ambiguous partial unknown coloured_noise not_testable data_problem``.
     effects_ : list of NamedEffect
-        In the order of adding, of an arm with their joints; empty unless the verdict is named, ambiguous or partial.
+        In the order in which they were added, with their joints for an arm; empty unless the verdict is named,
+        ambiguous or partial.
     model_ : ServoAxis, WienerHammersteinSystem or the simulator
         The repaired model.
     diagnosis_ : Diagnosis
-        Everything, as the report shows it.
+        The complete result, as the report shows it.
 
     References
     ----------
@@ -113,16 +114,16 @@ class GapFinder(BaseEstimator):
         ----------
         log : DataFrame, record, array, or list of records or frames
             A frame with the columns named in ``columns`` (``time``, ``drive``, ``position``, ``reference``; or
-            ``input``, ``output``), or u of shape (n,) or (n, 1) with ``y`` given; of an arm time (n,), positions
-            and drives (n, n_joints), in SI and in the order of its joints.  Of an axis a list of records is one
-            diagnosis: their numbers are shared, offset and timing are each record's own.
+            ``input``, ``output``), or u of shape (n,) or (n, 1) together with ``y``.  For an arm: time (n,), positions
+            and drives (n, n_joints), in SI and in the order of its joints.  For an axis, a list of records gives one
+            diagnosis: the records share their parameters, but each has its own offset and timing.
         y : array-like of shape (n,), optional
             Output, if ``log`` is the input of a Wiener-Hammerstein system.
 
         Raises
         ------
         ValueError
-            If a column is not there, or the model is of no known kind.
+            If a column does not exist, or the kind of model is unknown.
         """
         began = time.perf_counter()
         rng = np.random.default_rng(self.random_state)
@@ -145,12 +146,12 @@ class GapFinder(BaseEstimator):
         return self._close(plant, diagnosis, plant.system(found.model), began)
 
     def report(self, path: Any) -> Any:
-        """Write ``gap.html``, ``gap.json`` and ``repaired.json`` into the folder ``path``; returns the page's path.
+        """Write ``gap.html``, ``gap.json`` and ``repaired.json`` to the folder ``path``; return the path of the page.
 
         Parameters
         ----------
         path : str or path
-            A folder, made if it is not there.
+            The folder; it is created if it does not exist.
         """
         from whsklearn.gap.report import write_report
 

@@ -38,7 +38,7 @@ class Place:
     width : float
         Share of the samples inside it.
     p_value : float
-        Adjusted; small if the gap follows the signal.
+        Adjusted p-value; small if the gap follows the signal.
     centres, means, errors : ndarray
         Mean of the gap and its standard error by bin.
 
@@ -82,7 +82,7 @@ class Place:
 
 
 def locate(axes: dict[str, tuple[Array, str]], gap: Array, rng: np.random.Generator) -> list[Place]:
-    """Every axis looked at, most telling first.
+    """All axes that were examined, the most informative first.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ def locate(axes: dict[str, tuple[Array, str]], gap: Array, rng: np.random.Genera
     gap : ndarray of shape (n,)
         What is missing, at the same samples.
     rng : Generator
-        Of the shifts.
+        Draws the shifts.
     """
     found = [_one_axis(name, x, unit, gap, rng) for name, (x, unit) in axes.items() if np.ptp(x) > 0]
     order = np.argsort([p.p_value for p in found])

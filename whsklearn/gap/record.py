@@ -1,4 +1,4 @@
-"""A log as the gap workflow takes it, and what is computed from it once."""
+"""A log in the form that the gap workflow takes, and what is computed from it once."""
 
 from __future__ import annotations
 
@@ -39,17 +39,17 @@ class ServoRecord:
     drive, position : ndarray of shape (n,)
         In ``units``; the record keeps them in Nm or N, rad or m. A drive in A, V, % or counts stays as it is.
     reference : ndarray of shape (n,), optional
-        What the position should have been, in its unit.
+        The commanded position, in the unit of the position.
     units : tuple of two str
-        Of drive and position as given; the record says the SI symbols here.
+        Units of drive and position as given; in the record they become the SI symbols.
     resolution : float
-        Step of the encoder where the log states it (a log in counts), in the position's unit; 0 where it does not.
+        Step of the encoder in the position's unit, if the log states it (a log in counts); otherwise 0.
     error_for_drive : bool
-        Whether command minus position stands for a drive that was not logged.
+        Whether command minus position replaces a drive that was not logged.
     starts : tuple of int
-        Samples before which the log has a hole: filters, simulations and free runs begin anew there.
+        Samples before which the log has a hole: filters, simulations and free runs restart there.
     logged : tuple of two str, optional
-        The units of drive and position as logged, in which reports speak; `units` as given by default.
+        The units of drive and position as logged, which reports use; by default `units` as given.
 
     References
     ----------
@@ -92,11 +92,11 @@ class ServoRecord:
 
     @property
     def shown(self) -> dict[str, str]:
-        """SI symbol of drive and motion -> the unit in which a report tells them."""
+        """SI symbol of drive and motion -> the unit in which a report states them."""
         return own_units(self.units, self.logged)
 
     def told(self, value: float, unit: str) -> str:
-        """A number in a compound SI unit as a report tells it, such as ``0.012 deg``.
+        """A number in a compound SI unit as a report states it, such as ``0.012 deg``.
 
         Parameters
         ----------
@@ -112,7 +112,7 @@ class ServoRecord:
     def is_following_error(self) -> bool:
         """Whether command minus position takes the place of the drive, or the drive is logged as an angle or a length.
 
-        Equal units alone say nothing: a converter's counts and an encoder's are both ``counts``.
+        Equal units alone prove nothing: the counts of a converter and of an encoder are both ``counts``.
         """
         return self.error_for_drive or (self.units[0] == self.units[1] and self.units[1] in ("rad", "m"))
 
@@ -137,7 +137,7 @@ class ServoRecord:
         reference : str, optional
             Name of a column.
         resolution : float
-            Step of the encoder in the position's unit, where its data sheet says it.
+            Step of the encoder in the position's unit, if its data sheet states it.
 
         Examples
         --------
@@ -150,7 +150,7 @@ class ServoRecord:
         Raises
         ------
         ValueError
-            If a column is not there or is not numeric.
+            If a column does not exist or is not numeric.
         """
         picked, units = {}, {}
         wanted = {"time": (time, "s"), "drive": (drive, "Nm"), "position": (position, "rad")}
@@ -180,7 +180,7 @@ class ServoRecord:
 
     @property
     def pieces(self) -> list[tuple[slice, float]]:
-        """The samples of every segment, and the time of its first (s since the record's first)."""
+        """The samples of every segment, and the time of its first sample (s since the start of the record)."""
         bounds = (0, *self.starts, self.time.size)
         return [(slice(a, b), float(self.time[a] - self.time[0])) for a, b in pairwise(bounds)]
 

@@ -17,7 +17,7 @@ from whsklearn.state import atomic_write
 
 
 def write_report(diagnosis: Diagnosis, folder: str | os.PathLike[str], model: Any = None) -> Path:
-    """Write the files into ``folder`` (made if it is not there); returns the path of the page.
+    """Write the files to ``folder`` (created if it does not exist) and return the path of the page.
 
     All is rendered before the first byte is written, every file takes its name in one step, and what an earlier report
     left of a repaired model goes: an interruption leaves no page beside the numbers of another log.  Without matplotlib

@@ -1,4 +1,4 @@
-"""The repaired model on another record of the same axis, without a number refitted."""
+"""The repaired model on another record of the same axis, without refitting any parameter."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from whsklearn.logs.overlap import shared_run
 
 
 def on_second_record(finder: Any, log: Any, **columns: str | None) -> list[dict[str, float]]:
-    """Free-run errors of the base and the repaired model on another record, one row a horizon.
+    """Free-run errors of the base and the repaired model on another record, one row per horizon.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What the diagnosis says in words: the sentence first, and the experiment that would show more."""
+"""The diagnosis in words: its sentence, and the experiment that would show more."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def article_list(names: list[str]) -> str:
 
 
 def numbers(named: Any) -> str:
-    """The parameters with units, short."""
+    """The parameters with units, in short form."""
     out = []
     for label, value in named.parameters.items():
         if isinstance(value, str):
@@ -49,7 +49,7 @@ def numbers(named: Any) -> str:
 
 
 def learned(d: Any) -> str:
-    """What a nameless torque depends on and how much of the gap it closes; empty where none was learned."""
+    """What a nameless torque depends on, and how much of the gap it closes; empty if none was learned."""
     if d.learned is None:
         return ""
     on = article_list(d.learned.signals)

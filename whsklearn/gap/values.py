@@ -115,14 +115,14 @@ class Linearised(NamedTuple):
 
 
 class Curve(NamedTuple):
-    """A learned torque over one signal (times the sign or the value of a second one).
+    """A learned torque as a function of one signal (times the sign or the value of a second one).
 
     Attributes
     ----------
     signals : tuple of str
-        What it depends on, the axis of the picture first.
+        The signals it depends on; that of the picture's axis comes first.
     x, y, band : ndarray of shape (n,)
-        Where, how much (in the unit of the drive), and two standard deviations of it.
+        Signal, torque (in the unit of the drive), and two standard deviations of the torque.
 
     References
     ----------
@@ -145,7 +145,7 @@ class Curve(NamedTuple):
 
 
 class Learned(NamedTuple):
-    """A model with what has no name, and its curves.
+    """A model with its learned nameless torques, and their curves.
 
     Attributes
     ----------

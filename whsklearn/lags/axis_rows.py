@@ -1,4 +1,4 @@
-"""Small helpers of the inverse dynamics: terms, their columns, a stream's next piece, checks, runs of groups."""
+"""Small helpers of the inverse dynamics: terms, their columns, the next piece of a stream, checks, runs of groups."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def effect_terms(law: Any, effects: str | Iterable[str | Effect]) -> tuple[Effec
 
 
 def column_names(terms: tuple[Effect, ...]) -> list[str]:
-    """A name a column: the effect's, numbered where one recurs, with cos and sin where there are two."""
+    """One name per column: that of the effect, numbered if it recurs, with cos and sin if there are two columns."""
     names = [t.name for t in terms]
     out = []
     for i, term in enumerate(terms):
@@ -48,7 +48,7 @@ def column_names(terms: tuple[Effect, ...]) -> list[str]:
 
 
 def sized_effects(terms: tuple[Effect, ...], weights: Array) -> tuple[Effect, ...]:
-    """The terms with the sizes, and phases, that the weights of their columns give."""
+    """The terms with the sizes and phases that follow from the weights of their columns."""
     found, at = [], 0
     for term in terms:
         n = len(term.coefficients)
@@ -65,7 +65,7 @@ def stack_columns(terms: tuple[Effect, ...], moved: Motion, drive: Array, time: 
 
 
 class Stream(NamedTuple):
-    """What a causal transformer carries: the last samples of position, drive and torque, and how many it has seen."""
+    """State of a causal transformer: the last samples of position, drive and torque, and the number seen so far."""
 
     path: Array
     drive: Array
@@ -97,7 +97,7 @@ def advance(
 
 
 def checked_torque(y: ArrayLike, n: int) -> Array:
-    """The target as an array, or the sentence about what is wrong with it."""
+    """The target as an array; raises an error that says what is wrong with it."""
     torque = np.asarray(y, dtype=float).ravel()
     if len(torque) != n:
         raise ValueError(f"y has {len(torque)} values and X {n} rows; give one torque a position.")

@@ -50,35 +50,35 @@ class InverseDynamicsLags(MotionStream, TransformerMixin, BaseEstimator):
     Parameters
     ----------
     sample_rate : float, default=1000.0
-        Of the log, in Hz.
+        Sampling rate of the log, in Hz.
     law : str, FrictionLaw or iterable of effects, default="viscous,coulomb"
-        Friction terms, one weight each.
+        Friction terms, each with one weight.
     effects : str or iterable of (str or Effect), default="input_offset"
-        Further effects of the catalogue, at their shapes; ``""`` for none.
+        Further effects of the catalogue, with fixed shapes; ``""`` for none.
     cutoff : float, optional
-        Of the filter on position, in Hz. By default, for records, the highest at which encoder noise makes up 1e-6 of
-        the acceleration's variance, or what the motion needs (`motion_cutoff`), and then torque and all columns pass
-        the same filter, so that nothing is lost but what lies above it. For streams, which begin without a record to
-        judge by, a tenth of the sampling rate.
+        Cut-off of the filter on the position, in Hz. For records, the default is the highest at which encoder noise
+        makes up 1e-6 of the acceleration's variance, or what the motion needs (`motion_cutoff`). Torque and all
+        columns then pass the same filter, so that only what lies above it is lost. For streams, which start without
+        a record to choose from, the default is a tenth of the sampling rate.
     order : int, default=4
-        Of the zero-phase Butterworth filter.
+        Order of the zero-phase Butterworth filter.
     decimate : int, optional
-        Rows of `rows` are low-passed and every ``decimate``-th is kept (records only). By default all are with a given
-        ``cutoff``, and without one as many as are independent behind the filter, two in a period of the cut-off:
-        else the standard errors of the fit were too small.
+        The result of `rows` is low-pass filtered and every ``decimate``-th row is kept (records only). By default,
+        all rows are kept if ``cutoff`` is given. Otherwise two rows per period of the cut-off are kept, as many as
+        are independent after the filter; with more, the standard errors of the fit would be too small.
     border : int, default=0
-        Rows left out at the start of each record by `rows`, where the filter has no past; a period of the cut-off at
-        both ends besides where it is not given.
+        Rows that `rows` drops at the start of each record, where the filter has no past. If ``cutoff`` is not given,
+        a period of the cut-off is also dropped at both ends.
     standstill : float, optional
-        Speed below which `rows` leaves rows out: at rest, friction is whatever the drive asks for, and the sign of
-        a noisy velocity is random, which moves Coulomb friction into viscous friction. By default
-        five times the noise of the velocity in a record, 0 in a stream and where a hysteresis models the rest.
+        Speed below which `rows` drops rows. At rest, friction is whatever the drive asks for, and the sign of a
+        noisy velocity is random, which shifts Coulomb friction into viscous friction. The default is five times the
+        noise of the velocity for a record, and 0 for a stream or where a hysteresis models the standstill.
     causal : bool, default=False
-        False: whole records, no delay. True: streams, a polynomial over a moving window;
-        row t then holds the values of ``delay_`` samples before, and `rows` delays the
-        torque by as much.
+        False is for whole records and adds no delay. True is for streams and fits a polynomial
+        over a moving window. Row t then holds the values from ``delay_`` samples earlier, and
+        `rows` delays the torque by the same amount.
     window : int, optional
-        Odd length of that window; chosen from ``cutoff`` by default.
+        Odd length of that window; by default it is chosen from ``cutoff``.
     degree : int, default=4
         Degree of its polynomial.
 
@@ -89,17 +89,20 @@ class InverseDynamicsLags(MotionStream, TransformerMixin, BaseEstimator):
     cutoff_ : float
         Cut-off in use, in Hz.
     warmup_ : int
-        Rows of zeros at the start of `transform`: 0 for records, a window less one for streams.
+        Rows of zeros at the start of `transform`: 0 for records, the window length minus one for streams.
     terms_ : tuple of Effect
         The law's terms and the effects, in the order of their columns.
 
     Notes
     -----
-    Torque side: a positive weight is paid for by the drive. ``cutoff=sample_rate / 10`` with ``decimate=10``,
-    ``border=49`` and ``standstill=0`` is the reference method of Janot, Gautier, Brunot 2019, Data set and
-    reference models of EMPS, Workshop on Nonlinear System Identification Benchmarks.
-    X is position (n, 1), or position and measured drive (n, 2) where an effect such as
-    ``load_friction`` is a function of the drive; y is the torque (rad and Nm, or m and N).
+    Sign convention: a positive weight is torque that the drive must supply.
+
+    The settings ``cutoff=sample_rate / 10``, ``decimate=10``, ``border=49`` and ``standstill=0`` give the reference
+    method of Janot, Gautier, Brunot 2019, Data set and reference models of EMPS, Workshop on Nonlinear System
+    Identification Benchmarks.
+
+    X is the position (n, 1), or the position and the measured drive (n, 2) if an effect such as
+    ``load_friction`` is a function of the drive. y is the torque (rad and Nm, or m and N).
 
     References
     ----------
@@ -149,7 +152,7 @@ class InverseDynamicsLags(MotionStream, TransformerMixin, BaseEstimator):
         self.degree = degree
 
     def fit(self, X: ArrayLike, y: ArrayLike | None = None) -> Self:
-        """Check the log and settle columns, filter and delay; nothing is estimated here.
+        """Check the log and set up columns, filter and delay; nothing is estimated here.
 
         Parameters
         ----------
@@ -168,14 +171,14 @@ class InverseDynamicsLags(MotionStream, TransformerMixin, BaseEstimator):
         return self
 
     def transform(self, X: ArrayLike, y: ArrayLike | None = None, groups: ArrayLike | None = None) -> Array:
-        """Columns of records, from a clean start; the state of a stream is neither used nor changed.
+        """Compute the columns of records from a clean start; the state of a stream is neither used nor changed.
 
         Parameters
         ----------
         X : array-like of shape (n, 1) or (n, 2)
-            Position, and drive where an effect needs it.
+            Position, and the drive if an effect needs it.
         y : array-like of shape (n,), optional
-            The drive, if X does not hold it.
+            The drive, if X does not contain it.
         groups : array-like of shape (n,), optional
             Marks experiments; filters restart at each.
 
@@ -190,7 +193,7 @@ class InverseDynamicsLags(MotionStream, TransformerMixin, BaseEstimator):
         return self._columns(X, drive, drive, groups)[0]
 
     def fit_transform(self, X: ArrayLike, y: ArrayLike | None = None, groups: ArrayLike | None = None) -> Array:
-        """`fit`, then columns from a clean start; a stream can go on from the end of X.
+        """Call `fit`, then compute columns from a clean start; a stream can continue from the end of X.
 
         Parameters
         ----------
@@ -199,19 +202,19 @@ class InverseDynamicsLags(MotionStream, TransformerMixin, BaseEstimator):
         y : array-like of shape (n,), optional
             Drive.
         groups : array-like of shape (n,), optional
-            The experiment of each row; one by default.
+            The experiment of each row; a single experiment by default.
         """
         return self._fresh(X, y, groups)
 
     def rows(self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None) -> tuple[Array, Array]:
-        """Regression rows of records: columns and torque, treated alike, from a clean start.
+        """Regression rows of records: columns and torque, filtered alike, from a clean start.
 
         Parameters
         ----------
         X : array-like of shape (n, 1) or (n, 2)
-            Position, and drive where it is not y.
+            Position, and the drive if it is not y.
         y : array-like of shape (n,)
-            Torque or force, in the sense of the position.
+            Torque or force, with the same positive direction as the position.
         groups : array-like of shape (n,), optional
             Marks experiments; filters restart at each.
 
@@ -219,7 +222,7 @@ class InverseDynamicsLags(MotionStream, TransformerMixin, BaseEstimator):
         -------
         phi : ndarray of shape (m, n_terms)
         target : ndarray of shape (m,)
-            Without border, warm-up and standstill, and decimated: m < n.
+            Decimated, without border, warm-up and standstill: m < n.
 
         Raises
         ------
@@ -256,14 +259,14 @@ class InverseDynamicsLags(MotionStream, TransformerMixin, BaseEstimator):
 
     @property
     def independent_share(self) -> float:
-        """Share of the `rows` that are independent behind the filter: two in a period of its cut-off."""
+        """Share of the `rows` that are independent after the filter: two per period of its cut-off."""
         check_is_fitted(self, "terms_")
         apart = self.sample_rate / (2.0 * self.cutoff_)
         kept = self.decimate or (max(round(apart), 1) if self._is_automatic else 1)
         return min(1.0, kept / apart)
 
     def interpret(self, theta: ArrayLike) -> tuple[float, tuple[Effect, ...]]:
-        """Inertia and effects whose columns have these weights.
+        """Inertia and effects that these weights of the columns stand for.
 
         Parameters
         ----------
@@ -273,7 +276,7 @@ class InverseDynamicsLags(MotionStream, TransformerMixin, BaseEstimator):
         Raises
         ------
         ValueError
-            If the inertia is not above zero, which no axis has.
+            If the inertia is not above zero, which is impossible for an axis.
         """
         check_is_fitted(self, "terms_")
         theta = np.asarray(theta, dtype=float).ravel()
@@ -288,12 +291,12 @@ class InverseDynamicsLags(MotionStream, TransformerMixin, BaseEstimator):
         return float(theta[0]), sized_effects(self.terms_, theta[1:])
 
     def get_feature_names_out(self, input_features: Any = None) -> NDArray[np.object_]:
-        """``inertia``, then the effects' names, numbered where one recurs, with cos and sin where there are two.
+        """``inertia``, then the names of the effects, numbered if one recurs, with cos and sin for two columns.
 
         Parameters
         ----------
         input_features : object
-            Not used; as scikit-learn has it.
+            Not used; present for scikit-learn compatibility.
         """
         check_is_fitted(self, "terms_")
         return np.array(["inertia", *column_names(self.terms_)], dtype=object)
@@ -304,7 +307,7 @@ class InverseDynamicsLags(MotionStream, TransformerMixin, BaseEstimator):
         return self.cutoff is None and not self.causal
 
     def _choose_cutoff(self, path: Array) -> None:
-        """The cut-off that the record asks for; a record too short or at rest leaves it."""
+        """Set the cut-off that suits the record; a record that is too short or at rest does not change it."""
         if len(path) > SHORTEST and np.ptp(path) > 0.0:
             self.cutoff_ = motion_cutoff(path, self.sample_rate, self.order)
 
@@ -361,8 +364,8 @@ class InverseDynamicsLags(MotionStream, TransformerMixin, BaseEstimator):
         if not self._is_automatic:
             moved, smooth = motion(path, rate, self.cutoff_, order), zero_phase(drive, rate, self.cutoff_, order)
             return stack_columns(self.terms_, moved, smooth, time)
-        # the law's value passes the filter, not its argument alone, or a reversal would be blurred in the torque only;
-        # so position and speed come from a wider filter, and the acceleration from the one that its noise allows
+        # The value of the law passes the filter, not only its argument; otherwise a reversal would be blurred in the
+        # torque only. So position and speed come from a wider filter, and acceleration from the one its noise allows.
         wider = min(2.0 * self.cutoff_, 0.1 * rate)
         moved, smooth = motion(path, rate, wider, order), zero_phase(drive, rate, wider, order)
         phi = zero_phase(stack_columns(self.terms_, moved, smooth, time), rate, self.cutoff_, order)
@@ -370,7 +373,7 @@ class InverseDynamicsLags(MotionStream, TransformerMixin, BaseEstimator):
         return phi
 
     def _speed(self, path: Array) -> Array:
-        """Velocity of a record, as its columns have it."""
+        """Velocity of a record, as used in its columns."""
         if self.causal:
             return causal_motion(path, np.empty(0), self._kernels)[0].velocity
         return motion(path, self.sample_rate, self.cutoff_, self.order).velocity

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class MotionStream:
-    """Methods of a causal `InverseDynamicsLags`, which has what is declared here."""
+    """Methods of a causal `InverseDynamicsLags`, which provides the attributes declared here."""
 
     _stream: Stream
     _kernels: Array
@@ -35,7 +35,7 @@ class MotionStream:
     warmup_: int
 
     def partial_fit_transform(self, X: ArrayLike, y: ArrayLike | None = None, groups: ArrayLike | None = None) -> Array:
-        """Columns of the next piece of a stream, going on where the last piece ended; shape (n, n_terms).
+        """Columns of the next piece of a stream, continuing where the last piece ended; shape (n, n_terms).
 
         Raises
         ------
@@ -49,7 +49,7 @@ class MotionStream:
     def partial_rows(self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None) -> tuple[Array, Array]:
         """Regression rows of the next piece of a stream, the torque delayed like the columns.
 
-        Rows of the warm-up are left out, so the first pieces may give none.
+        Rows of the warm-up are dropped, so the first pieces may give no rows.
         """
         X = self._next_piece(X)
         target = np.asarray(y, dtype=float).ravel()
@@ -67,17 +67,17 @@ class MotionStream:
         return phi[keep], late[keep]
 
     def get_state(self) -> dict[str, Any]:
-        """What a stream needs to go on: arrays and numbers."""
+        """The arrays and numbers that a stream needs to continue."""
         check_is_fitted(self, "terms_")
         return {"n_features_in": int(self.n_features_in_), "cutoff": float(self.cutoff_), **self._stream._asdict()}
 
     def set_state(self, state: dict[str, Any]) -> Self:
-        """Go on from what `get_state` of a transformer with the same parameters returned.
+        """Continue from what `get_state` of a transformer with the same parameters returned.
 
         Raises
         ------
         ValueError
-            If the state is not of this kind.
+            If the state is of another kind.
         """
         if not isinstance(state, dict) or not {"n_features_in", "cutoff", *Stream._fields} <= state.keys():
             raise ValueError("This is no state of an InverseDynamicsLags; give what get_state() returned.")
@@ -107,7 +107,7 @@ class MotionStream:
         return advance(stream, path, drive, target, self.terms_, self._kernels, self.sample_rate)
 
     def _next_piece(self, X: ArrayLike) -> Array:
-        """Check a piece of a stream; the first one settles the columns."""
+        """Check a piece of a stream; the first piece fixes the columns."""
         if not self.causal:
             raise ValueError(
                 "A zero-phase filter needs the whole record; use causal=True for a stream, whose delay is then known."
@@ -122,7 +122,7 @@ class MotionStream:
 
 
 def validated(owner: Any, X: ArrayLike, reset: bool = False) -> Array:
-    """X as a finite (n, 1) or (n, 2) array of floats; one that is so already is not looked at twice."""
+    """X as a finite (n, 1) or (n, 2) array of floats; an array that is valid already skips full validation."""
     known = () if reset or hasattr(owner, "feature_names_in_") else (getattr(owner, "n_features_in_", 0),)
     if type(X) is np.ndarray and X.dtype == np.float64 and X.shape[1:] == known and len(X) and np.isfinite(X).all():
         return X

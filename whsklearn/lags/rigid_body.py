@@ -1,9 +1,9 @@
-"""From the log of an arm to a linear regression: drives = links' numbers, motors' inertia and effects, times columns.
+"""From the log of an arm to a linear regression: drives = columns times (link numbers, motor inertia, effects).
 
-A row is one joint at one instant.  Its columns are the rigid-body regressor, and for every axis the acceleration (the
-motor's inertia) and the effects of the catalogue; those that no motion can tell from others are merged
-(`whsklearn.systems.base_parameters`).  An axis is a joint, or a signed sum of joints: a gear that turns by
-q5 + q6 has friction along that sum, and both joints pay for it.
+A row is one joint at one instant.  Its columns are the rigid-body regressor and, for every axis, the acceleration (for
+the motor's inertia) and the effects of the catalogue.  Columns that no motion can separate from others are merged
+(`whsklearn.systems.base_parameters`).  An axis is a joint or a signed sum of joints: a gear that turns by
+q5 + q6 has friction along that sum, and both joints supply the torque for it.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ NOISY = 5.0  # times the velocity's noise: a joint whose rms speed is less does 
 
 
 class Stream(NamedTuple):
-    """What a causal transformer carries: the last samples of position and drive, and how many it has seen."""
+    """State of a causal transformer: the last samples of position and drive, and the number seen so far."""
 
     path: Any
     drive: Any
@@ -85,45 +85,47 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
     Parameters
     ----------
     robot : Arm, or path of a URDF, MJCF or model file
-        The kinematics; masses in it are not used.
+        The kinematics; its masses are not used.
     sample_rate : float, default=1000.0
-        Of the log, in Hz.
+        Sampling rate of the log, in Hz.
     law : str, FrictionLaw or iterable of effects, default="viscous,coulomb"
-        Friction of every joint.
+        Friction terms of every joint.
     effects : str, iterable or mapping of these, default="input_offset"
-        Further effects of every joint; or by axis, a joint's name or a sum such as ``"wrist+hand"``, whose effects
-        come to those of the law alone.
+        Further effects of every joint. A mapping gives them by axis: the name of a joint, or a sum such as
+        ``"wrist+hand"``; they are then added to the law of that axis only.
     cutoff : float, optional
-        Of the filter on drives and columns alike, in Hz; positions pass one five times wider.  By default the middle
-        of what the joints' noise allows (`motion_cutoff`), but one that leaves ten rows a weight.  For streams, a
-        tenth of the sampling rate, on positions alone.
+        Cut-off of the filter on both drives and columns, in Hz; positions pass a filter five times wider.  The default
+        is the median of what the joints' noise allows (`motion_cutoff`), but high enough to leave ten rows per weight.
+        For streams it is a tenth of the sampling rate, on positions only.
     slow : float, default=0.08
-        Share of a joint's rms speed below which its rows are left out (records only): near rest friction is whatever
-        the drive asks for.  In MuJoCo, with nothing hidden, that took the error from 0.6 to 6 % to 0.1 to 0.7 %.
+        Share of a joint's rms speed below which its rows are dropped (records only), because near rest friction is
+        whatever the drive asks for.  In MuJoCo, with nothing hidden, this reduced the error from between 0.6 and 6 %
+        to between 0.1 and 0.7 %.
     weights : array-like of shape (n_joints,), optional
-        Of the joints' errors, 1 / standard deviation.  By default, in records, by what each joint's rows leave when
-        they are fitted alone; 1 in streams.
+        Weights of the joints' errors, 1 / standard deviation.  For records, the default follows from the residual of
+        each joint's rows when they are fitted alone; for streams it is 1.
     causal : bool, default=False
-        False: whole records.  True: streams; a row then holds the values of ``delay_`` samples before.
+        False is for whole records.  True is for streams; a row then holds the values from ``delay_`` samples earlier.
     degree : int, default=4
-        Of the polynomial over the moving window of a stream.
+        Degree of the polynomial over the moving window of a stream.
 
     Attributes
     ----------
     arm_ : Arm
     base_ : BaseParameters
-        Which columns are kept, and what is merged in each.
+        Which columns are kept, and what is merged into each.
     cutoff_ : float
         In Hz.
     weights_ : ndarray of shape (n_joints,)
-        In use.
+        The weights in use.
     delay_, warmup_ : int
-        Samples that a stream's row lags, and rows of zeros at its beginning; 0 for records.
+        Samples by which a row of a stream lags, and rows of zeros at its beginning; 0 for records.
 
     Notes
     -----
-    X is positions (n, n_joints), or positions and measured drives (n, 2 n_joints) where an effect such as
-    ``load_friction`` is a function of the drive; y is the drives (n, n_joints) (rad and Nm, m and N where it slides).
+    X holds the positions (n, n_joints), or positions and measured drives (n, 2 n_joints) if an effect such as
+    ``load_friction`` is a function of the drive. y holds the drives (n, n_joints); units are rad and Nm, or m and N
+    for a joint that slides.
 
     References
     ----------
@@ -172,7 +174,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         self.degree = degree
 
     def fit(self, X: ArrayLike, y: ArrayLike | None = None) -> Self:
-        """Settle columns, filter and delay; nothing is estimated here.
+        """Set up columns, filter and delay; nothing is estimated here.
 
         Parameters
         ----------
@@ -183,7 +185,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         Raises
         ------
         ValueError
-            If a setting cannot be, or X has columns for other than the robot's joints.
+            If a setting is invalid, or if the columns of X do not match the robot's joints.
         """
         width = check_array(X, dtype=np.float64).shape[1]
         self._settle()
@@ -205,7 +207,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         ----------
         X : array-like of shape (n, n_joints) or (n, 2 n_joints)
         y : array-like of shape (n, n_joints), optional
-            Drives, if X does not hold them.
+            Drives, if X does not contain them.
         groups : array-like of shape (n,), optional
             Marks experiments; filters restart at each.
         """
@@ -227,7 +229,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         ----------
         X : array-like of shape (n, n_joints) or (n, 2 n_joints)
         y : array-like of shape (n, n_joints)
-            Drives, in the sense of the positions.
+            Drives, with the same positive direction as the positions.
         groups : array-like of shape (n,), optional
             Marks experiments.
 
@@ -235,12 +237,12 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         -------
         phi : ndarray of shape (m, n_columns)
         target : ndarray of shape (m,)
-            Joint by joint at each instant, without the filter's ends and slow joints.
+            Joint by joint at each instant, without the ends of the filter and without slow joints.
 
         Raises
         ------
         ValueError
-            If a drive is zero throughout or a record too short.
+            If a drive is zero throughout, or a record is too short.
         """
         phi, target, keep = self.joint_rows(X, y, groups)
         self.weights_ = self._weights(phi, target, keep)
@@ -249,7 +251,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
     def joint_rows(
         self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None
     ) -> tuple[Array, Array, NDArray[np.bool_]]:
-        """Rows before they are weighted: (m, n_joints, n_columns), drives (m, n_joints), and which count.
+        """Unweighted rows (m, n_joints, n_columns), drives (m, n_joints), and which of them count.
 
         Parameters
         ----------
@@ -297,13 +299,13 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
     # -- streams --------------------------------------------------------------------------
 
     def partial_rows(self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None) -> tuple[Array, Array]:
-        """Rows of the next piece of a stream, drives delayed as the columns are; none in the warm-up.
+        """Rows of the next piece of a stream, with drives delayed like the columns; none during the warm-up.
 
         Parameters
         ----------
         X, y : array-like of shape (n, n_joints)
         groups : array-like of shape (n,), optional
-            A new one begins a new stream.
+            A new label begins a new stream.
 
         Raises
         ------
@@ -333,13 +335,13 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         return phi.reshape(-1, phi.shape[-1]), np.concatenate(lates).ravel()
 
     def get_state(self) -> dict[str, Any]:
-        """What a stream needs to go on: arrays and numbers."""
+        """The arrays and numbers that a stream needs to continue."""
         check_is_fitted(self, "base_")
         held = {"n_features_in": int(self.n_features_in_), "cutoff": float(self.cutoff_), "weights": self.weights_}
         return {**held, **self._stream._asdict()}
 
     def set_state(self, state: dict[str, Any]) -> Self:
-        """Go on from what `get_state` of a transformer with the same parameters returned.
+        """Continue from what `get_state` of a transformer with the same parameters returned.
 
         Parameters
         ----------
@@ -348,7 +350,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         Raises
         ------
         ValueError
-            If the state is not of this kind.
+            If the state is of another kind.
         """
         if not isinstance(state, dict) or not {"n_features_in", "cutoff", "weights", *Stream._fields} <= state.keys():
             raise ValueError("This is no state of RigidBodyLags; give what get_state() returned.")
@@ -367,26 +369,26 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         Parameters
         ----------
         input_features : object
-            Not used; as scikit-learn has it.
+            Not used; present for scikit-learn compatibility.
         """
         check_is_fitted(self, "base_")
         return np.array(self.base_.names, dtype=object)
 
     def interpret(self, theta: ArrayLike, covariance: ArrayLike | None = None, *, physical: bool = True) -> Arm:
-        """The arm that these weights are of: physical links near the file's, motors' inertia, effects of the joints.
+        """The arm with these weights: physical links close to the file's, motor inertias and effects of the joints.
 
         Parameters
         ----------
         theta : array-like of shape (n_columns,)
         covariance : array-like of shape (n_columns, n_columns), optional
-            By which links are made physical.
+            Weighs the deviations when links are made physical.
         physical : bool, default=True
-            False: links with these weights to the digit, whether or not a body has such numbers; they move alike.
+            False keeps exactly these weights, whether or not a real body can have such numbers; the motion is the same.
 
         Raises
         ------
         ValueError
-            If an axis is a sum of joints, which `Arm` has not.
+            If an axis is a sum of joints, which `Arm` does not support.
         """
         check_is_fitted(self, "base_")
         theta = np.asarray(theta, dtype=float)
@@ -411,12 +413,12 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         return arm.with_effects(effects)
 
     def weights_of(self, arm: Arm) -> Array:
-        """Weights of the columns by an arm's links, motors and effects, (n_columns,): the inverse of `interpret`.
+        """Weights (n_columns,) of the columns for an arm's links, motors and effects: the inverse of `interpret`.
 
         Parameters
         ----------
         arm : Arm
-            With this one's joints; an effect at its shape here counts, others do not.
+            With the same joints; only effects with the shapes set here count.
         """
         check_is_fitted(self, "base_")
         parts = [arm.inertial.ravel(), arm.armature, np.zeros(len(self._axes) - arm.n_joints)]
@@ -477,7 +479,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         return Stream(np.empty((0, self.arm_.n_joints)), np.empty((0, self.arm_.n_joints)), 0)
 
     def _structural_base(self) -> BaseParameters:
-        """Which columns no motion at all can tell from those before them."""
+        """The base parameters: which columns no motion at all can separate from those before them."""
         names = [*self.arm_.number_names, *(f"{j}.armature" for j in self._axes)]
         names += [f"{a}.{n}" for group in self._groups for a in group for n in column_names(self._axes[a][1])]
         q, v, a = self.arm_.drawn_motion(max(4 * len(names) // self.arm_.n_joints, 40))
@@ -505,13 +507,13 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         return self._all_columns(moved, drive, time)[:, :, self.base_.kept]
 
     def _rate(self, X: Array, drive: Array, theta: Array) -> Array:
-        """What a second of age takes of each joint's drive by these weights, at the rows of `joint_rows`."""
+        """Change of each joint's drive per second of age for these weights, at the rows of `joint_rows`."""
         columns, _ = self._columns_along(X, drive)
         torque = self._filtered(columns @ theta)
         return np.asarray(central_difference(torque, self.sample_rate)[self._rows_of(len(X))])
 
     def _rows_of(self, length: int) -> NDArray[np.int64]:
-        """Samples of the rows: two in a period of the cut-off, without the filter's ends."""
+        """Indices of the samples that give rows: two per period of the cut-off, without the ends of the filter."""
         period = max(int(self.sample_rate / self.cutoff_), 1)
         edge = min(EDGE * period, length // 4)
         return np.arange(edge, length - edge, max(round(0.5 * self.sample_rate / self.cutoff_), 1))
@@ -552,7 +554,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         return np.where(still, np.inf, self.slow * speeds)
 
     def _weights(self, phi: Array, target: Array, keep: NDArray[np.bool_]) -> Array:
-        """1 / deviation of what each joint's rows leave, fitted alone; as given where they were."""
+        """1 / standard deviation of the residual of each joint's rows, fitted alone; or the weights as given."""
         if self.weights is not None or self.causal:
             return self.weights_
         out = np.ones(self.arm_.n_joints)
@@ -587,7 +589,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         return phi, drives, after
 
     def _cutoff_of(self, paths: Array) -> float:
-        """The middle of the cut-offs that the joints' noise allows, but one that leaves enough rows."""
+        """The median of the cut-offs that the joints' noise allows, but high enough to leave enough rows."""
         moving = [motion_cutoff(x, self.sample_rate) for x in paths.T if len(x) > 64 and np.ptp(x) > 0.0]
         if not moving:
             return self.cutoff_
@@ -608,7 +610,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         return np.zeros((len(X), n))
 
     def _checked_drives(self, y: ArrayLike, length: int, *, moving: bool = True) -> Array:
-        """The target as an array, or the sentence about what is wrong with it."""
+        """The target as an array; raises an error that says what is wrong with it."""
         target = np.asarray(y, dtype=float)
         n = self.arm_.n_joints
         if target.ndim == 1 and n == 1:
@@ -624,7 +626,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
 
 
 def axes_of(arm: Arm, law: Any, effects: Any) -> dict[str, tuple[Array, tuple[Any, ...]]]:
-    """For each axis by name: its direction over the joints (n_joints,), and its effects, the law's first.
+    """For each axis by name: its direction over the joints (n_joints,), and its effects, those of the law first.
 
     Parameters
     ----------
@@ -642,7 +644,7 @@ def axes_of(arm: Arm, law: Any, effects: Any) -> dict[str, tuple[Array, tuple[An
 
 
 def groups_of(axes: Mapping[str, tuple[Array, tuple[Any, ...]]]) -> list[list[str]]:
-    """Axes whose effects are the same, and can be asked for in one call: none of them remembers its path."""
+    """Groups of axes with the same effects, none of which has a memory, so that one call serves each group."""
     out: list[list[str]] = []
     for name, (_, terms) in axes.items():
         alike = [g for g in out if axes[g[0]][1] == terms]

@@ -1,4 +1,4 @@
-"""The lagged regressors of (6), with the auxiliary model that stands in for x and v."""
+"""The lagged regressors of (6), with the auxiliary model that replaces the unknown x and v."""
 
 from __future__ import annotations
 
@@ -20,11 +20,12 @@ if TYPE_CHECKING:
 
 
 class WienerHammersteinLags(TransformerMixin, BaseEstimator):
-    """Regressors phi(t) of (6) for any orders and law; carries x_hat and v_hat.
+    """Regressors phi(t) of (6) for any orders and law; the state holds x_hat and v_hat.
 
-    The columns depend on past y as well as on u, so this is no step of a Pipeline and no part of a
-    FeatureUnion, which transform X alone: the estimators own one (``lags=``), and a grid search reaches it
-    as ``lags__n_a``.  With ``n_d=0`` they depend on u alone, and it may stand there; so may `InverseDynamicsLags`.
+    The columns depend on past y as well as on u, so this transformer cannot be used in a Pipeline or a
+    FeatureUnion, which transform X alone.  Instead, the estimators hold one (``lags=``), and a grid search reaches
+    it as ``lags__n_a``.  With ``n_d=0`` the columns depend on u alone, and it can be used there, as can
+    `InverseDynamicsLags`.
 
     Parameters
     ----------
@@ -33,10 +34,10 @@ class WienerHammersteinLags(TransformerMixin, BaseEstimator):
     law : str, FrictionLaw or sequence of effects, optional
         The static block; None is (4).
     delays : pair of int, default=(1, 1)
-        Samples before L1 and L2 answer, the paper's one by default; 0 is a direct path, which a fit of
-        the simulation error can have (``PEMRegressor(criterion="simulation")``).
+        Samples before L1 and L2 respond; one each by default, as in the paper.  0 is a direct path, which is
+        available in a fit of the simulation error (``PEMRegressor(criterion="simulation")``).
     theta : array-like of shape (n_parameters,), optional
-        Parameters of the auxiliary model, in the paper's order; 0.01 for all by default,
+        Parameters of the auxiliary model, in the paper's order; by default 0.01 for all,
         the paper's theta(0).
 
     Attributes
@@ -91,12 +92,12 @@ class WienerHammersteinLags(TransformerMixin, BaseEstimator):
         return int(self.n_a + self.n_b + len(as_law(self.law)) - 1 + self.n_c - 1 + self.n_d)
 
     def dims(self) -> NDArray[np.int64]:
-        """n_a, n_b, n_c, n_d and the number of weights, as the kernels take them.
+        """n_a, n_b, n_c, n_d and the number of weights, in the form that the kernels take.
 
         Raises
         ------
         ValueError
-            If an order is no whole number, n_a or n_c below 1, n_b or n_d below 0.
+            If an order is not a whole number, n_a or n_c is below 1, or n_b or n_d is below 0.
         """
         for name, least in (("n_a", 1), ("n_b", 0), ("n_c", 1), ("n_d", 0)):
             order = getattr(self, name)
@@ -105,12 +106,12 @@ class WienerHammersteinLags(TransformerMixin, BaseEstimator):
         return np.array([self.n_a, self.n_b, self.n_c, self.n_d, len(as_law(self.law))], dtype=np.int64)
 
     def advance(self) -> int:
-        """Samples by which the answer comes before the paper's: 2 less both delays.
+        """Samples by which the response comes earlier than the paper's: 2 minus both delays.
 
         Raises
         ------
         ValueError
-            If ``delays`` is not two whole numbers of 0 or more.
+            If ``delays`` is not a pair of whole numbers of 0 or more.
         """
         first, second = (*self.delays, None)[:2] if np.size(self.delays) == 2 else (None, None)
         for delay in (first, second):
@@ -161,7 +162,7 @@ class WienerHammersteinLags(TransformerMixin, BaseEstimator):
         return self
 
     def transform(self, X: ArrayLike, y: ArrayLike | None = None, groups: ArrayLike | None = None) -> Any:
-        """Rows of a record at rest before its first sample; the carried state is left alone.
+        """Rows of a record that is at rest before its first sample; the stored state does not change.
 
         Parameters
         ----------
@@ -175,7 +176,7 @@ class WienerHammersteinLags(TransformerMixin, BaseEstimator):
         Returns
         -------
         ndarray of shape (n, n_parameters)
-            As many rows as samples; those before ``max_lag`` hold zeros for what lies before the start.
+            As many rows as samples; the first ``max_lag`` rows hold zeros for what lies before the start.
         """
         check_is_fitted(self, "n_features_in_")
         return self._rows(X, y, groups, {})
@@ -199,7 +200,7 @@ class WienerHammersteinLags(TransformerMixin, BaseEstimator):
         return rows
 
     def partial_fit_transform(self, X: ArrayLike, y: ArrayLike | None = None, groups: ArrayLike | None = None) -> Any:
-        """Go on from where the last call ended.
+        """Continue where the last call ended.
 
         Parameters
         ----------
@@ -220,7 +221,7 @@ class WienerHammersteinLags(TransformerMixin, BaseEstimator):
         Parameters
         ----------
         input_features : object
-            Not used; as scikit-learn has it.
+            Not used; present for scikit-learn compatibility.
         """
         law, key = as_law(self.law), self.key_term()
         m = getattr(self, "n_features_in_", 1)
@@ -235,7 +236,7 @@ class WienerHammersteinLags(TransformerMixin, BaseEstimator):
     def _rows(
         self, X: ArrayLike, y: ArrayLike | None, groups: ArrayLike | None, carried: dict[str, Any]
     ) -> NDArray[np.float64]:
-        """Rows of X and y after ``carried``, which is updated; an empty one is the state at rest."""
+        """Rows of X and y that follow ``carried``, which is updated; an empty state means rest."""
         with in_one_sentence(X, y):
             u: NDArray[np.float64] = check_array(X, dtype=np.float64, input_name="X")
         m = u.shape[1]
@@ -272,7 +273,7 @@ class WienerHammersteinLags(TransformerMixin, BaseEstimator):
 
 @njit(cache=True, error_model="numpy")
 def _fill(theta, dims, codes, shapes, key, state, past_u, past_y, u, y, restart):
-    """Rows of (6), the auxiliary model run at a fixed theta."""
+    """Rows of (6), with the auxiliary model run at a fixed theta."""
     out = np.empty((y.size, theta.size))
     for t in range(y.size):
         if restart[t]:

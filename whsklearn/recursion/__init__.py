@@ -1,4 +1,4 @@
-"""Compiled steps, state in and state out: the mathematics of the estimators.
+"""The mathematics of the estimators: compiled steps that take a state and return a state.
 
 Public is what runs many axes at once; the estimators are the way to all the rest.
 """

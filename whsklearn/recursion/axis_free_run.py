@@ -27,7 +27,7 @@ LARGEST = 1e100  # of an error or a sensitivity: its square is a number
 
 
 class AxisLog(NamedTuple):
-    """Drive and motion of an axis, and where its pieces begin; a piece has an initial state of its own.
+    """Drive and motion of an axis, and where its pieces begin; each piece has its own initial state.
 
     ``v0`` and ``q0`` are those states, ``knots`` (> 0) the kinks over speed, ``centre`` where e = 0.
     ``target`` is the velocity, or the position if ``of_position``; where the axis ``hangs``, the position
@@ -126,7 +126,7 @@ def fit_axis(
 
 
 def _squares(error: Array) -> float:
-    """Their sum; infinite where the run has run away."""
+    """Their sum; infinite if the run has diverged."""
     return float(error @ error) if np.abs(error).max(initial=0.0) < LARGEST else np.inf
 
 
@@ -155,7 +155,7 @@ def fit_state(theta: Array, log: AxisLog, passes: int = 8) -> tuple[Array, Array
 
 
 def _covariance(rows: Array, error: Array, free: NDArray[np.bool_], batches: int = 60) -> Array:
-    """As that of the simulation-error fit: sums of the scores over batches, as the error is seldom white."""
+    """Covariance as in the simulation-error fit, from sums of the scores over batches: the error is seldom white."""
     scale = np.where(free, np.maximum(np.linalg.norm(rows, axis=1), 1e-150), 1.0)
     unit = rows * (free / scale)[:, None]
     inverse = np.linalg.pinv(unit @ unit.T, rcond=1e-12, hermitian=True)

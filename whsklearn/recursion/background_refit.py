@@ -1,4 +1,4 @@
-"""A re-run of the memory in parts while the next samples arrive, so that no sample has to wait.
+"""Re-run the memory in parts while the next samples arrive, so that no sample has to wait.
 
 While the memory fills, the samples up to instants that grow geometrically are re-run during the
 samples up to the next of them (`schedule`); a full memory is a page, re-run during the half page
@@ -151,7 +151,7 @@ class BackgroundRefit:
         return self.state is state and self.block == state["blocks"] and self.size == size
 
     def advance(self, n_samples: int) -> None:
-        """Do what ``n_samples`` new samples pay for."""
+        """Do as much work as ``n_samples`` new samples allow."""
         put_off, self._put_off = self._put_off, False
         if put_off and n_samples == 1:
             return
@@ -172,11 +172,11 @@ class BackgroundRefit:
                 break
 
     def put_off(self) -> None:
-        """Leave the next sample alone, which has enough to wait for; more than one at once are not."""
+        """Do no work at the next sample, which has waited enough; several samples at once get no such exemption."""
         self._put_off = True
 
     def take_over(self) -> None:
-        """Finish, and let the new models go on in the place of the old; a page is turned."""
+        """Finish, and replace the old models by the new ones; a page is turned."""
         while not self._begun:
             next(self._steps)
         self._work.at[BUDGET] = UNBOUNDED
@@ -270,7 +270,7 @@ class BackgroundRefit:
             self._past = yield from past.left_behind(refit.kept, refit.count)
 
     def _gather(self, given: dict[str, np.ndarray]) -> Iterator[None]:
-        """What is given to the models that go on, and what a page adds to it."""
+        """What the surviving models receive, and what a page adds to it."""
         for name, value in given.items():
             self._given[name] = value[self._parents].copy()
             yield

@@ -109,7 +109,7 @@ class Abreast(NamedTuple):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _run_axes(X, y, theta, P, p0, forgetting):
-    """A bunch of axes after another, each through all of its samples; theta and P receive the answer."""
+    """Process the axes in groups, each through all of its samples; theta and P receive the result."""
     n_axes, n_samples, n = X.shape
     for first in range(0, n_axes, ABREAST):
         lanes = min(ABREAST, n_axes - first)
@@ -140,7 +140,7 @@ def _run_axes(X, y, theta, P, p0, forgetting):
 
 @part
 def _inflate(ud, n, factor, ceiling):
-    """`covariance.inflate` of axes abreast."""
+    """`covariance.inflate` for several axes at once."""
     for j in range(n):
         row = ud[j * (j + 3) // 2]
         for i in range(row.size):
@@ -149,7 +149,7 @@ def _inflate(ud, n, factor, ceiling):
 
 @part
 def _update(theta, x, gain, ud, e, f, g, alpha, shift):
-    """One row of each axis: `covariance.measurement_update`, and theta += gain e.
+    """Update by one row of each axis: `covariance.measurement_update`, and theta += gain e.
 
     The same operations in the same order, so the same numbers.  Arguments are those of `Abreast`, one by one: read from
     the tuple in here, the compiler cannot see that they stay where they are.
@@ -194,7 +194,7 @@ def _update(theta, x, gain, ud, e, f, g, alpha, shift):
 
 @part
 def _covariance(ud, axis, p):
-    """P = U D U' of one of the axes, exactly symmetric."""
+    """P = U D U' of one axis, exactly symmetric."""
     n = p.shape[0]
     for i in range(n):
         for j in range(i + 1):

@@ -64,7 +64,7 @@ def least_squares_arx(data: IOData, n_poles: int, n_zeros: int) -> Ratio:
 
 
 def steiglitz_mcbride(data: IOData, start: Ratio, passes: int = 3) -> Ratio:
-    """Equation error of signals filtered by the last denominator, again and again.
+    """Minimise the equation error of signals filtered by the last denominator, repeatedly.
 
     Stoica and Soderstrom 1981, The Steiglitz-McBride identification algorithm revisited, IEEE TAC 26(3).
     """
@@ -123,7 +123,7 @@ def damped_step(information: Array, gradient: Array, damping: float) -> Array:
 
 
 def stabilised(a: Array) -> Array:
-    """Poles outside the unit circle mirrored into it, those at its edge drawn inside."""
+    """The denominator with poles outside the unit circle mirrored into it, and those at its edge moved inside."""
     if is_stable(np.ascontiguousarray(a[1:]), EDGE):
         return a
     roots = np.roots(a)

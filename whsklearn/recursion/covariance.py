@@ -46,7 +46,7 @@ def measurement_update(ud, phi, r, gain):
 
 @part
 def inflate(ud, factor, ceiling):
-    """P <- P * factor, by D alone, as far as ``ceiling`` allows.
+    """P <- P * factor, by changing D only, as far as ``ceiling`` allows.
 
     Without a ceiling forgetting winds P up where nothing is excited, until it overflows.
     """

@@ -1,4 +1,4 @@
-"""Starts from a minimum that has a zero or a pole in the wrong block.
+"""New starts from a minimum that has a zero or a pole in the wrong block.
 
 A linear model of the whole chain does not say which of its poles and zeros stand before the law and which
 behind it (Schoukens, Tiels 2017, Automatica 85, sec. 5), and a search that has put one on the wrong side has no

@@ -1,4 +1,4 @@
-"""What L1 makes of a record: x by (1), its increment, and how certain the sign of that is; one kernel for all who ask.
+"""The output of L1 for a record: x by (1), its increment, and the certainty of that sign, in one shared kernel.
 
 Starts, the scale of kappa, the rows of least squares behind a fixed L1 and the free run all begin with it.
 """

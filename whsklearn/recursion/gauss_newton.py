@@ -52,7 +52,7 @@ def refine_part(
     theta: Array, law: Law, kappa: float, memory: Memory, prior: Prior, iterations: int, information: Array,
     state: Array, work: Work,
 ) -> bool:  # fmt: skip
-    """Go on with Levenberg-Marquardt steps (Marquardt 1963) on ``theta``, in place, as far as the budget allows.
+    """Continue Levenberg-Marquardt steps (Marquardt 1963) on ``theta``, in place, as far as the budget allows.
 
     It begins where ``work.at[PHASE]`` and ``work.at[AT]`` are 0.  True at its end, with ``work.at[COST]`` reached and
     Gauss-Newton matrix, slope (``work.slope``) and state of what was reached.

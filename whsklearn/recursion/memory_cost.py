@@ -71,7 +71,7 @@ class Memory(NamedTuple):
 
 
 class Work(NamedTuple):
-    """Where a re-run stands.
+    """The progress of a re-run.
 
     Attributes
     ----------
@@ -113,7 +113,7 @@ def work_steps(dims: NDArray[np.int64], n_inputs: int) -> Generator[None, None, 
 
 @part
 def replay_part(theta, law, kappa, memory, work, information, slope, state):
-    """Go on with a re-run until the budget is spent, for one segment at least; True at its end.
+    """Continue a re-run until the budget is spent, for at least one segment; True at its end.
 
     It begins where ``work.at[AT]`` is 0 and leaves the weighted sum of squares in ``work.at[TOTAL]``, its
     Gauss-Newton matrix and slope, and in ``state`` what holds before the first sample of the next window.  It stops

@@ -187,12 +187,12 @@ class Refit:
         return theta
 
     def _row(self) -> Generator[None, None, None]:
-        """End a piece that is as much as a row pays for."""
+        """End a piece of work of the size that one row allows."""
         self.work.at[BUDGET] -= WHOLE_ROW
         yield
 
     def _rows(self, steps: Generator[None, None, Array]) -> Generator[None, None, Array]:
-        """Each piece of ``steps`` is all that its row pays for."""
+        """Do ``steps`` so that each piece is all the work that its row allows."""
         while True:
             try:
                 next(steps)
@@ -382,7 +382,7 @@ def _multiply_back(left):
 
 
 def count_of(state: State, fill: int) -> float:
-    """How many samples these are, whatever they weigh: those of weight zero and those that stood still are none."""
+    """The number of samples, whatever their weight; those of weight zero and those at standstill do not count."""
     return _number(left_of(state, fill), state["memory_weight"][:fill])
 
 

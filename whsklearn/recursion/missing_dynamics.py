@@ -44,7 +44,7 @@ def denominators() -> list[Array]:
 
 
 def missing_poles(fitted: Fitted, data: IOData, largest: int, kept: int) -> list[Promise]:
-    """The most promising places in each block, the best first; none where what is left looks like noise.
+    """The most promising places in each block, the best first; none if the residual looks like noise.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The default reading as a stream: several starts side by side, and a memory of bounded length.
+"""The default method as a stream: several starts in parallel, and a memory of bounded length.
 
 State in, state out: `initial_state` makes the arrays, `run` takes them through samples,
 `consolidate` re-linearises the memory, `answer` picks the model that speaks.  A run may be
@@ -37,7 +37,7 @@ PURE_SHARPEST = 80.0  # without re-runs a sharper sign loses more starts than it
 
 
 def initial_state(r: Reading) -> State:
-    """Arrays of a stream that has seen nothing."""
+    """State arrays of a stream before any sample."""
     n, m, h = r.size, r.memory, r.history
     room = r.page_end if m else 0
     rng = np.random.default_rng([r.seed, 0])
@@ -150,7 +150,7 @@ def is_silent(state: State) -> bool:
 
 
 def _tend_memory(state: State, r: Reading, refit: BackgroundRefit | None, n_new: int) -> BackgroundRefit | None:
-    """What the memory asks for after ``n_new`` samples: the begin of a re-run, part of one, its end."""
+    """Do what the memory needs after ``n_new`` samples: begin a re-run, continue it or end it."""
     now = under_way(state, r)
     if now is not None:
         refit = _the_refit(state, r, refit, now)
@@ -164,12 +164,12 @@ def _tend_memory(state: State, r: Reading, refit: BackgroundRefit | None, n_new:
 
 
 def _the_refit(state: State, r: Reading, refit: BackgroundRefit | None, now: tuple[int, int]) -> BackgroundRefit:
-    """The re-run that goes on, or one that begins anew."""
+    """The re-run under way, or a new one."""
     return refit if refit is not None and refit.is_of(state, now[0]) else BackgroundRefit(state, r, *now)
 
 
 def _begin_experiment(state: State) -> None:
-    """Nothing is known of the past; parameters and covariance stay."""
+    """Forget the past signals; parameters and covariance stay."""
     state["since"] = 0
     state["repeats"][:] = 0
     for name in ("before", "recent_u", "recent_y"):

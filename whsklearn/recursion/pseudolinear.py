@@ -1,4 +1,4 @@
-"""The published reading: an auxiliary model's regressors, and (7) to (14) on them, to the letter.
+"""The published method: the regressors of an auxiliary model, and (7) to (14) on them, to the letter.
 
 `whsklearn.recursion.auxiliary_model` has the regressors (6) and the order of theta.
 """

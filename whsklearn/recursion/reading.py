@@ -1,4 +1,4 @@
-"""What does not change along a stream of the default reading."""
+"""The settings that stay constant along a stream of the default method."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ FIRST_RERUN = 128
 
 @dataclass(frozen=True)
 class Reading:
-    """What does not change along a stream.
+    """The settings that stay constant along a stream.
 
     Parameters
     ----------

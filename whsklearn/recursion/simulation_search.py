@@ -1,4 +1,4 @@
-"""From a record to a Wiener-Hammerstein chain: divisions of the best linear model, refined by successive halving.
+"""From a record to a Wiener-Hammerstein chain: divide the best linear model, refine by successive halving.
 
 Sjoberg and Schoukens 2012, Initializing Wiener-Hammerstein models based on partitioning of the best
 linear approximation, Automatica 48; the halving is Jamieson and Talwalkar 2016's.

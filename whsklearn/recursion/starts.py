@@ -1,4 +1,4 @@
-"""Where a search begins: random stable blocks, and least squares for what is linear beside them.
+"""Starting points of a search: random stable blocks, and least squares for the parameters that are then linear.
 
 The prediction error has several minima; a single start ends in the global one in about
 six of ten cases on the paper's example and in far fewer on some systems, so several
@@ -34,7 +34,7 @@ def random_stable(order: int, rng: np.random.Generator) -> NDArray[np.float64]:
 
 
 def random_start(dims: tuple[int, ...], rng: np.random.Generator, scales: Array | None = None) -> Array:
-    """theta with stable blocks; weights of the order of ``scales``, or of one where nothing is known."""
+    """theta with stable blocks; weights of the order of ``scales``, or of one if the scales are unknown."""
     return in_one(random_start_steps(dims, rng, scales))
 
 

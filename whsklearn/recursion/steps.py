@@ -1,4 +1,4 @@
-"""Work in pieces: a generator that yields wherever the next sample may come first, and returns what it found."""
+"""Work in pieces: a generator that yields wherever the next sample may interrupt it, and returns its result."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ Answer = TypeVar("Answer")
 
 
 def in_one(steps: Generator[None, None, Answer]) -> Answer:
-    """What the pieces come to, all done at once."""
+    """Do all pieces at once and return the result."""
     while True:
         try:
             next(steps)

@@ -1,4 +1,4 @@
-"""Which of several fitted chains to believe, by data that none of them has seen."""
+"""Choose between several fitted chains by data that none of them has seen."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def squared_error(chain: Chain, data: IOData) -> float:
 
 
 def simplest(candidates: list[Fitted], later: IOData) -> Fitted:
-    """The first that the data do not tell from the one that is best on data which none of them has seen.
+    """The first chain that cannot be distinguished from the best one on data that none of them has seen.
 
     They do where it is better there by 3 %, or by two standard errors, or at all, if in the data of the fit its further
     parameters gain more than chance would give them (likelihood ratio).

@@ -1,4 +1,4 @@
-"""Out of a wrong minimum of the free-run error, by moves that a descent cannot make."""
+"""Leave a wrong minimum of the free-run error by moves that a descent cannot make."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SHORT, TRIED, REFINED = 5_000, 14, 40  # samples and iterations of each trial, i
 
 
 def improved(fitted: Fitted, data: IOData) -> Fitted:
-    """Out of a wrong minimum: poles where the error says that some are missing, zeros on the other side of the circle.
+    """Leave a wrong minimum: add poles where the error shows some are missing, and reflect zeros at the unit circle.
 
     One round of moves is made in any case, and no further one once the error says that no pole is missing.
 

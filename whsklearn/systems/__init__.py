@@ -1,4 +1,4 @@
-"""Simulators built from effects: the Wiener-Hammerstein system of the paper, an axis and an arm as physics."""
+"""Simulators built from effects: the paper's Wiener-Hammerstein system, and physical models of an axis and an arm."""
 
 from whsklearn.systems.arm import Arm
 from whsklearn.systems.base_parameters import BaseParameters, base_parameters

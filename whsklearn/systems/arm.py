@@ -1,4 +1,4 @@
-"""Joints that pull at each other: an arm, a gimbal, a turntable of several axes, as one rigid-body model.
+"""Coupled joints as one rigid-body model: an arm, a gimbal or a turntable with several axes.
 
 torque = Y(q, v, a) numbers + armature a + effects of each joint; q, v, a are rad and s (m for a joint that slides), the
 ten numbers of a link are those of `whsklearn.systems.arm_files.body_numbers`, in the frame of its joint.
@@ -35,45 +35,45 @@ UNITS = {"m": "kg", "mx": "kg m", "my": "kg m", "mz": "kg m", "armature": "kg mÂ
 
 
 def number_unit(name: str) -> str:
-    """Unit of a link's number, such as ``elbow.mx``, or of ``elbow.armature``; empty for others."""
+    """Unit of a link parameter such as ``elbow.mx``, or of ``elbow.armature``; empty for other names."""
     number = name.rpartition(".")[2]
     return UNITS.get(number, "kg mÂ²" if number in NUMBERS else "")
 
 
 @dataclass(frozen=True, eq=False)
 class Arm:
-    """A tree of n joints with a link behind each; from a file by `from_file`, from rows by `from_dh`.
+    """A tree of n joints, each with a link; `from_file` reads it from a file, `from_dh` makes it from DH rows.
 
     Parameters
     ----------
     joints : sequence of str
-        Names, each joint after the one that carries it.
+        Names of the joints, each after the joint that carries it.
     parents : array-like of shape (n,)
-        Index of the joint that carries it; -1 for the base.
+        Index of the joint that carries each one; -1 for the base.
     slides : array-like of shape (n,)
-        Whether the joint is prismatic.
+        Whether each joint is prismatic.
     rotations, places : array-like of shape (n, 3, 3) and (n, 3)
-        Frame of the joint at zero, in the frame of the joint that carries it (m).
+        Frame of each joint at zero, in the frame of the joint that carries it (m).
     axes : array-like of shape (n, 3)
         Unit vectors in the joint's own frame.
     inertial : array-like of shape (n, 10), optional
-        m, m c, and inertia about the joint's frame: m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz (kg, m).
+        Mass, first moments and inertia about the joint's frame: m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz (kg, m).
     gravity : array-like of shape (3,), default=(0, 0, -9.81)
-        In the base's frame (m/s2).
+        Gravity in the base's frame (m/s2).
     armature : array-like of shape (n,), optional
-        Inertia of the motors, on the joint's side (kg m2).
+        Inertia of the motors, referred to the joint's side (kg m2).
     effects : mapping of str to effects, or a sequence of n of them, optional
-        Friction and whatever else acts at single joints, from the catalogue.
+        Friction and other effects at single joints, from the catalogue.
 
     Attributes
     ----------
     n_joints : int
     number_names : tuple of str
-        Names of the 10 n numbers of the links, such as ``elbow.mx``.
+        Names of the 10 n link parameters, such as ``elbow.mx``.
 
     Notes
     -----
-    Numbers of one link mean nothing alone; only combinations of them move the drives (`base`).
+    The parameters of one link cannot be identified alone; only combinations of them affect the drives (`base`).
 
     References
     ----------
@@ -133,43 +133,43 @@ class Arm:
         joints: Iterable[str] | None = None,
         gravity: ArrayLike | None = None,
     ) -> Self:
-        """An arm from a URDF or MJCF file, read by MuJoCo; for a model file see `whsklearn.models.as_arm`.
+        """Read an arm from a URDF or MJCF file with MuJoCo; for a model file see `whsklearn.models.as_arm`.
 
         Parameters
         ----------
         path : str or path
-            The file; for URDF and MJCF its text will do.  Meshes of a URDF need not be there.
+            The file, or the text of a URDF or MJCF file.  The meshes of a URDF need not exist.
         joints : iterable of str, optional
-            The joints that move; the others are locked at zero, and what they carry is lumped with the link before
-            them.  All by default.
+            The joints that move; all by default.  The others are locked at zero, and what they carry is lumped with
+            the link before them.
         gravity : array-like of shape (3,), optional
-            Instead of the file's (m/s2).
+            Gravity (m/s2); by default that of the file.
 
         Raises
         ------
         ImportError
             If MuJoCo is not installed.
         ValueError
-            If the file cannot be read, a joint is not there, follows another one or is no hinge or slide, or links
-            close a loop.
+            If the file cannot be read, if a joint does not exist, follows another one or is neither a hinge nor a
+            slide, or if the links form a closed loop.
         """
         arm = cls(**file_fields(path, joints))
         return arm if gravity is None else dataclasses.replace(arm, gravity=gravity)
 
     @classmethod
     def from_dh(cls, rows: Iterable[Sequence[Any]], *, modified: bool = False, **fields: Any) -> Self:
-        """An arm from Denavit-Hartenberg rows.
+        """Make an arm from Denavit-Hartenberg rows.
 
         Parameters
         ----------
         rows : iterable of (a, alpha, d, theta) or (a, alpha, d, theta, "prismatic")
-            In m and rad; theta (or d, where the joint slides) is its value at q = 0.
+            In m and rad; theta (or d, if the joint slides) is the value at q = 0.
         modified : bool, default=False
-            Craig's convention instead of the standard one.
+            Whether to use Craig's convention instead of the standard one.
         **fields
-            Others of `Arm`, such as ``joints``, ``inertial`` (n, 10) and ``gravity``.  A link's numbers are told in the
-            frame that turns with its joint about z, which in the standard convention lies before the row's constant
-            part.
+            Other fields of `Arm`, such as ``joints``, ``inertial`` (n, 10) and ``gravity``.  The parameters of a link
+            are given in the frame that turns with its joint about z.  In the standard convention this frame comes
+            before the constant part of the row.
 
         Examples
         --------
@@ -191,7 +191,7 @@ class Arm:
 
     @property
     def number_names(self) -> tuple[str, ...]:
-        """Names of the 10 n numbers of the links, in the order of the regressor's columns."""
+        """Names of the 10 n link parameters, in the order of the regressor's columns."""
         return tuple(f"{joint}.{number}" for joint in self.joints for number in NUMBERS)
 
     def index(self, joint: str) -> int:
@@ -211,12 +211,12 @@ class Arm:
         return self.joints.index(joint)
 
     def with_effects(self, effects: Mapping[str, Any]) -> Self:
-        """The same arm with more effects at some joints.
+        """Return the same arm with more effects at some joints.
 
         Parameters
         ----------
         effects : mapping of str to effects
-            By the joints' names.
+            The effects, by name of joint.
         """
         more = self._by_joint(effects)
         return dataclasses.replace(self, effects=tuple(a + b for a, b in zip(self.effects, more, strict=True)))
@@ -224,18 +224,18 @@ class Arm:
     def with_body(
         self, joint: str, mass: float, centre: ArrayLike = (0, 0, 0), inertia: ArrayLike | None = None
     ) -> Self:
-        """The same arm with a body fixed to a link: a payload.
+        """Return the same arm with a body, such as a payload, fixed to a link.
 
         Parameters
         ----------
         joint : str
             The joint that carries it.
         mass : float
-            In kg.
+            Mass (kg).
         centre : array-like of shape (3,)
-            Of its mass, in the joint's frame (m).
+            Centre of mass, in the joint's frame (m).
         inertia : array-like of shape (3, 3), optional
-            About that centre (kg m2).
+            Inertia about that centre (kg m2).
         """
         numbers = self.inertial.copy()
         numbers[self.index(joint)] += body_numbers(mass, centre, np.zeros((3, 3)) if inertia is None else inertia)
@@ -244,7 +244,7 @@ class Arm:
     # -- dynamics -----------------------------------------------------------------------
 
     def regressor(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
-        """Y of torque = Y numbers, for every sample.
+        """The regressor Y in torque = Y numbers, for every sample.
 
         Parameters
         ----------
@@ -261,13 +261,13 @@ class Arm:
         return out
 
     def inverse_dynamics(self, q: ArrayLike, v: ArrayLike, a: ArrayLike, *, effects: bool = True) -> Array:
-        """Drives that a motion needs, shape (n_samples, n_joints) in Nm (N where a joint slides).
+        """Drives that a motion needs, shape (n_samples, n_joints), in Nm (N if a joint slides).
 
         Parameters
         ----------
         q, v, a : array-like of shape (n_samples, n_joints)
         effects : bool, default=True
-            Whether friction and the other effects of the joints are paid for too; those of the drive are left out.
+            Whether to include friction and the other effects of the joints; effects of the drive are never included.
         """
         q, v, a = self._motion(q, v, a)
         out = np.zeros(q.shape)
@@ -303,19 +303,19 @@ class Arm:
         return np.asarray(np.linalg.solve(self.mass_matrix(q), left[:, :, None])[:, :, 0], dtype=float)
 
     def simulate(self, reference: ArrayLike, **options: Any) -> Bunch:
-        """Closed loop along references; see `whsklearn.systems.arm_simulation.simulate`.
+        """Simulate the closed loop along references; see `whsklearn.systems.arm_simulation.simulate`.
 
         Parameters
         ----------
         reference : array-like of shape (n_samples, n_joints)
-            Positions asked for.
+            Commanded positions.
         **options
             ``controller``, ``sample_rate``, ``substeps``, ``noise``, ``resolution``, ``random_state`` ...
         """
         return arm_simulation.simulate(self, reference=reference, **options)
 
     def simulate_drive(self, drive: ArrayLike, **options: Any) -> Bunch:
-        """Open loop: replay logged drives, held between samples; see `whsklearn.systems.arm_simulation.simulate`.
+        """Replay logged drives in open loop, held between samples; see `whsklearn.systems.arm_simulation.simulate`.
 
         Parameters
         ----------
@@ -329,13 +329,13 @@ class Arm:
     # -- numbers ------------------------------------------------------------------------
 
     def base(self) -> BaseParameters:
-        """Base parameters of the links' numbers: which remain, and what is merged into them."""
+        """Base parameters of the links: which parameters remain, and what is merged into them."""
         q, v, a = self.drawn_motion(4 * N_BODY * self.n_joints)
         columns = self.regressor(q, v, a).reshape(-1, N_BODY * self.n_joints)
         return base_parameters(columns, self.number_names, [N_BODY] * self.n_joints)
 
     def drawn_motion(self, n_samples: int, random_state: Any = 0) -> tuple[Array, Array, Array]:
-        """q, v, a drawn at random, (n_samples, n_joints) each: motion that excites everything that can be excited.
+        """Random q, v, a, (n_samples, n_joints) each: a motion that excites everything that can be excited.
 
         Parameters
         ----------
@@ -347,20 +347,20 @@ class Arm:
         return rng.uniform(-math.pi, math.pi, shape), rng.normal(size=shape), rng.normal(size=shape)
 
     def consistent(self, base: BaseParameters, values: ArrayLike, covariance: ArrayLike | None = None) -> Self:
-        """The arm whose links are physical (masses above zero, inertias that bodies have) and have these base numbers.
+        """The arm with these base parameters whose links are physical (positive masses, inertias of real bodies).
 
         Parameters
         ----------
         base : BaseParameters
             Its columns begin with the links' numbers; after them may come ``armature`` of joints.
         values : array-like of shape (b,)
-            Of the base parameters.
+            Values of the base parameters.
         covariance : array-like of shape (b, b), optional
-            By which they are weighted.
+            Covariance that weighs them.
 
         Notes
         -----
-        Of all sets that agree with the values, that nearest to the present one is taken, which is the file's.
+        Of all sets that agree with the values, the one nearest to the present set (that of the file) is taken.
 
         References
         ----------

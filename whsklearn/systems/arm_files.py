@@ -22,16 +22,16 @@ STANDARD_GRAVITY = (0.0, 0.0, -9.81)
 
 
 def body_numbers(mass: float, centre: ArrayLike, inertia: ArrayLike) -> Array:
-    """Ten numbers of a body, shape (10,): m, m c, and the inertia about the origin.
+    """The ten inertial parameters of a body, shape (10,): m, m c, and the inertia about the origin.
 
     Parameters
     ----------
     mass : float
-        In kg.
+        Mass (kg).
     centre : array-like of shape (3,)
         Centre of mass (m).
     inertia : array-like of shape (3, 3)
-        About the centre of mass (kg m2).
+        Inertia about the centre of mass (kg m2).
 
     Returns
     -------

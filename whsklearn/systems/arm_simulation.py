@@ -46,25 +46,25 @@ def simulate(
     ----------
     arm : Arm
     reference : array-like of shape (n_samples, n_joints), optional
-        Positions asked for: the closed loop.
+        Commanded positions, for the closed loop.
     drive : array-like of shape (n_samples, n_joints), optional
         Drives to replay, held between samples; give this or ``reference``.
     controller : PIDController, or mapping of str to PIDController, optional
-        One for all joints, or each joint's own; PID gains by each joint's inertia (12 Hz) where none is given.
+        One for all joints, or one for each joint. By default, PID gains follow from each joint's inertia (12 Hz).
     feed_forward : Arm, optional
-        The model whose inverse dynamics along the reference is added to what the controllers ask for.
+        A model whose inverse dynamics along the reference are added to the output of the controllers.
     sample_rate : float, default=1000.0
-        Of controllers and log (Hz).
+        Rate of controllers and log (Hz).
     substeps : int, default=10
-        Fine steps a sample.
+        Fine steps per sample.
     noise, resolution : float
-        Of the encoders: standard deviation, step (rad).
+        Standard deviation of the noise, and step, of the encoders (rad).
     random_state : int, Generator or None
-        Of the noise.
+        Draws the noise.
     position, velocity : array-like of shape (n_samples, n_joints), optional
-        Measured motion: where an open loop begins, and returns to every ``resync`` seconds (0: never).
+        Measured motion, where an open loop starts and to which it returns every ``resync`` seconds (0: never).
     resync : float, default=0.0
-        In s.
+        Time between returns to the measured motion (s).
 
     Returns
     -------

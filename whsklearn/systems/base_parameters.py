@@ -21,20 +21,20 @@ TOLERANCE = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class BaseParameters:
-    """Which columns a regression keeps, and what each of their weights is the sum of.
+    """Which columns a regression keeps, and which parameters each of their weights combines.
 
     Attributes
     ----------
     names : tuple of str
-        Of the columns kept, shape (b,).
+        Names of the columns kept, shape (b,).
     kept : ndarray of int, shape (b,)
         Their indices among all columns.
     mapping : ndarray of shape (b, n_columns)
-        Base parameters of a full set of numbers: ``mapping @ numbers``.
+        Maps a full set of parameters to base parameters: ``mapping @ numbers``.
     merged : dict of str to dict of str to float
-        For each name kept, the numbers that its weight holds besides, with their factors.
+        For each name kept, the other parameters that its weight includes, with their factors.
     unseen : tuple of str
-        Numbers that no motion shows.
+        Parameters that no motion can show.
 
     References
     ----------
@@ -60,7 +60,7 @@ class BaseParameters:
 def base_parameters(
     columns: ArrayLike, names: Sequence[str], groups: Sequence[int] = (), tolerance: float = TOLERANCE
 ) -> BaseParameters:
-    """Keep each column that those before it do not make up, group by group in the order given.
+    """Keep each column that is not a combination of those before it, group by group in the given order.
 
     Of a group, the column of which most is left comes first: of the inertias of a link that turns about z, its Izz
     stands for the sum, and not an Ixx that a hundredth of a degree of tilt shows.
@@ -70,9 +70,9 @@ def base_parameters(
     columns : array-like of shape (m, n_columns)
         Regressor along motion that excites everything, m at least as large as n_columns.
     names : sequence of str
-        Of the columns.
+        Names of the columns.
     groups : sequence of int, optional
-        How many columns each group has; by default each column is one.
+        Number of columns in each group; by default each column is a group.
     tolerance : float
         Share of a column's length below which its remainder counts as zero.
 

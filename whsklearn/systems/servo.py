@@ -30,18 +30,18 @@ def _default_law() -> FrictionLaw:
 
 @dataclass(frozen=True)
 class ServoAxis:
-    """A servo axis that can be simulated, in closed loop or from a logged drive.
+    """A servo axis that can be simulated in closed loop or from a logged drive.
 
     Parameters
     ----------
     inertia : float
         Inertia of all that moves (kg m2).
     law : FrictionLaw, str or iterable of StaticEffect
-        Friction; names such as ``"viscous,coulomb"`` stand for weight one.
+        Friction law; terms given by names such as ``"viscous,coulomb"`` have weight one.
     effects : iterable of Effect
-        What else is there, from the catalogue or of your own.
+        Further effects, from the catalogue or your own.
     drive, transmission, sensor, controller
-        The other parts; ``transmission=None`` is a rigid axis.
+        The other parts; ``transmission=None`` means a rigid axis.
     friction : str
         ``"stick"``: dry friction is a set-valued law with true standstill.
         ``"tanh"``: sign(v) is tanh(v / smoothing), as in (3).
@@ -50,12 +50,12 @@ class ServoAxis:
     sample_rate : float
         Rate of controller and log (Hz).
     substeps : int
-        Fine steps a sample.
+        Fine steps per sample.
 
     Notes
     -----
     Friction acts on the motor's side, and so do cogging and the drive's effects; springs,
-    stops, imbalance and tones act on the load's.  On a rigid axis it is all one.
+    stops, imbalance and tones act on the load's side.  On a rigid axis there is no difference.
 
     References
     ----------
@@ -114,7 +114,7 @@ class ServoAxis:
         Parameters
         ----------
         **changes
-            Fields of `ServoAxis` that are to be others.
+            Fields of `ServoAxis` to change.
         """
         rig: dict[str, Any] = {
             "inertia": 0.02,
@@ -136,18 +136,18 @@ class ServoAxis:
 
     @property
     def parameters(self) -> dict[str, float]:
-        """All numbers by name: sizes under their label, shapes as ``label__field``, parts as ``drive__gain``."""
+        """All parameters by name: sizes under their label, shapes as ``label__field``, parts as ``drive__gain``."""
         return servo_parameters.flatten(self)
 
     def with_parameters(self, values: Mapping[str, float] | None = None, /, **more: float) -> Self:
-        """The same axis with other numbers.
+        """Return the same axis with other parameters.
 
         Parameters
         ----------
         values : mapping of str to float, optional
-            By the names of `parameters`.
+            Values by the names in `parameters`.
         **more : float
-            The same, as arguments.
+            The same, as keyword arguments.
 
         Examples
         --------
@@ -157,7 +157,7 @@ class ServoAxis:
         return servo_parameters.replace(self, {**(values or {}), **more})
 
     def vector(self, names: Sequence[str]) -> NDArray[np.float64]:
-        """Chosen parameters as a vector.
+        """Return the chosen parameters as a vector.
 
         Parameters
         ----------
@@ -183,7 +183,7 @@ class ServoAxis:
         return self.with_parameters(dict(zip(names, np.asarray(values, dtype=float).tolist(), strict=True)))
 
     def with_effect(self, effect: Effect) -> Self:
-        """The same axis with one effect more.
+        """Return the same axis with one more effect.
 
         Parameters
         ----------
@@ -192,12 +192,12 @@ class ServoAxis:
         return dataclasses.replace(self, effects=(*self.effects, effect))
 
     def without_effect(self, label: str) -> Self:
-        """The same axis without the effect of that label.
+        """Return the same axis without the effect with this label.
 
         Parameters
         ----------
         label : str
-            Its name, numbered where one recurs.
+            Name of the effect, numbered if the name recurs.
         """
         labels = servo_parameters.effect_labels(self)
         if label not in labels:
@@ -216,7 +216,7 @@ class ServoAxis:
         return dataclasses.replace(self, law=as_law(law))  # type: ignore[arg-type]
 
     def columns(self, signals: Any) -> tuple[NDArray[np.float64], tuple[str, ...]]:
-        """Regressors of torque = J a + law + effects, and a label for each column.
+        """Regressors of torque = J a + law + effects, with a label for each column.
 
         Effects of the sensor and those that can only be simulated have none; a phased
         effect has two, labelled ``name__cos`` and ``name__sin``.
@@ -237,12 +237,12 @@ class ServoAxis:
     # -- simulation -------------------------------------------------------------------
 
     def simulate(self, reference: ArrayLike, **options: Any) -> Bunch:
-        """Closed loop along a reference; see `whsklearn.systems.servo_simulation.simulate_many`.
+        """Simulate the closed loop along a reference; see `whsklearn.systems.servo_simulation.simulate_many`.
 
         Parameters
         ----------
         reference : array-like of shape (n,)
-            Position asked for, one value a sample (rad).
+            Commanded position, one value per sample (rad).
         **options
             ``noise``, ``random_state``, ``disturbance``, ``reference_velocity``,
             ``reference_acceleration``, ``initial_position``, ``initial_velocity``.
@@ -262,7 +262,7 @@ class ServoAxis:
         return servo_simulation.simulate_one(self, reference=reference, **options)
 
     def simulate_drive(self, drive: ArrayLike, **options: Any) -> Bunch:
-        """Open loop: replay a logged drive (Nm), held between samples.
+        """Replay a logged drive (Nm) in open loop, held between samples.
 
         Parameters
         ----------
@@ -275,7 +275,7 @@ class ServoAxis:
         Returns
         -------
         Bunch
-            As of `simulate`, with NaN for the reference.
+            As for `simulate`, with NaN for the reference.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""A servo axis held near its own log: the compiled pass for fits, from flat arrays and without an object.
+"""A servo axis that follows its own log: the compiled pass for fits, on flat arrays instead of objects.
 
 J a = u_eff - F is stepped with the drive as logged and corrected after every sample by the innovation
 e = y - y_hat (Luenberger 1971, IEEE Trans. Autom. Control 16(6), 596-602), or restarted at the measurement every so

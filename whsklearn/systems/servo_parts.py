@@ -28,9 +28,9 @@ class Drive(Part):
     Parameters
     ----------
     gain : float
-        Torque a unit of the controller's output (Nm); the log shows gain times output.
+        Torque per unit of the controller's output (Nm); the log shows gain times output.
     limit : float
-        Torque that the drive cannot exceed (Nm); the log shows what was asked for.
+        Torque that the drive cannot exceed (Nm); the log shows the commanded torque.
     delay, lag : float
         Dead time and time constant of the torque (s).
 
@@ -56,7 +56,7 @@ class Drive(Part):
 
 @dataclass(frozen=True)
 class Transmission(Part):
-    """A spring, with play on request, between motor and load; the axis's inertia is that of both.
+    """A spring between motor and load, with optional play; the inertia of the axis is that of both.
 
     Parameters
     ----------
@@ -104,11 +104,11 @@ class Sensor(Part):
     Parameters
     ----------
     resolution : float
-        Step of the reading (rad), 0 for none.
+        Step of the reading (rad); 0 for none.
     noise : float
         Standard deviation of white noise on the reading (rad).
     side : str
-        ``motor`` or ``load``: which of the two the controller and the log see.
+        ``motor`` or ``load``: the side that the controller and the log see.
 
     References
     ----------
@@ -140,13 +140,13 @@ class PIDController(Part):
     Parameters
     ----------
     kp, ki, kd : float
-        Gains of continuous time, a unit of output for rad, rad s, rad/s.
+        Continuous-time gains, in units of output per rad, per rad s and per rad/s.
     velocity_feedforward, acceleration_feedforward : float
-        kv and ka, of the reference's derivatives.
+        kv and ka, the gains on the reference's derivatives.
     limit : float
-        Bound of the output; the integral stands still while the output is beyond it.
+        Bound of the output; the integral is frozen while the output is beyond it.
     derivative_on : str
-        ``error``, or ``measurement`` to spare the drive the steps of the reference.
+        ``error``, or ``measurement`` to keep steps of the reference out of the drive.
     derivative_filter : float
         Time constant of the derivative (s).
 

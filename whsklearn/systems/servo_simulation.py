@@ -1,4 +1,4 @@
-"""Simulate servo axes, one or many in one call."""
+"""Simulate one or many servo axes in one call."""
 
 from __future__ import annotations
 
@@ -44,17 +44,17 @@ def simulate_many(
     Parameters
     ----------
     axes : sequence of ServoAxis
-        They may differ in everything, also in their effects.
+        The axes; they may differ in everything, including their effects.
     reference : array-like of shape (n,), optional
         Reference of the closed loop (rad).
     drive : array-like of shape (n,), optional
         Drive to replay in open loop (Nm); give this or ``reference``.
     noise : bool, array-like of shape (n,), or list of these
-        True: white noise of the sensor's size; an array is added as it is (rad).
+        True adds white noise with the sensor's standard deviation; an array is added as it is (rad).
     random_state : int, Generator, None, or list of these
-        Of the noise; a list gives each axis its own.
+        Draws the noise; a list gives each axis its own.
     n_jobs : int
-        Threads.
+        Number of threads.
     **options
         ``disturbance`` (n,) in Nm, added to the torque; ``reference_velocity``, ``reference_acceleration``
         (n,); ``initial_position``, ``initial_velocity``; in open loop ``position``, ``velocity`` (n,),
@@ -63,7 +63,7 @@ def simulate_many(
     Returns
     -------
     list of Bunch
-        One record an axis, see `ServoAxis.simulate`; a simulation that blows up holds non-finite values.
+        One record per axis, see `ServoAxis.simulate`; a simulation that diverges contains non-finite values.
 
     Examples
     --------
@@ -99,12 +99,12 @@ def simulate_one(axis: ServoAxis, **options: Any) -> Bunch:
 
 
 def record_frame(record: Bunch) -> pd.DataFrame:
-    """What a logger would have written: time_s, reference_rad, torque_nm, position_rad.
+    """The log as a logger would have written it: time_s, reference_rad, torque_nm, position_rad.
 
     Parameters
     ----------
     record : Bunch
-        What `ServoAxis.simulate` returned.
+        The result of `ServoAxis.simulate`.
 
     Examples
     --------

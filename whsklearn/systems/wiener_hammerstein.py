@@ -35,11 +35,11 @@ class WienerHammersteinSystem:
         The static block; None is Example 5.1's law (4).  A Hammerstein system has
         ``a=[1], b=[]``, a Wiener system ``c=[1], d=[]``.
     effects : sequence of Effect
-        Further effects, each in its place: see `whsklearn.systems.chain_ports`.
+        Further effects; each acts at its own place, see `whsklearn.systems.chain_ports`.
     dt : float, default=1.0
-        Sampling time, which effects with seconds or Hz in their numbers need.
+        Sampling time, needed by effects whose parameters are in seconds or Hz.
     direct : int, default=0
-        How many of the two blocks have a direct path, x(t) = u(t) + a_2 u(t-1) ...; which one, u and y cannot tell.
+        How many of the two blocks have a direct path, x(t) = u(t) + a_2 u(t-1) ...; u and y do not show which one.
 
     Raises
     ------
@@ -95,7 +95,7 @@ class WienerHammersteinSystem:
 
     @property
     def parameters(self) -> dict[str, Any]:
-        """``a``, ``b``, ``c``, ``d`` and a weight a term of the law, as an estimator's ``parameters_``."""
+        """``a``, ``b``, ``c``, ``d`` and one weight per term of the law, like an estimator's ``parameters_``."""
         blocks: dict[str, Any] = {name: getattr(self, name).copy() for name in "abcd"}
         return blocks | {k: float(w) for k, w in zip(self.law.labels, self.law.weights, strict=True)}
 
@@ -134,7 +134,7 @@ class WienerHammersteinSystem:
         Returns
         -------
         Bunch
-            ``x``, ``v``, ``y``, each of shape (n,); with direct paths x and v are those of ``direct`` samples later.
+            ``x``, ``v``, ``y``, each of shape (n,); with direct paths, x and v are taken ``direct`` samples later.
         """
         u = np.ascontiguousarray(np.asarray(u, dtype=float).reshape(-1))
         noise = np.zeros_like(u) if d is None else np.array(d, dtype=float).reshape(-1)
@@ -151,9 +151,9 @@ class WienerHammersteinSystem:
 
     @property
     def polynomials(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Numerator and denominator of L1 and of L2 in the delay, from the direct path on: zeros first where none is.
+        """Numerators and denominators of L1 and L2 in powers of the delay, with leading zeros if no path is direct.
 
-        One direct path is given to L1: which of the two has it, u and y cannot tell.
+        A single direct path is given to L1, because u and y do not show which block has it.
         """
         first, second = (np.zeros(int(self.direct < n)) for n in (1, 2))
         one = np.ones(1)
@@ -168,7 +168,7 @@ class WienerHammersteinSystem:
         Parameters
         ----------
         u : array-like of shape (n,)
-            Input in the unit of the log.
+            Input, in the unit of the log.
         d : array-like of shape (n,), optional
             Noise of (2).
         """

@@ -1,4 +1,4 @@
-"""Plants: what the engine diagnoses, a servo axis, a Wiener-Hammerstein chain, a simulator of the user's own."""
+"""Plants: what the engine diagnoses, such as a servo axis, a Wiener-Hammerstein chain or a user's own simulator."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def make_plant(model: Any, log: Any, y: Any, base: Base, *, tolerance: float, co
 
 
 def _chain(model: Any, u: Array, y: Array, base: Base, tolerance: float, dt: float) -> Any:
-    """The plant of a chain; a system gives orders, direct paths and law where they are not given."""
+    """The plant of a chain; orders, direct paths and law that are not given are taken from the system."""
     from whsklearn.gap.plants.chain import ChainPlant
     from whsklearn.gap.plants.chain_law import law_choice
 
@@ -88,7 +88,7 @@ def _chain(model: Any, u: Array, y: Array, base: Base, tolerance: float, dt: flo
 
 
 def sampling_time(log: Any, columns: dict[str, Any]) -> float:
-    """Mean step of an increasing time column (``time_s`` where none is named); 1 where there is none."""
+    """Mean step of an increasing time column (``time_s`` if none is named); 1 if there is none."""
     if not isinstance(log, pd.DataFrame):
         return 1.0
     name = columns.get("time") or "time_s"

@@ -1,4 +1,4 @@
-"""An arm as a plant: drives and positions of all joints, one rigid-body model; names are (effect, joint).
+"""An arm as a plant: drives and positions of all joints in one rigid-body model; names are pairs (effect, joint).
 
 All joints' residuals are weighed by what is left at each; candidates are ranked within a joint, the best joint's first.
 With numbers of another record (an `ArmModel` that was identified) these stay, and what is named has come since.
@@ -55,7 +55,7 @@ class ArmRecord(NamedTuple):
 
 
 class ArmPlant(PlantDefaults):
-    """Joints that pull at each other, whose drives and positions are logged.
+    """Coupled joints whose drives and positions are logged.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ class ArmPlant(PlantDefaults):
 
     # --- the base model ----------------------------------------------------------------------
     def check(self) -> list[Problem]:
-        """Degrees, mA, another order of the columns, joints that do not move."""
+        """Check for degrees, mA, a different order of the columns, and joints that do not move."""
         from whsklearn.models.files import as_arm
 
         arm, (_, q, u) = as_arm(self.lags.robot), self.record
@@ -203,11 +203,11 @@ class ArmPlant(PlantDefaults):
         return np.asarray((self.view.left(self.view.fit(model)) * self.view.weight).ravel())
 
     def rms(self, errors: Array) -> float:
-        """Of all joints, as a share of their drives."""
+        """The value for all joints, as a share of their drives."""
         return float(np.sqrt(np.mean(self._shares(errors) ** 2)))
 
     def _shares(self, errors: Array) -> Array:
-        """By joint, as a share of its drive."""
+        """The value by joint, as a share of its drive."""
         view = self.view
         return view.by_joint(errors.reshape(-1, view.n_joints) / view.weight) / np.maximum(view.drive_rms, 1e-300)
 
@@ -216,7 +216,7 @@ class ArmPlant(PlantDefaults):
         return 0.0
 
     def aliases(self, name: str) -> tuple[str, ...]:
-        """Names that no record of drives and positions tells from this one, at the same joint."""
+        """Names that no record of drives and positions can distinguish from this one, at the same joint."""
         effect, at, joint = name.partition(" at ")
         try:
             return tuple(f"{a}{at}{joint}" for a in of_axis(effect))
@@ -224,10 +224,10 @@ class ArmPlant(PlantDefaults):
             return ()
 
     def objection(self, model: ArmState, index: int) -> str:
-        """What physics has against a term's numbers."""
+        """The physical objections to a term's parameters."""
         t, view = model.terms[index], self.view
         if t.kind.cls is Load and max(map(abs, t.shape)) >= FURTHEST:
-            return "its centre runs to the end of where a hand reaches"
+            return "its centre lies at the limit of where a hand can reach"
         base = dict(zip(self.lags.base_.names, model.numbers, strict=True))
         total = t.q[0] + base.get(f"{t.joint}.{t.effect.name}", 0.0) if t.kind.linear == 1 else 1.0
         if t.kind.positive and total <= 0.0:
@@ -242,7 +242,7 @@ class ArmPlant(PlantDefaults):
             told = 2 if t.kind.cls is ContactStop else 1  # the first says where or how wide, a stop's second how soft
             for field, value, (low, high) in list(zip(fields, t.shape, ranges, strict=True))[:told]:
                 if (low and value <= low + 1e-3 * abs(low)) or value >= high - 1e-3 * abs(high):
-                    return f"its {field} runs to the end of the plausible range"
+                    return f"its {field} reaches the limit of the plausible range"
         asked = view.by_joint(view.contribution(t))  # a mass is weighed by all joints, and gravity is always large
         closed = view.by_joint(view.left(view.fit(model.without(index)))) ** 2 - view.by_joint(view.left(model)) ** 2
         j = int(np.argmax(closed / np.maximum(view.drive_rms, 1e-300) ** 2))
@@ -386,7 +386,7 @@ class ArmPlant(PlantDefaults):
         ]  # fmt: skip
 
     def _worst(self, model: ArmState) -> int:
-        """The joint that is told first: that of the first term, or where most is left over the floor."""
+        """The joint to report first: that of the first term, or the one where most is left above the floor."""
         shares = self._shares(self.errors(model)) / np.maximum(self.own.floor, 1e-12)
         at = [t.kind.index for t in model.terms if t.kind.index is not None]
         return at[0] if at else int(np.argmax(np.nan_to_num(shares)))
@@ -434,7 +434,7 @@ class ArmPlant(PlantDefaults):
         ]
 
     def pictures(self, base: ArmState, model: ArmState) -> dict[str, Any]:
-        """Series of the joint that is told first, and of every joint."""
+        """Series of the joint that is reported first, and of every joint."""
         view, j = self.view, self._worst(model)
         n = view.n_joints
         gaps = [view.left(view.fit(m)) for m in (base, model)]
@@ -458,7 +458,7 @@ class ArmPlant(PlantDefaults):
         }  # fmt: skip
 
     def system(self, model: ArmState) -> ArmModel:
-        """The repaired arm, its links physical; effects along two joints are in the report alone."""
+        """The repaired arm with physical links; effects along two joints appear only in the report."""
         view = self.view
         arm = self.lags.interpret(model.numbers)
         for t in model.terms:
@@ -473,7 +473,7 @@ class ArmPlant(PlantDefaults):
 
 
 def record_of(log: Any, arm: Arm) -> ArmRecord:
-    """The log of an arm, or the sentence about what is wrong with it."""
+    """The log of an arm; raises an error that says what is wrong with it."""
     told = f"expected time (n,), positions and drives (n, {arm.n_joints}) of {', '.join(arm.joints)}, in that order"
     if not isinstance(log, tuple) or len(log) != 3:
         raise ValueError(f"The log of an arm is a {type(log).__name__}, {told}; give fit((time, positions, drives)).")

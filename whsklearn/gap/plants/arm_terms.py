@@ -1,4 +1,4 @@
-"""What an arm may be missing: an effect of the catalogue at a joint or along a sum of two, inertia, a mass, gravity.
+"""What an arm may lack: a catalogue effect at a joint or along a sum of two, an inertia, a mass, or gravity.
 
 A name is (effect, joint): ``coulomb at elbow``; along two joints that one gear turns, ``viscous at wrist+hand``.
 """
@@ -64,7 +64,7 @@ class Weight(Effect):
     quantities: ClassVar[dict[str, Quantity]] = {"acceleration": Quantity("m/s2", 0.0, 20.0)}
 
     def labelled(self) -> dict[str, float | str]:
-        """None: what is fitted are the links' moments."""
+        """None, because the moments of the links are fitted instead."""
         return {}
 
 
@@ -102,7 +102,7 @@ class AtJoint:
 
     @property
     def index(self) -> int | None:
-        """Index of the joint; None where more than one has to pay."""
+        """Index of the joint; None if more than one joint has to supply the torque."""
         at = np.flatnonzero(self.direction)
         return int(at[0]) if at.size == 1 and self.cls is not Load else None
 
@@ -169,7 +169,7 @@ def present(base: dict[str, tuple[str, ...]], terms: Any) -> dict[str, set[str]]
 
 
 def candidates(arm: Arm, there: dict[str, set[str]], *, frozen: bool, weight: int) -> Iterator[AtJoint]:
-    """All that may be missing of an arm beside what is there.
+    """All that an arm may lack in addition to what it has.
 
     Parameters
     ----------

@@ -64,7 +64,7 @@ class ArmState:
 
 
 class Own(NamedTuple):
-    """What a model leaves of its own records.
+    """The residuals of a model on its own records.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""A Wiener-Hammerstein chain as a plant: u in, y out, two linear blocks and a law between them."""
+"""A Wiener-Hammerstein chain as a plant: input u, output y, and two linear blocks with a law between them."""
 
 from __future__ import annotations
 
@@ -208,7 +208,7 @@ class ChainPlant(PlantDefaults):
         return BESIDE * self._first / max(rms(self.errors(model)), 1e-300)
 
     def objection(self, model: ChainModel, index: int) -> str:
-        """What is unphysical in an effect's numbers."""
+        """What is unphysical in an effect's parameters."""
         term = model.terms[index]
         z = cm.sizes(self.record, model)
         for i in term.kind.free:
@@ -223,7 +223,7 @@ class ChainPlant(PlantDefaults):
         return ""
 
     def aliases(self, name: str) -> tuple[str, ...]:
-        """Names that no record of a chain tells from ``name``."""
+        """Names that no record of a chain can distinguish from ``name``."""
         cls: Any = get_effect(name)
         return tuple(cls.aliases) if cls.evaluate is not None else ALIASES.get(name, ())
 
@@ -294,7 +294,7 @@ class ChainPlant(PlantDefaults):
         return other
 
     def falls_short(self, base: ChainModel, model: ChainModel) -> str:
-        """What the base model's orders and law lack, where that explains more than the effects found."""
+        """What the orders and law of the base model lack, if that explains more than the effects found."""
         if self.follows(model) == 0.0:
             return ""
         return falls_short(self.record, base, model)

@@ -1,4 +1,4 @@
-"""Strong effects, fitted anew with the effect inside: blocks that were bent without it do not come home.
+"""Refit the whole chain with a strong effect inside: blocks fitted without it do not return to their true values.
 
 What acts on the input alone is applied to it, and the best linear model of what it makes is divided between the
 blocks; a coupling is a pair of poles split off a linear model that has two more; the sign that a sensor loses is
@@ -51,7 +51,7 @@ PASSES = 60  # alternating projections; they stand still after some ten
 
 
 def is_strong(kind: Candidate, s: Record) -> bool:
-    """Whether a candidate may bend the blocks so far that it is fitted anew: all that is no sum with what is there."""
+    """Whether a candidate may distort the blocks so much that the chain is refitted: true unless its effect adds."""
     if kind.folds:
         return float(np.quantile(s.y, 0.01)) > ONE_SIDED * rms(s.y)
     return kind.linear == 0

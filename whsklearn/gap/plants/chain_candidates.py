@@ -1,4 +1,4 @@
-"""What may be missing between u and y: the catalogue's effects as the compiled chain takes them.
+"""What may be missing between u and y: the catalogue's effects in the form that the compiled chain takes.
 
 Ranges, starts and what is scanned come from each effect's `Quantity`; a chain adds the ports that only it has
 (`whsklearn.effects.chain`) and its own scales: x is its position, x(t) - x(t-1) its velocity, v its torque.
@@ -99,7 +99,7 @@ class Candidate:
 
     @cached_property
     def fields(self) -> tuple[str, ...]:
-        """Names of the numbers, linear ones first."""
+        """Names of the parameters, linear ones first."""
         first = {0: (), 1: (self.cls.size,), 2: ("cosine", "sine")}[self.linear]
         return (*first, *self.cls.searched())
 
@@ -215,7 +215,7 @@ def is_line(law: FrictionLaw) -> bool:
 
 
 def catalogue(law: FrictionLaw) -> list[Candidate]:
-    """Every candidate beside a law: all effects that are defined, at every port, but for what the law holds.
+    """Every candidate besides a law: all defined effects, at every port, except those that the law contains.
 
     A limit or a dead zone of x is one of v where the law is a line, and else beyond a look's sight.
     """

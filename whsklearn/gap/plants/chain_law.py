@@ -180,4 +180,4 @@ def falls_short(s: Record, base: ChainModel, model: ChainModel) -> str:
         )
     if not parts:
         parts.append("orders and law together are too small")
-    return "The base model itself falls short: " + "; ".join(parts) + ". No effect is named before that is mended."
+    return "The base model itself falls short: " + "; ".join(parts) + ". No effect is named until that is corrected."

@@ -195,7 +195,7 @@ def look(s: Record, m: ChainModel, rng: np.random.Generator) -> Seen:
 
 
 def softly(s: Record, m: ChainModel) -> list[Look]:
-    """Every candidate under a sign so soft that a sample on its wrong side tells by how far; without a null.
+    """Every candidate under so soft a sign that a sample on the wrong side shows by how far; without a null.
 
     What softness itself does, the derivative by its sharpness, counts as the model's own.
     """

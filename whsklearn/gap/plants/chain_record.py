@@ -1,4 +1,4 @@
-"""The record itself: whether it can be used, the grid of its readings, and what the page draws of it."""
+"""The record itself: whether it can be used, the grid of its readings, and what the page draws from it."""
 
 from __future__ import annotations
 

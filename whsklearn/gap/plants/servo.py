@@ -1,4 +1,4 @@
-"""A servo axis as a plant: drive in, position out, the controller need not be known.
+"""A servo axis as a plant: drive in, position out. The controller need not be known.
 
 Inverse dynamics on the measured motion finds what is missing, free runs prove it.
 """
@@ -187,7 +187,7 @@ class ServoPlant(PlantDefaults):
         return found._replace(model=best)
 
     def read_off(self, model: AxisModel) -> list[Any]:
-        """A coarse encoder, a folded sensor: what no missing torque shows; looked for where that shows nothing."""
+        """Candidates that no missing torque shows, such as a coarse encoder; tried if the missing torque shows none."""
         if model.added:
             return []
         if self._folded is not None:
@@ -196,7 +196,7 @@ class ServoPlant(PlantDefaults):
         return coarse_encoder(self.observer, self.observer.fit(model))
 
     def aliases(self, name: str) -> tuple[str, ...]:
-        """Names that no record of drive and position can tell from ``name``."""
+        """Names that no record of drive and position can distinguish from ``name``."""
         also = OVER_LITTLE_TRAVEL.get(name, ()) if float(np.ptp(self.record.position)) < rules.LITTLE_TRAVEL else ()
         return tuple(dict.fromkeys([*aliases(name), *(a for a in also if self.units[1] == "rad")]))
 
@@ -222,7 +222,7 @@ class ServoPlant(PlantDefaults):
         return with_p_values(servo_families.looks(self.inverse, self.inverse.fit(model), self.own, beside))
 
     def fitted_gain(self, model: AxisModel, grown: AxisModel, look: Any) -> tuple[float, float]:
-        """(gain, size) of a fitted effect, the way round in which it was seen."""
+        """(gain, size) of a fitted effect, in the direction of regression in which it was seen."""
         if not look.swapped:
             return super().fitted_gain(model, grown, look)
         before = self.errors(model)
@@ -383,9 +383,7 @@ class ServoPlant(PlantDefaults):
         view, skipped = self.observer, self.inverse.skipped
         notes = []
         if skipped:
-            notes.append(
-                f"{max(skipped[0], 0.0):.3g} to {skipped[1]:.3g} s follow another law than the rest: left out."
-            )
+            notes.append(f"{max(skipped[0], 0.0):.3g} to {skipped[1]:.3g} s follow a different law and were left out.")
         if self.lead:
             notes.append(
                 f"The drive was logged about {1e3 * self.lead:.0f} ms after it had acted, and is used that much "

@@ -76,7 +76,7 @@ class AxisModel:
         for value, a, b, (i, j, _) in zip(self.vector()[2:], low[2:], high[2:], self.free(), strict=True):
             if i == index and j == kind.linear and j < kind.n_slots:
                 if value <= a + 1e-6 * abs(a) or value >= b - 1e-6 * abs(b):
-                    return f"its {kind.fields[j]} runs to the end of the plausible range"
+                    return f"its {kind.fields[j]} reaches the limit of the plausible range"
         return ""
 
     @property
