@@ -78,8 +78,8 @@ def alike(records: list[ServoRecord]) -> tuple[list[InverseView], list[AxisModel
     ways = {direction(v.motion.velocity, slowest) for v in views}
     if len(ways) > 1:
         raise OneWay(
-            "The records turn in different directions, and at least one of them never reverses, so friction and offset "
-            "cannot be separated. Log a run that reverses."
+            "The records turn different ways, and at least one of them never reverses, so friction and offset cannot "
+            "be separated. Log a run that reverses."
         )
     law = LAW if ways == {0} else ONE_WAY
     return views, [v.fit(base_model(law, v.scene)) for v in views]

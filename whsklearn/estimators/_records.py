@@ -141,7 +141,7 @@ def checked_weights(sample_weight: ArrayLike | None, n: int, *, some: bool) -> A
     if weights.shape != (n,):
         raise ValueError(f"sample_weight has shape {weights.shape}, expected ({n},): a weight a sample.")
     if not np.isfinite(weights).all() or (weights < 0).any() or (weights > 1e12).any():
-        raise ValueError("sample_weight holds numbers that are not weights, expected 0 to 1e12; correct those samples.")
+        raise ValueError("sample_weight holds numbers that are no weights, expected 0 to 1e12; correct those samples.")
     if some and n and not weights.any():
         raise ValueError("sample_weight is zero for every sample, expected at least one above zero; weight some.")
     return None if (weights == 1.0).all() else np.ascontiguousarray(weights)

@@ -232,7 +232,7 @@ class SimulatorPlant(PlantDefaults):
         """What is unphysical in an effect's size."""
         effect = model.terms[index].effect
         if effect.name in self.refused and not effect.magnitude:
-            return f"the simulator cannot include it: {self.refused[effect.name]}"
+            return f"the simulator cannot hold it: {self.refused[effect.name]}"
         quantity = effect.quantities[effect.size]
         if quantity.low >= 0.0 and effect.magnitude <= 0.0 and not effect.phased:
             return f"its size would be {effect.magnitude:.3g}, and a physical one is positive"
