@@ -14,7 +14,7 @@ from whsklearn._inputs import starts
 from whsklearn.estimators import _advice
 from whsklearn.estimators import _model as wh
 from whsklearn.estimators._records import Given, checked_weights, is_plain, joined
-from whsklearn.estimators._streams import FullStream, PublishedStream, RowsStream, Stream, noise_variance
+from whsklearn.estimators._streams import AnyStream, FullStream, PublishedStream, RowsStream, noise_variance
 from whsklearn.estimators._undo import copied
 from whsklearn.estimators.base import AxisRegressor, warn
 from whsklearn.recursion.pseudolinear import BLOCK
@@ -43,7 +43,7 @@ class RecursiveRegressor(AxisRegressor):
     _stochastic_gradient: ClassVar[bool] = False
 
     p: int = 1
-    _stream: Stream | None = None  # where rows go without further checks
+    _stream: AnyStream | None = None  # where rows go without further checks
     _asked: FullStream | None = None  # what tells of a state that came without a stream; it keeps its last answer
 
     def fit(
@@ -311,7 +311,7 @@ class RecursiveRegressor(AxisRegressor):
             raise ValueError(f"theta0 has shape {theta0.shape}, expected ({n},) finite numbers, one a parameter.")
         return theta0
 
-    def _make_stream(self, n_columns: int, seed: int) -> Stream:
+    def _make_stream(self, n_columns: int, seed: int) -> AnyStream:
         """The stream that the parameters ask for."""
         p0 = getattr(self, "P0", None)
         forgetting = float(getattr(self, "forgetting", 1.0))
@@ -339,7 +339,13 @@ class RecursiveRegressor(AxisRegressor):
         )  # fmt: skip
         return FullStream(structure, reading)
 
-    def _keep(self, stream: Stream, state: dict[str, Any], seed: int, groups: ArrayLike | None) -> None:
+    def _keep(
+        self,
+        stream: AnyStream,
+        state: dict[str, Any],
+        seed: int,
+        groups: ArrayLike | None,
+    ) -> None:
         """Make a state the estimator's own."""
         state["seed"] = seed
         if groups is not None:
@@ -358,7 +364,7 @@ class RecursiveRegressor(AxisRegressor):
         """Default output of `predict`; the published reading has no covariance, so it has no expected output."""
         return "expected" if self.gradient == "full" else "simulation"
 
-    def _reader(self) -> Stream:
+    def _reader(self) -> AnyStream:
         """The stream that can read the state."""
         stream = self._stream or self._asked
         if stream is None:

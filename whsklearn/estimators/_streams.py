@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 import time
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numba
 import numpy as np
@@ -38,34 +38,10 @@ _numba_settings: Any = numba.config  # its attributes are created at run time
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from whsklearn.estimators._stream import State
     from whsklearn.recursion.background_refit import BackgroundRefit
 
     Array = NDArray[np.float64]
-    State = dict[str, Any]
-
-
-class Stream(Protocol):
-    """What an estimator requires of its way of learning."""
-
-    undo: Undo  # undoes an interrupted call
-
-    def initial(self) -> State:
-        """The state before any sample."""
-
-    def run(self, state: State, u: Array, y: Array, restart: NDArray[np.bool_], weight: Array | None = None) -> None:
-        """Learn from samples, in place; ``weight`` weighs their squared errors."""
-
-    def settle(self, state: State) -> None:
-        """Run the record once more, in place, if the stream keeps one."""
-
-    def forget_past(self, state: State, samples: float) -> None:
-        """Let what was learnt count for no more than this many samples, in place."""
-
-    def theta(self, state: State) -> Array:
-        """The estimate, in the paper's order."""
-
-    def covariance(self, state: State) -> Array:
-        """Covariance of `theta`."""
 
 
 def noise_variance(loss: Array, n_parameters: int) -> float:
@@ -321,6 +297,9 @@ class FullStream:
         """By the delta method."""
         j = paper_jacobian(self.natural(state), self.structure)
         return j @ self.natural_covariance(state) @ j.T
+
+
+AnyStream = RowsStream | PublishedStream | FullStream
 
 
 def _weighted(u: Array, y: Array, restart: NDArray[np.bool_], weight: Array) -> tuple[Array, Array, NDArray[np.bool_]]:

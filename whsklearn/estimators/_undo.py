@@ -15,7 +15,7 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from whsklearn.estimators._streams import State, Stream
+    from whsklearn.estimators._stream import State, Stream
 
     Array = NDArray[np.float64]
 
