@@ -56,7 +56,7 @@ def by_hand(inertia, viscous, coulomb, u, y, dt, gain_1, gain_2, start):
 
 def observed(base: ServoAxis, record: Bunch, repeats: int) -> tuple[float, float, float]:
     """Least CPU time (s) of the library's pass and of the one by hand, and how far they differ (rad)."""
-    plant, dt, gains = observer.pack(base), 1.0 / base.sample_rate, (0.05, 2.0)
+    plant, dt, gains = base.packed(), 1.0 / base.sample_rate, (0.05, 2.0)
     measured = np.array([record.position, record.velocity])
     start = (float(measured[0, 0]), float(measured[1, 0]))
     viscous, coulomb = base.law.weights

@@ -10,7 +10,10 @@ import pytest
 from tests.systems.drawn_arms import drawn_arm, drawn_body
 from whsklearn import Arm, ServoAxis
 from whsklearn.effects import Backlash, Cogging, Coulomb, Viscous
+from whsklearn.systems import PIDController
 from whsklearn.systems.arm_files import body_numbers
+
+ARM = drawn_arm(2, 0, slides=0.0)
 
 
 def test_a_payload_is_four_numbers_and_an_inertia_at_its_link():
@@ -67,3 +70,34 @@ def test_the_motors_inertia_adds_to_the_mass_matrix():
 def test_what_is_no_arm_is_refused(fields, said):
     with pytest.raises(ValueError, match=said):
         dataclasses.replace(drawn_arm(2, 0), **fields)
+
+
+# --- simulation -----------------------------------------------------------------------------------------------
+def test_noise_comes_from_its_seed_and_is_on_the_encoder_alone():
+    drive = np.zeros((50, 2))
+    one, same, other = (ARM.simulate_drive(drive, noise=1e-3, random_state=s) for s in (1, 1, 2))
+    np.testing.assert_array_equal(one.position, same.position)
+    assert not np.array_equal(one.position, other.position)
+    np.testing.assert_array_equal(one.true_position, other.true_position)
+
+
+def test_each_joint_may_have_its_own_controller():
+    reference = np.tile([0.0, 0.2], (200, 1))
+    soft = {"j0": PIDController(kp=1.0), "j1": PIDController(kp=1.0)}
+    stiff = {**soft, "j1": PIDController(kp=500.0, ki=0.0, kd=20.0)}
+    errors = [np.abs(ARM.simulate(reference, controller=c).true_position[-1, 1] - 0.2) for c in (soft, stiff)]
+    assert errors[1] < errors[0]
+    with pytest.raises(ValueError, match="controller has none for 'j1'"):
+        ARM.simulate(reference, controller={"j0": PIDController()})
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"drive": np.zeros((5, 3))}, r"expected \(5, 2\)"),
+        ({"drive": np.full((5, 2), np.nan)}, "NaN"),
+    ],
+)
+def test_signals_that_cannot_be_are_refused(given, said):
+    with pytest.raises(ValueError, match=said):
+        ARM.simulate_drive(**given)

@@ -21,8 +21,11 @@ from whsklearn.effects import (
     OutputDrift,
     ParameterChange,
     Quantization,
+    Saturation,
+    Stribeck,
     TorqueRipple,
     Viscous,
+    codes,
     effect_names,
     get_effect,
 )
@@ -205,3 +208,58 @@ def test_two_transmission_effects_add_up():
     axis = ServoAxis(effects=[FlexibleCoupling(1e-3), FlexibleCoupling(2e-3)])
     one = ServoAxis(effects=[FlexibleCoupling(3e-3)])
     np.testing.assert_allclose(axis.simulate_drive(DRIVE).position, one.simulate_drive(DRIVE).position, atol=1e-12)
+
+
+def test_parameters_come_and_go_by_name():
+    axis = ServoAxis(
+        law=[Viscous(0.1), Coulomb(0.2), Stribeck(0.05, 0.1)],
+        effects=[Cogging(0.1, 7.0), Cogging(0.2, 14.0), Coulomb(0.01)],
+        transmission=Transmission(),
+    )
+    assert axis.term_names == ("inertia", "viscous", "coulomb", "stribeck", "cogging", "cogging2", "coulomb2")
+    names = ["inertia", "stribeck__velocity", "cogging2__order", "coulomb2", "drive__delay", "transmission__gap"]
+    new = axis.with_vector(names, [0.04, 0.2, 21.0, 0.03, 0.002, 0.001])
+    np.testing.assert_allclose(new.vector(names), [0.04, 0.2, 21.0, 0.03, 0.002, 0.001])
+    assert axis.parameters["inertia"] == 0.05
+    untouched = set(axis.parameters) - set(names)
+    assert all(new.parameters[n] == axis.parameters[n] for n in untouched)
+    assert new.with_parameters(axis.parameters) == axis
+
+
+def test_unknown_parameters_are_refused_and_the_known_listed():
+    with pytest.raises(ValueError, match=r"charm.*inertia"):
+        ServoAxis().with_parameters(charm=1.0)
+    with pytest.raises(ValueError, match="charm"):
+        ServoAxis().vector(["charm"])
+    with pytest.raises(ValueError, match="transmission__gap"):
+        ServoAxis().with_parameters(transmission__gap=0.1)
+
+
+def test_effects_of_neutral_size_are_left_out():
+    plant = ServoAxis(law=[Viscous(0.1), Coulomb(0.0)], effects=[Cogging(0.0), Saturation(math.inf)]).packed()
+    assert plant.codes.tolist() == [codes.VISCOUS]
+    assert plant.p[0, 0] == 0.1
+
+
+def test_parts_hold_what_is_no_effect():
+    axis = ServoAxis(
+        inertia=0.03, friction="tanh", smoothing=0.02, drive=Drive(2.0, 5.0, 0.003, 0.004),
+        transmission=Transmission(0.4, 30.0, 0.1, 0.01), sensor=Sensor(1e-3, side="load"),
+    )  # fmt: skip
+    np.testing.assert_allclose(axis.parts, [0.03, 50.0, 2.0, 5.0, 0.003, 0.004, 0.4, 30.0, 0.1, 0.01, 1e-3, 1.0])
+    rigid = ServoAxis().parts
+    assert rigid[1] == math.inf  # true stiction
+    assert not rigid[6:10].any()
+
+
+def test_a_controllers_switch_is_a_number():
+    for source in ("error", "measurement"):
+        c = PIDController(kp=3.0, ki=2.0, kd=1.0, derivative_on=source)
+        row = c.row
+        assert row[:3] == (3.0, 2.0, 1.0)
+        assert row[6] == float(source == "measurement")
+
+
+def test_a_drive_cannot_act_early():
+    with pytest.raises(ValueError, match="cannot act early"):
+        ServoAxis(drive=Drive(delay=0.001), effects=[InputDelay(-0.004)]).packed()

@@ -58,7 +58,7 @@ def make_arm_log(
     effects : mapping of str to effects, optional
         What is hidden, by joint.
     controller : PIDController or mapping of these, optional
-        See `whsklearn.systems.arm_simulation.simulate`.
+        See `whsklearn.systems.arm.simulate_arm`.
     reference : array-like of shape (n, n_joints), optional
         Positions asked for; by default a sum of five drawn sines a joint.
     amplitude, duration : float

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from whsklearn.effects import Effect, get_effect
-from whsklearn.systems.servo_simulation import simulate_many
+from whsklearn.systems.servo import simulate_many
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

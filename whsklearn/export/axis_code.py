@@ -15,7 +15,6 @@ from whsklearn.export.specialise import Specialiser
 from whsklearn.export.statements import Memory, OneOf, Symbol
 from whsklearn.systems._servo_drive import Chain, chain_of, effective
 from whsklearn.systems._servo_kernel import lattice_of
-from whsklearn.systems._servo_pack import pack
 from whsklearn.systems._servo_step import Body, body_of, fine_step
 from whsklearn.systems._servo_torques import Ends, arranged, load_sum, motor_sum, read
 from whsklearn.systems.servo import ServoAxis
@@ -111,7 +110,7 @@ def axis_code(
     out : float
         What brings the answer's unit to SI.
     """
-    plant = pack(axis)
+    plant = axis.packed()
     law = _arranged(plant.codes, plant.p, axis)
     body, chain = Body(*map(float, body_of(plant))), Chain(*map(float, chain_of(plant)))
     two = body.share > 0.0
@@ -160,7 +159,7 @@ def _timed(part: Part) -> bool:
 
 
 def _own(axis: ServoAxis) -> OneOf:
-    """The functions of effects of one's own, in the order in which `pack` numbers them."""
+    """The functions of effects of one's own, in the order in which `ServoAxis.packed` numbers them."""
     classes = dict.fromkeys(type(e) for e in axis.effects if e.evaluate is not None and e.magnitude != e.neutral)
     return OneOf(tuple(c.evaluate for c in classes if c.evaluate is not None))
 
@@ -188,7 +187,7 @@ def torque_code(axis: ServoAxis, language: Language, factors: tuple[float, float
 
     ``factors`` bring drive and motion to SI.
     """
-    plant = pack(axis)
+    plant = axis.packed()
     keep = [i for i, code in enumerate(plant.codes) if compensated(int(code))]
     law = _arranged(plant.codes[keep], plant.p[keep], axis)
     work = Specialiser(language)

@@ -10,7 +10,6 @@ from whsklearn.effects import Effect, FrictionLaw, LearnedTorque, SpeedHinge
 from whsklearn.logs.units import UNKNOWN, inertia_unit, respelled
 from whsklearn.models.base import IdentifiedModel, as_input
 from whsklearn.systems import ServoAxis
-from whsklearn.systems.servo_parameters import effect_labels
 
 if TYPE_CHECKING:
     import numpy as np
@@ -103,7 +102,7 @@ class AxisModel(IdentifiedModel):
         """Units of all numbers on a rotary axis driven by a torque."""
         out = {"inertia": "Nm s²/rad"}
         parts = [*zip(self.law.labels, self.law.terms, strict=True)]
-        for label, effect in [*parts, *zip(effect_labels(self.system()), self.effects, strict=True)]:
+        for label, effect in [*parts, *zip(self.system().effect_labels, self.effects, strict=True)]:
             for field in (effect.size, *effect.shape):
                 out[label if field == effect.size else f"{label}__{field}"] = unit_of_field(effect, field)
         return out

@@ -8,19 +8,27 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
+from sklearn.utils import Bunch
 
 from whsklearn.effects import Coulomb, Effect, FrictionLaw, Viscous, as_law
-from whsklearn.systems import servo_parameters, servo_simulation
+from whsklearn.systems._servo_drive import chain_of
+from whsklearn.systems._servo_pack import plant_of
+from whsklearn.systems._servo_torques import Plant
 from whsklearn.systems.servo_parts import Drive, PIDController, Sensor, Transmission
+from whsklearn.systems.servo_simulation import Conditions, experiment, reading_noise, run
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
-    from sklearn.utils import Bunch
+
+
+PARTS = ("drive", "transmission", "sensor", "controller")
 
 
 def _default_law() -> FrictionLaw:
@@ -130,14 +138,32 @@ class ServoAxis:
     # -- parameters -------------------------------------------------------------------
 
     @property
+    def effect_labels(self) -> tuple[str, ...]:
+        """One label an effect: its name, numbered from the second of a name on (the law's terms count)."""
+        seen = Counter(t.name for t in self.law.terms)
+        labels = []
+        for e in self.effects:
+            seen[e.name] += 1
+            labels.append(e.name if seen[e.name] == 1 else f"{e.name}{seen[e.name]}")
+        return tuple(labels)
+
+    @property
     def term_names(self) -> tuple[str, ...]:
         """``inertia``, the law's labels, the effects' labels."""
-        return ("inertia", *self.law.labels, *servo_parameters.effect_labels(self))
+        return ("inertia", *self.law.labels, *self.effect_labels)
 
     @property
     def parameters(self) -> dict[str, float]:
         """All parameters by name: sizes under their label, shapes as ``label__field``, parts as ``drive__gain``."""
-        return servo_parameters.flatten(self)
+        out = {"inertia": float(self.inertia)}
+        for label, e in zip(self.term_names[1:], (*self.law.terms, *self.effects), strict=True):
+            out |= {label: e.magnitude} | {f"{label}__{k}": v for k, v in e.shape.items()}
+        for name in PARTS:
+            part = getattr(self, name)
+            if part is not None:
+                numeric = {f.name: getattr(part, f.name) for f in dataclasses.fields(part)}
+                out |= {f"{name}__{k}": float(v) for k, v in numeric.items() if not isinstance(v, str)}
+        return out | {"smoothing": float(self.smoothing)}
 
     def with_parameters(self, values: Mapping[str, float] | None = None, /, **more: float) -> Self:
         """Return the same axis with other parameters.
@@ -154,7 +180,24 @@ class ServoAxis:
         >>> ServoAxis().with_parameters(inertia=0.04, coulomb=0.2).parameters["coulomb"]
         0.2
         """
-        return servo_parameters.replace(self, {**(values or {}), **more})
+        wanted = {**(values or {}), **more}
+        changes: dict[str, Any] = {k: float(wanted.pop(k)) for k in ("inertia", "smoothing") if k in wanted}
+        if wanted:
+            terms = [_changed(t, label, wanted) for label, t in zip(self.law.labels, self.law.terms, strict=True)]
+            if any(new is not old for new, old in zip(terms, self.law.terms, strict=True)):
+                changes["law"] = FrictionLaw(terms)
+            effects = (_changed(e, label, wanted) for label, e in zip(self.effect_labels, self.effects, strict=True))
+            changes["effects"] = tuple(effects)
+        for name in PARTS:
+            part = getattr(self, name)
+            keys = [k for k in wanted if k.startswith(f"{name}__")]
+            if part is not None and keys:
+                fields = {f.name for f in dataclasses.fields(part)}
+                known = {k: k.removeprefix(f"{name}__") for k in keys if k.removeprefix(f"{name}__") in fields}
+                changes[name] = dataclasses.replace(part, **{f: float(wanted.pop(k)) for k, f in known.items()})
+        if wanted:
+            raise ValueError(f"Unknown parameters {sorted(wanted)}; expected some of: {', '.join(self.parameters)}.")
+        return dataclasses.replace(self, **changes)
 
     def vector(self, names: Sequence[str]) -> NDArray[np.float64]:
         """Return the chosen parameters as a vector.
@@ -199,7 +242,7 @@ class ServoAxis:
         label : str
             Name of the effect, numbered if the name recurs.
         """
-        labels = servo_parameters.effect_labels(self)
+        labels = self.effect_labels
         if label not in labels:
             raise ValueError(f"No effect is called {label!r}; expected one of: {', '.join(labels) or 'none'}.")
         keep = tuple(e for name, e in zip(labels, self.effects, strict=True) if name != label)
@@ -237,7 +280,7 @@ class ServoAxis:
     # -- simulation -------------------------------------------------------------------
 
     def simulate(self, reference: ArrayLike, **options: Any) -> Bunch:
-        """Simulate the closed loop along a reference; see `whsklearn.systems.servo_simulation.simulate_many`.
+        """Simulate the closed loop along a reference; see `whsklearn.systems.simulate_many`.
 
         Parameters
         ----------
@@ -259,7 +302,7 @@ class ServoAxis:
         FloatingPointError
             If the simulation does not stay finite.
         """
-        return servo_simulation.simulate_one(self, reference=reference, **options)
+        return self._simulate(reference=reference, **options)
 
     def simulate_drive(self, drive: ArrayLike, **options: Any) -> Bunch:
         """Replay a logged drive (Nm) in open loop, held between samples.
@@ -282,4 +325,110 @@ class ServoAxis:
         FloatingPointError
             If the simulation does not stay finite.
         """
-        return servo_simulation.simulate_one(self, drive=drive, **options)
+        return self._simulate(drive=drive, **options)
+
+    def _simulate(self, **options: Any) -> Bunch:
+        """One simulation that must stay finite."""
+        record = simulate_many([self], **options)[0]
+        bad = np.flatnonzero(~np.isfinite(record.true_position) | ~np.isfinite(record.drive))
+        if bad.size:
+            raise FloatingPointError(
+                f"The simulation is no longer finite after {record.time[bad[0]]:.3g} s; "
+                f"use more substeps than {self.substeps}, lower gains or other parameters."
+            )
+        return record
+
+    # -- as compiled passes take it ---------------------------------------------------
+
+    @property
+    def parts(self) -> NDArray[np.float64]:
+        """The numbers of an axis that are no effects, shape (12,), in the order of `Plant.parts`."""
+        kappa = 1.0 / self.smoothing if self.friction == "tanh" else math.inf
+        d, part = self.drive, self.transmission
+        coupling = (0.0, 0.0, 0.0, 0.0)
+        if part is not None:
+            coupling = (part.load_share, part.stiffness, part.damping_ratio, part.gap)
+        resolution, on_load = self.sensor.resolution, float(self.sensor.side == "load")
+        return np.array([self.inertia, kappa, d.gain, d.limit, d.delay, d.lag, *coupling, resolution, on_load])
+
+    def packed(self) -> Plant:
+        """The axis as flat arrays; effects of neutral size are not in them, so they change nothing at all.
+
+        Raises
+        ------
+        ValueError
+            If the drive would act early, or a user-defined effect cannot be simulated.
+        """
+        plant = plant_of([e for e in (*self.law.terms, *self.effects) if e.magnitude != e.neutral], self.parts)
+        delay = chain_of(plant).delay
+        if delay < 0:
+            raise ValueError(f"The drive's delay is {delay} s, expected none below zero; the drive cannot act early.")
+        return plant
+
+
+def _changed(effect: Any, label: str, wanted: dict[str, float]) -> Any:
+    """An effect with its own entries of ``wanted`` applied; they are taken out."""
+    changes = {}
+    for key, name in ((label, effect.size), *((f"{label}__{f}", f) for f in (effect.size, *effect.shape))):
+        if key in wanted:
+            changes[name] = float(wanted.pop(key))
+    return dataclasses.replace(effect, **changes) if changes else effect
+
+
+def simulate_many(
+    axes: Sequence[ServoAxis],
+    *,
+    reference: ArrayLike | None = None,
+    drive: ArrayLike | None = None,
+    noise: Any = True,
+    random_state: Any = 0,
+    n_jobs: int = 1,
+    **options: Any,
+) -> list[Bunch]:
+    """Simulate several axes in the same experiment; the compiled part runs in ``n_jobs`` threads.
+
+    Parameters
+    ----------
+    axes : sequence of ServoAxis
+        The axes; they may differ in everything, including their effects.
+    reference : array-like of shape (n,), optional
+        Reference of the closed loop (rad).
+    drive : array-like of shape (n,), optional
+        Drive to replay in open loop (Nm); give this or ``reference``.
+    noise : bool, array-like of shape (n,), or list of these
+        True adds white noise with the sensor's standard deviation; an array is added as it is (rad).
+    random_state : int, Generator, None, or list of these
+        Draws the noise; a list gives each axis its own.
+    n_jobs : int
+        Number of threads.
+    **options
+        ``disturbance`` (n,) in Nm, added to the torque; ``reference_velocity``, ``reference_acceleration``
+        (n,); ``initial_position``, ``initial_velocity``; in open loop ``position``, ``velocity`` (n,),
+        ``resync`` (s), ``hold`` ("zero" or "linear").
+
+    Returns
+    -------
+    list of Bunch
+        One record per axis, see `ServoAxis.simulate`; a simulation that diverges contains non-finite values.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from whsklearn.systems import ServoAxis, simulate_many
+    >>> axes = [ServoAxis(inertia=j) for j in (0.04, 0.05)]
+    >>> [r.position.size for r in simulate_many(axes, reference=np.zeros(10))]
+    [10, 10]
+    """
+    axes = list(axes)
+    noises = noise if isinstance(noise, list) else [noise] * len(axes)
+    seeds = random_state if isinstance(random_state, list) else [random_state] * len(axes)
+    wanted = Conditions(**options)
+    jobs = []
+    for axis, e_noise, seed in zip(axes, noises, seeds, strict=True):
+        e = experiment(axis.controller, axis.sample_rate, reference, drive, wanted)
+        added = reading_noise(axis.sensor.noise, e_noise, seed, e.reference.shape[1])
+        jobs.append((axis.packed(), axis.controller, e, added, axis.sample_rate, int(axis.substeps)))
+    if n_jobs == 1 or len(jobs) == 1:
+        return [run(*job) for job in jobs]
+    with ThreadPoolExecutor(n_jobs) as pool:
+        return list(pool.map(lambda job: run(*job), jobs))

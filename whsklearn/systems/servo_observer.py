@@ -27,7 +27,7 @@ from whsklearn.systems._servo_kernel import (
     run,
     torque_along,
 )
-from whsklearn.systems._servo_pack import pack, plant_of
+from whsklearn.systems._servo_pack import plant_of
 from whsklearn.systems._servo_torques import Plant
 
 if TYPE_CHECKING:
@@ -48,7 +48,6 @@ __all__ = [
     "bare_parts",
     "effect_torque",
     "follow",
-    "pack",
     "plant_of",
 ]
 
@@ -79,7 +78,7 @@ def follow(plant: Plant, drive: Array, measured: Array, how: How, *, start: tupl
     Parameters
     ----------
     plant : Plant
-        The axis: `plant_of` a sequence of effects and `bare_parts`, `pack` of a `ServoAxis`, or arrays of a fit's own.
+        The axis: `plant_of` a sequence of effects and `bare_parts`, `ServoAxis.packed`, or arrays of a fit's own.
     drive : ndarray of shape (n,)
         The drive as logged (Nm).
     measured : ndarray of shape (2, n) or (4, n)

@@ -181,3 +181,9 @@ class PIDController(Part):
             raise ValueError(
                 f"PIDController: derivative_on is {self.derivative_on!r}, expected 'error' or 'measurement'."
             )
+
+    @property
+    def row(self) -> tuple[float, ...]:
+        """The controller as compiled passes take it, eight numbers: gains, feed-forward, limit, derivative."""
+        gains = (self.kp, self.ki, self.kd, self.velocity_feedforward, self.acceleration_feedforward, self.limit)
+        return tuple(float(g) for g in (*gains, self.derivative_on == "measurement", self.derivative_filter))
