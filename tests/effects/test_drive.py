@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from whsklearn.effects import DeadZone, InputDelay, InputOffset, Saturation, TorqueRipple
-from whsklearn.effects.drive import delayed, lagged
+from whsklearn.effects.equations import delayed, lagged
 
 drives = st.floats(-10, 10)
 

@@ -17,7 +17,7 @@ from whsklearn.effects import (
     Stribeck,
     Viscous,
 )
-from whsklearn.effects import friction as f
+from whsklearn.effects import equations as f
 from whsklearn.effects.signs import smooth_sign
 
 KAPPA = 3.0

@@ -7,8 +7,8 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from whsklearn.effects import FrictionLaw, NaturalSpline, as_law, cubic_spline_law
+from whsklearn.effects.equations import natural_spline
 from whsklearn.effects.knots import place_knots, placed
-from whsklearn.effects.static import natural_spline
 
 RNG = np.random.default_rng(0)
 GRID = np.linspace(-2.5, 2.5, 401)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from whsklearn.effects import LearnedTorque
-from whsklearn.effects.learned import hill
+from whsklearn.effects.equations import hill
 
 
 def test_hills_side_by_side_make_a_constant():

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from whsklearn.effects import EncoderEccentricity, OutputDrift, OutputOffset, SensorRectification
-from whsklearn.effects.sensor import quantized
+from whsklearn.effects.equations import quantized
 
 angles = st.floats(-10, 10)
 

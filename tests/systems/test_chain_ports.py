@@ -7,7 +7,7 @@ import pytest
 
 from tests.systems.signals import U, chain
 from whsklearn import effects as fx
-from whsklearn.effects.hysteresis import N_STATES
+from whsklearn.effects.equations import N_STATES
 from whsklearn.systems.chain_ports import coupled
 
 

@@ -27,13 +27,7 @@ from whsklearn.effects.learned import LearnedTorque
 from whsklearn.effects.position import CableSpring, Cogging, ContactStop, EndStop, GravityImbalance, HardeningSpring
 from whsklearn.effects.quantity import Quantity
 from whsklearn.effects.scales import Scales
-from whsklearn.effects.sensor import (
-    EncoderEccentricity,
-    OutputDrift,
-    OutputOffset,
-    Quantization,
-    SensorRectification,
-)
+from whsklearn.effects.sensor import EncoderEccentricity, OutputDrift, OutputOffset, Quantization, SensorRectification
 from whsklearn.effects.static import Hinge, NaturalSpline, Power, SpeedHinge, Tanh, TanhDifference
 from whsklearn.effects.timed import DisturbanceTone, ParameterChange
 from whsklearn.effects.transmission import Backlash, FlexibleCoupling

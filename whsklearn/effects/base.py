@@ -59,13 +59,17 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 
 from whsklearn.effects import codes
+from whsklearn.effects.own import address_of, own_values_along
 from whsklearn.effects.quantity import Quantity
+from whsklearn.effects.rows import values_along
 from whsklearn.effects.scales import Scales
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
 PLACES = ("friction", "drive", "transmission", "position", "sensor", "time")
+
+BARELY = 1e-300  # the size at which a column that changes with the size is read off where the size is zero
 
 MOST_STARTS = 60  # a start costs a pass over the record
 
@@ -427,9 +431,43 @@ class Effect:
             Torque a coefficient, or position a coefficient where the port is ``output``;
             no column at all where the effect can only be simulated.
         """
-        from whsklearn.effects.columns import columns_of  # it knows all equations, and they know this class
+        n = np.asarray(signals.position).size
+        if self.column_kind == "first_order":  # what a small delay or lag takes from the drive, a second of either
+            drive, time = (np.asarray(s, dtype=float) for s in (signals.drive, signals.time))
+            return np.gradient(drive, time).reshape(-1, 1)
+        if self.column_kind == "none" or self.code < 0:
+            return np.empty((n, 0))
+        if self.column_kind == "at_size":
+            size = self.magnitude
+            if math.isinf(size):
+                return np.zeros((n, 1))
+            size = size if size != 0.0 else BARELY
+            return (self.along((size, *self.row[1:]), signals) / size).reshape(-1, 1)
+        shape = self.row[self.linear() :]
+        return np.column_stack([self.along((*unit, *shape), signals) for unit in np.eye(self.linear())])
 
-        return columns_of(self, signals)
+    def along(self, row: Sequence[float], signals: Any) -> NDArray[np.float64]:
+        """The drive that the effect takes with the numbers of ``row``, or what it adds to the reading, shape (n,).
+
+        Parameters
+        ----------
+        row : sequence of float
+            Numbers in place of its own, as in `row`.
+        signals : object
+            As `columns` takes them; what is absent counts as zero.
+        """
+        absent = np.zeros(np.asarray(signals.position).size)
+        time, position, velocity, acceleration, drive = (
+            np.ascontiguousarray(getattr(signals, name, absent), dtype=float)
+            for name in ("time", "position", "velocity", "acceleration", "drive")
+        )
+        if self.evaluate is not None:
+            return own_values_along(address_of((type(self),)), np.array(row), time, position, velocity, drive)
+        p = np.zeros((1, codes.N_NUMBERS))
+        p[0, : len(row)] = row
+        kappa = getattr(signals, "kappa", None)
+        sharpness = math.inf if kappa is None else float(kappa)
+        return values_along(self.code, p, time, position, velocity, acceleration, drive, sharpness)
 
     def contribution(self, signals: Any) -> NDArray[np.float64]:
         """The drive that the effect takes (Nm), or what it adds to the measured position (rad).

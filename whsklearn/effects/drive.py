@@ -6,47 +6,9 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-from whsklearn._numba import njit
 from whsklearn.effects import codes
 from whsklearn.effects.base import Effect
 from whsklearn.effects.quantity import Quantity
-from whsklearn.effects.signs import clipped, wave
-
-_equation = njit(cache=False, error_model="numpy")
-
-
-@_equation
-def dead_zone(width, u):
-    """What a dead zone takes from the drive, clip(u, -d, d)."""
-    return clipped(u, width)
-
-
-@_equation
-def saturation(limit, u):
-    """What a limit takes from the drive, u - clip(u, -U, U)."""
-    return u - clipped(u, limit)
-
-
-@_equation
-def torque_ripple(cosine, sine, order, angle, u):
-    """What ripple takes from the drive, u (c cos(k q) + s sin(k q))."""
-    return u * wave(cosine, sine, order * angle)
-
-
-@_equation
-def lagged(u, state, constant, h):
-    """Mean output over a step h, and the new state, of T du_eff/dt = u - u_eff under a constant u; exact."""
-    if constant <= 0.0:
-        return u, u
-    decay = math.exp(-h / constant)
-    return u + (state - u) * (1.0 - decay) * constant / h, u + (state - u) * decay
-
-
-@_equation
-def delayed(age):
-    """Whole samples of a delay of ``age`` samples, and the share of the drive of one sample earlier still."""
-    whole = math.floor(age)
-    return int(whole), age - whole
 
 
 @dataclass(frozen=True)

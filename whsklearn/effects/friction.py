@@ -2,79 +2,16 @@
 
 Signs and symbols follow the torque balance J a = tau - friction, so a positive size
 brakes.  On a Wiener-Hammerstein system velocity is dx = x(t) - x(t-1) of (4).
-
-The equations are compiled functions at weight one. Those of a static term return its value and its
-derivatives by x and by dx; ``s`` stands for sign(dx) and ``ds`` for its slope, because at rest the sign is
-a choice between two directions and while a gradient is needed it is a tanh.
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-from whsklearn._numba import njit
 from whsklearn.effects import codes
 from whsklearn.effects.base import Effect
 from whsklearn.effects.quantity import Quantity
-from whsklearn.effects.signs import tanh
-
-_equation = njit(cache=False, error_model="numpy")
-
-
-UNDERFLOW = 700.0  # exp(-x) beyond is below 1e-304, and takes ten times as long as any other
-
-
-@_equation
-def viscous(dx):
-    """Dx."""
-    return dx, 0.0, 1.0
-
-
-@_equation
-def coulomb(s, ds):
-    """sign(dx)."""
-    return s, 0.0, ds
-
-
-@_equation
-def asymmetric_coulomb(s, ds):
-    """|sign(dx)|, one in motion and nothing at rest."""
-    return s * s, 0.0, 2.0 * s * ds
-
-
-@_equation
-def asymmetric_viscous(dx, s, ds):
-    """|dx|."""
-    return dx * s, 0.0, s + dx * ds
-
-
-@_equation
-def stribeck(velocity, exponent, dx, s, ds):
-    """exp(-|dx / v_s|^delta) sign(dx)."""
-    r = abs(dx) / velocity
-    if r == 0.0:
-        return s, 0.0, ds
-    power = r**exponent
-    if power > UNDERFLOW:
-        return 0.0, 0.0, 0.0
-    bump = math.exp(-power)
-    slope = -bump * (exponent * power / abs(dx)) * (1.0 if dx > 0.0 else -1.0)  # divided while exp is on its way
-    return bump * s, 0.0, bump * ds + slope * s
-
-
-@_equation
-def reduced_stribeck(velocity, dx):
-    """-tanh(dx / v_s)."""
-    s = tanh(dx / velocity)
-    return -s, 0.0, -(1.0 - s * s) / velocity
-
-
-@_equation
-def quadratic_drag(dx):
-    """dx |dx|."""
-    return dx * abs(dx), 0.0, 2.0 * abs(dx)
 
 
 @dataclass(frozen=True)

@@ -11,67 +11,11 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-from whsklearn._numba import njit, part
 from whsklearn.effects import codes
 from whsklearn.effects.base import Effect
+from whsklearn.effects.equations import N_STATES
 from whsklearn.effects.quantity import Quantity
 from whsklearn.effects.scales import Scales
-
-N_STATES = 8
-AHEAD = N_STATES  # column behind the states: the path travelled since the last advance, of all effects of an axis
-
-
-@njit(cache=False, error_model="numpy")
-def stribeck_level(ratio, velocity, v):
-    """g(v) = 1 + (ratio - 1) exp(-(v/v_s)^2): the level of friction over its value at speed."""
-    return 1.0 + (ratio - 1.0) * math.exp(-((v / velocity) ** 2))
-
-
-@njit(cache=False, error_model="numpy")
-def dahl(z, s, path):
-    """z after a path of ``path`` presliding distances in the direction s: dz/dx = (1 - z sign(v)) / x_s, exact."""
-    return s + (z - s) * math.exp(-path)
-
-
-@part
-def advance_hysteresis(code, p, z, k, dx, v):
-    """Move the states z[k] along a path dx travelled at velocity v; exact for a constant v."""
-    if dx == 0.0:
-        return
-    s = 1.0 if dx > 0.0 else -1.0
-    r = abs(dx) / p[k, 1]
-    if code == codes.DAHL:
-        z[k, 0] = dahl(z[k, 0], s, r)
-    elif code == codes.LUGRE:
-        g = stribeck_level(p[k, 2], p[k, 3], v)
-        z[k, 0] = g * dahl(z[k, 0] / g, s, r / g)
-    elif code == codes.BOUC_WEN:
-        w = z[k, 0] * s
-        a = 1.0 if w >= 0.0 else 2.0 * p[k, 2] - 1.0
-        w = w + r if abs(a) < 1e-9 else 1.0 / a + (w - 1.0 / a) * math.exp(-a * r)
-        z[k, 0] = s * w
-    else:
-        n = int(p[k, 2])
-        g = stribeck_level(p[k, 3], p[k, 4], v)
-        for i in range(n):
-            z[k, i] = min(g, max(-g, z[k, i] + s * r * (n + 1.0) / (2.0 * (i + 1.0))))
-
-
-@part
-def hysteresis_torque(code, p, z, k, v):
-    """z[k], with LuGre's damping of the asperities, and its derivative by velocity."""
-    if code == codes.MAXWELL_SLIP:
-        n = int(p[k, 2])
-        total = 0.0
-        for i in range(n):
-            total += z[k, i]
-        return total / n, 0.0
-    if code == codes.LUGRE and p[k, 4] > 0.0:
-        g = stribeck_level(p[k, 2], p[k, 3], v)
-        slope = p[k, 4] / p[k, 1] * (1.0 - (z[k, 0] if v > 0.0 else -z[k, 0]) / g)
-        return z[k, 0] + slope * v, slope
-    return z[k, 0], 0.0
-
 
 _TORQUE = Quantity("Nm", 1e-4, 1e3, log=True)
 _DISTANCE = Quantity(

@@ -6,53 +6,12 @@ height say where a hill stands, how wide it is and after which turn it comes bac
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-from whsklearn._numba import part
 from whsklearn.effects import codes
 from whsklearn.effects.base import Effect
 from whsklearn.effects.quantity import Quantity
-
-
-@part
-def hill(z):
-    """The cubic B-spline on knots -2, -1, 0, 1, 2, scaled to one at zero (de Boor 1978, ch. IX)."""
-    z = abs(z)
-    if z >= 2.0:
-        return 0.0
-    if z >= 1.0:
-        return 0.25 * (2.0 - z) ** 3
-    return 1.0 - 1.5 * z * z + 0.75 * z * z * z
-
-
-@part
-def distance(x, centre, period):
-    """x - centre, the short way round where the signal comes back after a period above zero."""
-    d = x - centre
-    if period > 0.0:
-        d -= period * math.floor(d / period + 0.5)
-    return d
-
-
-@part
-def learned_torque(code, centre, width, period, q, v, s, ds, u):
-    """Torque a unit of height, and its slope by velocity where a sign changes at rest."""
-    if code == codes.LEARNED_SPEED:
-        h = hill(distance(abs(v), centre, 0.0) / width)
-        return h * s, h * ds
-    if code == codes.LEARNED_VELOCITY:
-        return hill(distance(v, centre, 0.0) / width), 0.0
-    if code == codes.LEARNED_DRIVE:
-        return hill(distance(u, centre, 0.0) / width), 0.0
-    h = hill(distance(q, centre, period) / width)
-    if code == codes.LEARNED_FRICTION:
-        return h * s, h * ds
-    if code == codes.LEARNED_DAMPING:
-        return h * v, h
-    return h, 0.0
-
 
 _FORMS = {
     "position": codes.LEARNED_POSITION,

@@ -6,48 +6,9 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-from whsklearn._numba import njit
 from whsklearn.effects import codes
 from whsklearn.effects.base import Effect
 from whsklearn.effects.quantity import Quantity
-from whsklearn.effects.signs import wave
-
-_equation = njit(cache=False, error_model="numpy")
-
-
-@_equation
-def cogging(cosine, sine, order, angle):
-    """A cos(k q + phi) by its cosine and its sine weight (Nm)."""
-    return wave(cosine, sine, order * angle)
-
-
-@_equation
-def gravity_imbalance(cosine, sine, angle):
-    """A cos(q + phi) by its cosine and its sine weight (Nm)."""
-    return wave(cosine, sine, angle)
-
-
-@_equation
-def cable_spring(stiffness, centre, angle):
-    """c (q - q_0) (Nm)."""
-    return stiffness * (angle - centre)
-
-
-@_equation
-def hardening_spring(stiffness, centre, angle):
-    """c (q - q_0)^3 (Nm)."""
-    deflection = angle - centre
-    return stiffness * deflection * deflection * deflection
-
-
-@_equation
-def end_stop(stiffness, limit, relaxation, side, angle, velocity):
-    """k max(d + tau dd/dt, 0) in contact, d = side q - q_s > 0: it pushes back and never pulls (Nm)."""
-    depth = side * angle - limit
-    if depth <= 0.0:
-        return 0.0
-    return side * stiffness * max(depth + relaxation * side * velocity, 0.0)
-
 
 _SIDES = {"both": codes.END_STOP, "upper": codes.END_STOP_UPPER, "lower": codes.END_STOP_LOWER}
 _PHASE = Quantity("rad", -math.pi, math.pi)

@@ -11,16 +11,33 @@ import numpy as np
 
 from whsklearn._numba import njit, part
 from whsklearn.effects import codes
-from whsklearn.effects.drive import dead_zone, saturation, torque_ripple
-from whsklearn.effects.friction import coulomb, viscous
-from whsklearn.effects.hysteresis import N_STATES, advance_hysteresis, hysteresis_torque
-from whsklearn.effects.learned import learned_torque
-from whsklearn.effects.position import cable_spring, cogging, end_stop, gravity_imbalance, hardening_spring
-from whsklearn.effects.sensor import encoder_eccentricity, output_drift, quantized, sensor_rectification
+from whsklearn.effects.equations import (
+    N_STATES,
+    advance_hysteresis,
+    cable_spring,
+    cogging,
+    coulomb,
+    dead_zone,
+    disturbance_tone,
+    encoder_eccentricity,
+    end_stop,
+    friction_drift,
+    gravity_imbalance,
+    hardening_spring,
+    hysteresis_torque,
+    learned_torque,
+    load_friction,
+    output_drift,
+    parameter_change,
+    position_friction,
+    quantized,
+    saturation,
+    sensor_rectification,
+    torque_ripple,
+    viscous,
+)
 from whsklearn.effects.signs import smooth_sign
 from whsklearn.effects.terms import directed_term
-from whsklearn.effects.timed import disturbance_tone, parameter_change
-from whsklearn.effects.varying_friction import friction_drift, load_friction, position_friction
 
 
 @njit(cache=False, forceinline=True, error_model="numpy")

@@ -6,37 +6,9 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-from whsklearn._numba import njit
 from whsklearn.effects import codes
 from whsklearn.effects.base import Effect
 from whsklearn.effects.quantity import Quantity
-from whsklearn.effects.signs import wave
-
-_equation = njit(cache=False, error_model="numpy")
-
-
-@_equation
-def output_drift(rate, time):
-    """c t (rad)."""
-    return rate * time
-
-
-@_equation
-def sensor_rectification(fraction, angle):
-    """f (|q| - q), the error in the reading of a sensor that loses the sign (rad)."""
-    return fraction * (abs(angle) - angle)
-
-
-@_equation
-def encoder_eccentricity(cosine, sine, order, angle):
-    """A cos(k q + phi) by its cosine and its sine weight (rad)."""
-    return wave(cosine, sine, order * angle)
-
-
-@_equation
-def quantized(step, reading):
-    """s round(q / s); the reading itself at step zero."""
-    return step * math.floor(reading / step + 0.5) if step > 0.0 else reading
 
 
 @dataclass(frozen=True)

@@ -9,71 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from whsklearn._numba import njit
 from whsklearn.effects import codes
 from whsklearn.effects.friction import StaticEffect
 from whsklearn.effects.quantity import Quantity
-from whsklearn.effects.signs import tanh
-
-_equation = njit(cache=False, error_model="numpy")
-
-
-@_equation
-def smooth_coulomb(velocity, dx):
-    """tanh(dx / v): the smooth Coulomb term gamma_4 tanh(gamma_5 dx) of (3), with its derivatives."""
-    s = tanh(dx / velocity)
-    return s, 0.0, (1.0 - s * s) / velocity
-
-
-@_equation
-def smooth_stribeck(fast, slow, dx):
-    """tanh(dx / fast) - tanh(dx / slow), with its derivatives: the Stribeck term of (3)."""
-    p, _, slope_p = smooth_coulomb(fast, dx)
-    q, _, slope_q = smooth_coulomb(slow, dx)
-    return p - q, 0.0, slope_p - slope_q
-
-
-@_equation
-def power(degree, x):
-    """x^k with its derivatives."""
-    if degree == 0.0:
-        return 1.0, 0.0, 0.0
-    return x**degree, degree * x ** (degree - 1.0), 0.0
-
-
-@_equation
-def hinge(knot, x):
-    """max(x - knot, 0) with its derivatives."""
-    if x > knot:
-        return x - knot, 1.0, 0.0
-    return 0.0, 0.0, 0.0
-
-
-@_equation
-def natural_spline(knot, last_but_one, last, x):
-    """d_k(x) - d_m(x) with d_k = ((x - k)_+^3 - (x - l)_+^3) / (l - k); a straight line beyond the last knot."""
-    if x <= knot:
-        return 0.0, 0.0, 0.0
-    p, q, m = x - knot, x - last_but_one, last - last_but_one
-    if x >= last:  # in closed form, as the cubes cancel there
-        slope = 3.0 * (last_but_one - knot)
-        return (last - knot) ** 2 - m * m + slope * (x - last), slope, 0.0
-    value, slope = p * p * p / (last - knot), 3.0 * p * p / (last - knot)
-    if q > 0.0:
-        value -= q * q * q / m
-        slope -= 3.0 * q * q / m
-    return value, slope, 0.0
-
-
-@_equation
-def speed_hinge(knot, dx):
-    """sign(dx) max(|dx| - knot, 0) with its derivatives."""
-    if dx > knot:
-        return dx - knot, 0.0, 1.0
-    if dx < -knot:
-        return dx + knot, 0.0, 1.0
-    return 0.0, 0.0, 0.0
-
 
 _WEIGHT = Quantity("y per x", -1e6, 1e6)
 

@@ -1,7 +1,6 @@
 """The static terms of a law by their code: value and derivatives, for a law's kernels.
 
-The equations stand in `whsklearn.effects.friction` and `whsklearn.effects.static`; auxiliary models and
-sensitivity filters call `term`, the simulators `directed_term`.
+Auxiliary models and sensitivity filters call `term`, the simulators `directed_term`.
 """
 
 from __future__ import annotations
@@ -29,18 +28,23 @@ from whsklearn.effects.codes import (
     TANH_DIFFERENCE,
     VISCOUS,
 )
-from whsklearn.effects.friction import (
+from whsklearn.effects.equations import (
     asymmetric_coulomb,
     asymmetric_viscous,
     coulomb,
+    hinge,
+    natural_spline,
+    position_friction,
+    power,
     quadratic_drag,
     reduced_stribeck,
+    smooth_coulomb,
+    smooth_stribeck,
+    speed_hinge,
     stribeck,
     viscous,
 )
 from whsklearn.effects.signs import smooth_sign, tanh
-from whsklearn.effects.static import hinge, natural_spline, power, smooth_coulomb, smooth_stribeck, speed_hinge
-from whsklearn.effects.varying_friction import position_friction
 
 __all__ = [
     "ASYMMETRIC_COULOMB",

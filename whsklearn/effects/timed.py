@@ -6,25 +6,9 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-from whsklearn._numba import njit
 from whsklearn.effects import codes
 from whsklearn.effects.base import Effect
 from whsklearn.effects.quantity import Quantity
-from whsklearn.effects.signs import wave
-
-_equation = njit(cache=False, error_model="numpy")
-
-
-@_equation
-def disturbance_tone(cosine, sine, frequency, time):
-    """A cos(2 pi f t + phi) by its cosine and its sine weight (Nm)."""
-    return wave(cosine, sine, 2.0 * math.pi * frequency * time)
-
-
-@_equation
-def parameter_change(change, start, time, regressor):
-    """c r(t) from t_0 on, t_0 included; r is the regressor of the parameter that changes."""
-    return change * regressor if time >= start else 0.0
 
 
 @dataclass(frozen=True)

@@ -6,34 +6,10 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-from whsklearn._numba import njit
 from whsklearn.effects import codes
 from whsklearn.effects.base import Effect
 from whsklearn.effects.friction import StaticEffect
 from whsklearn.effects.quantity import Quantity
-from whsklearn.effects.signs import wave
-
-_equation = njit(cache=False, error_model="numpy")
-
-
-@_equation
-def load_friction(drive, s, ds):
-    """|u| sign(v) and its slope by v."""
-    return abs(drive) * s, abs(drive) * ds
-
-
-@_equation
-def position_friction(cosine, sine, order, x, s, ds):
-    """(c cos(k x) + d sin(k x)) sign(dx)."""
-    level = wave(cosine, sine, order * x)
-    return s * level, s * order * wave(sine, -cosine, order * x), ds * level
-
-
-@_equation
-def friction_drift(time_constant, time, s, ds):
-    """(1 - exp(-t/T)) sign(v) and its slope by v."""
-    level = 1.0 - math.exp(-time / time_constant)
-    return level * s, level * ds
 
 
 @dataclass(frozen=True)

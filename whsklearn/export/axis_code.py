@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from whsklearn.effects import codes
-from whsklearn.effects.sensor import quantized
+from whsklearn.effects.equations import quantized
 from whsklearn.effects.signs import smooth_sign
 from whsklearn.export.languages import Language
 from whsklearn.export.specialise import Specialiser

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from whsklearn.effects import Effect, FrictionLaw
 from whsklearn.effects import codes as fx
-from whsklearn.effects.drive import delayed
+from whsklearn.effects.equations import delayed
 from whsklearn.effects.terms import term
 from whsklearn.export.axis_code import Part
 from whsklearn.export.languages import Language

@@ -63,7 +63,7 @@ class Specialiser:
     >>> from whsklearn.export.languages import C
     >>> from whsklearn.export.specialise import Specialiser
     >>> from whsklearn.export.statements import Symbol
-    >>> from whsklearn.effects.hysteresis import stribeck_level
+    >>> from whsklearn.effects.equations import stribeck_level
     >>> Specialiser(C()).call(stribeck_level, 1.5, 2.0, Symbol("v")).text
     '(1.0 + (0.5 * exp((-(base_0 * base_0)))))'
     """

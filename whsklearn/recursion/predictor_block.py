@@ -14,7 +14,7 @@ import numpy as np
 
 from whsklearn._numba import njit, part
 from whsklearn.effects.codes import COULOMB, STRIBECK_TANH, VISCOUS
-from whsklearn.effects.friction import coulomb, reduced_stribeck, viscous
+from whsklearn.effects.equations import coulomb, reduced_stribeck, viscous
 from whsklearn.effects.signs import smooth_sign
 from whsklearn.effects.terms import term
 

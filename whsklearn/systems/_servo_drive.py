@@ -9,7 +9,7 @@ import numpy as np
 
 from whsklearn._numba import njit, part
 from whsklearn.effects import codes
-from whsklearn.effects.drive import dead_zone, lagged, saturation
+from whsklearn.effects.equations import dead_zone, lagged, saturation
 from whsklearn.systems._servo_torques import DELAY, LAG, LIMIT
 
 

@@ -12,10 +12,9 @@ import numpy as np
 
 from whsklearn._numba import njit, part
 from whsklearn.effects import codes
-from whsklearn.effects.hysteresis import AHEAD, advance_hysteresis, hysteresis_torque
+from whsklearn.effects.equations import AHEAD, advance_hysteresis, hysteresis_torque, parameter_change
 from whsklearn.effects.own import WHICH
 from whsklearn.effects.rows import has_memory, load_torque, motor_torque, on_load, reading
-from whsklearn.effects.timed import parameter_change
 
 # into the pass, or its arrays are counted in and out at every call
 _inlined = njit(cache=False, forceinline=True, error_model="numpy")

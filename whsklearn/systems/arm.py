@@ -17,7 +17,6 @@ import numpy as np
 from sklearn.utils import Bunch
 
 from whsklearn.effects import Effect
-from whsklearn.effects.columns import values
 from whsklearn.systems._arm_kernels import N_BODY, Links, fill_mass, fill_regressor, fill_torque
 from whsklearn.systems._arm_pass import DRIVE, MEASURED, N_SIGNALS, POSITION, VELOCITY, Course, Joints, run
 from whsklearn.systems._servo_pack import plant_of
@@ -281,7 +280,7 @@ class Arm:
         if effects:
             for j, acting in enumerate(self.effects):
                 signals = Bunch(position=q[:, j], velocity=v[:, j], acceleration=a[:, j])
-                out[:, j] += sum(values(e, e.row, signals) for e in acting if e.port == "torque")
+                out[:, j] += sum(e.along(e.row, signals) for e in acting if e.port == "torque")
         return out
 
     def mass_matrix(self, q: ArrayLike) -> Array:

@@ -14,7 +14,7 @@ import numpy as np
 from whsklearn._numba import njit
 from whsklearn.effects import codes as k
 from whsklearn.effects.base import Effect
-from whsklearn.effects.hysteresis import N_STATES
+from whsklearn.effects.equations import N_STATES
 from whsklearn.effects.own import WHICH, address_of
 from whsklearn.effects.terms import term
 from whsklearn.effects.transmission import FlexibleCoupling

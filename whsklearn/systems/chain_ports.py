@@ -15,12 +15,19 @@ import math
 
 from whsklearn._numba import njit
 from whsklearn.effects import codes as k
-from whsklearn.effects.drive import dead_zone, delayed, lagged, saturation
-from whsklearn.effects.hysteresis import advance_hysteresis, hysteresis_torque
+from whsklearn.effects.equations import (
+    advance_hysteresis,
+    dead_zone,
+    delayed,
+    disturbance_tone,
+    hysteresis_torque,
+    lagged,
+    parameter_change,
+    saturation,
+)
 from whsklearn.effects.own import WHICH
 from whsklearn.effects.rows import has_memory, load_torque, motor_torque, on_load, reading
 from whsklearn.effects.signs import smooth_sign
-from whsklearn.effects.timed import disturbance_tone, parameter_change
 from whsklearn.effects.transmission import play, resonance
 
 LEAST_SLOPE = 0.05  # of a folded reading: below, dividing by it would only amplify noise

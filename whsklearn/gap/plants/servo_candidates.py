@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from whsklearn.effects import Effect, Scales, codes, effect_names, get_effect
 from whsklearn.effects.base import shapes_of
-from whsklearn.effects.columns import values
 
 Array = NDArray[Any]
 
@@ -223,7 +222,7 @@ class Candidate:
     def unit_columns(self, shape: tuple[float, ...], signals: Any) -> Array:
         """Torque (or reading) a unit of each linear number, shape (n, linear), by the effect's own equation."""
         effect = self.cls(**self.options)
-        return np.column_stack([values(effect, (*unit, *shape), signals) for unit in np.eye(self.linear)])
+        return np.column_stack([effect.along((*unit, *shape), signals) for unit in np.eye(self.linear)])
 
 
 @lru_cache(maxsize=1024)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from whsklearn.effects import LearnedTorque
-from whsklearn.effects.learned import hill
+from whsklearn.effects.equations import hill
 from whsklearn.gap.evidence import LEARNED_SHARE, LEAST_MARGIN, MOST_CURVES
 from whsklearn.gap.filters import filtered
 from whsklearn.gap.plants import inverse_dynamics as ols
