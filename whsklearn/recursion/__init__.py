@@ -1,6 +1,6 @@
 """The mathematics of the estimators: compiled steps that take a state and return a state.
 
-Public is what runs many axes at once; the estimators are the way to all the rest.
+Only the function that runs many axes at once is public; everything else is reached through the estimators.
 """
 
 from whsklearn.recursion.batched import least_squares_of_many

@@ -1,11 +1,11 @@
-"""The auxiliary model: regressors (6) from estimates of x and v, which theta rebuilds.
+"""The auxiliary model: the regressors (6) from estimates of x and v, which are rebuilt from theta.
 
 theta holds products, in the paper's order:
 
     [g a_1 .. g a_na, g b_1 + g, g b_2 .. g b_nb, other weights, c_2 .. c_nc, d_1 .. d_nd]
 
-where g is the weight of the key term, gamma_6 (x - x(t-1)).  Where the key term is a linear
-one in x itself, b_1's entry is g b_1.
+where g is the weight of the key term, gamma_6 (x - x(t-1)).  If the key term is linear in x
+itself, the entry of b_1 is g b_1.
 
 The auxiliary state is x_hat(t-1) .. x_hat(t-nx), nx = max(n_b, 1) + 1, then
 v_hat(t-1) .. v_hat(t-nc).
@@ -56,7 +56,7 @@ def row(dims, codes, shapes, key, state, u_past, first_u, y_past, first_y, phi):
 
 @part
 def rebuild(theta, dims, codes, shapes, key, state, u_past, first):
-    """Take the auxiliary state one sample on: x_hat(t), v_hat(t) with the products of theta undone."""
+    """Advance the auxiliary state by one sample: x_hat(t) and v_hat(t), with the products in theta undone."""
     na, nb, nc, nw = dims[0], dims[1], dims[2], dims[4]
     nx = max(nb, 1) + 1
     g = theta[0]
@@ -71,7 +71,7 @@ def rebuild(theta, dims, codes, shapes, key, state, u_past, first):
         if j == 0 and differs:
             b -= 1.0
         x -= b * state[j]
-    # interim estimates may be unstable: the saturation keeps them finite and nothing else
+    # interim estimates may be unstable; the saturation only keeps them finite
     x = min(max(x, -LARGEST_SIGNAL), LARGEST_SIGNAL)
     dx = x - state[0]
     v = 0.0

@@ -1,9 +1,9 @@
-"""Free run of an axis as physics, with exact sensitivities.
+"""Free run of a physical axis model, with exact sensitivities.
 
 J dv/dt = u - o - k1 f1(e) - k2 f2(e) - B v - C sign(v) - sum w_k sign(v) max(|v| - knot_k, 0), e = q - centre,
-with e and e^2 for f1 and f2, or sin e and cos e for a body that hangs; u held between samples.
-Viscous and dry friction are implicit (a proximal step), so standstill is exact: where the drive
-cannot break the dry friction, v = 0 and everything before is forgotten.
+where f1 and f2 are e and e^2, or sin e and cos e for a hanging body.  u is held between samples.
+Viscous and dry friction are integrated implicitly (a proximal step), so standstill is exact: while the
+drive cannot overcome the dry friction, v = 0 and all earlier errors are forgotten.
 """
 
 from __future__ import annotations
@@ -23,15 +23,16 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 SUBSTEPS = 4
-LARGEST = 1e100  # of an error or a sensitivity: its square is a number
+LARGEST = 1e100  # bound of an error or a sensitivity, so that its square stays finite
 
 
 class AxisLog(NamedTuple):
-    """Drive and motion of an axis, and where its pieces begin; each piece has its own initial state.
+    """Drive and motion of an axis, and the start of each piece; every piece has its own initial state.
 
-    ``v0`` and ``q0`` are those states, ``knots`` (> 0) the kinks over speed, ``centre`` where e = 0.
-    ``target`` is the velocity, or the position if ``of_position``; where the axis ``hangs``, the position
-    forces are gravity's.  theta holds inertia, viscous, Coulomb, offset, k1, k2, a weight a knot.
+    ``v0`` and ``q0`` are the initial states, ``knots`` (> 0) are the kinks of the friction over speed, and
+    ``centre`` is the position where e = 0.  ``target`` is the velocity, or the position if ``of_position``.
+    If the axis ``hangs``, the position forces are those of gravity.  theta holds inertia, viscous friction,
+    Coulomb friction, offset, k1, k2 and one weight per knot.
     """
 
     u: Array
@@ -48,7 +49,7 @@ class AxisLog(NamedTuple):
 
 
 class AxisFit(NamedTuple):
-    """theta, its covariance, the error on the samples that count, and the sum of its squares."""
+    """theta, its covariance, the error on the samples that count, and the sum of squares of that error."""
 
     theta: Array
     covariance: Array
@@ -57,13 +58,16 @@ class AxisFit(NamedTuple):
 
 
 def free_run(theta: Array, log: AxisLog) -> Array:
-    """Velocity or position (n,), as the log's target."""
+    """Velocity or position, shape (n,), whichever the log has as its target."""
     velocity, position = _pass(theta, log, np.empty((0, 0, 0)))
     return position if log.of_position else velocity
 
 
 def sensitivities(theta: Array, log: AxisLog) -> tuple[Array, Array]:
-    """(run, its derivatives by theta and, last two, by v0 and q0 of the sample's piece), (n,) and (p + 2, n)."""
+    """The run, shape (n,), and its derivatives, shape (p + 2, n).
+
+    The last two derivatives are by v0 and q0 of the sample's piece.
+    """
     rows = np.zeros((2, theta.size + 2, log.u.size))
     velocity, position = _pass(theta, log, rows)
     return (position, rows[1]) if log.of_position else (velocity, rows[0])
@@ -77,20 +81,20 @@ def fit_axis(
     Parameters
     ----------
     theta : ndarray of shape (p,)
-        Start.
+        Initial parameters.
     log : AxisLog
         The record.
     free : ndarray of bool, shape (p,)
-        Which parameters move.
+        Which parameters are fitted.
     iterations : int, default=40
-        At most so many.
+        Largest number of iterations.
     prior : ndarray of shape (p,), optional
-        Inverse variances, in units of the noise's, that hold theta at its start.
+        Inverse variances, in units of the noise variance, of a prior centred on the initial theta.
 
     Returns
     -------
     AxisFit
-        Of infinite cost where the run runs away, and says nothing.
+        Its cost is infinite if the free run diverges.
     """
     weight = np.zeros(theta.size) if prior is None else prior
     begin, damping = theta.copy(), 1e-2
@@ -109,7 +113,7 @@ def fit_axis(
             trial = theta.copy()
             trial[free] += damped_step(information, gradient, damping)
             trial[0] = max(trial[0], 0.05 * theta[0])
-            trial[1:3] = np.maximum(trial[1:3], 0.0)  # friction brakes
+            trial[1:3] = np.maximum(trial[1:3], 0.0)  # friction only dissipates
             left = (log.target - free_run(trial, log)) * log.counts
             new = _squares(left) + float(weight @ (trial - begin) ** 2)
             if new < cost:
@@ -126,16 +130,16 @@ def fit_axis(
 
 
 def _squares(error: Array) -> float:
-    """Their sum; infinite if the run has diverged."""
+    """Sum of squares; infinite if the run has diverged."""
     return float(error @ error) if np.abs(error).max(initial=0.0) < LARGEST else np.inf
 
 
 def fit_state(theta: Array, log: AxisLog, passes: int = 8) -> tuple[Array, Array]:
-    """v0 and q0 of every piece that suit its samples that count, by Gauss-Newton.
+    """Fit v0 and q0 of every piece to the samples that count, by Gauss-Newton.
 
-    Replaying the drive over the 300 ms before a moment gives the state there to 2.75e-4 rad after 2 s, where
-    a causal quadratic gives 1.9e-3 (library servo).  A step across standstill can be too long, and is shortened: one
-    of 24 windows that ended on its wrong side made all of the error by which structures are compared.
+    Replaying the drive over the 300 ms before a moment gives the state there to within 2.75e-4 rad after 2 s; a
+    causal quadratic gives 1.9e-3 (library servo).  A step across standstill can be too long, so it is shortened: a
+    single one of 24 windows that ended on the wrong side caused all of the error by which structures are compared.
     """
     state = np.column_stack([log.v0, log.q0])
     trial, step, best = state.copy(), np.zeros_like(state), np.full(len(state), np.inf)
@@ -155,7 +159,7 @@ def fit_state(theta: Array, log: AxisLog, passes: int = 8) -> tuple[Array, Array
 
 
 def _covariance(rows: Array, error: Array, free: NDArray[np.bool_], batches: int = 60) -> Array:
-    """Covariance as in the simulation-error fit, from sums of the scores over batches: the error is seldom white."""
+    """Covariance from sums of the scores over batches, as in the simulation-error fit; the error is seldom white."""
     scale = np.where(free, np.maximum(np.linalg.norm(rows, axis=1), 1e-150), 1.0)
     unit = rows * (free / scale)[:, None]
     inverse = np.linalg.pinv(unit @ unit.T, rcond=1e-12, hermitian=True)
@@ -172,7 +176,7 @@ def _pass(theta: Array, log: AxisLog, rows: Array) -> Array:
 
 @njit(cache=True, error_model="numpy")
 def axis_pass(theta, knots, centre, hangs, u, bounds, start, dt, rows):
-    """Velocity and position, (2, n); derivatives into rows (2, p + 2, n) if it is not empty."""
+    """Return velocity and position, (2, n); write the derivatives into rows (2, p + 2, n) unless it is empty."""
     n_theta = 6 + knots.size
     n = n_theta + 2
     with_rows = rows.size > 0

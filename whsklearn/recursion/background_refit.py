@@ -1,11 +1,11 @@
 """Re-run the memory in parts while the next samples arrive, so that no sample has to wait.
 
-While the memory fills, the samples up to instants that grow geometrically are re-run during the
-samples up to the next of them (`schedule`); a full memory is a page, re-run during the half page
-that follows.  A few hundred samples are read for each that comes.  The models found then catch up
-with what came meanwhile and take over at a fixed sample.  What they are is a function of the
-samples up to there alone: how the work was divided makes no difference, and it can begin anew at
-any time, so it is no part of the state.  The work is bounded by readings, not by time.
+While the memory fills, re-runs begin at instants that grow geometrically, and each is finished by the
+next instant (`schedule`).  A full memory is a page, which is re-run during the half page that follows.
+A few hundred stored samples are read for each new one.  The models that result then catch up with the
+samples that arrived meanwhile and take over at a fixed sample.  They depend only on the samples up to
+that point.  How the work was divided makes no difference, and it can be restarted at any time, so it is
+not part of the state.  The work is bounded by the number of readings, not by time.
 """
 
 from __future__ import annotations
@@ -33,18 +33,19 @@ if TYPE_CHECKING:
 
     from whsklearn.recursion.reading import Reading, State
 
-# Readings for each sample while the memory fills: some 25 us.  All starts are then tried on the first samples, and as
-# many fresh ones later as the rest pays for.  With 400 it was half of them, and 27 of 800 streams of Example 5.1 stood
-# in a wrong minimum at row 1,000; now none of 8,000 does (benchmarks/accuracy.py --section minima, from seed 1000).
+# Readings for each sample while the memory fills, which take about 25 us.  All starts are tried on the first samples,
+# and later as many fresh ones as the remaining readings allow.  With 400 readings only half of them were tried, and 27
+# of 800 streams of Example 5.1 were in a wrong minimum at row 1,000; now none of 8,000 is (benchmarks/accuracy.py
+# --section minima, from seed 1000).
 FILLING = 700
-PAGE = 128  # the same for each model after that: a page is then read after a third of the half page and caught up with
+PAGE = 128  # the same for each model after that; a page is then read and caught up with after a third of the half page
 COST_OF_WINDOW = 24  # readings that one sample of the recursion counts for
-RESERVED = 60  # readings of the whole record kept back for what follows the search
-PIECES = 110  # pieces of work that are no readings, beside those for each start; a sample pays for one
-PIECES_A_MODEL = 16  # of a page, which begins with all that were kept while the memory filled: 19 of 32 in 512 samples
-BATCH = 4  # samples that the new models take at once: to begin takes as long as two of them, and nobody asks before
-NOTED = 64  # of so many rows one at most is put off, in which the estimator notes its state against interrupts
-FIRST_SPAN = 3.75  # the first re-run has every start to try; it takes over at five times its samples
+RESERVED = 60  # passes over the whole record that are reserved for the work after the search
+PIECES = 110  # pieces of work other than readings, besides those for each start; each sample does one
+PIECES_A_MODEL = 16  # of a page, which begins with all models kept while the memory filled: 19 of 32 in 512 samples
+BATCH = 4  # samples that the new models take at once; starting costs as much as two, and no answer is needed sooner
+NOTED = 64  # at most one row in so many does no work here: the one in which the estimator saves its state against interrupts
+FIRST_SPAN = 3.75  # the first re-run has to try every start; it takes over at five times its samples
 SPAN = 2.0  # ratio of the instants after that
 
 
@@ -56,7 +57,7 @@ def schedule(r: Reading, filling: bool) -> list[tuple[int, int]]:
 
 @functools.cache
 def _filling(first: int, memory: int) -> list[tuple[int, int]]:
-    """Those while the memory fills."""
+    """The schedule while the memory fills."""
     instants, at = [], float(first)
     while at * 1.5 < memory:
         instants.append(int(at))
@@ -65,7 +66,7 @@ def _filling(first: int, memory: int) -> list[tuple[int, int]]:
 
 
 def under_way(state: State, r: Reading) -> tuple[int, int] | None:
-    """Where the present re-run began and where it takes over; None if there is none."""
+    """Where the current re-run began and where it takes over; None if none is under way."""
     for begin, end in schedule(r, not state["blocks"]):
         if begin < state["fill"] <= end:
             return begin, end
@@ -78,10 +79,10 @@ MEMORY = (
 
 
 class NextMemory:
-    """The memory without its oldest ``n`` samples, but for the history that the next one needs, as they come.
+    """The memory without its oldest ``n`` samples, except for the history that the next memory needs.
 
-    In new arrays: one that only grows need not be copied before every call that might be interrupted.  To make them all
-    takes as long as two samples, to fill them at once as long as another.
+    It is kept in new arrays, because an array that only grows need not be copied before every call that might be
+    interrupted.  Allocating all of them takes as long as two samples, and filling them at once as long as another.
     """
 
     def __init__(self, state: State, r: Reading, n: int):
@@ -90,7 +91,7 @@ class NextMemory:
         self._arrays: dict[str, np.ndarray] = {}
 
     def make_room(self) -> Iterator[None]:
-        """Make the arrays, in parts."""
+        """Allocate the arrays, in parts."""
         for name, h in self._before.items():
             old = self._state[name]
             new = np.full_like(old, name in ("memory_kept", "memory_weight"))
@@ -99,7 +100,7 @@ class NextMemory:
             yield
 
     def go_on(self) -> None:
-        """Take over what came since."""
+        """Copy the samples that have arrived since the last call."""
         n, done, rest = self._n, self._done, self._state["fill"] - self._n
         for name, new in self._arrays.items():
             h = self._before[name]
@@ -107,7 +108,7 @@ class NextMemory:
         self._done = rest
 
     def put(self) -> None:
-        """Let the state go on with it; a new block begins."""
+        """Make this the memory of the state; a new block begins."""
         self.go_on()
         self._state.update(self._arrays)
         self._state["fill"] -= self._n
@@ -120,10 +121,10 @@ class BackgroundRefit:
     Parameters
     ----------
     state : dict
-        Of a stream whose memory holds samples to re-run; nothing of it changes before `take_over`.
+        State of a stream whose memory holds the samples to re-run.  It does not change before `take_over`.
     r : Reading
     size, end : int
-        How many samples are re-run, and samples in memory at which the models found take over.
+        The number of samples to re-run, and the number of samples in memory at which the new models take over.
     """
 
     def __init__(self, state: State, r: Reading, size: int, end: int):
@@ -144,10 +145,10 @@ class BackgroundRefit:
         self._next_memory = NextMemory(state, r, size) if self.is_page else None
         self._known = float(state["page_known"])
         pieces = 4 * PIECES + self.is_page * PIECES_A_MODEL * len(state["page_theta"])
-        self._pace = 1 + pieces // (end - size)  # a sample: a short page has not much more samples than pieces
+        self._pace = 1 + pieces // (end - size)  # per sample; a short page has hardly more samples than pieces
 
     def is_of(self, state: State, size: int) -> bool:
-        """Whether this is the re-run of so many samples of the memory that the state holds now."""
+        """Whether this re-run reads the first ``size`` samples of the memory that the state holds now."""
         return self.state is state and self.block == state["blocks"] and self.size == size
 
     def advance(self, n_samples: int) -> None:
@@ -156,7 +157,7 @@ class BackgroundRefit:
         if put_off and n_samples == 1:
             return
         pieces = self._pace * n_samples
-        while pieces and not self._begun:  # room for it is made in the first of them
+        while pieces and not self._begun:  # the first pieces allocate its arrays
             next(self._steps)
             pieces -= 1
         if not pieces:
@@ -164,7 +165,7 @@ class BackgroundRefit:
         rate = PAGE * len(self.state["page_theta"]) if self.is_page else FILLING
         if self._searched and self._models:
             behind, left = self.state["fill"] - self.size - self._caught_up, self.end - self.state["fill"]
-            rate = min(rate, self._cost_of_sample * max(2 * BATCH, 2 * behind // left))  # no faster than need be
+            rate = min(rate, self._cost_of_sample * max(2 * BATCH, 2 * behind // left))  # no faster than necessary
         self._work.at[BUDGET] = rate * n_samples
         for _ in range(self._pace):
             self._go_on()
@@ -172,11 +173,11 @@ class BackgroundRefit:
                 break
 
     def put_off(self) -> None:
-        """Do no work at the next sample, which has waited enough; several samples at once get no such exemption."""
+        """Do no work at the next sample, which has waited long enough; a call with several samples is not exempt."""
         self._put_off = True
 
     def take_over(self) -> None:
-        """Finish, and replace the old models by the new ones; a page is turned."""
+        """Finish the re-run and replace the old models with the new ones; a page is turned."""
         while not self._begun:
             next(self._steps)
         self._work.at[BUDGET] = UNBOUNDED
@@ -195,7 +196,7 @@ class BackgroundRefit:
         s["page_theta"] = s["theta"].copy()
 
     def _go_on(self) -> None:
-        """Spend the budget, or do one piece of work that is no reading."""
+        """Spend the budget on readings, or do one piece of other work."""
         if self._searched:
             came, left = self.state["fill"] - self.size, self.end - self.state["fill"]
             if came - self._caught_up >= BATCH or left <= BATCH:
@@ -207,9 +208,9 @@ class BackgroundRefit:
             self._searched = True  # its last piece is enough for a row
 
     def _rerun(self) -> Iterator[None]:
-        """Refine each model, then ask each what a page says and where it ends; yields without budget."""
+        """Refine each model, then compute for each what a page adds and its final state; yield when out of budget."""
         state, r, size = self.state, self.reading, self.size
-        yield  # the row that a page's end leaves with new arrays has enough to wait for
+        yield  # the row that ends a page already waits for the new arrays
         self._work = yield from work_steps(r.dims, r.n_inputs)
         self._begun = True
         yield
@@ -241,7 +242,7 @@ class BackgroundRefit:
             self._next_memory.go_on()
 
     def _end_of_page(self, thetas: np.ndarray, refit: Refit) -> Iterator[None]:
-        """The information of the page and the state at its end, a pair for each model."""
+        """The information of the page and the state at its end, one pair for each model."""
         state, r, m = self.state, self.reading, self.size
         nothing = np.zeros((r.size, r.size))
         for theta, parent in zip(thetas, self._parents, strict=True):
@@ -257,25 +258,25 @@ class BackgroundRefit:
             self._ends.append((information * refit.moved, end))
         yield
         if has_posterior(r) and not refit.moved:
-            self._past = {"past_origin": self._ends[0][1]}  # at rest, where nothing hangs on the parameters
+            self._past = {"past_origin": self._ends[0][1]}  # at rest, where nothing depends on the parameters
         elif has_posterior(r):
             yield
             past = Linearisation(state, r, self._parents[0], thetas[0], refit.weights)
             yield
             yield from past.begin(self._work)
             yield
-            for _ in past.read():  # each part takes as long as what a sample pays for one model
+            for _ in past.read():  # each part takes as long as the work that one sample allows for one model
                 self._work.at[BUDGET] -= PAGE
                 yield
             self._past = yield from past.left_behind(refit.kept, refit.count)
 
     def _gather(self, given: dict[str, np.ndarray]) -> Iterator[None]:
-        """What the surviving models receive, and what a page adds to it."""
+        """Collect the information that the surviving models receive, and add that of the page."""
         for name, value in given.items():
             self._given[name] = value[self._parents].copy()
             yield
         for i, (information, end) in enumerate(self._ends):
-            if information.any():  # a page of rest says nothing, and lets nothing be forgotten
+            if information.any():  # a page at rest holds no information, and nothing is forgotten in it
                 prior = self._given["prior_information"]
                 prior[i] = information + self._left * prior[i]
                 self._given["prior_theta"][i] = self._page_theta[i]
@@ -283,7 +284,7 @@ class BackgroundRefit:
             yield
 
     def _begin_catching_up(self, thetas: np.ndarray) -> Iterator[None]:
-        """The new models where the re-run samples end."""
+        """Place the new models at the end of the re-run samples."""
         state, r, n = self.state, self.reading, self.size
         h, k = r.history, state["recent_y"].size
         self._page_theta = thetas.copy()
@@ -300,18 +301,18 @@ class BackgroundRefit:
         known = min(self._since, k, n + h)
         recent_u[:known] = state["memory_u"][h + n - known : h + n][::-1]
         recent_y[:known] = state["memory_y"][h + n - known : h + n][::-1]
-        weighted = min(known, n)  # the samples before the memory's first are behind every window
+        weighted = min(known, n)  # the samples before the memory lie before every window
         weight[:weighted] = state["memory_weight"][n - weighted : n][::-1]
         self._recent = Samples(recent_u.ravel(), recent_y, weight)
 
     def _catch_up(self) -> None:
-        """Take the new models through the samples that came since."""
+        """Run the new models through the samples that have arrived since."""
         state, r, n = self.state, self.reading, self.size
         h = r.history
         rest = state["fill"] - n
         restart, kept = state["memory_restart"][n : n + rest], state["memory_kept"][n : n + rest]
         cost = self._cost_of_sample
-        if not self._caught_up:  # its code is in no cache the first time, when what is read takes twice as long
+        if not self._caught_up:  # the first call finds its code in no cache, and reading takes twice as long
             self._work.at[BUDGET] *= 0.25
         while self._caught_up < rest and self._work.at[BUDGET] > 0:
             at = self._caught_up

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
 __all__ = ["least_squares_of_many"]
 
-ABREAST = 48  # axes that go through their samples together: their factors still fit into the fastest cache
-TOGETHER = 4  # samples that are put in that order at a time
+ABREAST = 48  # axes processed together, so few that their factors still fit into the fastest cache
+TOGETHER = 4  # samples that are rearranged at a time
 
 
 def least_squares_of_many(
@@ -40,7 +40,7 @@ def least_squares_of_many(
     forgetting : float, default=1
         Forgetting factor lambda.
     n_jobs : int, optional
-        Threads; as many as there are cores by default.  The result does not depend on it.
+        Number of threads; by default one for each core.  The result does not depend on it.
 
     Returns
     -------
@@ -51,7 +51,7 @@ def least_squares_of_many(
     Raises
     ------
     ValueError
-        If shapes do not fit, a value is not finite or a setting is out of range.
+        If the shapes do not fit, a value is not finite or a setting is out of range.
 
     Examples
     --------
@@ -75,23 +75,23 @@ def least_squares_of_many(
     pieces = [slice(a, b) for a, b in itertools.pairwise(bounds)]  # numba releases the GIL in each
     with ThreadPoolExecutor(threads) as pool:
         list(pool.map(lambda s: _run_axes(X[s], y[s], theta[s], P[s], float(P0), float(forgetting)), pieces))
-    # a sample that is no number leaves no estimate that is one, so a pass over all samples beforehand can be spared
+    # a sample that is not a number makes the estimate not a number, so no check of all samples is needed beforehand
     if not np.isfinite(theta).all() and not (np.isfinite(X).all() and np.isfinite(y).all()):
-        raise ValueError("X or y holds NaN or infinite values; leave such samples out.")
+        raise ValueError("X or y holds NaN or infinite values; remove such samples.")
     return theta, P
 
 
 class Abreast(NamedTuple):
-    """Axes that go through their samples together, the axis as the last index, so that inner loops run over axes.
+    """Axes that are processed together.  The axis is the last index, so that inner loops run over axes.
 
     Attributes
     ----------
     theta, gain : ndarrays of shape (n, L)
-        Estimates, scratch.
+        Estimates and scratch space.
     x, e : ndarrays of shape (TOGETHER, n, L), (TOGETHER, L)
         Rows of regressors and targets, which become innovations.
     ud : ndarray of shape (n (n + 1) / 2, L)
-        The rows of `covariance` up to their diagonal, one after the other.
+        The rows of `covariance` up to the diagonal, one after the other.
     f, g, alpha, shift : ndarrays of shape (L,)
         Scratch.
     """
@@ -109,7 +109,7 @@ class Abreast(NamedTuple):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _run_axes(X, y, theta, P, p0, forgetting):
-    """Process the axes in groups, each through all of its samples; theta and P receive the result."""
+    """Process the axes in groups, each group through all of its samples; theta and P receive the result."""
     n_axes, n_samples, n = X.shape
     for first in range(0, n_axes, ABREAST):
         lanes = min(ABREAST, n_axes - first)
@@ -149,10 +149,10 @@ def _inflate(ud, n, factor, ceiling):
 
 @part
 def _update(theta, x, gain, ud, e, f, g, alpha, shift):
-    """Update by one row of each axis: `covariance.measurement_update`, and theta += gain e.
+    """Update every axis by one row: `covariance.measurement_update`, and theta += gain e.
 
-    The same operations in the same order, so the same numbers.  Arguments are those of `Abreast`, one by one: read from
-    the tuple in here, the compiler cannot see that they stay where they are.
+    These are the same operations in the same order, so the numbers are the same.  The fields of `Abreast` are passed
+    one by one: if they were read from the tuple in here, the compiler could not see that they do not move.
     """
     n, lanes = theta.shape
     for k in range(n):
@@ -164,7 +164,7 @@ def _update(theta, x, gain, ud, e, f, g, alpha, shift):
     for j in range(n):
         for i in range(lanes):
             f[i] = x[j, i]
-        for k in range(0, j - 1, 2):  # two at a time: a short inner loop costs as much to begin as to run
+        for k in range(0, j - 1, 2):  # two at a time, because starting a short inner loop costs as much as running it
             for i in range(lanes):
                 f[i] = f[i] + ud[row + k, i] * x[k, i] + ud[row + k + 1, i] * x[k + 1, i]
         if j % 2:
@@ -199,7 +199,7 @@ def _covariance(ud, axis, p):
     for i in range(n):
         for j in range(i + 1):
             total = 0.0
-            for k in range(i, n):  # column k of U stands in row k; its diagonal is one
+            for k in range(i, n):  # column k of U is stored in row k; its diagonal is one
                 row = k * (k + 1) // 2
                 a = ud[row + i, axis] if k > i else 1.0
                 b = ud[row + j, axis] if k > j else 1.0

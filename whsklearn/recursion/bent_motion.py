@@ -1,13 +1,14 @@
-"""How dx bends with (a, b): its second derivatives, from the gradients that are there already.
+"""The second derivatives of dx by (a, b), from the gradients that have been computed already.
 
-With x = A/B u each gradient G_k = d dx / d theta_k obeys B(q) G_k = (the same for A and B) and so
+With x = A/B u, each gradient G_k = d dx / d theta_k is a signal filtered by 1/B, and therefore
 
     d^2 dx / d theta_k d b_j = -F_k(t - j) - [theta_k is a b_i] F_j(t - i),        B(q) F_k = G_k,
 
-and nothing else is bent: dx is linear in a.  A sign that is passed on from page to page is asked at
-parameters that its page did not know.  On 20,000 samples of Example 5.1 the first page lies 0.005 from
-the truth, where the gradient alone misses dx by up to 8e-5 and the posterior knows it to 1e-4: the sign
-of one of 512 samples came out wrong, and with it 15 units of log density at the truth.
+and all other second derivatives are zero, because dx is linear in a.  A sign that is passed on from page to
+page is evaluated at parameters that its own page did not know.  On 20,000 samples of Example 5.1 the
+estimate after the first page is 0.005 from the truth.  There the gradient alone misses dx by up to 8e-5,
+while the posterior knows it to 1e-4: the sign of one of 512 samples came out wrong, which cost 15 units of
+log density at the truth.
 """
 
 from __future__ import annotations
@@ -30,7 +31,10 @@ PIECE = 512  # samples that are filtered between two rows
 
 @njit(error_model="numpy", short=True)
 def filter_gradients(gradient, restart, b, begin, stop, out):
-    """F of the samples from ``begin`` to ``stop``, from rest where an experiment begins; those before are there."""
+    """Compute F of the samples from ``begin`` to ``stop``, from rest at the start of an experiment.
+
+    F of the earlier samples must be in ``out`` already.
+    """
     since = 0
     for t in range(begin - 1, max(begin - 1 - b.size, -1), -1):
         since += 1
@@ -50,9 +54,9 @@ def filter_gradients(gradient, restart, b, begin, stop, out):
 def curvature_steps(
     gradient: Array, restart: NDArray[np.bool_], experiment: NDArray[np.int64], b: Array, chosen: NDArray[np.intp]
 ) -> Generator[None, None, Array]:
-    """Second derivatives of dx by (a, b) of some samples, in parts.
+    """Second derivatives of dx by (a, b) at some samples, in parts.
 
-    Before the first sample nothing is known of F: in a page that does not begin at rest the curvature of its first
+    Nothing is known of F before the first sample, so in a page that does not begin at rest the curvature at the first
     samples is too small.
 
     Parameters
@@ -62,11 +66,11 @@ def curvature_steps(
     restart : ndarray of shape (n,)
         Where an experiment begins.
     experiment : ndarray of shape (n,)
-        Which one each sample is of.
+        The experiment to which each sample belongs.
     b : ndarray
-        Denominator of L1 without its leading one; the last of (a, b).
+        Denominator of L1 without its leading one; the last part of (a, b).
     chosen : ndarray of int, shape (E,)
-        Which samples.
+        Indices of the samples.
 
     Returns
     -------

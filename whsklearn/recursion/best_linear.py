@@ -14,15 +14,15 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-EDGE = 0.9999  # poles stay inside this circle
+EDGE = 0.9999  # poles stay inside the circle of this radius
 
 
 class IOData(NamedTuple):
     """Input and output, where experiments begin, and which samples count.
 
-    The first samples of an experiment carry a transient that a model at rest cannot know: on the
-    benchmark they cost 1.2 mV where 0.28 is left without them.  ``u`` has a row an input, shape (m, n);
-    ``root`` is the root of each sample's weight, None where all weigh the same.
+    The first samples of an experiment hold a transient that a model which starts at rest cannot know: on the
+    benchmark the error is 1.2 mV with them and 0.28 mV without them.  ``u`` has one row per input, shape (m, n).
+    ``root`` is the square root of each sample's weight, or None if all weights are equal.
     """
 
     u: Array
@@ -33,7 +33,7 @@ class IOData(NamedTuple):
 
     @property
     def scale(self) -> Array:
-        """What errors and sensitivities are multiplied by, shape (n,): 0 where a sample does not count."""
+        """Factor of the errors and sensitivities, shape (n,); it is 0 where a sample does not count."""
         return self.counts.astype(np.float64) if self.root is None else self.counts * self.root
 
     def head(self, n: int) -> IOData:
@@ -76,9 +76,9 @@ def steiglitz_mcbride(data: IOData, start: Ratio, passes: int = 3) -> Ratio:
 
 
 def output_error(data: IOData, start: Ratio, iterations: int = 40) -> Ratio:
-    """The ratio with the least error in free run, by Levenberg-Marquardt from a start on.
+    """The ratio with the least free-run error, by Levenberg-Marquardt from ``start``.
 
-    Ljung 1999, section 10.2; its derivatives are delayed copies of u/a and of -y_hat/a.
+    Ljung 1999, section 10.2; the derivatives are delayed copies of u/a and of -y_hat/a.
     """
     ratio = Ratio(start.b, stabilised(start.a))
     one, n_b = np.ones(1), start.b.size
@@ -123,7 +123,7 @@ def damped_step(information: Array, gradient: Array, damping: float) -> Array:
 
 
 def stabilised(a: Array) -> Array:
-    """The denominator with poles outside the unit circle mirrored into it, and those at its edge moved inside."""
+    """The denominator with poles outside the unit circle reflected into it, and poles at its edge moved inside."""
     if is_stable(np.ascontiguousarray(a[1:]), EDGE):
         return a
     roots = np.roots(a)
@@ -140,7 +140,7 @@ def _cost(ratio: Ratio, data: IOData) -> float:
 
 
 def _equation_error(data: IOData, u: Array, y: Array, n_poles: int, n_zeros: int) -> Ratio:
-    """Least squares of y(t) on -y(t-1) ... and u(t) ..., of signals as given."""
+    """Least squares of y(t) on -y(t-1) ... and u(t) ..., with the signals as given."""
     past = -delayed_rows(y, n_poles + 1, data.bounds)[1:]
     rows = np.vstack([past, delayed_rows(u, n_zeros + 1, data.bounds)])
     scale = np.maximum(np.sqrt(np.mean(rows**2, axis=1)), 1e-300)

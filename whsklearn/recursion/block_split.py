@@ -16,11 +16,11 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-MOST = 512  # divisions looked at; order 8 with real roots only would have 65,536
+MOST = 512  # divisions tried at most; order 8 with real roots only would have 65,536
 
 
 class Orders(NamedTuple):
-    """Zeros and poles that each block may have at most."""
+    """Largest numbers of zeros and poles of each block."""
 
     zeros_1: int
     poles_1: int
@@ -29,14 +29,14 @@ class Orders(NamedTuple):
 
 
 def divisions(ratio: Ratio, orders: Orders) -> Iterator[tuple[Ratio, Ratio]]:
-    """All pairs of blocks whose product has the zeros and poles of the ratio, conjugate pairs kept together.
+    """All pairs of blocks whose product has the zeros and poles of the ratio; conjugate pairs stay together.
 
     Parameters
     ----------
     ratio : Ratio
         The linear model.
     orders : Orders
-        What the blocks can hold.  A block with more zeros than poles is left out, but for one zero without a pole.
+        Orders of the blocks.  A block with more zeros than poles is skipped, except for one zero without a pole.
     """
     zeros, poles = _groups(np.roots(ratio.b)), _groups(np.roots(ratio.a))
     found = 0
@@ -57,15 +57,16 @@ def divisions(ratio: Ratio, orders: Orders) -> Iterator[tuple[Ratio, Ratio]]:
 
 
 def padded(block: Ratio, n_zeros: int, n_poles: int) -> Ratio:
-    """The block with zero coefficients up to these orders: roots at z = 0, which a fit is free to move."""
+    """The block padded with zero coefficients up to these orders; a fit is free to move the new roots at z = 0."""
     b = np.append(block.b, np.zeros(max(n_zeros + 1 - block.b.size, 0)))
     return Ratio(b, np.append(block.a, np.zeros(max(n_poles + 1 - block.a.size, 0))))
 
 
 def reflections(b: Array) -> list[Array]:
-    """The numerator with one zero, or one conjugate pair, reflected at the unit circle, for each of them.
+    """The numerators in which one zero, or one conjugate pair, is reflected at the unit circle.
 
-    The gain at every frequency stays and only the phase changes: a zero and its image are often two minima of a fit.
+    The gain stays the same at every frequency and only the phase changes.  A zero and its image are often two minima
+    of a fit.
     """
     lead = int(np.flatnonzero(b)[0]) if np.any(b) else b.size
     groups = _groups(np.roots(b))
@@ -79,7 +80,7 @@ def reflections(b: Array) -> list[Array]:
 
 
 def _groups(roots: NDArray[Any]) -> list[NDArray[np.complex128]]:
-    """Real roots alone, conjugate pairs together; roots at zero, which are delays, are left out."""
+    """Real roots alone, conjugate pairs together; roots at zero, which are delays, are skipped."""
     roots = roots[np.abs(roots) > 1e-9]
     upper = roots[roots.imag > 1e-9 * np.abs(roots)]
     real = roots[np.abs(roots.imag) <= 1e-9 * np.abs(roots)]

@@ -1,8 +1,8 @@
-"""One block of a stream taken into a simulation-error fit: what lies before it is a quadratic form.
+"""Update a simulation-error fit by one block of a stream; everything before the block is a quadratic form.
 
 theta minimises |e_block(theta)|^2 + (theta - theta_0)' R (theta - theta_0) in a few Gauss-Newton steps, each
-taken only if that falls, and R grows by the block's J'J.  Sample by sample the same recursion is blown
-up by surplus poles; by blocks it is not.
+accepted only if this cost falls, and R grows by J'J of the block.  With surplus poles the same recursion
+diverges sample by sample, but not block by block.
 """
 
 from __future__ import annotations
@@ -24,19 +24,19 @@ DAMPING = (1e-9, 1e-4, 1e-2, 1.0)  # tried in turn until a step lowers the cost
 
 
 class Coordinates(NamedTuple):
-    """theta = (linear part, weights in an orthonormal basis); ``held`` entries do not move."""
+    """theta = (linear part, weights in an orthonormal basis); the ``held`` entries do not move."""
 
     basis: Array
     held: NDArray[np.int64]
 
     @classmethod
     def of(cls, chain: Chain, data: IOData) -> Coordinates:
-        """A basis in which the law's columns on this record are orthonormal; b1[0] and b2[0] are held."""
+        """Choose a basis in which the law's columns on this record are orthonormal; b1[0] and b2[0] are held."""
         basis = orthonormal(run(chain, data).columns[:, data.counts])
         return cls(basis, np.array([0, chain.b1.size + chain.a1.size - 1]))
 
     def rows(self, chain: Chain, data: IOData) -> tuple[Array, Array]:
-        """(error, its sensitivities with the sign of dy) on the samples that count."""
+        """The error on the samples that count, and its sensitivities with the sign of dy."""
         y, rows = sensitivities(chain, data)
         n = chain.linear_part.size
         rows = np.vstack([rows[:n], self.basis @ rows[n:]]) * data.scale
@@ -65,16 +65,16 @@ def block_update(chain: Chain, information: Array, data: IOData, at: Coordinates
     information : ndarray of shape (p, p)
         R.
     data : IOData
-        The block, and before it samples that do not count: they carry the state.
+        The block, preceded by samples that do not count but carry the state.
     at : Coordinates
-        Of theta.
+        Coordinates of theta.
 
     Returns
     -------
     chain : Chain
     information : ndarray of shape (p, p)
     loss : float
-        Sum of squared errors of the block before it was taken in.
+        Sum of squared errors of the block before the update.
     """
     gone = np.zeros(len(information))
     error, rows = at.rows(chain, data)

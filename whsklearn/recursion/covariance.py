@@ -12,8 +12,8 @@ import numpy as np
 
 from whsklearn._numba import njit, part
 
-WIND_UP = 1e3  # forgetting may take P to this many times P(0), and no further
-LEAST_PIVOT = 1e-13  # of an information matrix with a diagonal of one: some hundred roundings
+WIND_UP = 1e3  # forgetting may raise P to at most this many times P(0)
+LEAST_PIVOT = 1e-13  # of an information matrix with a diagonal of one: a few hundred rounding errors
 
 
 @part
@@ -48,7 +48,7 @@ def measurement_update(ud, phi, r, gain):
 def inflate(ud, factor, ceiling):
     """P <- P * factor, by changing D only, as far as ``ceiling`` allows.
 
-    Without a ceiling forgetting winds P up where nothing is excited, until it overflows.
+    Without a ceiling, forgetting winds P up in directions that are not excited until it overflows.
     """
     for j in range(ud.shape[0]):
         if ud[j, j] < ceiling:
@@ -59,8 +59,9 @@ def inflate(ud, factor, ceiling):
 def factors_of_inverse(information):
     """U and D of P = information^-1, for a symmetric positive semidefinite matrix of any scaling.
 
-    information = L L' gives P = L^-T L^-1, whose first factor is upper triangular: it is U sqrt(D).  Pivots of the
-    matrix with a diagonal of one are LEAST_PIVOT at least, so what a record says nothing of is uncertain, not infinite.
+    information = L L' gives P = L^-T L^-1, whose first factor is upper triangular: it is U sqrt(D).  The pivots of the
+    matrix, scaled to a diagonal of one, are at least LEAST_PIVOT.  A parameter about which the record says nothing is
+    therefore uncertain, but its variance is finite.
     """
     n = information.shape[0]
     low, inverse, scale = np.zeros((n, n)), np.zeros((n, n)), np.empty(n)

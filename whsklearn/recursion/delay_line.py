@@ -7,7 +7,7 @@ from whsklearn._numba import part
 
 @part
 def push(past, newest):
-    """Put the newest sample, one number an input, before the older ones."""
+    """Put the newest sample, one number per input, in front of the older ones."""
     m = newest.size
     for i in range(past.size - 1, m - 1, -1):
         past[i] = past[i - m]
@@ -17,6 +17,6 @@ def push(past, newest):
 
 @part
 def clear(past):
-    """Nothing is known of the past."""
+    """Forget the past samples."""
     for i in range(past.size):
         past[i] = 0.0

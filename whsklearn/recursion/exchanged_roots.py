@@ -1,8 +1,8 @@
 """New starts from a minimum that has a zero or a pole in the wrong block.
 
-A linear model of the whole chain does not say which of its poles and zeros stand before the law and which
-behind it (Schoukens, Tiels 2017, Automatica 85, sec. 5), and a search that has put one on the wrong side has no
-way downhill to the other.
+A linear model of the whole chain does not show which of its poles and zeros are before the law and which are
+behind it (Schoukens, Tiels 2017, Automatica 85, sec. 5).  A search that has put one on the wrong side finds no
+downhill path to the other.
 """
 
 from __future__ import annotations
@@ -19,19 +19,19 @@ if TYPE_CHECKING:
 
 
 def exchanged(theta: Array, dims: tuple[int, ...]) -> list[Array]:
-    """theta with zeros of L1 and L2 exchanged, with poles exchanged, and with both.
+    """theta with zeros of L1 and L2 exchanged, with poles exchanged, and with both exchanged.
 
     Parameters
     ----------
     theta : ndarray of shape (n_parameters,)
-        a_2.., b_1.., weights of the law, c_2.., d_1..
+        a_2 ..., b_1 ..., weights of the law, c_2 ..., d_1 ...
     dims : tuple of int
         n_a, n_b, n_c, n_d and the number of the law's terms.
 
     Returns
     -------
     list of ndarray
-        Without ``theta`` itself; weights stay as they are.
+        The new starts, without ``theta`` itself; the weights of the law are unchanged.
 
     Examples
     --------
@@ -54,7 +54,7 @@ def exchanged(theta: Array, dims: tuple[int, ...]) -> list[Array]:
 
 
 def pairings(p: Array, q: Array) -> list[tuple[Array, Array]]:
-    """(p, q) and what comes of it when a real root, or a complex pair, of 1 + p.. changes places with one of 1 + q.."""
+    """(p, q), and every result of exchanging a real root or complex pair of 1 + p... with one of 1 + q..."""
     out = [(p, q)]
     mine, yours = _factors(p), _factors(q)
     for i, j in itertools.product(range(len(mine)), range(len(yours))):
@@ -64,14 +64,14 @@ def pairings(p: Array, q: Array) -> list[tuple[Array, Array]]:
 
 
 def _factors(p: Array) -> list[Array]:
-    """Real factors of lowest degree of z^n + p_1 z^(n-1) + ..."""
+    """Real factors of the lowest degree of z^n + p_1 z^(n-1) + ..."""
     roots = np.roots(np.concatenate([[1.0], p]))
     real = [np.array([1.0, -r.real]) for r in roots if r.imag == 0.0]
     return real + [np.array([1.0, -2 * r.real, abs(r) ** 2]) for r in roots if r.imag > 0.0]
 
 
 def _product(factors: list[Array], i: int, other: Array) -> Array:
-    """Coefficients behind the leading one, with factor i replaced."""
+    """Coefficients after the leading one of the product in which factor i is replaced."""
     out = np.ones(1)
     for j, factor in enumerate(factors):
         out = np.convolve(out, other if i == j else factor)

@@ -1,6 +1,6 @@
-"""The output of L1 for a record: x by (1), its increment, and the certainty of that sign, in one shared kernel.
+"""The output of L1 for a record, in one shared kernel: x by (1), its increment, and how certain its sign is.
 
-Starts, the scale of kappa, the rows of least squares behind a fixed L1 and the free run all begin with it.
+The starts, the scale of kappa, the rows of least squares behind a fixed L1 and the free run all begin with it.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
     Bools = NDArray[np.bool_]
 
-LARGEST = 1e30  # of x: a free run that runs away stays a number
-KNOWN = np.zeros((0, 0))  # for the covariance of a block that is no question
+LARGEST = 1e30  # bound of x, so that a diverging free run stays finite
+KNOWN = np.zeros((0, 0))  # stands for the covariance of a block whose parameters are exact
 
 
 def motion(theta: Array, dims: NDArray[np.int64], u: Array, restart: Bools) -> float:
@@ -29,16 +29,16 @@ def motion(theta: Array, dims: NDArray[np.int64], u: Array, restart: Bools) -> f
 
 
 def first_block(theta: Array, dims: NDArray[np.int64], u: Array, restart: Bools, spread: Array) -> tuple[Array, float]:
-    """x, dx = x(t) - x(t-1), and |E sign(dx)| where (a, b) has the covariance ``spread``; and how large dx is.
+    """x, dx = x(t) - x(t-1), and |E sign(dx)| if (a, b) has the covariance ``spread``; and the size of dx.
 
     Parameters
     ----------
     theta : ndarray of shape (n,)
-        Natural parameters, of which (a, b) is used.
+        Natural parameters, of which only (a, b) is used.
     dims : ndarray of shape (5,)
     u : ndarray of shape (n, n_inputs)
     restart : ndarray of bool, shape (n,)
-        Where an experiment begins, with nothing known of its past.
+        Where an experiment begins; nothing is known of its past.
     spread : ndarray of shape (n_1, n_1) or (0, 0)
 
     Returns
@@ -53,7 +53,7 @@ def first_block(theta: Array, dims: NDArray[np.int64], u: Array, restart: Bools,
 
 @njit(error_model="numpy", short=True)
 def _fill(out, theta, dims, u, restart, spread):
-    """The signals into ``out``; returns the motion."""
+    """Write the signals into ``out``; return the motion."""
     na, nb, n1 = dims[0], dims[1], spread.shape[0]
     b = theta[na - 1 : na - 1 + nb]
     power = 0.0
@@ -90,7 +90,7 @@ def _fill(out, theta, dims, u, restart, spread):
 
 @part
 def _advance_gradient(past, g, na, b, u_past, x_past, spread):
-    """One sample of the sensitivities of x to (a, b); returns the variance of dx."""
+    """Advance the sensitivities of x to (a, b) by one sample; return the variance of dx."""
     n1 = g.size
     variance = 0.0
     for k in range(n1):

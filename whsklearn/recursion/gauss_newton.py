@@ -1,12 +1,12 @@
 """Gauss-Newton over the samples kept in memory: a window re-run at full length.
 
-A recursion keeps the information of early samples linearised where the parameters were
-then.  Re-running the stored samples with the newest parameters puts it right, as the
-window of p samples does for the newest ones.  What lies before the memory enters as a
+A recursion keeps the information of early samples linearised at the parameters of that
+time.  Re-running the stored samples with the newest parameters corrects this, as the
+window of p samples does for the newest ones.  The samples before the memory enter as a
 Gaussian prior (theta_0, information), as in moving-horizon estimation (Rao, Rawlings,
 Mayne 2003, IEEE TAC 48(2)).
 
-Like a re-run itself (`replay_part`) it can be done in parts, so that no sample has to wait for it.
+Like a re-run itself (`replay_part`), it can be done in parts, so that no sample has to wait for it.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ FIRST_RUN, PROPOSAL, TRIAL, DONE = range(4)
 
 
 class Prior(NamedTuple):
-    """What lies before the memory: mean of shape (n,) and information of shape (n, n)."""
+    """Summary of the samples before the memory: mean of shape (n,) and information of shape (n, n)."""
 
     theta: Array
     information: Array
@@ -54,10 +54,10 @@ def refine_part(
 ) -> bool:  # fmt: skip
     """Continue Levenberg-Marquardt steps (Marquardt 1963) on ``theta``, in place, as far as the budget allows.
 
-    It begins where ``work.at[PHASE]`` and ``work.at[AT]`` are 0.  True at its end, with ``work.at[COST]`` reached and
-    Gauss-Newton matrix, slope (``work.slope``) and state of what was reached.
+    It starts anew if ``work.at[PHASE]`` and ``work.at[AT]`` are 0.  It returns True when it has finished; then
+    ``work.at[COST]``, the Gauss-Newton matrix, the slope (``work.slope``) and the state are those of the result.
     """
-    # Plain tuples: Numba looks at named ones for twice as long, and such a call took as long as reading 150 samples.
+    # Plain tuples: Numba takes twice as long to unpack named ones, and such a call cost as much as reading 150 samples.
     plain = (work.at, tuple(work.segment), *work[2:])
     return bool(_refine_part(theta, law, kappa, tuple(memory), tuple(prior), iterations, information, state, plain))
 
@@ -83,7 +83,7 @@ def _refine_part(theta, law, kappa, memory, prior, iterations, information, stat
             else:
                 _judge(at, np.inf)
             continue
-        # one call for both kinds of run: the compiler would write the whole re-run out twice, and take twice as long
+        # one call for both kinds of run; with two, the re-run would be inlined twice and take twice as long to compile
         first = at[PHASE] == FIRST_RUN
         where = theta if first else trial
         matrix = information if first else work.trial_information
@@ -113,7 +113,7 @@ def _refine_part(theta, law, kappa, memory, prior, iterations, information, stat
 
 @part
 def _judge(at, cost):
-    """Whether a trial is taken; sets damping and phase, which is the end where it gains next to nothing."""
+    """Decide whether to accept a trial; set the damping and the phase, which is the end if little is gained."""
     at[PHASE] = PROPOSAL
     if cost < at[COST]:
         if 1.0 - cost / at[COST] < 1e-6:
@@ -129,7 +129,7 @@ def _judge(at, cost):
 
 @part
 def _add_prior(theta, prior, information, slope):
-    """Add the prior's part to the Gauss-Newton matrix and slope; returns its part of the cost."""
+    """Add the prior's part to the Gauss-Newton matrix and slope; return its part of the cost."""
     n = theta.size
     cost = 0.0
     for i in range(n):
@@ -144,7 +144,7 @@ def _add_prior(theta, prior, information, slope):
 
 @part
 def solve_damped(matrix, right, damping, solution):
-    """Solve (A + damping diag A) s = r by Cholesky; False where A is not positive definite."""
+    """Solve (A + damping diag A) s = r by Cholesky; return False if A is not positive definite."""
     n = right.size
     low = np.empty((n, n))
     for i in range(n):

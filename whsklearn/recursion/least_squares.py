@@ -1,8 +1,8 @@
 """Recursive least squares on given rows: RLS, block MILS (7)-(9), sub-innovations (10)-(14).
 
-With given rows the block update and the p scalar updates are the same numbers (block
-inversion lemma), so both are here as the scalar ones, and `block_update` as the letter of
-(7)-(9) for whoever wants to see that.
+With given rows the block update and the p scalar updates give the same numbers (block
+inversion lemma), so both are computed by scalar updates.  `block_update` is (7)-(9) to the
+letter, for readers who want to check this.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from whsklearn.recursion.covariance import inflate, measurement_update
 
 @part
 def _silent(recent, targets):
-    """Whether all rows and targets of the window are zero."""
+    """Return whether all rows and targets of the window are zero."""
     for i in range(targets.size):
         if targets[i] != 0.0:
             return False
@@ -38,17 +38,17 @@ def run_rows(theta, ud, loss, recent, targets, since, forgetting, ceiling, p, va
     theta, ud : ndarrays of shape (n,), (n, n)
         Parameters and factorised covariance.
     loss : ndarray of shape (2,)
-        Weighted sum of squared innovations and sum of the weights.
+        Weighted sum of squared innovations, and sum of the weights.
     recent, targets : ndarrays of shape (p, n), (p,)
-        The latest rows and targets, at t mod p.
+        The latest rows and targets, at index t mod p.
     since : int
-        Rows since the experiment began.
+        Number of rows since the experiment began.
     forgetting : float
         Forgetting factor.
     ceiling : float
-        Where forgetting stops to inflate P.
+        Limit up to which forgetting inflates P.
     variance : float
-        Noise variance of one update: p where a row counts once in all, 1 to the letter.
+        Noise variance of one update: p if a row is to count once in all, 1 for the published equations.
     rows, y : ndarrays of shape (m, n), (m,)
         New rows and targets, in time order.
 
@@ -74,7 +74,7 @@ def _learn_window(theta, ud, loss, recent, targets, since, forgetting, ceiling, 
     """The updates of one row, the ``since``-th; ``gain`` and ``phi`` are scratch."""
     n = theta.size
     if targets[(since - 1) % p] == 0.0 and _silent(recent, targets):
-        return  # an idle axis says nothing: it must not be taken for noise of no variance, nor for oblivion
+        return  # an idle axis holds no information: it must neither lower the noise variance nor cause forgetting
     if forgetting != 1.0:
         inflate(ud, 1.0 / forgetting, ceiling)
         loss[0] *= forgetting
@@ -93,8 +93,9 @@ def _learn_window(theta, ud, loss, recent, targets, since, forgetting, ceiling, 
             theta[k] += gain[k] * e
 
 
-# one_row's numbers, in front of theta, U and D, loss, rows and targets: SINCE is what it learnt last, to be told in
-# spite of an interrupt, which can lose what a function returns; BUSY is not 0 while another thread has the state
+# Numbers of one_row, stored in front of theta, U and D, loss, rows and targets.  SINCE is the last row that it learnt;
+# it is kept here because an interrupt can lose a function's return value.  BUSY is not 0 while another thread holds the
+# state.
 SINCE, BUSY, FORGETTING, CEILING, WINDOW, VARIANCE, N_SETTINGS = range(7)
 
 
@@ -105,7 +106,7 @@ def pack_size(n: int, p: int) -> int:
 
 @register_jitable
 def unpacked(flat, n, p):
-    """(theta, ud, loss, recent, targets) of `run_rows` and scratch (gain, phi), in the memory of the one array."""
+    """(theta, ud, loss, recent, targets) of `run_rows` and scratch (gain, phi), as views of the one array."""
     theta = N_SETTINGS + n
     ud = theta + n * n
     recent = ud + 2 + p * n
@@ -123,15 +124,15 @@ def unpacked(flat, n, p):
 
 @functools.cache
 def one_row():
-    """`run_rows` for one row with all that it needs in one array, compiled when it is first asked for.
+    """`run_rows` for one row, with everything it needs in one array; compiled at the first request.
 
-    Called as ``(flat, since, rows, y)``.  An argument costs a twentieth of a microsecond to hand over, so there are
-    few; and with its types given it takes arrays of float64 in C order that may be written to and no others, TypeError
-    for those, so nobody need look at their flags before.
+    It is called as ``(flat, since, rows, y)``.  Passing an argument costs a twentieth of a microsecond, so there are
+    few.  Its signature is explicit, so it accepts only writable float64 arrays in C order and raises TypeError for
+    others; the caller need not check their flags.
 
-    It returns ``since``, or -1 with nothing changed if a shape is another, or a number not finite or absurdly large, or
-    if another thread has the state: it says so, or has learnt a row whose number is not told yet.  The interpreter's
-    lock is held throughout, so that threads need no other one for this, which would cost as much as the row.
+    It returns ``since``.  It returns -1 and changes nothing if a shape is wrong, if a number is not finite or absurdly
+    large, or if another thread holds the state (BUSY is set, or that thread has learnt a row that has not been reported
+    yet).  The interpreter lock is held throughout, so threads need no other lock, which would cost as much as the row.
     """
     return njit("int64(float64[::1], int64, float64[:, ::1], float64[::1])", error_model="numpy", short=True)(_one_row)
 
@@ -164,7 +165,7 @@ def _one_row(flat, since, rows, y):
 def run_gradient(theta, loss, recent, targets, since, power, forgetting, p, rows, y):
     """Multi-innovation stochastic gradient: theta += Phi E / r, r(t) = lambda r(t-1) + |phi(t)|^2.
 
-    Ding and Chen 2007, Automatica 43(1), 1-14.  ``power`` is the array of one number that
+    Ding and Chen 2007, Automatica 43(1), 1-14.  ``power`` is an array of one number, which
     holds r.
     """
     n = theta.size
@@ -192,7 +193,7 @@ def run_gradient(theta, loss, recent, targets, since, power, forgetting, p, rows
             if i == window - 1:
                 loss[0] = forgetting * loss[0] + e * e
                 loss[1] = forgetting * loss[1] + 1.0
-        # with forgetting r may fall below |Phi(p, t)|^2, where the step would overshoot and diverge
+        # with forgetting, r may fall below |Phi(p, t)|^2, and the step would then overshoot and diverge
         size = max(power[0], span)
         if size > 0.0:
             for k in range(n):
@@ -212,7 +213,7 @@ def block_update(theta, p_matrix, phi, y, variance=1.0):
     y : ndarray of shape (p,)
         Y(p, t).
     variance : float
-        Takes the place of I_p's entries in (8).
+        Replaces the entries of I_p in (8).
     """
     s = variance * np.eye(y.size) + phi.T @ p_matrix @ phi
     gain = np.linalg.solve(s, phi.T @ p_matrix).T

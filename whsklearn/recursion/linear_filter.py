@@ -1,4 +1,4 @@
-"""Rational filters over the rows of a table, at rest where an experiment begins."""
+"""Rational filters over the rows of a table, at rest at the start of each experiment."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from whsklearn._numba import njit
 
 @njit(cache=True, error_model="numpy")
 def filter_rows(b, a, rows, bounds):
-    """b(q)/a(q) applied to every row, from rest at each of the bounds.
+    """Apply b(q)/a(q) to every row, from rest at each of the bounds.
 
     Parameters
     ----------
     b, a : ndarray
-        Coefficients in the delay, a[0] = 1.
+        Coefficients in powers of the delay, a[0] = 1.
     rows : ndarray of shape (m, n)
         Signals.
     bounds : ndarray of int
@@ -30,7 +30,7 @@ def filter_rows(b, a, rows, bounds):
     num[: b.size] = b
     den[: a.size] = a
     out = np.empty_like(rows)
-    state = np.zeros(order + 1)  # transposed direct form II; the last stays zero
+    state = np.zeros(order + 1)  # transposed direct form II; the last entry stays zero
     for i in range(rows.shape[0]):
         for e in range(bounds.size - 1):
             state[:] = 0.0

@@ -1,13 +1,13 @@
-"""The samples in memory linearised at one theta with every sign frozen, and the signs that are in doubt there.
+"""The samples in memory, linearised at one theta with every sign frozen, and the signs that are in doubt there.
 
 With sign(dx) frozen at each sample the predictor is smooth in theta, so
 
     e(theta_0 + delta) = e_0 - J delta        and        M = [J e_0]' W [J e_0]
 
-hold all that a record says, but for the samples whose dx is so small that other parameters
-could turn its sign.  Those are listed with what it takes to turn them: dx, its gradient and curvature by
-(a, b), the sign that was frozen, the height of the law's jump, and the rows of [J e_0] that
-v(t) enters, t + 1 .. t + n_c (equation error: measured outputs carry nothing further).
+hold all the information of a record, except at the samples whose dx is so small that other parameters
+could turn its sign.  Those samples are listed with all that is needed to turn them: dx, its gradient and
+curvature by (a, b), the frozen sign, the height of the law's jump, and the rows of [J e_0] that v(t) enters,
+t + 1 .. t + n_c (equation error: measured outputs carry nothing further).
 """
 
 from __future__ import annotations
@@ -33,15 +33,15 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-CAPACITY = 512  # signs kept at most; on Example 5.1 the median is 20 to 130 for any length, the most seen 537
-IN_DOUBT = 7.0  # standard deviations of dx, of the covariance with signs frozen, which is wider than the posterior
+CAPACITY = 512  # signs kept at most; on Example 5.1 the median is 20 to 130 at any length and the maximum 537
+IN_DOUBT = 7.0  # standard deviations of dx under the covariance with signs frozen, which is wider than the posterior
 JUMPING = frozenset((COULOMB, STRIBECK_EXP, POSITION_FRICTION))  # terms that jump where dx changes its sign
-NONE = -1  # in place of a row that a sign does not enter, since another experiment has begun
-SETTLED = 12.0  # beyond these a listed sign is frozen for good when a page is turned
+NONE = -1  # in place of a row that a sign does not enter because another experiment has begun
+SETTLED = 12.0  # beyond so many standard deviations a listed sign is frozen for good when a page is turned
 
 
 class Rows(NamedTuple):
-    """What is known of each sample: [psi, e]; x, dx; gradient of dx by (a, b)."""
+    """Values at each sample: [psi, e]; x and dx; the gradient of dx by (a, b)."""
 
     psi: Array
     motion: Array
@@ -49,22 +49,22 @@ class Rows(NamedTuple):
 
 
 class Signs(NamedTuple):
-    """Signs in doubt, an entry each.
+    """The signs in doubt, one entry each.
 
     Attributes
     ----------
     dx, sign, scale : ndarrays of shape (E,)
-        dx at theta_0, the sign frozen in the rows, root of the sample's weight.
+        dx at theta_0, the sign frozen in the rows, and the square root of the sample's weight.
     gradient : ndarray of shape (E, n_1)
         d dx / d(a, b).
     curvature : ndarray of shape (E, n_1, n_1)
         d^2 dx / d(a, b)^2.
     height : ndarray of shape (E, K)
-        What each term of the law is worth at sign 1.
+        Value of each term of the law at sign 1.
     rows : ndarray of shape (E, n_c, n + 1)
         Weighted [psi, e] of the samples that v(t) enters.
     at : ndarray of shape (E, n_c)
-        Which samples those are, counted from the first of the stream; -1 for none, -2 - i for sample i of the next
+        Indices of those samples, counted from the start of the stream; -1 for none, -2 - i for sample i of the next
         page, whose row is not known yet.
     """
 
@@ -88,11 +88,11 @@ class Signs(NamedTuple):
         return Signs._make(first + tuple(v[chosen] for v in self[4:]))
 
     def joined(self, others: Signs) -> Signs:
-        """These and others."""
+        """These entries followed by others."""
         return Signs(*(np.concatenate(pair) for pair in zip(self, others, strict=True)))
 
     def shifted(self, delta: Array) -> Signs:
-        """The same at theta_0 + delta, signs frozen as they were."""
+        """The same entries at theta_0 + delta, with the signs frozen as before."""
         return in_one(self.shifted_steps(delta))
 
     def shifted_steps(self, delta: Array) -> Generator[None, None, Signs]:
@@ -107,10 +107,10 @@ class Signs(NamedTuple):
         return self._replace(dx=dx, gradient=self.gradient + bent, rows=rows)
 
     def met(self, psi: Array, restart: NDArray[np.bool_], first: int) -> Signs:
-        """The same where the page before ended and rows ``psi`` go on, the first of them sample ``first``.
+        """The entries with the rows ``psi`` that follow the end of a page; the first of them is sample ``first``.
 
-        Frozen there, one of the last signs of a page was wrong in one of 60 streams of 20,000 samples at 40 dB: twelve
-        standard errors off in b_1.
+        When signs were frozen there, one of the last signs of a page was wrong in one of 60 streams of 20,000 samples
+        at 40 dB, and b_1 was off by twelve standard errors.
         """
         ahead = -2 - self.at - first
         entry, lag = np.nonzero((self.at < NONE) & (ahead >= 0) & (ahead < len(psi)))
@@ -125,12 +125,12 @@ class Signs(NamedTuple):
         return self._replace(rows=rows, at=at)
 
     def weighted(self, left: float) -> Signs:
-        """The same when ``left`` is left of each sample's weight."""
+        """The same entries with each sample's weight multiplied by ``left``."""
         root = np.sqrt(left)
         return self._replace(scale=self.scale * root, rows=self.rows * root)
 
     def doubt(self, covariance: Array) -> Array:
-        """|dx| in standard deviations, for a covariance of (a, b)."""
+        """|dx| in standard deviations, for a given covariance of (a, b)."""
         return np.abs(self.dx) / deviation(np.ascontiguousarray(self.gradient), np.ascontiguousarray(covariance))
 
 
@@ -141,7 +141,7 @@ def jumps(codes: NDArray[np.int64]) -> NDArray[np.bool_]:
 
 @njit(error_model="numpy", short=True)
 def deviation(gradient, covariance):
-    """Standard deviation of dx of every sample from its gradient by (a, b)."""
+    """Standard deviation of dx at every sample, from its gradient by (a, b)."""
     out = np.empty(gradient.shape[0])
     for t in range(gradient.shape[0]):
         variance = 1e-300
@@ -153,7 +153,7 @@ def deviation(gradient, covariance):
 
 
 def empty_rows(n: int, size: int, n1: int) -> Generator[None, None, Rows]:
-    """Room for ``n`` samples of a model of ``size`` parameters, ``n1`` of them in L1; in parts."""
+    """Allocate rows for ``n`` samples of a model of ``size`` parameters, ``n1`` of them in L1; in parts."""
     psi = np.empty((n, size + 1))
     yield
     motion = np.empty((n, 2))
@@ -162,7 +162,7 @@ def empty_rows(n: int, size: int, n1: int) -> Generator[None, None, Rows]:
 
 
 class Pass:
-    """One pass over a memory at ``theta`` with the true sign, which tells of each sample.
+    """One pass over a memory at ``theta`` with the true sign, which fills the rows.
 
     Parameters
     ----------
@@ -171,18 +171,18 @@ class Pass:
         dims, codes, shapes.
     memory : Memory
     work : Work
-        Of nothing that goes on.
+        Must not hold a re-run that is under way.
     rows : Rows
-        Empty, of as many samples as the memory.
+        Empty, with as many samples as the memory.
 
     Attributes
     ----------
     rows : Rows
         Filled as far as ``done``.
     done : int
-        Samples read.
+        Number of samples read.
     end : ndarray of shape (n_state,)
-        The state after the last of them, once all are read; with every sign frozen, as the rows are.
+        The state after the last sample, once all have been read; every sign is frozen in it, as in the rows.
     """
 
     def __init__(self, theta: Array, law: Law, memory: Memory, work: Work, rows: Rows):
@@ -196,9 +196,9 @@ class Pass:
         self._before = np.append(memory.origin[:1], memory.origin[nx : nx + self.n1])  # x(t-1) and its gradient
 
     def read_segment(self) -> Generator[None, None, None]:
-        """Read on to the end of a segment, in two parts; not a number, if the model has blown up."""
+        """Read on to the end of a segment, in two parts; the values are NaN if the model has diverged."""
         work, memory, first, m = self._work, self.memory, self.done, self.memory.u.shape[1]
-        budget, work.at[BUDGET] = float(work.at[BUDGET]), 0.0  # to the end of a segment, at whoever's cost
+        budget, work.at[BUDGET] = float(work.at[BUDGET]), 0.0  # to the end of a segment, whatever it costs
         ended = refine_part(
             self.theta, self.law, np.inf, memory, self._nothing, 0, work.trial_information, work.trial_state, work
         )
@@ -223,9 +223,9 @@ class Pass:
 def listed(
     rows: Rows, record: Memory, chosen: NDArray[np.intp], law: Law, theta: Array, weights: Array, first: int
 ) -> Signs:
-    """Entries for the samples ``chosen`` of ``rows`` at ``theta``, whose [psi, e] are weighted already.
+    """Entries for the samples ``chosen`` of ``rows`` at ``theta``, whose [psi, e] are already weighted.
 
-    ``first`` is how many samples of the stream came before the record.
+    ``first`` is the number of samples of the stream before the record.
     """
     return in_one(listed_steps(rows, record, chosen, law, theta, weights, first))
 
@@ -249,7 +249,7 @@ def listed_steps(
     yield
     experiment = np.cumsum(record.restart[: record.fill], dtype=np.int64)
     yield
-    there &= experiment[after] == experiment[chosen][:, None]  # what follows a restart knows nothing of it
+    there &= experiment[after] == experiment[chosen][:, None]  # a sign has no effect after a restart
     yield
     entered = rows.psi[after]
     yield

@@ -1,7 +1,7 @@
-"""A re-run of the samples kept in memory with given parameters: squared errors and their Gauss-Newton matrix.
+"""Re-run the samples kept in memory with given parameters: squared errors and their Gauss-Newton matrix.
 
 A re-run of thousands of samples may take longer than a control loop can wait, so it can be done in
-parts: `Work` holds where it stands and how many samples it may still read.
+parts.  `Work` holds its progress and the number of samples it may still read.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 HUGE = 1e290
-COST_OF_PASS = 64.0  # samples that the beginning and end of a pass count for, with the step that follows from it
+COST_OF_PASS = 64.0  # the start and end of a pass, and the step that follows, count as this many samples
 UNBOUNDED = 1e18
 
-# ``Work.at``: sample, sum of squares, budget in samples | phase, iteration, damping, cost (`gauss_newton`) | samples
-# read in all
+# entries of ``Work.at``: sample, sum of squares, budget in samples | phase, iteration, damping, cost (`gauss_newton`) |
+# samples read in all
 AT, TOTAL, BUDGET, PHASE, ITERATION, DAMPING, COST, SPENT, SIZE = range(9)
 
 
@@ -47,17 +47,17 @@ class Memory(NamedTuple):
     Attributes
     ----------
     origin : ndarray of shape (n_state,)
-        State before the first of them.
+        State before the first sample.
     u, y : ndarrays of shape (history + m, n_inputs), (history + m,)
         The first ``history`` precede the first sample, which is ``u[history]``.
     restart : ndarray of bool, shape (m,)
         Where an experiment begins.
     fill, history : int
-        How many samples are read, and how many precede them.
+        The number of samples to read, and the number that precede them.
     tail : int
-        The last ``tail - 1`` samples count as far as the windows of p have used them.
+        The last ``tail - 1`` samples count only as far as the windows of p have used them.
     weights : ndarray of shape (fill,)
-        Of each sample: the user's, and what forgetting has left of it.
+        Weight of each sample: the user's, reduced by forgetting.
     """
 
     origin: Array
@@ -76,9 +76,9 @@ class Work(NamedTuple):
     Attributes
     ----------
     at : ndarray of shape (SIZE,)
-        Numbers by the names above.
+        The numbers named above.
     segment : Segment
-        Signals of the samples that are read just now, which begin with those before.
+        Signals of the samples that are being read, preceded by those before them.
     weighted : ndarray of shape (3, LENGTH)
         Weights, weighted errors, and a weighted row of psi.
     slope, trial, trial_slope : ndarrays of shape (n,)
@@ -97,7 +97,7 @@ class Work(NamedTuple):
 
 
 def new_work(dims: NDArray[np.int64], n_inputs: int) -> Work:
-    """Work that has not begun and has no budget."""
+    """Work that has not started and has no budget."""
     return in_one(work_steps(dims, n_inputs))
 
 
@@ -113,13 +113,13 @@ def work_steps(dims: NDArray[np.int64], n_inputs: int) -> Generator[None, None, 
 
 @part
 def replay_part(theta, law, kappa, memory, work, information, slope, state):
-    """Continue a re-run until the budget is spent, for at least one segment; True at its end.
+    """Continue a re-run until the budget is spent, for at least one segment; return True when it has finished.
 
-    It begins where ``work.at[AT]`` is 0 and leaves the weighted sum of squares in ``work.at[TOTAL]``, its
-    Gauss-Newton matrix and slope, and in ``state`` what holds before the first sample of the next window.  It stops
-    between segments only, whose bounds the record sets, so the sums are the same however it was divided.
+    It starts anew if ``work.at[AT]`` is 0.  The weighted sum of squares is then in ``work.at[TOTAL]``, next to its
+    Gauss-Newton matrix and slope, and ``state`` is the state before the first sample of the next window.  It stops only
+    between segments, whose bounds depend on the record alone, so the sums do not depend on how the work was divided.
 
-    It has one caller, whose code it is written into: compiled by itself as well it would take twice as long.
+    It is inlined into its only caller; compiling it separately as well would take twice as long.
     """
     at, signals, psi, places = work.at, work.segment.signals, work.segment.psi, work.segment.places
     fill, tail, restarts = memory.fill, memory.tail, memory.restart
@@ -170,7 +170,7 @@ def replay_part(theta, law, kappa, memory, work, information, slope, state):
 
 @part
 def _end_of_segment(t, fill, handover, restarts):
-    """Where the segment that begins at ``t`` ends: next mark, new experiment, state to hand over."""
+    """End of the segment that begins at ``t``: the next mark, a new experiment, or the state to hand over."""
     stop = min((t // LENGTH + 1) * LENGTH, fill)
     if t < handover < stop:
         stop = handover
@@ -182,7 +182,7 @@ def _end_of_segment(t, fill, handover, restarts):
 
 @part
 def _add_squares(t, count, memory, psi, weighted, information, slope):
-    """Add sum w psi psi', below the diagonal, and sum w e psi; returns sum w e^2."""
+    """Add sum w psi psi', below the diagonal, and sum w e psi; return sum w e^2."""
     w, g, row_weighted = weighted[0, :count], weighted[1, :count], weighted[2, :count]
     e = psi[slope.size, :count]
     for i in range(count):
