@@ -44,7 +44,7 @@ RESERVED = 60  # passes over the whole record that are reserved for the work aft
 PIECES = 110  # pieces of work other than readings, besides those for each start; each sample does one
 PIECES_A_MODEL = 16  # of a page, which begins with all models kept while the memory filled: 19 of 32 in 512 samples
 BATCH = 4  # samples that the new models take at once; starting costs as much as two, and no answer is needed sooner
-NOTED = 64  # at most one row in so many does no work here: the one in which the estimator saves its state against interrupts
+NOTED = 64  # at most one row in so many does no work here: the row in which the estimator saves its state
 FIRST_SPAN = 3.75  # the first re-run has to try every start; it takes over at five times its samples
 SPAN = 2.0  # ratio of the instants after that
 

@@ -1,10 +1,10 @@
-"""Posterior of a stream: the samples in memory, and what the pages before left of theirs.
+"""Posterior of a stream: the samples in memory, and a summary of the earlier pages.
 
-A page that is turned leaves M, linearised where the parameters were then, and the signs that are
-still in doubt.  Both move to another theta_0, since e is linear while no sign turns and dx of second order:
-M -> T' M T with T = [I; -delta'], dx += g' delta + delta' H delta / 2, g += H delta.
-So the posterior of a stream of any length costs what its memory costs, and it is worked out when it is asked for,
-not at every sample.
+When a page is turned, M is kept, linearised at the parameters of that time, together with the signs that
+are still in doubt.  Both can be moved to another theta_0, because e is linear while no sign turns and dx is
+of second order: M -> T' M T with T = [I; -delta'], dx += g' delta + delta' H delta / 2, g += H delta.
+The posterior of a stream of any length therefore costs no more than that of its memory.  It is computed on
+request, not at every sample.
 """
 
 from __future__ import annotations
@@ -41,31 +41,33 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
     Indices = NDArray[np.intp]
 
-ROUNDS = 3  # linearisations of the memory at least: the second is at the mean of the first
-MOST_ROUNDS = 16  # where the mean still moves.  A record with 500 signs in doubt needed five; stopped before, it told a
-# mean that fits it worse than where it began (benchmarks/accuracy.py --section systems, seed 35: ten times the error)
-# Standard deviations from one round's mean to the next one's, beyond which it moves.  The sampling moves it by a tenth.
-# Along a pole that a zero nearly cancels it creeps: ended below 0.5, seed 21 of these systems was ten deviations off.
+ROUNDS = 3  # linearisations of the memory at least; the second is at the mean of the first
+# Linearisations at most, while the mean still moves.  A record with 500 signs in doubt needed five; stopped earlier, it
+# had a mean that fitted worse than the start (benchmarks/accuracy.py --section systems, seed 35: ten times the error).
+MOST_ROUNDS = 16
+# The mean counts as moving if it changes by more than this many standard deviations in a round; sampling alone changes
+# it by a tenth.  Along a pole that a zero nearly cancels it creeps: with 0.5 here, seed 21 of these systems ended ten
+# standard deviations off.
 MOVED = 0.25
-# The first rounds say where to linearise, and a few sweeps are enough for that; they were the dearest,
-# with 500 signs in doubt.  From a step of this many deviations on rounds take all sweeps.
+# The first rounds only find where to linearise, and a few sweeps are enough for that; with 500 signs in doubt they
+# were the most expensive ones.  Once a step is below this many standard deviations, rounds use all sweeps.
 NEAR = 0.5
-# Rounds, after which a mean that still goes further than that is let be, with one more of all sweeps.  Of 250 drawn
-# systems (benchmarks/accuracy.py --section systems, seeds 0 to 249) 248 were through after six in all; where the record
-# does not show the parameters the mean wanders for as long as one looks.
+# After this many rounds a mean that still takes longer steps is accepted, after one more round with all sweeps.  Of
+# 250 random systems (benchmarks/accuracy.py --section systems, seeds 0 to 249) 248 finished within six rounds in all;
+# if the record does not determine the parameters, the mean wanders without end.
 MOST_ROUGH = 8
-PIECE = 512  # samples that are looked at between two rows, in what a page leaves behind
-WORSE = 1.02  # squared errors at the mean over those at theta_0, beyond which the linearisation did not hold
+PIECE = 512  # samples processed between two rows when a page is summarised
+WORSE = 1.02  # ratio of squared errors at the mean to those at theta_0 above which the linearisation is not valid
 
 
 def has_posterior(r: Reading) -> bool:
     """Whether signs can be in doubt: the law jumps, L1 has parameters and there is a memory."""
-    # as plain numbers: it is asked between two samples, where four calls of NumPy would cost half of one
+    # in plain Python: this is evaluated between two samples, and four NumPy calls would cost half a sample
     return bool(r.memory and r.dims[0] - 1 + r.dims[1] > 0 and not JUMPING.isdisjoint(r.codes.tolist()))
 
 
 def initial_past(r: Reading) -> State:
-    """What the pages before left, when there were none."""
+    """The summary of earlier pages before there are any."""
     n, n1, nw, nc = r.size, int(r.dims[0] - 1 + r.dims[1]), int(r.dims[4]), int(r.dims[2])
     room = CAPACITY if has_posterior(r) else 0
     signs = {
@@ -78,7 +80,7 @@ def initial_past(r: Reading) -> State:
 
 
 def packed(signs: Signs, state: State) -> State:
-    """The signs as the state keeps them."""
+    """The signs in the form in which the state stores them."""
     return in_one(packed_steps(signs, state))
 
 
@@ -100,7 +102,7 @@ def packed_steps(signs: Signs, state: State) -> Generator[None, None, State]:
 
 
 def _read_only(arrays: State) -> State:
-    """The same, never changed in place: a copy of the state, which an interrupted call goes back to, can share them."""
+    """The same arrays, read-only, so that the copy of the state for an interrupted call can share them."""
     for value in arrays.values():
         value.flags.writeable = False
     return arrays
@@ -110,7 +112,7 @@ def unpacked(state: State, r: Reading) -> Signs:
     """The reverse of `packed`."""
     n1, nw, nc = int(r.dims[0] - 1 + r.dims[1]), int(r.dims[4]), int(r.dims[2])
     n = np.count_nonzero(state["signs"][:, 2])
-    rows = state["signs"][:n]  # views, since nothing here is changed in place: a copy takes as long as a sample may
+    rows = state["signs"][:n]  # views: nothing here is changed in place, and a copy would take a sample's time
     g, c = 3 + n1, 3 + n1 + n1 * n1
     h = c + nw
     return Signs(
@@ -127,10 +129,10 @@ def moved(matrix: Array, delta: Array) -> Array:
 
 
 def origin_at(origin: Array, dims: NDArray[np.int64], delta: Array) -> Array:
-    """The state a memory begins in, had what came before been run at theta + delta, every sign as it was.
+    """The state at the start of a memory if the earlier samples had been run at theta + delta with the same signs.
 
-    Of 20,000 samples of Example 5.1 the second of a page had the wrong sign, at a dx of 0.003, where x went on from
-    what it was at the parameters of the page before.
+    In 20,000 samples of Example 5.1 the second sample of a page had the wrong sign, at a dx of 0.003, when x continued
+    from its value at the parameters of the page before.
     """
     nb, nc, nw = int(dims[1]), int(dims[2]), int(dims[4])
     n1, nx = int(dims[0]) - 1 + nb, max(nb, 1)
@@ -141,18 +143,18 @@ def origin_at(origin: Array, dims: NDArray[np.int64], delta: Array) -> Array:
 
 
 class Linearisation:
-    """The first ``stop`` samples in memory linearised at ``theta``, with all that came before them.
+    """The first samples in memory linearised at ``theta``, together with the summary of all earlier samples.
 
     Parameters
     ----------
     state : dict
-        Of a stream; nothing of it changes.
+        State of a stream; it is not changed.
     r : Reading
     s : int
-        Which model.
+        Index of the model.
     theta : ndarray of shape (n,)
     weights : ndarray
-        What forgetting has left of each sample; as many samples as it has are read.
+        Weight of each sample after forgetting; as many samples are read as there are weights.
     """
 
     def __init__(self, state: State, r: Reading, s: int, theta: Array, weights: Array):
@@ -163,7 +165,7 @@ class Linearisation:
         self.matrix = np.zeros((theta.size + 1, theta.size + 1))
 
     def begin(self, work: Work) -> Generator[None, None, None]:
-        """Make room for what is read, in parts; ``work`` is of a re-run that is over."""
+        """Allocate the arrays, in parts; ``work`` must belong to a re-run that has finished."""
         rows = yield from empty_rows(self.stop, self.theta.size, int(self.reading.dims[0] - 1 + self.reading.dims[1]))
         yield
         self._pass = Pass(self.theta, self.reading.law, self.record, work, rows)
@@ -181,9 +183,9 @@ class Linearisation:
             yield
 
     def joined(self, about: Gaussian | None = None) -> tuple[Array, Signs, float]:
-        """M, signs in doubt and number of samples, of the past and of the memory together.
+        """M, the signs in doubt and the number of samples, for the past and the memory together.
 
-        In doubt by the covariance ``about``, or by that with the signs frozen.
+        Whether a sign is in doubt is judged by the covariance ``about``, or else by that with the signs frozen.
         """
         left, n = left_of_prior(self.state, self.stop), count_of(self.state, self.stop)
         matrix, signs, count = in_one(self._with_past(left, n))
@@ -192,10 +194,10 @@ class Linearisation:
         return matrix, signs.take(kept).joined(in_one(self._listed(chosen))), count
 
     def _with_past(self, left: float, count: float) -> Generator[None, None, tuple[Array, Signs, float]]:
-        """M and number of samples of past and memory, and the signs of the past.
+        """M and the number of samples of past and memory together, and the signs of the past.
 
-        The last of them enter the memory's first rows.
-        ``left`` is what forgetting has left of the past, ``count`` the number of samples of the memory.
+        The last of these signs enter the first rows of the memory.
+        ``left`` is the weight of the past after forgetting, ``count`` the number of samples of the memory.
         """
         state, r, n = self.state, self.reading, self.theta.size
         signs = unpacked(state, r)
@@ -211,13 +213,13 @@ class Linearisation:
             begins = self.record.restart[: self.stop]
             signs = signs.met(self.rows.psi, begins, state["seen"] - state["fill"])
             return matrix, signs, count + left * float(state["past_count"][0])
-        # P0, as the information that the memory's re-run goes by
+        # P0, as the information that the re-run of the memory uses
         matrix = np.zeros((n + 1, n + 1))
         matrix[:n, :n] = left * state["prior_information"][self.model]
         return self.matrix + moved(matrix, self.theta - state["prior_theta"][self.model]), signs, count
 
     def _doubtful(self, about: Gaussian | None) -> Array:
-        """|dx| of every sample in standard deviations; infinite where the sign is no question."""
+        """|dx| of every sample in standard deviations; infinite where the sign is certain."""
         return in_one(self._doubtful_steps(about))
 
     def _doubtful_steps(self, about: Gaussian | None) -> Generator[None, None, Array]:
@@ -238,7 +240,7 @@ class Linearisation:
     def _chosen(
         self, old: Signs, doubt: Array, about: Gaussian | None
     ) -> Generator[None, None, tuple[Indices, Indices]]:
-        """Which signs of the past are not settled and which of the memory are in doubt: the most doubtful of them."""
+        """Choose the most doubtful of the unsettled signs of the past and of the signs of the memory in doubt."""
         n1 = self.rows.gradient.shape[1]
         before = np.zeros(old.dx.size) if about is None else old.doubt(about.covariance[:n1, :n1])
         yield
@@ -250,14 +252,14 @@ class Linearisation:
         return kept, chosen
 
     def _listed(self, chosen: Indices) -> Generator[None, None, Signs]:
-        """Signs of the memory."""
+        """The chosen signs of the memory."""
         first = self.state["seen"] - self.state["fill"]
         return (
             yield from listed_steps(self.rows, self.record, chosen, self.reading.law, self.theta, self.weights, first)
         )
 
     def left_behind(self, left: float, n: float) -> Generator[None, None, State]:
-        """What a page leaves for those to come, as the state holds it; in parts, since it is done between samples."""
+        """The summary of a page for later ones, as the state stores it; in parts, since it is made between samples."""
         matrix, old, count = yield from self._with_past(left, n)
         yield
         about = yield from frozen_steps(matrix, self.theta, count)
@@ -278,9 +280,9 @@ class Linearisation:
 
 
 def posterior(state: State, r: Reading, s: int) -> Gaussian | None:
-    """Mean and covariance of the parameters of model ``s`` from all samples; None where it has none.
+    """Mean and covariance of the parameters of model ``s`` from all samples, or None if there is no posterior.
 
-    The state is not changed, and the same state gives the same numbers.
+    The state is not changed, and the same state always gives the same numbers.
     """
     theta, best = state["theta"][s], np.inf
     answer: Gaussian | None = None
@@ -298,12 +300,12 @@ def posterior(state: State, r: Reading, s: int) -> Gaussian | None:
             break
         best = min(best, matrix[-1, -1])
         if found is not None and matrix[-1, -1] < WORSE * best:
-            answer = found  # what was found with signs and slopes of elsewhere fits the record here as well
+            answer = found  # the mean found with signs and slopes from elsewhere fits the record here as well
             if k >= ROUNDS and still:
                 break
         if k == MOST_ROUNDS or (k > MOST_ROUGH and not near):
             break
-        # with no sign in doubt the least squares here are the posterior
+        # with no sign in doubt, least squares here gives the posterior
         start = (signs.dx.size and found) or frozen(matrix, theta, count)
         rough = not near and k < MOST_ROUGH
         found = start and sample(posed(matrix, theta, r.dims, count, signs), start, rng, rough=rough)

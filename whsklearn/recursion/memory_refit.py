@@ -1,4 +1,4 @@
-"""Re-running the memory: starts are drawn, sharpened, compared, and the best go on."""
+"""Re-run the memory: starts are drawn, sharpened and compared, and the best continue."""
 
 from __future__ import annotations
 
@@ -34,23 +34,23 @@ if TYPE_CHECKING:
 
 LADDER = (1.0, 2.0, 4.0, 8.0, 20.0, 50.0, 100.0, 200.0, 400.0)
 ITERATIONS = 8
-EARLY_ITERATIONS = 5  # on a rung while the memory fills, where samples pay: the next rung goes on from there anyway
-REOPENING = 100.0  # how far forgetting may widen P beyond its widest direction at the last re-run, at least
+EARLY_ITERATIONS = 5  # per rung while the memory fills and time is short; the next rung continues from there anyway
+REOPENING = 100.0  # forgetting may always widen P to this many times its widest direction at the last re-run
 LEAST = 1e-9
-FEWEST = 40.0  # samples: or as wide as it was when so few were known
-SLACK = 1.01  # of the error: on a staircase a better estimate may stand a stair higher
+FEWEST = 40.0  # samples: or as wide as P was when only so few were known
+SLACK = 1.01  # factor on the error: on a staircase a better estimate may be one step higher
 INFERENCE = 20.0  # sharpness at which P is taken: intervals cover there (benchmarks/accuracy.py)
-LONG_INFERENCE = 150.0  # the same once the memory is full, where sharper costs coverage of L1 and blunter its accuracy
-LIVE = 2  # models that take every sample; the others wait for the next re-run, which begins from their parameters
-KEPT_SHARE = 0.62  # of the starts, that go on from the first re-run; fewer at each after it
-FRESH = 8  # one fresh start for so many at the beginning, at each re-run of the first half of the memory
-FRESH_IN_STREAM = 2  # the same in the background, where they take long strides and end when the time is spent
-SAMPLED = 128  # latest samples that a start and the scale of dx are taken from: a sample has no time for more
-WHOLE_ROW = 1e6  # readings: more than any row pays for
-COST_OF_BEGIN = 300  # the same for what comes before the first reading of a model, in the budget of its row
-COST_OF_RUNG = 150  # and for what is no reading on a rung of the ladder, while the many starts of a stream are tried
-COST_OF_RARE_RUNG = 350  # and later, when less of the code is in the cache and there is time to spare
-COST_OF_START = 900  # readings that drawing a start counts for, since it takes the time of two or three samples
+LONG_INFERENCE = 150.0  # the same for a full memory; sharper costs coverage of L1, blunter costs accuracy
+LIVE = 2  # models updated at every sample; the others wait for the next re-run, which starts from their parameters
+KEPT_SHARE = 0.62  # share of the starts that continue after the first re-run; fewer at each later one
+FRESH = 8  # one fresh start for so many initial ones, at each re-run of the first half of the memory
+FRESH_IN_STREAM = 2  # the same in the background, where starts take long strides and stop when the time is spent
+SAMPLED = 128  # latest samples from which a start and the scale of dx are computed; there is no time for more
+WHOLE_ROW = 1e6  # readings: more than the budget of any row
+COST_OF_BEGIN = 300  # readings charged for the work before the first reading of a model
+COST_OF_RUNG = 150  # readings charged for the other work on a rung, while the many starts of a stream are tried
+COST_OF_RARE_RUNG = 350  # the same later, when less of the code is in the cache and there is time to spare
+COST_OF_START = 900  # readings charged for drawing a start, which takes the time of two or three samples
 
 
 @dataclass
@@ -71,14 +71,14 @@ class Refit:
     Parameters
     ----------
     state : dict
-        Nothing of it changes.
+        State of the stream; it is not changed.
     r : Reading
     size : int
-        Samples.
+        Number of samples.
     work : Work
-        Steps yield when the budget in it is spent.
+        Its budget; the steps yield when it is spent.
     limit : float
-        Readings after which no further start or rung is begun.
+        Number of readings after which no further start or rung is begun.
     """
 
     def __init__(self, state: State, r: Reading, size: int, work: Work, limit: float = np.inf):
@@ -92,10 +92,10 @@ class Refit:
         self.given = {name: state[name] for name in ("origin", "prior_theta", "prior_information")}
 
     def prepare(self) -> Generator[None, None, None]:
-        """What is asked of the whole memory once, each in its turn: weights and their number, the prior's, any motion.
+        """Compute what needs the whole memory once: the weights and their sum, that of the prior, and any motion.
 
-        All that follows is done in small pieces too.  Code that runs once a page is in no cache by then, and what takes
-        20 us in a loop takes 100 there.
+        Everything after this is done in small pieces too.  Code that runs once per page is no longer in a cache, and
+        work that takes 20 us in a loop takes 100 us here.
         """
         state, size = self.state, self.size
         left = yield from left_steps(state, size)
@@ -112,7 +112,10 @@ class Refit:
         self.moved = self.moved and not state["memory_idle"][:size].all()
 
     def search(self, thetas: Array) -> Generator[None, None, list[_Candidate]]:
-        """Refine the models ``thetas`` and fresh ones; the best, best first.  An axis at rest shows nothing."""
+        """Refine the models ``thetas`` and fresh ones; return the best ones, best first.
+
+        Nothing is searched for on an axis at rest.
+        """
         if not self.moved:
             return []
         r, work = self.reading, self.work
@@ -122,7 +125,7 @@ class Refit:
         begins = first_page and not self.state["prior_information"].any()
         yield
         bounded = bool(np.isfinite(self.limit))
-        self._is_hurried = bounded and begins  # every start is to be tried, and no row is left over
+        self._is_hurried = bounded and begins  # every start must be tried, and no row is to spare
         count = r.n_starts if begins else self._fresh(bounded)
         scales = None
         if count:
@@ -130,17 +133,17 @@ class Refit:
             yield from self._row()
             bits = np.random.PCG64(sequence)
             yield from self._row()
-            rng = np.random.Generator(bits)  # as default_rng makes it, in three pieces
+            rng = np.random.Generator(bits)  # as default_rng does, in three pieces
             yield from self._row()
             scales = yield from self._scales(rng)
             yield
         found: list[_Candidate | None] = []
         if begins:
-            assert scales is not None  # there are starts where a stream begins
+            assert scales is not None  # there are always starts at the beginning of a stream
             yield
             self._set_prior(scales)
             yield
-            # LAPACK is in no cache by now: the first least squares would take 100 us, which these leave half of
+            # LAPACK is no longer in a cache: the first least squares would take 100 us, and this halves it
             np.linalg.solve(np.eye(1), np.ones(1))
             yield from self._row()
             np.linalg.eigh(np.eye(2))
@@ -148,8 +151,8 @@ class Refit:
             if r.theta0 is not None:
                 found.append((yield from self.refine(0, r.theta0, climb)))
         else:
-            # few models are worth the whole climb: a blunt rung may end on a lower step of the staircase.  A page is
-            # not: the posterior takes the mean over the steps in any case
+            # a few models are worth the whole climb, because a blunt rung may end on a lower step.  A page is
+            # not, because the posterior takes the mean over the steps in any case
             rungs = climb if first_page and len(thetas) <= 2 and self.size < r.memory else climb[-2:]
             for s, theta in enumerate(thetas):
                 yield
@@ -158,7 +161,7 @@ class Refit:
             if work.at[SPENT] >= self.limit:
                 break
             yield
-            # of two kinds in turn: all random, and least squares given a random L1; on 320 samples and more the latter
+            # two kinds in turn: all random, and least squares given a random L1; on 320 samples and more the latter
             # end in the right minimum no more often, and a stream has no time to spare for them
             theta = yield from self._drawn(rng, scales, begins, i % 2 == 0 and (begins or not bounded))
             work.at[SPENT] += COST_OF_START
@@ -171,10 +174,10 @@ class Refit:
     def _drawn(
         self, rng: np.random.Generator, scales: Array | None, begins: bool, by_least_squares: bool
     ) -> Generator[None, None, Array]:
-        """A fresh start, in parts."""
+        """Draw a fresh start, in parts."""
         r = self.reading
         steps = random_start_steps(tuple(r.dims), rng, scales)
-        if begins:  # there are many, which keep the code at hand
+        if begins:  # there are many, so the code stays in the cache
             theta = in_one(steps)
             yield from self._row()
         else:
@@ -187,12 +190,12 @@ class Refit:
         return theta
 
     def _row(self) -> Generator[None, None, None]:
-        """End a piece of work of the size that one row allows."""
+        """End a piece of work; it was as much as one row allows."""
         self.work.at[BUDGET] -= WHOLE_ROW
         yield
 
     def _rows(self, steps: Generator[None, None, Array]) -> Generator[None, None, Array]:
-        """Do ``steps`` so that each piece is all the work that its row allows."""
+        """Do ``steps``; each piece is all the work that its row allows."""
         while True:
             try:
                 next(steps)
@@ -202,14 +205,14 @@ class Refit:
             yield from self._row()
 
     def _fresh(self, bounded: bool) -> int:
-        """How many fresh starts are drawn beside the models of earlier re-runs, at most."""
+        """Largest number of fresh starts drawn in addition to the models of earlier re-runs."""
         r = self.reading
         if self.state["blocks"] or 2 * self.size > r.memory:
             return 0
         return r.n_starts // (FRESH_IN_STREAM if bounded else FRESH)
 
     def _kept(self) -> int:
-        """How many models go on: half as many at each re-run, and a page has one for each that came to it."""
+        """Number of models that continue: half as many at each re-run; a page keeps all models that reached it."""
         r = self.reading
         if self.state["blocks"]:
             return r.n_starts
@@ -218,7 +221,7 @@ class Refit:
         return max(1, int(KEPT_SHARE * r.n_starts * (r.first_rerun / self.size) ** 0.8))
 
     def _scales(self, rng: np.random.Generator) -> Generator[None, None, Array]:
-        """As `term_scales`, in parts."""
+        """`term_scales` in parts."""
         u, restart = self.latest
         y = self._y[-SAMPLED:]
         sizes = []
@@ -229,19 +232,19 @@ class Refit:
         return scales_from(sizes, y)
 
     def _set_prior(self, scales: Array) -> None:
-        """P0 becomes information: about what each parameter can contribute to the output."""
+        """Turn P0 into information, relative to what each parameter can contribute to the output."""
         r = self.reading
         n1 = r.dims[0] - 1 + r.dims[1]
-        power = np.mean(self._y**2)  # not the variance, which an output that stands still has none of
+        power = np.mean(self._y**2)  # not the variance, which is zero for an output that stands still
         information = np.full(r.size, power / r.p0)
         information[n1 : n1 + r.dims[4]] = power / scales**2 / r.p0
         self.given["prior_information"] = np.diag(information)[None]
         self.given["prior_theta"] = np.zeros((1, r.size))
 
     def refine(self, parent: int, theta: Array, steps: list[float]) -> Steps:
-        """Sharpen one model rung by rung; the rung with the least error under the true sign counts.
+        """Sharpen one model rung by rung; the result is the rung with the least error under the true sign.
 
-        A search of the staircase itself, sample by sample, was tried: it lowers the error on the
+        A search of the staircase itself, sample by sample, was tried.  It lowers the error on the
         record and raises it on others (50 random systems: 1.6 times, against 1.2 for the rungs).
         """
         state, r, work = self.state, self.reading, self.work
@@ -252,16 +255,16 @@ class Refit:
         left = self.left
         memory = memory_of(state, r, self.size, self.weights, self.given["origin"][parent], tail=r.p)
         prior = Prior(self.given["prior_theta"][parent], self.given["prior_information"][parent] * left)
-        scarce = bool(np.isfinite(self.limit))  # rows: then what is short is done in one with what reads the memory
+        scarce = bool(np.isfinite(self.limit))  # rows are: short work is done together with the reading of the memory
         if not scarce:
             yield
-        if self._is_first and work.at[BUDGET] < WHOLE_ROW:  # its code is in no cache: one segment is enough for a row
+        if self._is_first and work.at[BUDGET] < WHOLE_ROW:  # not in a cache: one segment is enough for a row
             work.at[BUDGET] = 1.0
         self._is_first = False
 
         def refined(kappa: float, iterations: int, information: Array, before: Array) -> Generator[None, None, float]:
             if work.at[BUDGET] <= 0.0 and not self._is_hurried:
-                yield  # since a segment is read in any case
+                yield  # because one segment is read in any case
             work.at[AT] = work.at[PHASE] = 0
             while not refine_part(theta, r.law, kappa, memory, prior, iterations, information, before, work):
                 yield
@@ -290,8 +293,8 @@ class Refit:
         if not state["blocks"] and self.size < r.memory:
             yield from refined(INFERENCE / moves, 0, best.information, np.empty(n_state))
             return best
-        # A record this long shows what tanh() near zero adds to the weights: they are fitted with the error of the sign
-        # itself, and only the slopes are of a smooth one.  L1 stays on the stair it found.
+        # A record this long shows the bias that tanh() near zero adds to the weights.  So they are fitted with the error
+        # of the true sign; only the slopes are those of a smooth one.  L1 stays on the step that it found.
         for step in range(3):
             information, before = np.zeros((n, n)), np.zeros(n_state)
             cost = yield from refined(-LONG_INFERENCE / moves, 0, information, before)
@@ -307,7 +310,7 @@ class Refit:
 
 
 def consolidate(state: State, r: Reading) -> None:
-    """Re-run all samples in memory for every model and for fresh starts; the best go on, in place."""
+    """Re-run all samples in memory for every model and for fresh starts; the best replace the old ones in place."""
     if not state["fill"]:
         return
     work = new_work(r.dims, r.n_inputs)
@@ -323,42 +326,42 @@ def consolidate(state: State, r: Reading) -> None:
 
 
 def climb_to(sharpest: float) -> list[float]:
-    """The rungs of the ladder below ``sharpest``, and that; no two so near that the second would teach nothing."""
+    """The rungs of the ladder up to ``sharpest``; no two are so close that the second would add nothing."""
     return [k for k in LADDER if 1.5 * k < sharpest] + [sharpest]
 
 
 def long_strides(climb: list[float]) -> list[float]:
-    """The first rung, one between and the last, for starts that a stream pays for.
+    """The first rung, one between and the last, for starts that are tried while a stream runs.
 
-    On 128 to 256 samples of Example 5.1 such a start ends in the right minimum four times in 100,000 readings, one that
-    takes every rung 2.6 times.
+    On 128 to 256 samples of Example 5.1 such starts reach the right minimum four times in 100,000 readings; starts that
+    take every rung reach it 2.6 times.
     """
     return climb[:1] + climb[2:-1][:1] + climb[-1:]
 
 
 def best_first(found: list[_Candidate | None]) -> list[_Candidate]:
-    """Candidates by their cost, without those that ended in the same minimum as a better one."""
+    """Candidates in order of their cost, without those that ended in the same minimum as a better one."""
     kept: list[_Candidate] = []
     for c in sorted((c for c in found if c is not None), key=lambda c: c.cost):
-        if not kept or c.cost - kept[-1].cost > 1e-4 * kept[-1].cost:  # the last of them is the nearest
+        if not kept or c.cost - kept[-1].cost > 1e-4 * kept[-1].cost:  # the last one kept is the nearest
             kept.append(c)
     return kept
 
 
 def memory_of(state: State, r: Reading, size: int, weights: Array, origin: Array, tail: int) -> Memory:
-    """The first ``size`` samples in memory as the kernels take them."""
+    """The first ``size`` samples in memory, in the form that the kernels take."""
     return Memory(origin, state["memory_u"], state["memory_y"], state["memory_restart"], size, r.history, tail, weights)
 
 
 def weights_of(state: State, fill: int) -> Array:
-    """Weights of the first ``fill`` samples of the memory: what forgetting has left, times the user's."""
+    """Weights of the first ``fill`` samples of the memory: the weight after forgetting, times the user's weight."""
     return left_of(state, fill) * state["memory_weight"][:fill]
 
 
 def left_of(state: State, fill: int) -> Array:
-    """What forgetting has left of each of the first ``fill`` samples of the memory; nothing of those that stood still.
+    """Weight after forgetting of each of the first ``fill`` samples of the memory; zero for samples at standstill.
 
-    The factors are those that held when the samples came, so a re-run forgets what the recursion forgot.
+    The factors are those in force when the samples arrived, so a re-run forgets as much as the recursion did.
     """
     return in_one(left_steps(state, fill))
 
@@ -376,13 +379,13 @@ def left_steps(state: State, fill: int) -> Generator[None, None, Array]:
 
 @njit(error_model="numpy")
 def _multiply_back(left):
-    """Give each entry the product of those from it to the last; ``cumprod`` takes 50 us to begin where it is rare."""
+    """Set each entry to the product from it to the last one; ``cumprod`` takes 50 us to start when rarely called."""
     for t in range(left.size - 2, -1, -1):
         left[t] *= left[t + 1]
 
 
 def count_of(state: State, fill: int) -> float:
-    """The number of samples, whatever their weight; those of weight zero and those at standstill do not count."""
+    """Number of samples, whatever their weight; those with weight zero and those at standstill do not count."""
     return _number(left_of(state, fill), state["memory_weight"][:fill])
 
 
@@ -391,26 +394,26 @@ def _number(left: Array, weight: Array) -> float:
 
 
 def inference_sharpness(theta: Array, r: Reading, u: Array, restart: NDArray[np.bool_]) -> float:
-    """At which a long record says how much it knows: the sign's error, a smooth one's slope."""
+    """Sharpness at which the information of a long record is taken: error of the true sign, slope of a smooth one."""
     return -LONG_INFERENCE / max(float(motion(theta, r.dims, u, restart)), 1e-12)
 
 
 def left_of_prior(state: State, fill: int) -> float:
-    """What forgetting has left of what was known before the memory; never so little that nothing holds P."""
+    """Weight after forgetting of the information from before the memory; never so small that P is unbounded."""
     return max(float(np.prod(state["memory_kept"][:fill])), LEAST)
 
 
 def adopted(chosen: list[_Candidate], count: float, known: float) -> Generator[None, None, State]:
-    """What the state holds of the chosen models at the end of the samples they were re-run on.
+    """State entries of the chosen models at the end of the samples on which they were re-run.
 
-    Models that wait for the next re-run have no P of their own and do not answer.
+    Models that wait for the next re-run have no P of their own and are never chosen for the answer.
     """
     live = []
     for c in chosen[:LIVE]:
         live.append(factors_of_inverse(c.information))
         yield
     ud = np.array([live[min(i, len(live) - 1)] for i in range(len(chosen))])
-    # far from where it was learnt the model is another one: after an idle spell P must not be wide open
+    # far from where it was learnt the model is a different one: P must not be wide open after an idle spell
     ceiling = float(max(REOPENING, known / FEWEST) * ud.diagonal(axis1=1, axis2=2).max())
     yield
     models = {"theta": np.array([c.theta for c in chosen]), "before": np.array([c.before for c in chosen])}

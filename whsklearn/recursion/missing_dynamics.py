@@ -1,9 +1,9 @@
-"""Which poles a chain lacks: a score test of its free run's error, over a grid of places in both blocks.
+"""Find the poles that a chain lacks: a score test of its free-run error, over a grid of places in both blocks.
 
-A pole with a zero on it changes nothing; how far least squares would fall if the two were let go follows from the
-sensitivities at that place, before anything is refitted (the Lagrange multiplier test: Godfrey 1988, Misspecification
-Tests in Econometrics, ch. 1).  A chain whose poles are too few, or stand in the wrong places, says so there, and grows
-downhill where random starts would have to meet all poles at once.
+A pole with a zero on top of it changes nothing.  How far the sum of squares would fall if the two were set free follows
+from the sensitivities at that place, before anything is refitted (the Lagrange multiplier test: Godfrey 1988,
+Misspecification Tests in Econometrics, ch. 1).  The test shows where a chain has too few poles or has them in the wrong
+place, so the chain can grow downhill; random starts would have to hit all poles at once.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 REAL = (-0.95, -0.85, -0.6, -0.3, 0.3, 0.6, 0.85, 0.95, 0.99)
-RADII, ANGLES = (0.5, 0.75, 0.9, 0.96, 0.99), np.pi * (np.arange(16) + 0.5) / 16  # a refinement bridges the rest
-UNTOLD = 1e-5  # singular values, of the largest: the record does not tell parameters apart along them
-CHANCE = 0.01  # that the best place of the grid promises so much where nothing is missing and the error is white
+RADII, ANGLES = (0.5, 0.75, 0.9, 0.96, 0.99), np.pi * (np.arange(16) + 0.5) / 16  # the refinement finds the exact place
+UNTOLD = 1e-5  # of the largest singular value; along smaller ones the record does not distinguish the parameters
+CHANCE = 0.01  # probability of such a promise at the best place if nothing is missing and the error is white
 
 
 class Promise(NamedTuple):
@@ -44,7 +44,7 @@ def denominators() -> list[Array]:
 
 
 def missing_poles(fitted: Fitted, data: IOData, largest: int, kept: int) -> list[Promise]:
-    """The most promising places in each block, the best first; none if the residual looks like noise.
+    """The most promising places in each block, best first; none if the residual looks like noise.
 
     Parameters
     ----------
@@ -53,9 +53,9 @@ def missing_poles(fitted: Fitted, data: IOData, largest: int, kept: int) -> list
     data : IOData
         The record.
     largest : int
-        Poles that a block may have.
+        Largest number of poles of a block.
     kept : int
-        Places of each block.
+        Number of places returned for each block.
     """
     chain = fitted.chain
     signals = run(chain, data)
@@ -81,14 +81,14 @@ def missing_poles(fitted: Fitted, data: IOData, largest: int, kept: int) -> list
 
 
 def with_pole(chain: Chain, block: int, a: Array) -> Chain:
-    """The same chain with the poles of a and zeros upon them in its first (0) or second (1) block."""
+    """The same chain with the poles of ``a``, and zeros on top of them, in its first (0) or second (1) block."""
     if block == 0:
         return chain._replace(b1=np.array([np.convolve(b, a) for b in chain.b1]), a1=np.convolve(chain.a1, a))
     return chain._replace(b2=np.convolve(chain.b2, a), a2=np.convolve(chain.a2, a))
 
 
 def _explained(rows: Array, basis: Array, error: Array) -> float:
-    """How much of the squares of the error the rows explain beyond the basis."""
+    """Part of the sum of squared errors that the rows explain in addition to the basis."""
     size = np.linalg.norm(rows, axis=1)
     rows = rows - (rows @ basis.T) @ basis
     new = np.linalg.norm(rows, axis=1)

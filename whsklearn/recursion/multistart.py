@@ -1,14 +1,14 @@
 """The default method as a stream: several starts in parallel, and a memory of bounded length.
 
 State in, state out: `initial_state` makes the arrays, `run` takes them through samples,
-`consolidate` re-linearises the memory, `answer` picks the model that speaks.  A run may be
-cut anywhere; everything scheduled is scheduled on samples seen.
+`consolidate` re-linearises the memory, and `answer` picks the model that gives the answer.  A run
+may be divided anywhere, because every schedule depends only on the number of samples seen.
 
-With ``memory = 0`` this is the pure recursion.  With a memory, the samples of the first
-``memory`` are re-run at instants that grow geometrically: poor starts are dropped there and
-fresh ones drawn, so that by the time it is full one model goes on.  After that each full
-block is re-run once, with all that came before it as a prior.  All of it is done in parts
-that no sample has to wait for (`background_refit`).
+With ``memory = 0`` this is the pure recursion.  With a memory, its first ``memory`` samples are
+re-run at instants that grow geometrically.  Poor starts are dropped there and fresh ones drawn,
+so that one model is left when the memory is full.  After that, each full block is re-run once,
+with everything before it as a prior.  All of this is done in parts, so that no sample has to wait
+for it (`background_refit`).
 """
 
 from __future__ import annotations
@@ -33,27 +33,27 @@ if TYPE_CHECKING:
 
 __all__ = ["Reading", "State", "answer", "consolidate", "forget_past", "initial_state", "run"]
 
-PURE_SHARPEST = 80.0  # without re-runs a sharper sign loses more starts than it gains accuracy
+PURE_SHARPEST = 80.0  # without re-runs, a sharper sign loses more starts than it gains in accuracy
 
 
 def initial_state(r: Reading) -> State:
-    """State arrays of a stream before any sample."""
+    """State arrays of a stream before the first sample."""
     n, m, h = r.size, r.memory, r.history
     room = r.page_end if m else 0
     rng = np.random.default_rng([r.seed, 0])
     n_models = 1 if m else r.n_starts
     theta = np.array([random_start(tuple(r.dims), rng) for _ in range(n_models)])
     if m:
-        theta[:] = 0.0  # silent until the first re-run draws the starts on the record itself
+        theta[:] = 0.0  # predicts zero until the first re-run draws the starts on the record itself
     if r.theta0 is not None:
         theta[0] = r.theta0
     return {
         "seen": 0,
         "since": 0,
         "repeats": np.zeros(2, dtype=np.int64),
-        "known": np.zeros(1),  # samples that the estimate rests on: what forgetting has left of all
+        "known": np.zeros(1),  # number of samples that the estimate rests on, after forgetting
         "page_known": 0.0,
-        "oblivion": 1.0,  # what is left of the past when the next sample comes
+        "oblivion": 1.0,  # weight of the past when the next sample arrives
         "theta": theta,
         "ud": np.repeat(np.eye(n)[None] * r.p0, n_models, axis=0),
         "before": np.zeros((n_models, state_size(r.dims))),
@@ -63,7 +63,7 @@ def initial_state(r: Reading) -> State:
         "recent_u": np.zeros((r.p + h) * r.n_inputs),
         "recent_y": np.zeros(r.p + h),
         "recent_weight": np.ones(r.p + h),
-        # the pure recursion forgets its beginnings, a re-run mends them instead
+        # the pure recursion forgets its first estimates; a re-run corrects them instead
         "forgetting": np.array([r.forgetting if m else min(0.95, r.forgetting), r.forgetting, 0.99]),
         "ceiling": WIND_UP * r.p0,
         "memory_u": np.zeros((h + room, r.n_inputs)),
@@ -87,11 +87,11 @@ def run(
     state: State, r: Reading, u: NDArray[np.float64], y: NDArray[np.float64], restart: NDArray[np.bool_],
     page: BackgroundRefit | None = None, weight: NDArray[np.float64] | None = None,
 ) -> BackgroundRefit | None:  # fmt: skip
-    """Take the state through samples, in place; ``restart`` marks where an experiment begins.
+    """Run the state through samples, in place; ``restart`` marks where an experiment begins.
 
-    ``weight`` is of the squared error of each sample, one for all by default.
+    ``weight`` is the weight of each sample's squared error; by default all are one.
 
-    Returns the re-run of a page that goes on; given back with the next samples, it need not begin anew.
+    Returns the page re-run that is under way; passed in again with the next samples, it need not begin anew.
     """
     state["forgetting"][1] = r.forgetting
     if r.memory:
@@ -125,13 +125,13 @@ def run(
 
 
 def _first(marked: NDArray[np.bool_], start: int, stop: int) -> int:
-    """Index of the first that is marked from ``start`` on, ``stop`` if none is before it."""
+    """Index of the first marked sample from ``start`` on, or ``stop`` if there is none before it."""
     found = start + int(marked[start:stop].argmax()) if start < stop else stop
     return found if found < stop and marked[found] else stop
 
 
 def consolidate(state: State, r: Reading, page: BackgroundRefit | None = None) -> None:
-    """Re-run the memory now, in place; a page whose re-run goes on is turned first."""
+    """Re-run the memory now, in place; a page whose re-run is under way is turned first."""
     if state["fill"] >= r.memory:
         _the_refit(state, r, page, schedule(r, filling=False)[0]).take_over()
     memory_refit.consolidate(state, r)
@@ -145,12 +145,12 @@ def settled(state: State, r: Reading) -> State:
 
 
 def is_silent(state: State) -> bool:
-    """Whether no start has been tried yet: the first re-run, which begins with P0, has not taken over."""
+    """Whether no start has been tried yet, because the first re-run, which begins with P0, has not taken over."""
     return not state["prior_information"].any()
 
 
 def _tend_memory(state: State, r: Reading, refit: BackgroundRefit | None, n_new: int) -> BackgroundRefit | None:
-    """Do what the memory needs after ``n_new`` samples: begin a re-run, continue it or end it."""
+    """Begin, continue or end a re-run of the memory, as needed after ``n_new`` samples."""
     now = under_way(state, r)
     if now is not None:
         refit = _the_refit(state, r, refit, now)
@@ -169,7 +169,7 @@ def _the_refit(state: State, r: Reading, refit: BackgroundRefit | None, now: tup
 
 
 def _begin_experiment(state: State) -> None:
-    """Forget the past signals; parameters and covariance stay."""
+    """Forget the past signals; parameters and covariance are kept."""
     state["since"] = 0
     state["repeats"][:] = 0
     for name in ("before", "recent_u", "recent_y"):
@@ -177,7 +177,7 @@ def _begin_experiment(state: State) -> None:
 
 
 def _until_event(state: State, r: Reading) -> int:
-    """Samples to the next begin or end of a re-run."""
+    """Number of samples until a re-run next begins or ends."""
     if not r.memory:
         return np.iinfo(np.int64).max
     fill = state["fill"]
@@ -190,7 +190,7 @@ def _remember(state: State, r: Reading, samples: Samples, still: NDArray[np.uint
         return
     u, y, weight = samples
     first, h, n = state["fill"], r.history, y.size
-    if n == 1:  # the same for one sample, where slices would cost as much as its update
+    if n == 1:  # the same for one sample, because slices would cost as much as its update
         state["memory_u"][h + first] = u[0]
         state["memory_y"][h + first] = y[0]
         state["memory_weight"][first] = weight[0]
@@ -211,7 +211,7 @@ def _remember(state: State, r: Reading, samples: Samples, still: NDArray[np.uint
 
 
 def forget_past(state: State, samples: float) -> None:
-    """Let what is known count for no more than ``samples`` samples, in P and in the memory."""
+    """Reduce the weight of what is known to ``samples`` samples at most, in P and in the memory."""
     left = min(1.0, samples / max(float(state["known"][0]), 1e-300))
     state["known"] *= left
     state["oblivion"] *= left

@@ -11,13 +11,13 @@ and psi(t) = d y_hat(t) / d theta comes from sensitivity filters run beside x an
     dx(t)/db_i = -x(t-i) - sum_j b_j dx(t-j)/db_i,
     dv(t)      = f_x dx(t) + f_dx (dx(t) - dx(t-1)),   dv(t)/dw_k = f_k.
 
-What must be known of the past is one flat array, laid out by `state_size` and read through `past_of`:
+The required past is one flat array, laid out by `state_size` and read through `past_of`:
 
     x(t-1) .. x(t-nx) | their gradients | v(t-1) .. v(t-nc) | their gradients
 
-``dims`` is (n_a, n_b, n_c, n_d, K) everywhere.  A system of m inputs has m numerators over one
-denominator; they are interleaved as u is, u_1(t-1) .. u_m(t-1), u_1(t-2) .., and dims[0] is
-m times n_a then.
+``dims`` is (n_a, n_b, n_c, n_d, K) everywhere.  A system with m inputs has m numerators over one
+denominator.  They are interleaved as u is, u_1(t-1) .. u_m(t-1), u_1(t-2) .., and dims[0] is then
+m times n_a.
 """
 
 from __future__ import annotations
@@ -36,11 +36,11 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-ROWS = 64  # of a line along a record, before it begins anew
+ROWS = 64  # rows of a line along a record before it is started again
 
 
 class Past(NamedTuple):
-    """What must be known of the past, newest first; a line has rows before it for the samples to come (`with_room`).
+    """The required past, newest first; a line has rows in front of it for the samples to come (`with_room`).
 
     Attributes
     ----------
@@ -74,8 +74,8 @@ def state_size(dims):
 def past_of(state, dims):
     """The flat state as `Past`, in the same memory.
 
-    Indices of a table's own are known to be positive; worked out within one flat array they are not, and looking after
-    that took half of the time of a sample.
+    The compiler knows that the indices of a table are positive.  It does not know this of indices computed within one
+    flat array, and checking them took half of the time of a sample.
     """
     nb, nc = dims[1], dims[2]
     n1, nx = dims[0] - 1 + nb, max(nb, 1)
@@ -86,14 +86,14 @@ def past_of(state, dims):
 
 @part
 def with_room(past, n):
-    """Rows for ``n`` samples and for the past behind them: time goes on by a row, and nothing has to be shifted."""
+    """Rows for ``n`` samples and for the past behind them, so that time advances by a row and nothing is shifted."""
     nx, nc = n + past.x.size, n + past.v.size
     return Past(np.zeros(nx), np.zeros((nx, past.x_by.shape[1])), np.zeros(nc), np.zeros((nc, past.v_by.shape[1])))
 
 
 @part
 def copy_past(source, at, target, to, past):
-    """As many rows as ``past`` has, from ``at`` on to ``to`` on; the oldest first, since they may overlap."""
+    """Copy as many rows as ``past`` has, from ``at`` to ``to``; oldest first, because they may overlap."""
     for j in range(past.x.size - 1, -1, -1):
         target.x[to + j] = source.x[at + j]
         for k in range(past.x_by.shape[1]):
@@ -106,20 +106,20 @@ def copy_past(source, at, target, to, past):
 
 @part
 def by_block(theta, dims):
-    """(a, b, w, c, d) of the parameters, or of anything with an entry for each, in the same memory; as `past_of`."""
+    """(a, b, w, c, d) of the parameters, or of any array with one entry for each, as views like `past_of`."""
     w0 = dims[0] - 1 + dims[1]
     c0 = w0 + dims[4]
     d0 = c0 + dims[2] - 1
     return theta[: dims[0] - 1], theta[dims[0] - 1 : w0], theta[w0:c0], theta[c0:d0], theta[d0 : d0 + dims[3]]
 
 
-# Written into their callers: a call hands over some forty numbers, and a quarter of the time went there.  By max(at, 0)
-# the compiler knows that a row is not negative, and need not look after that at each number: a tenth.
+# Inlined into their callers: a call passes some forty numbers, which took a quarter of the time.  With max(at, 0) the
+# compiler knows that a row is not negative and need not check that at each number, which saves a tenth.
 @njit(cache=False, error_model="numpy", forceinline=True)
 def predict(blocks, line, at, y_past, psi, psi_blocks):
-    """y_hat of the sample whose past begins at row ``at``, from it and y(t-1), ...; psi receives its gradient.
+    """y_hat of the sample whose past begins at row ``at``, from that past and y(t-1), ...; psi receives its gradient.
 
-    psi is given by blocks too.
+    psi is passed by blocks too.
     """
     at = max(at, 0)
     c, d = blocks[3], blocks[4]
@@ -143,7 +143,7 @@ def predict(blocks, line, at, y_past, psi, psi_blocks):
 
 @njit(cache=False, error_model="numpy", forceinline=True)
 def advance(blocks, line, at, u_past):
-    """x and its gradient in row ``at``, from the older ones behind it and u(t-1), ..."""
+    """Compute x and its gradient in row ``at``, from the older rows behind it and u(t-1), ..."""
     at = max(at, 0)
     a, b = blocks[0], blocks[1]
     x, x_by = line.x, line.x_by
@@ -163,7 +163,10 @@ def advance(blocks, line, at, u_past):
 
 @njit(cache=False, error_model="numpy", forceinline=True)
 def respond(blocks, codes, shapes, kappa, line, at):
-    """v and its gradient in row ``at``, from x there and in the row behind it: the law, which is the dearest part."""
+    """Compute v and its gradient in row ``at`` from x there and in the row behind it.
+
+    This is the law, the most expensive part.
+    """
     at = max(at, 0)
     w = blocks[2]
     x, x_by, v, v_by = line
@@ -188,9 +191,9 @@ def respond(blocks, codes, shapes, kappa, line, at):
 
 @njit(error_model="numpy", short=True)
 def record_errors(theta, dims, codes, shapes, kappa, u, y, restart, errors, jacobian):
-    """Prediction errors over a record and, where ``jacobian`` has rows, psi for every sample.
+    """Prediction errors over a record and, if ``jacobian`` has rows, psi for every sample.
 
-    ``restart[t]`` is True where an experiment begins, with nothing known of its past.
+    ``restart[t]`` is True where an experiment begins; nothing is known of its past.
     """
     n = parameter_count(dims)
     past = past_of(np.zeros(state_size(dims)), dims)

@@ -1,9 +1,8 @@
 """The one-step predictor and its gradient over a segment of samples, one signal after the other.
 
-What `predictor` says sample by sample, the same equations and the same flat state, for parameters
-that do not change meanwhile.  Signal by signal the inner loops run along time, where the processor
-takes several samples at once.  Each signal is a row that begins with its past, oldest first: as
-many samples as the lags reach back.
+These are the equations and the flat state of `predictor`, for parameters that do not change within the
+segment.  Signal by signal, the inner loops run along time, and the processor handles several samples at
+once.  Each signal is a row that begins with its past, oldest first: as many samples as the lags reach back.
 """
 
 from __future__ import annotations
@@ -25,22 +24,23 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-LENGTH = 128  # samples of a segment: all its signals stay in the fastest cache
+LENGTH = 128  # samples of a segment, so few that all its signals stay in the fastest cache
 
 
 class Segment(NamedTuple):
-    """Room for the signals of a segment.
+    """Arrays for the signals of a segment.
 
     Attributes
     ----------
     signals : ndarray of shape (n_inputs + 3 + 2 n_1 + K, past + LENGTH)
-        A row each: u, x, its gradients by (a, b), v, its gradients by (a, b, w), y; the past first, oldest first.
+        One row each: u, x, its gradients by (a, b), v, its gradients by (a, b, w), y.  The past comes first, oldest
+        sample first.
     psi : ndarray of shape (n + 1, LENGTH)
         d y_hat / d theta, and below it the prediction error.
     slopes : ndarray of shape (2, LENGTH)
         f_x + f_dx and -f_dx.
     places : ndarray of int64, shape (2, n_state)
-        Row and column of ``signals`` at which each number of the flat state of `predictor` stands.
+        Row and column of ``signals`` that hold each number of the flat state of `predictor`.
     """
 
     signals: Array
@@ -67,7 +67,7 @@ def segment_steps(dims: NDArray[np.int64], n_inputs: int) -> Generator[None, Non
 
 @part
 def begin(signals, places, state, u, y, history):
-    """The past of every signal: of u and y their last samples of ``history``, else the flat state of `predictor`."""
+    """Fill in the past of every signal: of u and y from ``history``, of the others from the state of `predictor`."""
     past, m = signals.shape[1] - LENGTH, u.shape[1]
     for i in range(min(past, history)):
         for k in range(m):
@@ -79,14 +79,14 @@ def begin(signals, places, state, u, y, history):
 
 @part
 def keep(signals, places, state):
-    """The flat state from the past of x, v and their gradients."""
+    """Write the past of x, v and their gradients into the flat state."""
     for k in range(state.size):
         state[k] = signals[places[0, k], places[1, k]]
 
 
 @part
 def forget(signals):
-    """An experiment begins: nothing is known of the past."""
+    """Clear the past, because an experiment begins."""
     for k in range(signals.shape[0]):
         for i in range(signals.shape[1] - LENGTH):
             signals[k, i] = 0.0
@@ -94,7 +94,7 @@ def forget(signals):
 
 @part
 def move_on(signals, n):
-    """After a segment of ``n`` samples its last ones are the past."""
+    """Make the last samples of a segment of ``n`` samples the past of the next one."""
     for k in range(signals.shape[0]):
         for i in range(signals.shape[1] - LENGTH):
             signals[k, i] = signals[k, n + i]
@@ -123,7 +123,10 @@ def add(out, factor, row):
 
 @part
 def predict_segment(theta, law, kappa, m, segment, n):
-    """psi and prediction errors of ``n`` samples; u of ``m`` inputs, y and the past must be in ``segment.signals``."""
+    """Compute psi and the prediction errors of ``n`` samples.
+
+    u of ``m`` inputs, y and the past must be in ``segment.signals``.
+    """
     dims = law[0]
     signals, psi = segment.signals, segment.psi
     n1, nc, nd = dims[0] - 1 + dims[1], dims[2], dims[3]
@@ -153,10 +156,10 @@ def predict_segment(theta, law, kappa, m, segment, n):
 
 @part
 def _filter_input(theta, dims, signals, m, n):
-    """Give x of (1) and its gradients by a_2 .. and b_1 .. over ``n`` samples."""
+    """Compute x of (1) and its gradients by a_2 .. and b_1 .. over ``n`` samples."""
     na, nb = dims[0], dims[1]
     b = theta[na - 1 : na - 1 + nb]
-    # the first row is x = sum a_i u(t-i) - sum b_j x(t-j), the others its gradients, of u(t-i) and -x(t-j) alone
+    # the first row is x = sum a_i u(t-i) - sum b_j x(t-j); the others are its gradients, from u(t-i) and -x(t-j) alone
     for k in range(na + nb):
         out = delayed(signals, m + k, 0, n)
         if k == 0:
@@ -175,7 +178,7 @@ def _filter_input(theta, dims, signals, m, n):
 
 @part
 def _apply_law(theta, law, kappa, signals, m, slopes, n):
-    """Give v = sum w_k f_k(x, x(t) - x(t-1)) and its gradients over ``n`` samples."""
+    """Compute v = sum w_k f_k(x, x(t) - x(t-1)) and its gradients over ``n`` samples."""
     dims, codes, shapes = law
     n1 = dims[0] - 1 + dims[1]
     v0 = m + 1 + n1
@@ -186,7 +189,7 @@ def _apply_law(theta, law, kappa, signals, m, slopes, n):
     for k in range(codes.size):
         w, code, s0, s1, s2 = theta[n1 + k], codes[k], shapes[k, 0], shapes[k, 1], shapes[k, 2]
         out = delayed(signals, v0 + 1 + n1 + k, 0, n), v, by_now, by_old
-        # the laws of the paper; a loop whose term the compiler knows takes two thirds of the time
+        # the laws of the paper; if the compiler knows the term, the loop takes two thirds of the time
         if code == VISCOUS:
             for i in range(n):
                 _add_term(viscous(now[i] - old[i]), w, i, out)
@@ -212,7 +215,7 @@ def _apply_law(theta, law, kappa, signals, m, slopes, n):
 
 @part
 def _add_term(term_there, w, i, out):
-    """Keep a term's value f at sample i, and add w f to v and its slopes by x(t) and by x(t-1) to theirs."""
+    """Store a term's value f at sample i, add w f to v, and add its slopes by x(t) and by x(t-1) to those of v."""
     f, f_x, f_dx = term_there
     value, v, by_now, by_old = out
     value[i] = f
@@ -225,7 +228,7 @@ def _add_term(term_there, w, i, out):
 def through_denominator(rows, b, n):
     """row(t) -= sum b_j row(t-j) over ``n`` samples, in place; each row begins with its past."""
     nb, first, k = b.size, rows.shape[1] - LENGTH, 0
-    # the paper's order, with the past in registers, and three rows at once, as each sum waits for the one before it
+    # the paper's order, with the past in registers; three rows at once, because each sum waits for the one before it
     while nb == 2 and k + 3 <= rows.shape[0]:
         p, q, r = rows[k], rows[k + 1], rows[k + 2]
         p2, p1, q2, q1, r2, r1 = p[first - 2], p[first - 1], q[first - 2], q[first - 1], r[first - 2], r[first - 1]

@@ -1,6 +1,6 @@
-"""The published method: the regressors of an auxiliary model, and (7) to (14) on them, to the letter.
+"""The published method: the regressors of an auxiliary model, with (7) to (14) applied to them to the letter.
 
-`whsklearn.recursion.auxiliary_model` has the regressors (6) and the order of theta.
+The regressors (6) and the order of theta are in `whsklearn.recursion.auxiliary_model`.
 """
 
 from __future__ import annotations
@@ -36,13 +36,13 @@ class Published(NamedTuple):
 
 @njit(error_model="numpy", short=True)
 def run_pseudolinear(model, recent, since, forgetting, ceiling, law, p, mode, samples):
-    """Take theta, P and the auxiliary model through samples; all state arrays change in place.
+    """Run theta, P and the auxiliary model through samples; all state arrays change in place.
 
-    ``mode`` is BLOCK for (7)-(9), REEVALUATED for (10)-(14) with each row built anew from the
-    newest theta, GRADIENT for the stochastic gradient.  Every window starts from ``before``,
-    the auxiliary state before its first sample.  Weights are the paper's, 1 an innovation, times the
-    user's.  ``law`` is (dims, codes, shapes, key); ``recent`` and ``samples`` are `Samples`, the
-    former newest first.
+    ``mode`` is BLOCK for (7)-(9), REEVALUATED for (10)-(14) with each row rebuilt from the newest
+    theta, and GRADIENT for the stochastic gradient.  Every window starts from ``before``, the
+    auxiliary state before its first sample.  The weights are those of the paper, 1 per innovation,
+    times the user's.  ``law`` is (dims, codes, shapes, key).  ``recent`` and ``samples`` are
+    `Samples`, the former newest first.
     """
     theta, ud, before, loss, power = model
     recent_u, recent_y, recent_weight = recent

@@ -14,9 +14,9 @@ if TYPE_CHECKING:
 
 State = dict[str, Any]
 
-# Samples of the first re-run, on which a stream tries all of its starts: on 64 samples of Example 5.1 one start in 23
-# ends in the right minimum, on 128 one in 6, and 12 of 5,000 streams stood in a wrong one at row 1,000 where now none
-# does (benchmarks/accuracy.py --section minima --first-seed 1000).
+# Samples of the first re-run, on which a stream tries all of its starts.  On 64 samples of Example 5.1 one start in 23
+# ends in the right minimum, on 128 one in 6.  With 64, 12 of 5,000 streams were in a wrong minimum at row 1,000; now
+# none is (benchmarks/accuracy.py --section minima --first-seed 1000).
 FIRST_RERUN = 128
 
 
@@ -29,7 +29,7 @@ class Reading:
     dims : ndarray of shape (5,)
         n_a, n_b, n_c, n_d and the number of weights of the law.
     codes, shapes : ndarrays
-        The law's terms.
+        Terms of the law.
     p : int
         Innovation length.
     p0 : float
@@ -37,7 +37,7 @@ class Reading:
     forgetting : float
         Final forgetting factor.
     n_starts, memory : int
-        Starts side by side; samples kept.
+        Number of parallel starts; number of samples kept.
     frozen : bool
         True for the block update of (7)-(9), False for sub-innovations.
     seed : int
@@ -45,7 +45,7 @@ class Reading:
     n_inputs : int
         Columns of u.
     theta0 : ndarray of shape (n,), optional
-        One start that is not random.
+        One start that is given instead of drawn.
     """
 
     dims: NDArray[np.int64]
@@ -61,7 +61,7 @@ class Reading:
     n_inputs: int = 1
     theta0: NDArray[np.float64] | None = None
 
-    # worked out once: a row asks for them a dozen times, and a number of NumPy's takes ten times as long as Python's
+    # computed once: a row needs them a dozen times, and a NumPy number takes ten times as long as a Python number
     @cached_property
     def size(self) -> int:
         """Number of parameters."""
@@ -69,20 +69,20 @@ class Reading:
 
     @cached_property
     def history(self) -> int:
-        """Samples that must be known before a window."""
+        """Number of samples that must be known before a window."""
         return int(max(self.dims[0] // self.n_inputs, self.dims[3], 1))
 
     @cached_property
     def first_rerun(self) -> int:
-        """Samples before the first re-run of the memory."""
+        """Number of samples before the first re-run of the memory."""
         return min(max(FIRST_RERUN, 4 * self.size), self.memory)
 
     @cached_property
     def page_end(self) -> int:
-        """Samples in memory at which a re-run page is turned: half a page after it was full."""
+        """Number of samples in memory at which a re-run page is turned: half a page after it was full."""
         return self.memory + max(self.memory // 2, 1)
 
     @cached_property
     def law(self) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
-        """Dims, codes and shapes, as the kernels take them."""
+        """dims, codes and shapes, in the form that the kernels take."""
         return self.dims, self.codes, self.shapes

@@ -1,6 +1,6 @@
 """Log density of (a, b) for a law that jumps with sign(dx), over the few signs in doubt.
 
-Given phi = (a, b) the signs that turn are known, and what is linear beside them, r = (w, c, d), is projected out:
+Given phi = (a, b), the signs that turn are known, and the linear parameters r = (w, c, d) are projected out:
 
     log p(phi) = -(N - n_r)/2 log S(phi) - log|H(phi)|/2,    S = min_r sum of squares, H its curvature,
 
@@ -23,38 +23,38 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-RADIUS = 0.999  # of the poles of L1, at most
+RADIUS = 0.999  # largest radius of the poles of L1
 
 
 class Problem(NamedTuple):
-    """What `log_density` asks: the signs of `linearised_memory.Signs`, and each row they enter once.
+    """Arguments of `log_density`: the signs of `linearised_memory.Signs`, and each row that they enter, once.
 
     Attributes
     ----------
     matrix : ndarray of shape (n + 1, n + 1)
         [J e]' W [J e] with the signs frozen.
     theta : ndarray of shape (n,)
-        Where it is linearised.
+        Parameters at which it is linearised.
     dims : ndarray of shape (5,)
-        As everywhere.
+        As in `predictor`.
     count : float
-        Samples, as far as forgetting has left them.
+        Number of samples after forgetting.
     dx, sign, scale, gradient, curvature, height
         As in `Signs`.
     rows : ndarray of shape (R, n + 1)
         Rows of [J e] that a sign in doubt enters.
     row : ndarray of shape (E, n_c)
-        Which of them each sign enters; -1 for none.
+        Indices of the rows that each sign enters; -1 for none.
     reach : ndarray of shape (E,)
-        How far (a, b) may move, by ``metric``, before a sign can turn; in rising order.
+        How far (a, b) may move, measured by ``metric``, before a sign can turn; in rising order.
     metric : ndarray of shape (n_1, n_1)
-        Of the distance sqrt(delta' metric delta).
+        Defines the distance sqrt(delta' metric delta).
     """
 
     matrix: Array
     theta: Array
     dims: NDArray[np.int64]
-    count: float  # type: ignore[assignment]  # samples, as everywhere here; the tuple's own method is not used
+    count: float  # type: ignore[assignment]  # number of samples; the tuple's own method of this name is not used
     dx: Array
     sign: Array
     scale: Array
@@ -68,7 +68,7 @@ class Problem(NamedTuple):
 
 
 def posed(matrix: Array, theta: Array, dims: NDArray[np.int64], count: float, signs: Signs) -> Problem:
-    """The problem of these signs; two of them may enter one row."""
+    """Build the problem of these signs; two of them may enter the same row."""
     at, index = np.unique(signs.at.ravel(), return_inverse=True)
     index = index.reshape(signs.at.shape)
     rows = np.zeros((at.size, theta.size + 1))
@@ -82,17 +82,17 @@ def posed(matrix: Array, theta: Array, dims: NDArray[np.int64], count: float, si
 
 
 def by_reach(p: Problem, covariance: Array) -> Problem:
-    """The same, its signs in the order in which they come in reach: most particles then ask only a few of 500.
+    """The same problem with its signs in order of reach, so that most particles check only a few of 500.
 
-    ``covariance`` is of (a, b).  With its root L a step delta of length r changes dx by r (|L'g| + |L'H L| r / 2) at
-    most, so nothing that is left out could have turned.
+    ``covariance`` is that of (a, b).  With its root L, a step delta of length r changes dx by at most
+    r (|L'g| + |L'H L| r / 2), so no sign that is skipped could have turned.
     """
     root = np.linalg.cholesky(covariance)
     slope = np.sqrt(np.sum((p.gradient @ root) ** 2, axis=1))
     bend = np.sqrt(np.sum((root.T @ p.curvature @ root) ** 2, axis=(1, 2)))
     away = np.abs(p.dx)
     reach = 2.0 * away / np.maximum(slope + np.sqrt(slope**2 + 2.0 * bend * away), 1e-300)
-    reach[p.sign != np.sign(p.dx)] = 0.0  # turned where it is linearised
+    reach[p.sign != np.sign(p.dx)] = 0.0  # already turned at the linearisation point
     order = np.argsort(reach, kind="stable")
     asked = {
         name: getattr(p, name)[order] for name in ("dx", "sign", "scale", "gradient", "curvature", "height", "row")
@@ -103,7 +103,7 @@ def by_reach(p: Problem, covariance: Array) -> Problem:
 
 @part
 def turn(delta, p, matrix, change, touched):
-    """M at (a, b) = theta_0 + delta: the signs that turn, and what they change in the rows they enter."""
+    """M at (a, b) = theta_0 + delta: find the signs that turn, and change the rows that they enter."""
     n, n1, nw, nc = p.theta.size, p.gradient.shape[1], p.height.shape[1], p.row.shape[1]
     w, c = p.theta[n1 : n1 + nw], p.theta[n1 + nw : n1 + nw + nc - 1]
     for j in range(n + 1):
@@ -162,7 +162,7 @@ def turn(delta, p, matrix, change, touched):
 
 @part
 def log_density(delta, p, matrix, change, touched, low, rest):
-    """(log p(phi), S); ``rest`` receives what r - r_0 is best, ``low`` the Cholesky factor of H."""
+    """Return (log p(phi), S); ``rest`` receives the best r - r_0, ``low`` the Cholesky factor of H."""
     n, n1 = p.theta.size, delta.size
     nb = p.dims[1]
     b = np.empty(nb)
@@ -203,5 +203,5 @@ def log_density(delta, p, matrix, change, touched, low, rest):
         for k in range(i + 1, nr):
             r -= low[k, i] * rest[k]
         rest[i] = r / low[i, i]
-    s = max(s, 1e-14 * p.matrix[n, n])  # a record without noise: what is left is rounding
+    s = max(s, 1e-14 * p.matrix[n, n])  # in a record without noise, only rounding errors remain
     return -0.5 * (p.count - nr) * np.log(s) - curvature, s

@@ -1,9 +1,9 @@
 """Posterior of the parameters of a law that jumps with sign(dx), over the few signs in doubt.
 
-The likelihood is a staircase in (a, b): it steps wherever a sign turns, so neither its mode nor
-any Gaussian about it says what the record says.  (a, b), with the rest projected out (`sign_density`), is
-sampled by tempered sequential Monte Carlo (Del Moral, Doucet, Jasra 2006, JRSS B 68(3)) with
-differential-evolution moves (ter Braak 2006, Statistics and Computing 16).
+The likelihood is a staircase in (a, b), with a step wherever a sign turns, so neither its mode nor a
+Gaussian around the mode describes it.  (a, b) is therefore sampled, with the other parameters projected
+out (`sign_density`), by tempered sequential Monte Carlo (Del Moral, Doucet, Jasra 2006, JRSS B 68(3))
+with differential-evolution moves (ter Braak 2006, Statistics and Computing 16).
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 PARTICLES = 96
-WIDTH = 2.0  # of the first particles, in standard deviations with the signs frozen
-SWEEPS = 12  # moves of each particle at each temperature.  With three, one of 100 streams stayed in a worse mode
-FINAL_SWEEPS = 60  # at the last one, all of which the mean and the covariance are taken over
-ROUGH_SWEEPS, ROUGH_FINAL_SWEEPS = 4, 8  # where only the place is asked for
-MOST_TEMPERATURES = 30  # a posterior that is not reached by then is given up
-STRIDES = (0.9, 0.4, 0.15)  # of the moves, in differences of two particles
-NONE = -1e300  # log density of a particle where there is none: an unstable L1
+WIDTH = 2.0  # spread of the first particles, in standard deviations with the signs frozen
+SWEEPS = 12  # moves of each particle at each temperature; with three, one of 100 streams stayed in a worse mode
+FINAL_SWEEPS = 60  # moves at the last temperature; the mean and the covariance are taken over all of them
+ROUGH_SWEEPS, ROUGH_FINAL_SWEEPS = 4, 8  # the same if only the location is needed
+MOST_TEMPERATURES = 30  # if the posterior is not reached by then, it is given up
+STRIDES = (0.9, 0.4, 0.15)  # length of the moves, as multiples of the difference of two particles
+NONE = -1e300  # log density of a particle that has none, because its L1 is unstable
 
 
 class Gaussian(NamedTuple):
@@ -42,7 +42,7 @@ class Gaussian(NamedTuple):
 
 
 def frozen(matrix: Array, theta: Array, count: float) -> Gaussian | None:
-    """Least squares with the signs as they are; None where nothing is known of the noise yet."""
+    """Least squares with the signs as they are; None if nothing is known about the noise yet."""
     return in_one(frozen_steps(matrix, theta, count))
 
 
@@ -51,7 +51,7 @@ def frozen_steps(matrix: Array, theta: Array, count: float) -> Generator[None, N
     n = theta.size
     information = np.ascontiguousarray(matrix[:n, :n])
     yield
-    # by kernels that the re-run has called: LAPACK, which no other piece of a page needs, took 70 us of a row to begin
+    # with kernels that the re-run has already called; LAPACK, used by no other piece of a page, took 70 us to start
     ud = factors_of_inverse(information)
     yield
     inverse = np.array([times(ud, row) for row in np.eye(n)])
@@ -64,16 +64,16 @@ def frozen_steps(matrix: Array, theta: Array, count: float) -> Generator[None, N
 
 
 def sample(problem: Problem, start: Gaussian, rng: np.random.Generator, *, rough: bool = False) -> Gaussian | None:
-    """Mean and covariance over the signs in doubt; None where the particles did not reach the posterior.
+    """Mean and covariance over the signs in doubt; None if the particles did not reach the posterior.
 
     Parameters
     ----------
     problem : Problem
     start : Gaussian
-        As `frozen` gives it.
+        As returned by `frozen`.
     rng : numpy.random.Generator
     rough : bool, default=False
-        Fewer sweeps, for a mean that only says where to go on from.
+        Use fewer sweeps, for a mean that only serves as the next starting point.
     """
     n1 = problem.gradient.shape[1]
     if not n1 or not problem.dx.size:
@@ -83,7 +83,7 @@ def sample(problem: Problem, start: Gaussian, rng: np.random.Generator, *, rough
         root = np.linalg.cholesky(spread + 1e-12 * np.diag(np.diag(spread)))
         precision = np.asarray(np.linalg.inv(spread), dtype=np.float64)
         problem = by_reach(problem, spread)
-    except np.linalg.LinAlgError:  # all particles of the round before stood in one plane
+    except np.linalg.LinAlgError:  # all particles of the round before were in one plane
         return None
     centre = start.mean[:n1] - problem.theta[:n1]
     first = centre + rng.standard_normal((PARTICLES, n1)) @ root.T
@@ -100,18 +100,18 @@ def sample(problem: Problem, start: Gaussian, rng: np.random.Generator, *, rough
 
 
 class Swarm(NamedTuple):
-    """Particles, an entry each, and scratch.
+    """Particles, one entry each, and scratch space.
 
     Attributes
     ----------
     delta : ndarray of shape (S, n)
-        Their phi, and the rest that is best with it, from theta_0.
+        phi of each particle and the best other parameters for it, relative to theta_0.
     numbers : ndarray of shape (S, 3)
-        log p(phi), the squares S, log density of the first particles.
+        log p(phi), the sum of squares S, and the log density of the first particles.
     low : ndarray of shape (S, n_r, n_r)
         Cholesky factor of H.
     matrix, change, touched
-        Scratch of `turn`.
+        Scratch space of `turn`.
     """
 
     delta: Array
@@ -123,7 +123,7 @@ class Swarm(NamedTuple):
 
 
 def new_swarm(first: Array, p: Problem) -> Swarm:
-    """Particles that stand at ``first`` and know nothing of it yet."""
+    """Particles at ``first`` whose densities have not been computed yet."""
     count, n1 = first.shape
     n, rows = p.theta.size, p.rows.shape[0]
     delta, numbers = np.zeros((count, n)), np.zeros((count, 3))
@@ -136,7 +136,7 @@ def new_swarm(first: Array, p: Problem) -> Swarm:
 def tempered(
     problem: Problem, swarm: Swarm, centre: Array, precision: Array, rng: np.random.Generator, sweeps: tuple[int, int]
 ) -> tuple[Array, Array] | None:
-    """Temper and move the particles, in place: mean and covariance over the last sweeps; None if they did not do."""
+    """Temper and move the particles, in place; return mean and covariance over the last sweeps, or None on failure."""
     move(problem, swarm, centre, precision, np.zeros((PARTICLES, 4)), 0.0, -1)
     swarm.numbers[swarm.numbers[:, 0] == -np.inf, 0] = NONE
     each, last = sweeps
@@ -152,21 +152,21 @@ def tempered(
                 kept.append(swarm.delta.copy())
         if beta == 1.0:
             everyone = np.concatenate(kept)
-            with np.errstate(over="ignore", invalid="ignore"):  # particles that ran away; the caller asks
+            with np.errstate(over="ignore", invalid="ignore"):  # particles may have diverged; the caller checks
                 mean = everyone.mean(axis=0)
                 return mean, (everyone - mean).T @ (everyone - mean) / len(everyone)
     return None
 
 
 def rest_covariance(problem: Problem, swarm: Swarm) -> Array:
-    """What r is uncertain by once phi is known: mean of sigma^2 H^-1 over the particles."""
+    """Covariance of r given phi: the mean of sigma^2 H^-1 over the particles."""
     half = np.linalg.inv(swarm.low)
     variance = swarm.numbers[:, 1] / (max(problem.count - problem.theta.size, 1.0) * len(half))
     return np.einsum("s,ski,skj->ij", variance, half, half)
 
 
 def next_temperature(beta: float, gain: Array, weight: Array) -> float:
-    """The next beta, at which half of the particles still count; ``weight`` receives theirs."""
+    """The next beta, at which half of the particles still count; ``weight`` receives their weights."""
     low, high = 0.0, 1.0 - beta
     step = high
     for _ in range(40):
@@ -190,7 +190,7 @@ def resample(weight: Array, u: float, parent: NDArray[np.int64]) -> None:
 
 @part
 def log_first(delta, centre, precision):
-    """Log density of the first particles, without its constant."""
+    """Log density of the first particles, without the constant."""
     s = 0.0
     for i in range(delta.size):
         for j in range(delta.size):
@@ -200,9 +200,9 @@ def log_first(delta, centre, precision):
 
 @njit(error_model="numpy", short=True)
 def move(p, swarm, centre, precision, uniform, beta, sweep):
-    """One differential-evolution move of each particle at the temperature ``beta``; before the first sweep none.
+    """One differential-evolution move of each particle at the temperature ``beta``; none before the first sweep.
 
-    One call of the density for all, since a second would double what the compiler has to write.
+    The density is called in one place only, because a second call would double the code to be compiled.
     """
     delta, numbers = swarm.delta, swarm.numbers
     count, n1 = delta.shape[0], centre.size

@@ -1,8 +1,8 @@
 """Least squares of the free run of a Wiener-Hammerstein chain, with exact sensitivities.
 
 x = b1/a1 u, v = sum w_k f_k(x, dx), y = b2/a2 v, from rest.  After every trial step the weights of
-the law are solved anew (variable projection): without it 1 of 8 segments of the benchmark
-converges, with it 7 of 8.
+the law are solved for again (variable projection): 7 of 8 segments of the benchmark converge with
+it, and 1 of 8 without it.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-PLACE_AT = (4, 9, 17, 33)  # iterations after which knots follow x; between them the cost is one function
-DEARER = 1.05  # what knots that follow x may cost for the moment
-SHARPNESS = 100.0  # of a smoothed sign: kappa rms(dx); at the end 1 sample in 80 lies within it
+PLACE_AT = (4, 9, 17, 33)  # iterations after which knots are placed again for x; the cost changes only there
+DEARER = 1.05  # factor by which placing the knots again may raise the cost for the moment
+SHARPNESS = 100.0  # of a smoothed sign, kappa rms(dx); at the end 1 sample in 80 is within its transition
 
 
 class Chain(NamedTuple):
-    """The chain's numbers: numerators from the direct path on, denominators with their leading 1.
+    """The chain's numbers: numerators beginning with the direct path, denominators with their leading 1.
 
-    ``b1`` has a row an input, shape (m, n); they share a1.
+    ``b1`` has one row per input, shape (m, n); all inputs share a1.
     """
 
     b1: Array
@@ -60,12 +60,12 @@ class Chain(NamedTuple):
 
     @property
     def stable(self) -> bool:
-        """Whether all poles are inside the circle of `EDGE`."""
+        """Whether all poles are inside the circle of radius `EDGE`."""
         return all(is_stable(np.ascontiguousarray(a[1:]), EDGE) for a in (self.a1, self.a2))
 
 
 class Signals(NamedTuple):
-    """What a run of the chain leaves: x, v, y, the law's columns (k, n) and its slopes by x and by dx."""
+    """The signals of a run: x, v, y, the law's columns (k, n) and its slopes by x and by dx."""
 
     x: Array
     v: Array
@@ -76,7 +76,7 @@ class Signals(NamedTuple):
 
 
 class Fitted(NamedTuple):
-    """A chain, its error on the samples that count (zero elsewhere), and the sum of its squares."""
+    """A chain, its error on the samples that count (zero elsewhere), and the sum of squares of that error."""
 
     chain: Chain
     error: Array
@@ -84,7 +84,7 @@ class Fitted(NamedTuple):
 
     @property
     def n_parameters(self) -> int:
-        """Numbers of the chain, less the two gains that the law has as well."""
+        """Number of the chain's parameters, less the two gains that the law has as well."""
         return self.chain.linear_part.size + len(self.chain.law) - 2
 
 
@@ -121,7 +121,7 @@ def solve_law(chain: Chain, data: IOData) -> Fitted:
 
 
 def sensitivities(chain: Chain, data: IOData) -> tuple[Array, Array]:
-    """(y, its derivatives by b1, a1[1:], b2, a2[1:] and the weights, a row each)."""
+    """(y, its derivatives by b1, a1[1:], b2, a2[1:] and the weights, one row each)."""
     s = run(chain, data)
     one = np.ones(1)
     inner = filter_rows(one, chain.a1, np.vstack([data.u, s.x]), data.bounds)
@@ -150,19 +150,19 @@ def sensitivities(chain: Chain, data: IOData) -> tuple[Array, Array]:
 
 
 def refine(chain: Chain, data: IOData, iterations: int, *, free: bool = True) -> Fitted:
-    """Levenberg-Marquardt on the free-run error; steps to a pole beyond 0.9999 are refused.
+    """Levenberg-Marquardt on the free-run error; steps to a pole beyond radius 0.9999 are rejected.
 
     Parameters
     ----------
     chain : Chain
-        Where to begin; its weights may be anything.
+        The starting point; its weights may be arbitrary.
     data : IOData
         The record.
     iterations : int
-        At most so many.
+        Largest number of iterations.
     free : bool, default=True
-        Whether the scale of x is free: knots of the law then follow x, which is given unit deviation.  Else b1[0]
-        and b2[0] stay as they are, as laws such as tanh(dx) need it.
+        Whether the scale of x is free.  If it is, x is scaled to unit standard deviation and the knots of the law
+        follow it.  Otherwise b1[0] and b2[0] stay as they are, which laws such as tanh(dx) need.
     """
     best = least = solve_law(chain, data)
     if free:
@@ -175,7 +175,7 @@ def refine(chain: Chain, data: IOData, iterations: int, *, free: bool = True) ->
             break
         if free and i in PLACE_AT:
             anew = solve_law(normalised(best.chain, data), data)
-            least = min(least, best, key=lambda f: f.cost)  # knots on a kink are not always found again
+            least = min(least, best, key=lambda f: f.cost)  # knots at a kink are not always found again
             best = anew if anew.cost < DEARER * best.cost else best
         rows = sensitivities(best.chain, data)[1] * data.scale
         n = best.chain.linear_part.size
@@ -197,14 +197,14 @@ def refine(chain: Chain, data: IOData, iterations: int, *, free: bool = True) ->
 
 
 def _with_unit_scale(information: Array) -> Array:
-    """The normal equations; a parameter that the record says nothing about keeps a unit scale and stays."""
+    """The normal equations; a parameter about which the record says nothing gets a unit scale and does not move."""
     diagonal = np.diag(information)
     information[np.diag_indices_from(information)] = np.where(diagonal > 0, diagonal, 1.0)
     return information
 
 
 def normalised(chain: Chain, data: IOData) -> Chain:
-    """x of unit deviation, b2 of unit length and knots placed for x; the weights are to be solved anew."""
+    """Scale x to unit deviation and b2 to unit length, and place knots for x; the weights must be solved for again."""
     x = before_law(chain, data)[data.counts]
     scale = float(np.std(x))
     if not np.isfinite(scale) or scale == 0.0:
@@ -214,14 +214,14 @@ def normalised(chain: Chain, data: IOData) -> Chain:
 
 
 def _kappa(x: Array, data: IOData) -> float:
-    """Sharpness of the law's signs: their value is exact, their slope that of a tanh."""
+    """Sharpness of the law's signs: their value is exact, their slope is that of a tanh."""
     moving = np.diff(x[data.counts])
     rms = float(np.sqrt(np.mean(moving**2))) if moving.size else 0.0
     return -SHARPNESS / rms if rms > 0 and np.isfinite(rms) else -1.0
 
 
 def orthonormal(columns: Array) -> Array:
-    """A matrix m with orthonormal rows of ``m @ columns``; truncated powers alone are nearly dependent."""
+    """A matrix m for which the rows of ``m @ columns`` are orthonormal; truncated powers are nearly dependent."""
     thin = np.ascontiguousarray(columns[:, :: 1 + columns.shape[1] // 4000])
     scale = np.maximum(np.sqrt(np.mean(thin**2, axis=1)), 1e-300)
     r = np.linalg.qr((thin / scale[:, None]).T, mode="r") / np.sqrt(thin.shape[1])
@@ -230,7 +230,7 @@ def orthonormal(columns: Array) -> Array:
 
 @njit(cache=True, error_model="numpy")
 def law_columns(codes, shapes, weights, x, bounds, kappa):
-    """Every term at weight one, then the slopes of the weighted law by x and by dx, (k + 2, n)."""
+    """Every term at weight one, then the slopes of the weighted law by x and by dx, shape (k + 2, n)."""
     out = np.zeros((codes.size + 2, x.size))
     columns, by_x, by_dx = out[:-2], out[-2], out[-1]
     for e in range(bounds.size - 1):

@@ -1,7 +1,7 @@
-"""From a record to a Wiener-Hammerstein chain: divide the best linear model, refine by successive halving.
+"""From a record to a Wiener-Hammerstein chain: divide the best linear model and refine by successive halving.
 
 Sjoberg and Schoukens 2012, Initializing Wiener-Hammerstein models based on partitioning of the best
-linear approximation, Automatica 48; the halving is Jamieson and Talwalkar 2016's.
+linear approximation, Automatica 48; the halving is from Jamieson and Talwalkar 2016.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ from whsklearn.recursion.wrong_minimum import improved
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-SKIP = 300  # samples of an experiment's start that do not count; a tenth of it where that is less
-LINEAR, SHORT, LONG = 10_000, 5_000, 10_000  # samples for the linear model, the halving's rungs, its last rung
+SKIP = 300  # samples at the start of an experiment that do not count; a tenth of the experiment if that is less
+LINEAR, SHORT, LONG = 10_000, 5_000, 10_000  # samples for the linear model, the rungs of the halving, and its last rung
 KEPT = 8  # divisions of each order that are refined
-RUNGS = ((6, SHORT, 12), (14, SHORT, 3), (40, LONG, 1))  # iterations, samples, how many go on
-FINE_KNOTS, FINE_FROM = 20, 3_000  # a finer law where samples abound
+RUNGS = ((6, SHORT, 12), (14, SHORT, 3), (40, LONG, 1))  # iterations, samples, and how many candidates continue
+FINE_KNOTS, FINE_FROM = 20, 3_000  # a finer law if there are many samples
 HOLDOUT = 0.25
 
 
 class Structure(NamedTuple):
     """Orders of the linear model, and the least (or, if ``exact``, the only) orders of the blocks.
 
-    ``linear`` are (poles, zeros).  If ``exact``, they are tried in turn until two have a division that fits: a
-    conjugate pair cannot stand in two blocks of order one.
+    ``linear`` holds pairs (poles, zeros).  If ``exact``, they are tried in turn until two have a division that fits,
+    because a conjugate pair cannot be divided between two blocks of order one.
     """
 
     linear: tuple[tuple[int, int], ...]
@@ -46,8 +46,8 @@ def square(n: int) -> Orders:
     return Orders(n, n, n, n)
 
 
-# padding to 3 poles lets a 2 + 3 division of a linear model of the wrong order still reach 3 + 3: all of 8 segments
-# of the benchmark converge with it, 5 without; on systems of lower order it is surplus, so those are tried too
+# Padding to 3 poles lets a 2 + 3 division of a linear model of the wrong order still reach 3 + 3.  All 8 segments of
+# the benchmark converge with it, 5 without it.  Systems of lower order do not need the surplus, so those are tried too.
 UNKNOWN = tuple(
     Structure(tuple((n, n) for n in orders), square(least))
     for orders, least in (((2,), 1), ((3, 4), 2), ((4, 5, 6, 7), 3))
@@ -58,7 +58,7 @@ def record(
     u: NDArray[np.float64], y: NDArray[np.float64], restart: NDArray[np.bool_],
     weights: NDArray[np.float64] | None = None,
 ) -> IOData:  # fmt: skip
-    """A record for the fit, from u (n, m) and y (n,): where experiments begin, which samples count, and how much."""
+    """A record for the fit, from u (n, m) and y (n,): starts of experiments, and which samples count and how much."""
     bounds = np.append(np.flatnonzero(restart), y.size).astype(np.int64)
     counts = np.ones(y.size, dtype=bool)
     for start, length in zip(bounds[:-1], np.diff(bounds), strict=True):
@@ -70,17 +70,17 @@ def record(
 
 
 def search(data: IOData, law: FrictionLaw, structures: tuple[Structure, ...] = UNKNOWN) -> Fitted:
-    """The chain with the least free-run error; between structures, held-out data decide.
+    """The chain with the least free-run error; held-out data decide between structures.
 
     Parameters
     ----------
     data : IOData
         The record.
     law : FrictionLaw
-        A law in x; its knots are placed anew.
+        A law in x; its knots are placed again.
     structures : tuple of Structure
-        Simplest first.  Where there are several the blocks may grow beyond them, and a polynomial is taken for the law
-        where held-out data do not tell it from the law.
+        Simplest first.  If there are several, the blocks may grow beyond them, and a polynomial replaces the law if
+        held-out data cannot distinguish the two.
     """
     if len(structures) == 1:
         return finish(halving(data, law, structures[0]).chain, data)
@@ -95,7 +95,7 @@ def search(data: IOData, law: FrictionLaw, structures: tuple[Structure, ...] = U
 
 
 def halving(data: IOData, law: FrictionLaw, structure: Structure) -> Fitted:
-    """The best of many divisions after ever longer refinements of ever fewer, the last on `LONG` samples."""
+    """The best of many divisions, by longer and longer refinements of fewer and fewer, the last on `LONG` samples."""
     pool = starts(data, law, structure)
     for iterations, samples, kept in RUNGS:
         pool = best_in_turn([refine(f.chain, data.head(samples), iterations) for f in pool], kept)
@@ -105,8 +105,8 @@ def halving(data: IOData, law: FrictionLaw, structure: Structure) -> Fitted:
 def best_in_turn(pool: list[Fitted], kept: int) -> list[Fitted]:
     """The best of each way to divide the poles, then the second best of each, and so on.
 
-    After few iterations a way with more poles is ahead, and of little promise: on one of 8 segments of the benchmark
-    the first 8 by their cost held none that ends at the floor, and 12 of all 30 do.
+    After a few iterations, divisions with more poles in one block lead but promise little.  On one of 8 segments of the
+    benchmark none of the first 8 by cost ends at the noise floor, although 12 of all 30 do.
     """
     ways: dict[tuple[int, int], list[Fitted]] = {}
     for f in sorted(pool, key=lambda f: f.cost):
@@ -116,7 +116,7 @@ def best_in_turn(pool: list[Fitted], kept: int) -> list[Fitted]:
 
 
 def starts(data: IOData, law: FrictionLaw, structure: Structure) -> list[Fitted]:
-    """The best divisions of the best linear model of each order, with the law that suits them."""
+    """The best divisions of the best linear model of each order, each with its best weights of the law."""
     short, out = data.head(SHORT), []
     centred = data.head(LINEAR)
     centred = centred._replace(y=centred.y - centred.y[centred.counts].mean())
@@ -137,7 +137,7 @@ def starts(data: IOData, law: FrictionLaw, structure: Structure) -> list[Fitted]
 
 
 def finish(chain: Chain, data: IOData) -> Fitted:
-    """All samples, and a finer law where they abound."""
+    """Refine on all samples, with a finer law if there are many."""
     fitted = refine(chain, data.head(2 * LONG), 20)
     if data.y.size >= FINE_FROM and chain.law.labels[2:3] == ("natural_spline1",):
         finer = FrictionLaw(spline_terms(np.linspace(-1.0, 1.0, FINE_KNOTS)))
@@ -149,7 +149,7 @@ def finish(chain: Chain, data: IOData) -> Fitted:
 
 
 def _at_least(first: Ratio, second: Ratio, structure: Structure) -> tuple[Ratio, Ratio]:
-    """Both blocks padded to what the structure asks for."""
+    """Both blocks padded to the orders that the structure requires."""
     o = structure.blocks
     if structure.exact:
         return padded(first, o.zeros_1, o.poles_1), padded(second, o.zeros_2, o.poles_2)

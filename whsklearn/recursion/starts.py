@@ -1,8 +1,8 @@
 """Starting points of a search: random stable blocks, and least squares for the parameters that are then linear.
 
-The prediction error has several minima; a single start ends in the global one in about
+The prediction error has several minima.  A single start ends in the global one in about
 six of ten cases on the paper's example and in far fewer on some systems, so several
-starts run side by side (measured by benchmarks/accuracy.py).
+starts run in parallel (measured by benchmarks/accuracy.py).
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ if TYPE_CHECKING:
 
 def random_stable(order: int, rng: np.random.Generator) -> NDArray[np.float64]:
     """A stable denominator from uniform reflection coefficients (Levinson recursion)."""
-    b: list[float] = []  # arrays would take five times as long, while a sample waits
+    b: list[float] = []  # arrays would take five times as long while a sample waits
     for r in rng.uniform(-0.9, 0.9, order).tolist():
         b = [x + r * y for x, y in zip(b, b[::-1], strict=True)] + [r]
     return np.array(b)
 
 
 def random_start(dims: tuple[int, ...], rng: np.random.Generator, scales: Array | None = None) -> Array:
-    """theta with stable blocks; weights of the order of ``scales``, or of one if the scales are unknown."""
+    """theta with stable blocks; the weights are of the order of ``scales``, or of one if the scales are unknown."""
     return in_one(random_start_steps(dims, rng, scales))
 
 
@@ -51,9 +51,9 @@ def random_start_steps(
 
 
 def term_scales(law: Law, u: Array, y: Array, restart: NDArray[np.bool_], rng: np.random.Generator) -> Array:
-    """Weights at which each term alone would have the output's size, the median over random L1.
+    """Weights at which each term alone would have the size of the output; the median over random L1.
 
-    With them a start and a prior do not depend on the units of the log.
+    They make starts and priors independent of the units of the log.
     """
     return scales_from([term_sizes(law, u, restart, rng) for _ in range(9)], y)
 
@@ -75,13 +75,13 @@ def term_sizes_steps(
 
 
 def scales_from(sizes: list[Array], y: Array) -> Array:
-    """Weights at which each term of the median of ``sizes`` has the output's size."""
-    typical = np.sort(np.array(sizes), axis=0)[len(sizes) // 2]  # the median of nine, in a third of its time
+    """Weights at which each term, of the median of ``sizes``, has the size of the output."""
+    typical = np.sort(np.array(sizes), axis=0)[len(sizes) // 2]  # the median of nine, faster than np.median
     return np.sqrt(np.mean(y**2)) / np.where(typical > 0.0, typical, 1.0)
 
 
 def regressors(theta: Array, law: Law, u: Array, y: Array, restart: NDArray[np.bool_]) -> Array:
-    """Rows of what is linear once L1 of ``theta`` is fixed: f_k(t-m) for m = 1..n_c, then -y(t-n)."""
+    """Regressors that are linear once L1 of ``theta`` is fixed: f_k(t-m) for m = 1..n_c, then -y(t-n)."""
     dims, codes, shapes = law
     (x, dx), motion = first_block(theta, dims, u, restart, KNOWN)
     f = law_values(codes, shapes, x, dx, 0.5 / max(motion, 1e-12))
@@ -90,7 +90,7 @@ def regressors(theta: Array, law: Law, u: Array, y: Array, restart: NDArray[np.b
 
 @njit(error_model="numpy", short=True)
 def lagged(f, y, restart, nc, nd):
-    """f(t-1), .. f(t-n_c), -y(t-1), .. -y(t-n_d) of every sample, zero where that is before its experiment."""
+    """f(t-1), .. f(t-n_c), -y(t-1), .. -y(t-n_d) of every sample; zero before the start of its experiment."""
     nw, n = f.shape
     rows = np.zeros((n, nc * nw + nd))
     since = 0
@@ -107,14 +107,14 @@ def lagged(f, y, restart, nc, nd):
 
 
 def least_squares_steps(theta: Array, law: Law, rows: Array, y: Array) -> Generator[None, None, Array]:
-    """Keep L1 of ``theta`` and take weights, c and d from least squares on its `regressors`; in two parts.
+    """Keep L1 of ``theta`` and compute the weights, c and d by least squares on its `regressors`; in two parts.
 
-    With L1 fixed, y is linear in the products c_m w_k and in d; the products are a matrix
+    With L1 fixed, y is linear in the products c_m w_k and in d.  The products form a matrix
     of rank one, so its first singular vectors give c and w (Bai 1998, Automatica 34(3)).
     """
     na, nb, nc, _, nw = (int(d) for d in law[0])
     n1 = na - 1 + nb
-    # one call: the normal equations would be five, and out of the cache each call costs 10 us
+    # one call; the normal equations would need five, and each call that is not in the cache costs 10 us
     solution = np.linalg.lstsq(rows, y, rcond=1e-10)[0]
     yield
     if not np.isfinite(solution).all():
@@ -131,5 +131,5 @@ def least_squares_steps(theta: Array, law: Law, rows: Array, y: Array) -> Genera
 
 
 def least_squares_start(theta: Array, law: Law, u: Array, y: Array, restart: NDArray[np.bool_]) -> Array:
-    """`least_squares_steps` in one."""
+    """`least_squares_steps` in one go."""
     return in_one(least_squares_steps(theta, law, regressors(theta, law, u, y, restart), y))

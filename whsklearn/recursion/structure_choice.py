@@ -1,4 +1,4 @@
-"""Choose between several fitted chains by data that none of them has seen."""
+"""Choose between several fitted chains on data that none of them was fitted to."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from whsklearn.recursion.best_linear import IOData
 
 SIMPLER = 1.03  # a simpler model has at most 3 % more error on held-out data than the best
-BATCHES, DEVIATIONS = 60, 2.0  # and at most two standard errors more, of the difference
-CHANCE = 1e-3  # that further parameters gain so much in the data of the fit where they mean nothing
+BATCHES, DEVIATIONS = 60, 2.0  # and its error exceeds the best by at most two standard errors of the difference
+CHANCE = 1e-3  # probability that useless parameters gain so much on the data of the fit
 
 
 def squared_error(chain: Chain, data: IOData) -> float:
@@ -25,21 +25,21 @@ def squared_error(chain: Chain, data: IOData) -> float:
 
 
 def simplest(candidates: list[Fitted], later: IOData) -> Fitted:
-    """The first chain that cannot be distinguished from the best one on data that none of them has seen.
+    """The first chain that cannot be distinguished from the best one on data that none of them was fitted to.
 
-    They do where it is better there by 3 %, or by two standard errors, or at all, if in the data of the fit its further
-    parameters gain more than chance would give them (likelihood ratio).
+    The best one counts as different if its error there is less by 3 % or by two standard errors.  Any smaller error is
+    enough if its additional parameters gain more on the data of the fit than chance would (likelihood ratio).
 
     Parameters
     ----------
     candidates : list of Fitted
         Fits to the same data, the simplest first.
     later : IOData
-        The record, of which only samples count that the fits have not seen.
+        The record, in which only the samples count that the fits have not seen.
     """
     with np.errstate(over="ignore", invalid="ignore"):
         squares = [((later.y - run(f.chain, later).y) * later.scale)[later.counts] ** 2 for f in candidates]
-        # over batches, since what a free run leaves is not white
+        # over batches, because the error of a free run is not white
         sums = np.array([[part.sum() for part in np.array_split(s, min(BATCHES, s.size))] for s in squares])
     sums[~np.isfinite(sums)] = np.inf
     k = int(np.argmin(sums.sum(axis=1)))

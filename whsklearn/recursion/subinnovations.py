@@ -1,10 +1,10 @@
 """Sub-innovation updates with the exact gradient: the default reading of (10)-(14).
 
-The last p samples are one window.  It starts from the stored state before it; for
-i = 1 .. p it is run again up to its i-th sample with the newest parameters, and that
-sample updates theta and P with weight 1/p, so that over p windows it counts once and P
-stays calibrated.  With ``frozen`` the p rows are evaluated at theta(t-1) and P is the
-block update (7)-(9), which by the block inversion lemma is p scalar updates.
+The last p samples are one window, which starts from the stored state before it.  For
+i = 1 .. p the window is run again up to its i-th sample with the newest parameters, and
+that sample updates theta and P with weight 1/p.  Over p windows each sample then counts
+once, and P stays calibrated.  With ``frozen`` the p rows are evaluated at theta(t-1) and
+P follows the block update (7)-(9), which by the block inversion lemma is p scalar updates.
 """
 
 from __future__ import annotations
@@ -27,26 +27,26 @@ if TYPE_CHECKING:
 
 STABLE_RADIUS = 0.999
 LARGEST_PARAMETER = 1e8
-LARGEST_SIGNAL = 1e60  # logs hold 1e30 at the most
+LARGEST_SIGNAL = 1e60  # logs hold at most 1e30
 LOSS_FORGETTING = 0.995
-LONGEST_TRANSIENT = 256  # samples of constant input after which nothing more is forgotten
+LONGEST_TRANSIENT = 256  # samples of constant input after which forgetting stops
 MOVING, IDLE, STILL = range(3)
 
 
 @part
 def relative_sharpness(seen, sharpest):
-    """kappa times the root mean square of dx: rises with the samples seen from 1 to ``sharpest``."""
+    """kappa times the root mean square of dx, which rises with the samples seen from 1 to ``sharpest``."""
     return min(max((seen / 32.0) ** 1.75, 1.0), sharpest)
 
 
 @njit(error_model="numpy", short=True)
 def mark_still(repeats, recent_u, recent_y, known, kept, u, y, still):
-    """Mark samples that are MOVING, IDLE or STILL; ``repeats`` counts how often the last input and sample repeat.
+    """Mark samples as MOVING, IDLE or STILL; ``repeats`` counts how often the last input and sample repeat.
 
-    A record that stands STILL to the last bit, longer than a window sees, says the same thing again: taken for new
-    samples, it would let the noise variance and P die away.  An input that stood still for LONGEST_TRANSIENT samples
-    leaves an IDLE axis: it says what its noise is, but does not excite what forgetting would take away.
-    ``known`` counts samples under the forgetting factor ``kept``.
+    A record that does not change by a bit for longer than a window is STILL: it repeats the same information, and
+    counting it as new samples would let the noise variance and P decay.  An axis whose input has been constant for
+    LONGEST_TRANSIENT samples is IDLE: it shows its noise, but does not excite the directions that forgetting would
+    open.  ``known`` counts samples under the forgetting factor ``kept``.
     """
     m = u.shape[1]
     for t in range(y.size):
@@ -66,16 +66,16 @@ def mark_still(repeats, recent_u, recent_y, known, kept, u, y, still):
 
 
 class Models(NamedTuple):
-    """Models side by side, a row each.
+    """Models that run in parallel, one row each.
 
     Attributes
     ----------
     theta, ud, before : ndarrays of shape (S, n), (S, n, n), (S, n_state)
         Parameters, factorised covariance and the state before the window.
     loss : ndarray of shape (S, 2)
-        Weighted sum of squared innovations, and how many.
+        Weighted sum of squared innovations, and their number.
     motion : ndarray of shape (S, 2)
-        The same of dx, which sets the scale of kappa.
+        The same for dx, which sets the scale of kappa.
     sharpness : ndarray of shape (S,)
         kappa.
     """
@@ -94,7 +94,7 @@ class Samples(NamedTuple):
     Attributes
     ----------
     u, y, weight : ndarrays
-        Input, of shape (m, n_inputs) or flat, output and weight of its squared error.
+        Input, of shape (m, n_inputs) or flat; output; weight of its squared error.
     """
 
     u: Array
@@ -103,16 +103,16 @@ class Samples(NamedTuple):
 
 
 class Schedule(NamedTuple):
-    """What depends on how many samples have come.
+    """Settings that depend on the number of samples seen.
 
     Attributes
     ----------
     forgetting : ndarray of shape (3,)
-        Present value, final value, rate at which the one goes to the other.
+        Current value, final value, and the rate at which the first approaches the second.
     ceiling : float
-        Where forgetting stops to inflate P.
+        Limit up to which forgetting inflates P.
     sharpest : float
-        Where positive, kappa rises with the samples seen to this value (relative to dx).
+        If positive, kappa rises to this value (relative to dx) with the samples seen.
     """
 
     forgetting: Array
@@ -124,36 +124,36 @@ def run_windows(
     models: Models, recent: Samples, since: int, seen: int, schedule: Schedule, law: Law, p: int, frozen: bool,
     samples: Samples, still: NDArray[np.uint8],
 ) -> int:  # fmt: skip
-    """Take every model through the samples; all state arrays change in place.
+    """Run every model through the samples; all state arrays change in place.
 
     Parameters
     ----------
     models : Models
     recent : Samples
-        The latest ones, newest first: u of shape ((p + lags) * n_inputs,), y and weights of shape (p + lags,).
+        The latest samples, newest first: u of shape ((p + lags) * n_inputs,), y and weights of shape (p + lags,).
     since : int
-        Samples since the experiment began.
+        Number of samples since the experiment began.
     seen : int
-        Samples in all.
+        Number of samples in all.
     schedule : Schedule
     law : tuple of ndarrays
         dims, codes, shapes.
     p : int
         Innovation length.
     frozen : bool
-        Whether all rows of a window are taken at the parameters before it.
+        Whether all rows of a window are evaluated at the parameters before it.
     samples : Samples
-        The new ones.
+        The new samples.
     still : ndarray of shape (m,)
-        By `mark_still`: STILL samples teach nothing, the state goes on and nothing else does; IDLE ones let nothing
-        be forgotten.
+        From `mark_still`: a STILL sample advances the state and changes nothing else; nothing is forgotten at an
+        IDLE one.
 
     Returns
     -------
     int
         ``since`` after the last sample.
     """
-    # plain tuples: Numba looks at named ones for twice as long, which was a third of a row
+    # plain tuples: Numba takes twice as long to unpack named ones, which was a third of a row
     return _run_windows(
         tuple(models), tuple(recent), since, seen, tuple(schedule), law, p, frozen, tuple(samples), still
     )
@@ -185,7 +185,7 @@ def _run_windows(models, recent, since, seen, schedule, law, p, frozen, samples,
 
 @part
 def _newest_first(samples, recent, m):
-    """The samples, ``m`` numbers each, from the newest to the oldest, and the recent ones behind them."""
+    """The samples, ``m`` numbers each, from the newest to the oldest, followed by the recent ones."""
     n = samples.size
     line = np.empty(n + recent.size)
     for k in range(n):
@@ -197,16 +197,16 @@ def _newest_first(samples, recent, m):
 
 @part
 def _keep(recent, line):
-    """The newest of the line."""
+    """Store the newest samples of the line."""
     for k in range(recent.size):
         recent[k] = line[k]
 
 
 @part
 def _run_model(model, line, samples, since, seen, schedule, law, p, frozen, still):
-    """Take one model through the samples; returns the forgetting factor after the last of them.
+    """Run one model through the samples; return the forgetting factor after the last of them.
 
-    Its one caller is where it is written into: compiled by itself as well, a first fit takes a second longer.
+    It is inlined into its only caller; compiled separately as well, a first fit would take a second longer.
     """
     theta, ud, before, loss, motion, sharpness = model
     recent_u, recent_y, recent_weight = samples
@@ -233,11 +233,11 @@ def _run_model(model, line, samples, since, seen, schedule, law, p, frozen, stil
             start[k] = theta[k]
         copy_past(past, 0, line, min(p, since), past)
         for i in range(window + 1):
-            # newest sample of the run-up has index window-1-i among the recent; a frozen one goes on where it was
+            # the newest sample of the run-up has index window-1-i in the recent ones; a frozen run continues from there
             now = window - 1 - i
             run_up = window - 1
-            onwards = i == window  # at last the state before the window goes one sample on, by the newest parameters:
-            if onwards:  # in the same loop, since a second call of `advance` would be written out once more
+            onwards = i == window  # finally the state before the window advances, with the newest parameters:
+            if onwards:  # in the same loop, because a second call of `advance` would be inlined once more
                 if since < p:
                     break
                 run_up, now = p - 1, p - 2
@@ -263,7 +263,7 @@ def _run_model(model, line, samples, since, seen, schedule, law, p, frozen, stil
             if frozen:
                 for k in range(n):
                     e -= psi[k] * (theta[k] - start[k])
-            usable = abs(e) < LARGEST_SIGNAL  # False for NaN too: an interim model that blows up teaches nothing
+            usable = abs(e) < LARGEST_SIGNAL  # False for NaN too: nothing is learnt from an interim model that diverges
             for k in range(n):
                 usable &= abs(psi[k]) < LARGEST_SIGNAL
             if now == 0:

@@ -11,23 +11,24 @@ from whsklearn.recursion.simulation_error import Fitted, refine
 if TYPE_CHECKING:
     from whsklearn.recursion.best_linear import IOData
 
-# on drawn systems (benchmarks/drawn_laws.py) moves that help take 5 % and more away; what takes less bends poles to
-# what the law cannot say, and on the benchmark would go on for all rounds
-ROUNDS, WORTH = 10, 0.02  # at most, and the share of the sum of squares that a round has to take away
+# On random systems (benchmarks/drawn_laws.py), moves that help reduce the sum of squares by 5 % or more.  Moves with
+# less effect only bend the poles to cover what the law cannot describe, and on the benchmark would use up all rounds.
+ROUNDS, WORTH = 10, 0.02  # rounds at most, and the share of the sum of squares that a round must remove
 LARGEST = 8  # poles of a block
-PLACES = 2  # where a pole is tried in each block in a round
+PLACES = 2  # places at which a pole is tried in each block in a round
 SHORT, TRIED, REFINED = 5_000, 14, 40  # samples and iterations of each trial, iterations of the best
 
 
 def improved(fitted: Fitted, data: IOData) -> Fitted:
-    """Leave a wrong minimum: add poles where the error shows some are missing, and reflect zeros at the unit circle.
+    """Leave a wrong minimum: add poles where the error shows that some are missing, and reflect zeros.
 
-    One round of moves is made in any case, and no further one once the error says that no pole is missing.
+    Zeros are reflected at the unit circle.  One round of moves is always made; there is no further round once the error
+    shows that no pole is missing.
 
     Parameters
     ----------
     fitted : Fitted
-        A chain of one input at a minimum for these data.
+        A chain with one input, at a minimum for these data.
     data : IOData
         The record.
     """
