@@ -20,6 +20,7 @@ from whsklearn.datasets.servo import default_axis
 from whsklearn.effects import Effect, effect_names, get_effect
 from whsklearn.systems import ServoAxis
 from whsklearn.systems import servo_observer as observer
+from whsklearn.systems.servo import pack
 
 REACH = 0.5  # s of CPU, for 40 s of the axis
 SMALL = {"saturation": 50.0, "sensor_rectification": 0.05}  # of the others the default is small
@@ -56,7 +57,7 @@ def by_hand(inertia, viscous, coulomb, u, y, dt, gain_1, gain_2, start):
 
 def observed(base: ServoAxis, record: Bunch, repeats: int) -> tuple[float, float, float]:
     """Least CPU time (s) of the library's pass and of the one by hand, and how far they differ (rad)."""
-    plant, dt, gains = base.packed(), 1.0 / base.sample_rate, (0.05, 2.0)
+    plant, dt, gains = pack(base), 1.0 / base.sample_rate, (0.05, 2.0)
     measured = np.array([record.position, record.velocity])
     start = (float(measured[0, 0]), float(measured[1, 0]))
     viscous, coulomb = base.law.weights

@@ -30,6 +30,7 @@ from whsklearn.effects import (
     get_effect,
 )
 from whsklearn.systems import Drive, PIDController, Sensor, ServoAxis, Transmission
+from whsklearn.systems.servo import pack, parts_of
 
 # -- drive ----------------------------------------------------------------------------
 
@@ -236,7 +237,7 @@ def test_unknown_parameters_are_refused_and_the_known_listed():
 
 
 def test_effects_of_neutral_size_are_left_out():
-    plant = ServoAxis(law=[Viscous(0.1), Coulomb(0.0)], effects=[Cogging(0.0), Saturation(math.inf)]).packed()
+    plant = pack(ServoAxis(law=[Viscous(0.1), Coulomb(0.0)], effects=[Cogging(0.0), Saturation(math.inf)]))
     assert plant.codes.tolist() == [codes.VISCOUS]
     assert plant.p[0, 0] == 0.1
 
@@ -246,8 +247,8 @@ def test_parts_hold_what_is_no_effect():
         inertia=0.03, friction="tanh", smoothing=0.02, drive=Drive(2.0, 5.0, 0.003, 0.004),
         transmission=Transmission(0.4, 30.0, 0.1, 0.01), sensor=Sensor(1e-3, side="load"),
     )  # fmt: skip
-    np.testing.assert_allclose(axis.parts, [0.03, 50.0, 2.0, 5.0, 0.003, 0.004, 0.4, 30.0, 0.1, 0.01, 1e-3, 1.0])
-    rigid = ServoAxis().parts
+    np.testing.assert_allclose(parts_of(axis), [0.03, 50.0, 2.0, 5.0, 0.003, 0.004, 0.4, 30.0, 0.1, 0.01, 1e-3, 1.0])
+    rigid = parts_of(ServoAxis())
     assert rigid[1] == math.inf  # true stiction
     assert not rigid[6:10].any()
 
@@ -262,4 +263,4 @@ def test_a_controllers_switch_is_a_number():
 
 def test_a_drive_cannot_act_early():
     with pytest.raises(ValueError, match="cannot act early"):
-        ServoAxis(drive=Drive(delay=0.001), effects=[InputDelay(-0.004)]).packed()
+        pack(ServoAxis(drive=Drive(delay=0.001), effects=[InputDelay(-0.004)]))

@@ -17,7 +17,7 @@ from whsklearn.systems._servo_drive import Chain, chain_of, effective
 from whsklearn.systems._servo_kernel import lattice_of
 from whsklearn.systems._servo_step import Body, body_of, fine_step
 from whsklearn.systems._servo_torques import Ends, arranged, load_sum, motor_sum, read
-from whsklearn.systems.servo import ServoAxis
+from whsklearn.systems.servo import ServoAxis, pack
 
 STATES = ("position", "velocity", "load_position", "load_velocity")
 WAVE = 3  # numbers kept of a wave: where it was taken, its cosine and its sine there
@@ -110,7 +110,7 @@ def axis_code(
     out : float
         What brings the answer's unit to SI.
     """
-    plant = axis.packed()
+    plant = pack(axis)
     law = _arranged(plant.codes, plant.p, axis)
     body, chain = Body(*map(float, body_of(plant))), Chain(*map(float, chain_of(plant)))
     two = body.share > 0.0
@@ -159,7 +159,7 @@ def _timed(part: Part) -> bool:
 
 
 def _own(axis: ServoAxis) -> OneOf:
-    """The functions of effects of one's own, in the order in which `ServoAxis.packed` numbers them."""
+    """The functions of effects of one's own, in the order in which `pack` numbers them."""
     classes = dict.fromkeys(type(e) for e in axis.effects if e.evaluate is not None and e.magnitude != e.neutral)
     return OneOf(tuple(c.evaluate for c in classes if c.evaluate is not None))
 
@@ -187,7 +187,7 @@ def torque_code(axis: ServoAxis, language: Language, factors: tuple[float, float
 
     ``factors`` bring drive and motion to SI.
     """
-    plant = axis.packed()
+    plant = pack(axis)
     keep = [i for i, code in enumerate(plant.codes) if compensated(int(code))]
     law = _arranged(plant.codes[keep], plant.p[keep], axis)
     work = Specialiser(language)

@@ -15,7 +15,7 @@ from whsklearn.export.losses import Loss, losses_of, lost_parts, parts_of, size_
 from whsklearn.export.model import Exported
 from whsklearn.systems._servo_drive import chain_of
 from whsklearn.systems._servo_step import body_of
-from whsklearn.systems.servo import ServoAxis
+from whsklearn.systems.servo import ServoAxis, pack
 
 GRAVITY = 9.81
 # MuJoCo's step (s): friction and contacts are constraints that relax over a few steps, and are to be much
@@ -64,7 +64,7 @@ def mjcf(model: Exported, joint: str = "axis") -> tuple[str, list[Loss]]:
     drive, motion = model.si
     dt = 1.0 / axis.sample_rate
     step = dt / math.ceil(dt / FINEST - 1e-9)
-    load = axis.inertia * float(body_of(axis.packed()).share)
+    load = axis.inertia * float(body_of(pack(axis)).share)
     amplitude, phase = m.gravity
     mass, arm = max(axis.inertia, 1e-6), 0.0
     if amplitude:  # half of the inertia is that of a mass on an arm
@@ -86,7 +86,7 @@ def mjcf(model: Exported, joint: str = "axis") -> tuple[str, list[Loss]]:
 
 def mapped(axis: ServoAxis, linear: bool = False) -> Mjcf:
     """What MuJoCo can hold of an axis, by its own means; the rest are ``losses``."""
-    packed = axis.packed()
+    packed = pack(axis)
     m = Mjcf(losses=lost_parts(axis, timing=True, transmission=True, limit=True))
     m.delay, first, second, _, m.limit = (float(x) for x in chain_of(packed))
     m.lag = first + second

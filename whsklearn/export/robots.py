@@ -11,6 +11,7 @@ from whsklearn.export.losses import Loss, left_out, lost_parts, parts_of
 from whsklearn.export.mjcf import FAR
 from whsklearn.export.model import Exported
 from whsklearn.systems._servo_drive import chain_of
+from whsklearn.systems.servo import pack
 
 
 def urdf(model: Exported, joint: str = "axis") -> tuple[str, list[Loss]]:
@@ -37,7 +38,7 @@ def urdf(model: Exported, joint: str = "axis") -> tuple[str, list[Loss]]:
     low, high = max((-FAR, *(e.ends[0] for e in stops))), min((FAR, *(e.ends[1] for e in stops)))
     text = render(
         "model.urdf.j2", joint=joint, kind=kind, inertia=axis.inertia, damping=total(axis.law.terms, "viscous"),
-        friction=total(parts_of(axis), "coulomb"), limit=float(chain_of(axis.packed()).limit), low=low, high=high,
+        friction=total(parts_of(axis), "coulomb"), limit=float(chain_of(pack(axis)).limit), low=low, high=high,
         inf=math.inf, linear=model.linear, losses=losses, units=", ".join((*model.si, "s")),
     )  # fmt: skip
     return text, losses
@@ -49,7 +50,7 @@ def isaac(model: Exported, joint: str = "axis") -> tuple[str, list[Loss]]:
     held = ("viscous", "coulomb", "saturation", "input_delay", "stribeck")
     losses = left_out(axis, lambda e: e.name in held, "Isaac Lab's actuators have friction, armature, limit and delay")
     losses += [x for x in lost_parts(axis, timing=False, transmission=False, limit=True) if x.name != "drive delay"]
-    chain = chain_of(axis.packed())
+    chain = chain_of(pack(axis))
     limit, delay = float(chain.limit), float(chain.delay)
     effects = parts_of(axis)
     dry, peak = total(effects, "coulomb"), total(effects, "stribeck")

@@ -338,32 +338,32 @@ class ServoAxis:
             )
         return record
 
-    # -- as compiled passes take it ---------------------------------------------------
 
-    @property
-    def parts(self) -> NDArray[np.float64]:
-        """The numbers of an axis that are no effects, shape (12,), in the order of `Plant.parts`."""
-        kappa = 1.0 / self.smoothing if self.friction == "tanh" else math.inf
-        d, part = self.drive, self.transmission
-        coupling = (0.0, 0.0, 0.0, 0.0)
-        if part is not None:
-            coupling = (part.load_share, part.stiffness, part.damping_ratio, part.gap)
-        resolution, on_load = self.sensor.resolution, float(self.sensor.side == "load")
-        return np.array([self.inertia, kappa, d.gain, d.limit, d.delay, d.lag, *coupling, resolution, on_load])
+# --- as compiled passes take it --------------------------------------------------------------------------------------
+def parts_of(axis: ServoAxis) -> NDArray[np.float64]:
+    """The numbers of an axis that are no effects, shape (12,), in the order of `Plant.parts`."""
+    kappa = 1.0 / axis.smoothing if axis.friction == "tanh" else math.inf
+    d, part = axis.drive, axis.transmission
+    coupling = (0.0, 0.0, 0.0, 0.0)
+    if part is not None:
+        coupling = (part.load_share, part.stiffness, part.damping_ratio, part.gap)
+    resolution, on_load = axis.sensor.resolution, float(axis.sensor.side == "load")
+    return np.array([axis.inertia, kappa, d.gain, d.limit, d.delay, d.lag, *coupling, resolution, on_load])
 
-    def packed(self) -> Plant:
-        """The axis as flat arrays; effects of neutral size are not in them, so they change nothing at all.
 
-        Raises
-        ------
-        ValueError
-            If the drive would act early, or a user-defined effect cannot be simulated.
-        """
-        plant = plant_of([e for e in (*self.law.terms, *self.effects) if e.magnitude != e.neutral], self.parts)
-        delay = chain_of(plant).delay
-        if delay < 0:
-            raise ValueError(f"The drive's delay is {delay} s, expected none below zero; the drive cannot act early.")
-        return plant
+def pack(axis: ServoAxis) -> Plant:
+    """The axis as flat arrays; effects of neutral size are not in them, so they change nothing at all.
+
+    Raises
+    ------
+    ValueError
+        If the drive would act early, or a user-defined effect cannot be simulated.
+    """
+    plant = plant_of([e for e in (*axis.law.terms, *axis.effects) if e.magnitude != e.neutral], parts_of(axis))
+    delay = chain_of(plant).delay
+    if delay < 0:
+        raise ValueError(f"The drive's delay is {delay} s, expected none below zero; the drive cannot act early.")
+    return plant
 
 
 def _changed(effect: Any, label: str, wanted: dict[str, float]) -> Any:
@@ -427,7 +427,7 @@ def simulate_many(
     for axis, e_noise, seed in zip(axes, noises, seeds, strict=True):
         e = experiment(axis.controller, axis.sample_rate, reference, drive, wanted)
         added = reading_noise(axis.sensor.noise, e_noise, seed, e.reference.shape[1])
-        jobs.append((axis.packed(), axis.controller, e, added, axis.sample_rate, int(axis.substeps)))
+        jobs.append((pack(axis), axis.controller, e, added, axis.sample_rate, int(axis.substeps)))
     if n_jobs == 1 or len(jobs) == 1:
         return [run(*job) for job in jobs]
     with ThreadPoolExecutor(n_jobs) as pool:

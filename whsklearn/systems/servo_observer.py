@@ -78,7 +78,8 @@ def follow(plant: Plant, drive: Array, measured: Array, how: How, *, start: tupl
     Parameters
     ----------
     plant : Plant
-        The axis: `plant_of` a sequence of effects and `bare_parts`, `ServoAxis.packed`, or arrays of a fit's own.
+        The axis: `plant_of` a sequence of effects and `bare_parts`, `whsklearn.systems.servo.pack`, or arrays of a
+        fit of its own.
     drive : ndarray of shape (n,)
         The drive as logged (Nm).
     measured : ndarray of shape (2, n) or (4, n)
