@@ -293,8 +293,8 @@ class Refit:
         if not state["blocks"] and self.size < r.memory:
             yield from refined(INFERENCE / moves, 0, best.information, np.empty(n_state))
             return best
-        # A record this long shows the bias that tanh() near zero adds to the weights.  So they are fitted with the error
-        # of the true sign; only the slopes are those of a smooth one.  L1 stays on the step that it found.
+        # A record this long shows the bias that tanh() near zero adds to the weights.  So they are fitted with the
+        # error of the true sign; only the slopes are those of a smooth one.  L1 stays on the step that it found.
         for step in range(3):
             information, before = np.zeros((n, n)), np.zeros(n_state)
             cost = yield from refined(-LONG_INFERENCE / moves, 0, information, before)
