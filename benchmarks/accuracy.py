@@ -27,7 +27,7 @@ from whsklearn.datasets import make_wiener_hammerstein
 from whsklearn.effects import FrictionLaw, reduced_law
 from whsklearn.estimators.base import OUTPUTS
 from whsklearn.metrics import nmse
-from whsklearn.recursion.starts import random_stable
+from whsklearn.recursion.memory.starts import random_stable
 
 SNR_DB = 7.462
 LENGTHS = (250, 500, 1000)

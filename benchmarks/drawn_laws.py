@@ -21,7 +21,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from whsklearn import PEMRegressor
-from whsklearn.recursion.starts import random_stable
+from whsklearn.recursion.memory.starts import random_stable
 
 LAWS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
     "linear": lambda x: x,

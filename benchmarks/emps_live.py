@@ -21,7 +21,7 @@ import numpy as np
 import pandas as pd
 
 from whsklearn.identification.view import derivative
-from whsklearn.recursion.axis_free_run import AxisLog, fit_state, sensitivities
+from whsklearn.recursion.batch.axis_free_run import AxisLog, fit_state, sensitivities
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

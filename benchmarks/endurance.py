@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from whsklearn import RLSRegressor, RMILSRegressor, WienerHammersteinLags
 from whsklearn.datasets import make_wiener_hammerstein
 from whsklearn.metrics import parameter_error
-from whsklearn.recursion.covariance import covariance
+from whsklearn.recursion.rows.covariance import covariance
 
 Array = NDArray[np.float64]
 Blocks = Iterator[tuple[Array, Array]]

@@ -40,8 +40,8 @@ from _peers import (
 from whsklearn import RLSRegressor, RMILSRegressor, WienerHammersteinLags
 from whsklearn.datasets import make_wiener_hammerstein
 from whsklearn.estimators._model import paper_vector
-from whsklearn.recursion import multistart
-from whsklearn.recursion.batched import least_squares_of_many
+from whsklearn.recursion.memory import multistart
+from whsklearn.recursion.rows.batched import least_squares_of_many
 
 Contender = Callable[[], Answer]
 

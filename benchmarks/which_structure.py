@@ -22,7 +22,7 @@ from scipy.signal import lfilter
 from whsklearn.datasets import make_servo_log
 from whsklearn.identification import Identification, identify
 from whsklearn.logs import LogWarning, load_log
-from whsklearn.recursion.axis_free_run import AxisLog, free_run
+from whsklearn.recursion.batch.axis_free_run import AxisLog, free_run
 
 LAWS = {
     "linear": lambda x: x,

@@ -16,8 +16,8 @@ from pathlib import Path
 import numpy as np
 
 from whsklearn import PEMRegressor, StreamingPEMRegressor
-from whsklearn.recursion.best_linear import best_linear
-from whsklearn.recursion.simulation_search import record
+from whsklearn.recursion.batch.best_linear import best_linear
+from whsklearn.recursion.batch.simulation_search import record
 
 SKIP = 300
 PUBLISHED = {

@@ -9,7 +9,7 @@ from whsklearn import PEMRegressor, RMILSRegressor, WienerHammersteinLags, Wiene
 from whsklearn.datasets import make_wiener_hammerstein
 from whsklearn.effects import reduced_law
 from whsklearn.metrics import nmse
-from whsklearn.recursion.starts import random_stable
+from whsklearn.recursion.memory.starts import random_stable
 
 
 def free_run_nmse(model, system, seed):

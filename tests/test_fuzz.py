@@ -29,7 +29,7 @@ from whsklearn.checks import state_difference
 from whsklearn.cli.stream_loop import Options, Stream
 from whsklearn.cli.stream_rows import BadRow, CsvParser, JsonParser
 from whsklearn.datasets import load_log, make_wiener_hammerstein
-from whsklearn.recursion.batched import least_squares_of_many
+from whsklearn.recursion.rows.batched import least_squares_of_many
 from whsklearn.state import pack_state, unpack_state
 
 FUZZ = settings(

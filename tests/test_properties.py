@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from tests.recursion.factors import factorise
 from whsklearn import MILSRegressor, RLSRegressor, RMILSRegressor, WienerHammersteinLags
 from whsklearn.datasets import make_wiener_hammerstein
-from whsklearn.recursion.covariance import covariance, measurement_update
-from whsklearn.recursion.least_squares import block_update
+from whsklearn.recursion.rows.covariance import covariance, measurement_update
+from whsklearn.recursion.rows.least_squares import block_update
 
 PROBLEM = {
     "n": st.integers(1, 8),

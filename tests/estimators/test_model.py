@@ -12,7 +12,7 @@ from whsklearn.datasets import make_wiener_hammerstein
 from whsklearn.effects import Coulomb, FrictionLaw, Viscous
 from whsklearn.effects.law import polynomial_law, reduced_law
 from whsklearn.estimators import _model as wh
-from whsklearn.recursion.starts import random_stable
+from whsklearn.recursion.memory.starts import random_stable
 
 LAWS = [reduced_law(), polynomial_law([0.1, 1.0, 0.3]), FrictionLaw([Coulomb(), Viscous()]), FrictionLaw([Coulomb()])]
 

@@ -12,7 +12,7 @@ from whsklearn.datasets import make_wiener_hammerstein
 from whsklearn.effects import Coulomb
 from whsklearn.effects.law import piecewise_linear_law, polynomial_law, smooth_law
 from whsklearn.metrics import nmse
-from whsklearn.recursion.memory_posterior import posterior
+from whsklearn.recursion.memory.posterior import posterior
 
 SYSTEMS = {
     "law (4)": WienerHammersteinSystem.example(),

@@ -17,8 +17,8 @@ from whsklearn.estimators._simulation_fit import (
     to_chain,
 )
 from whsklearn.lags.wiener_hammerstein import WienerHammersteinLags
-from whsklearn.recursion.simulation_error import Chain, run
-from whsklearn.recursion.simulation_search import record
+from whsklearn.recursion.batch.simulation_error import Chain, run
+from whsklearn.recursion.batch.simulation_search import record
 
 RNG = np.random.default_rng(5)
 U = RNG.normal(size=(600, 1))

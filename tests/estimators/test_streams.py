@@ -10,8 +10,8 @@ import pytest
 from whsklearn.effects.law import reduced_law
 from whsklearn.estimators._model import Structure
 from whsklearn.estimators._streams import FullStream, PublishedStream, RowsStream, noise_variance, pieces
-from whsklearn.recursion.multistart import Reading
-from whsklearn.recursion.pseudolinear import BLOCK, GRADIENT, REEVALUATED
+from whsklearn.recursion.memory.settings import Settings
+from whsklearn.recursion.rows.pseudolinear import BLOCK, GRADIENT, REEVALUATED
 
 LAW = reduced_law()
 DIMS = np.array([2, 2, 2, 2, 3], dtype=np.int64)
@@ -20,7 +20,7 @@ STRUCTURE = Structure(DIMS, 1, LAW, LAW.key)
 
 def full(**settings):
     defaults = {"p": 4, "p0": 100.0, "forgetting": 1.0, "n_starts": 2, "memory": 64, "frozen": False, "seed": 0}
-    return FullStream(STRUCTURE, Reading(dims=DIMS, codes=LAW.codes, shapes=LAW.shapes, **defaults | settings))
+    return FullStream(STRUCTURE, Settings(dims=DIMS, codes=LAW.codes, shapes=LAW.shapes, **defaults | settings))
 
 
 STREAMS = {

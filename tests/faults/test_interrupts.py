@@ -15,7 +15,7 @@ import pytest
 from whsklearn import InverseDynamicsLags, MILSRegressor, RLSRegressor, RMILSRegressor, WienerHammersteinLags
 from whsklearn.checks import state_difference
 from whsklearn.datasets import make_wiener_hammerstein
-from whsklearn.recursion.first_block import motion
+from whsklearn.recursion.memory.first_block import motion
 
 # a record of a dynamic system stands in for rows here
 pytestmark = pytest.mark.filterwarnings("ignore:X has one column")

@@ -21,7 +21,7 @@ from whsklearn.identification.axis_fit import (
 )
 from whsklearn.identification.view import view
 from whsklearn.identification.windows import residual
-from whsklearn.recursion.axis_free_run import free_run
+from whsklearn.recursion.batch.axis_free_run import free_run
 
 U = slow_drive(3000, 1)
 VELOCITY = free_run(TRUTH, axis_log(U))

@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 from tests.recursion.axis_log import TRUTH, axis_log, slow_drive
 from whsklearn.identification import identify
 from whsklearn.models import AxisModel
-from whsklearn.recursion.axis_free_run import free_run
+from whsklearn.recursion.batch.axis_free_run import free_run
 
 RNG = np.random.default_rng(0)
 

@@ -12,7 +12,7 @@ from whsklearn.identification.axis_fit import gravity_of
 from whsklearn.identification.view import view
 from whsklearn.identification.windows import horizons, lead, window_errors
 from whsklearn.models import AxisModel, LinearModel
-from whsklearn.recursion.axis_free_run import free_run
+from whsklearn.recursion.batch.axis_free_run import free_run
 
 RNG = np.random.default_rng(0)
 U = RNG.standard_normal(1000)

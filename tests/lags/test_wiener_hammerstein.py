@@ -14,7 +14,7 @@ from whsklearn import InverseDynamicsLags, WienerHammersteinLags, WienerHammerst
 from whsklearn.datasets import make_wiener_hammerstein
 from whsklearn.effects import Coulomb, FrictionLaw, Viscous
 from whsklearn.effects.law import piecewise_linear_law, polynomial_law, smooth_law
-from whsklearn.recursion.starts import random_stable
+from whsklearn.recursion.memory.starts import random_stable
 
 LAWS = {
     "reduced": None,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.signal import lfilter
 
-from whsklearn.recursion.axis_free_run import AxisLog
+from whsklearn.recursion.batch.axis_free_run import AxisLog
 
 TRUTH = np.array([0.05, 0.1, 0.3, 0.02, 0.0, 0.0])
 

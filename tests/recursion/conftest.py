@@ -8,7 +8,7 @@ import pytest
 from tests.recursion.windows import LINEAR
 from whsklearn import WienerHammersteinSystem
 from whsklearn.datasets import make_wiener_hammerstein
-from whsklearn.recursion.predictor import record_errors
+from whsklearn.recursion.rows.predictor import record_errors
 
 
 @pytest.fixture

@@ -6,8 +6,8 @@ import numpy as np
 
 from whsklearn import WienerHammersteinSystem
 from whsklearn.effects.law import polynomial_law
-from whsklearn.recursion import multistart
-from whsklearn.recursion.predictor import record_errors
+from whsklearn.recursion.memory import multistart
+from whsklearn.recursion.rows.predictor import record_errors
 
 LINEAR = WienerHammersteinSystem([1.0], [], [1.0], [0.3, -0.2], polynomial_law([0.0, 1.0, 0.5]))
 
@@ -18,7 +18,7 @@ EXAMPLE = WienerHammersteinSystem.example()
 def reading(system, **settings):
     dims = np.array([system.a.size, system.b.size, system.c.size, system.d.size, len(system.law)], dtype=np.int64)
     defaults = {"p": 4, "p0": 100.0, "forgetting": 1.0, "n_starts": 4, "memory": 256, "frozen": False, "seed": 0}
-    return multistart.Reading(dims=dims, codes=system.law.codes, shapes=system.law.shapes, **defaults | settings)
+    return multistart.Settings(dims=dims, codes=system.law.codes, shapes=system.law.shapes, **defaults | settings)
 
 
 def streamed(r, X, y, chunks=1, restart_at=()):

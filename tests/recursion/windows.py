@@ -7,8 +7,8 @@ import numpy as np
 from whsklearn import WienerHammersteinSystem
 from whsklearn.datasets import make_wiener_hammerstein
 from whsklearn.effects.law import polynomial_law
-from whsklearn.recursion.predictor import advance, copy_past, respond, state_size, with_room
-from whsklearn.recursion.subinnovations import (
+from whsklearn.recursion.rows.predictor import advance, copy_past, respond, state_size, with_room
+from whsklearn.recursion.rows.subinnovations import (
     Models,
     Samples,
     Schedule,

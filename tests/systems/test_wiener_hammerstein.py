@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 from whsklearn import WienerHammersteinSystem
 from whsklearn.effects.law import as_law, polynomial_law, reduced_law, smooth_law
 from whsklearn.effects.static import Power
-from whsklearn.recursion.starts import random_stable
+from whsklearn.recursion.memory.starts import random_stable
 
 LAWS = {
     "reduced": reduced_law(),

@@ -16,8 +16,8 @@ import numpy as np
 from whsklearn._numba import njit
 from whsklearn.effects import FrictionLaw
 from whsklearn.effects.terms import VISCOUS, law_values
-from whsklearn.recursion.first_block import LARGEST, first_block
-from whsklearn.recursion.linearised_memory import jumps
+from whsklearn.recursion.memory.first_block import LARGEST, first_block
+from whsklearn.recursion.memory.linearised import jumps
 from whsklearn.systems.stability import is_stable
 
 if TYPE_CHECKING:

@@ -9,9 +9,9 @@ import numpy as np
 from whsklearn.effects import FrictionLaw, Power, Viscous
 from whsklearn.effects.terms import CONSTANT, HINGE, NATURAL_SPLINE, POWER
 from whsklearn.estimators import _model as wh
-from whsklearn.recursion.first_block import motion
-from whsklearn.recursion.predictor import record_errors
-from whsklearn.recursion.starts import least_squares_start, random_start, term_scales
+from whsklearn.recursion.memory.first_block import motion
+from whsklearn.recursion.memory.starts import least_squares_start, random_start, term_scales
+from whsklearn.recursion.rows.predictor import record_errors
 from whsklearn.systems.stability import is_stable
 
 if TYPE_CHECKING:

@@ -17,8 +17,8 @@ from whsklearn.estimators._records import Given, checked_weights, is_plain, join
 from whsklearn.estimators._streams import AnyStream, FullStream, PublishedStream, RowsStream, noise_variance
 from whsklearn.estimators._undo import copied
 from whsklearn.estimators.base import AxisRegressor, warn
-from whsklearn.recursion.pseudolinear import BLOCK
-from whsklearn.recursion.reading import FIRST_RERUN, Reading
+from whsklearn.recursion.memory.settings import FIRST_RERUN, Settings
+from whsklearn.recursion.rows.pseudolinear import BLOCK
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -331,7 +331,7 @@ class RecursiveRegressor(AxisRegressor):
         if getattr(self, "theta0", None) is not None:
             theta0 = wh.natural_vector(self._theta0(n, 0.0), structure)
             theta0[structure.slices()[1]] = wh.inside(theta0[structure.slices()[1]])
-        reading = Reading(
+        reading = Settings(
             dims=structure.dims, codes=structure.law.codes, shapes=structure.law.shapes, p=p,
             p0=float(p0 or (DEFAULT_P0 if self.memory else PURE_P0)), forgetting=forgetting,
             n_starts=int(self.n_starts), memory=int(self.memory), frozen=self._frozen, seed=seed,

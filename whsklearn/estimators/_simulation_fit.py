@@ -10,14 +10,14 @@ from whsklearn._threads import one_blas_thread
 from whsklearn.effects import FrictionLaw, Hinge, NaturalSpline, Power, StaticEffect, as_law
 from whsklearn.estimators import _model as wh
 from whsklearn.lags.wiener_hammerstein import WienerHammersteinLags
-from whsklearn.recursion.block_split import Orders
-from whsklearn.recursion.simulation_error import Chain, Fitted, refine, sensitivities
-from whsklearn.recursion.simulation_search import UNKNOWN, Structure, record, search
+from whsklearn.recursion.batch.block_split import Orders
+from whsklearn.recursion.batch.simulation_error import Chain, Fitted, refine, sensitivities
+from whsklearn.recursion.batch.simulation_search import UNKNOWN, Structure, record, search
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from whsklearn.recursion.best_linear import IOData
+    from whsklearn.recursion.batch.best_linear import IOData
 
     Array = NDArray[np.float64]
 

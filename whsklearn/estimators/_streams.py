@@ -16,9 +16,11 @@ import numpy as np
 
 from whsklearn.estimators._model import Structure, natural_vector, paper_jacobian, paper_vector
 from whsklearn.estimators._undo import Undo
-from whsklearn.recursion import multistart
-from whsklearn.recursion.covariance import WIND_UP, covariance, inflate
-from whsklearn.recursion.least_squares import (
+from whsklearn.recursion.memory import multistart
+from whsklearn.recursion.memory.posterior import has_posterior, posterior
+from whsklearn.recursion.memory.sign_posterior import Gaussian
+from whsklearn.recursion.rows.covariance import WIND_UP, covariance, inflate
+from whsklearn.recursion.rows.least_squares import (
     BUSY,
     N_SETTINGS,
     SINCE,
@@ -28,10 +30,8 @@ from whsklearn.recursion.least_squares import (
     run_rows,
     unpacked,
 )
-from whsklearn.recursion.memory_posterior import has_posterior, posterior
-from whsklearn.recursion.pseudolinear import Published, auxiliary_size, run_pseudolinear
-from whsklearn.recursion.sign_posterior import Gaussian
-from whsklearn.recursion.subinnovations import Samples
+from whsklearn.recursion.rows.pseudolinear import Published, auxiliary_size, run_pseudolinear
+from whsklearn.recursion.rows.subinnovations import Samples
 
 _numba_settings: Any = numba.config  # its attributes are created at run time
 
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from whsklearn.estimators._stream import State
-    from whsklearn.recursion.background_refit import BackgroundRefit
+    from whsklearn.recursion.memory.schedule import BackgroundRefit
 
     Array = NDArray[np.float64]
 
@@ -226,7 +226,7 @@ class PublishedStream:
 class FullStream:
     """The exact gradient, several starts and a memory."""
 
-    def __init__(self, structure: Structure, reading: multistart.Reading):
+    def __init__(self, structure: Structure, reading: multistart.Settings):
         self.structure, self.reading = structure, reading
         self.undo = Undo()
         self._page: BackgroundRefit | None = None  # work under way; it can begin anew at any time, so it is no state

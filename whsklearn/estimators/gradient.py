@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, ClassVar
 
 from whsklearn.estimators._recursive import RecursiveRegressor
-from whsklearn.recursion.pseudolinear import GRADIENT
+from whsklearn.recursion.rows.pseudolinear import GRADIENT
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

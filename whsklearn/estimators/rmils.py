@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import ClassVar
 
 from whsklearn.estimators.mils import MILSRegressor
-from whsklearn.recursion.pseudolinear import REEVALUATED
+from whsklearn.recursion.rows.pseudolinear import REEVALUATED
 
 
 class RMILSRegressor(MILSRegressor):

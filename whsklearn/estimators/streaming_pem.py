@@ -17,15 +17,15 @@ from whsklearn.estimators._records import Given, checked_weights, joined
 from whsklearn.estimators._simulation_fit import natural_of, to_chain
 from whsklearn.estimators.pem import PEMRegressor
 from whsklearn.lags.wiener_hammerstein import WienerHammersteinLags
-from whsklearn.recursion.best_linear import IOData
-from whsklearn.recursion.block_update import Coordinates, block_update, information_of
-from whsklearn.recursion.simulation_search import SKIP
+from whsklearn.recursion.batch.best_linear import IOData
+from whsklearn.recursion.batch.block_update import Coordinates, block_update, information_of
+from whsklearn.recursion.batch.simulation_search import SKIP
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from whsklearn.estimators._model import Structure
-    from whsklearn.recursion.simulation_error import Chain
+    from whsklearn.recursion.batch.simulation_error import Chain
 
     Array = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ import numpy as np
 from whsklearn.effects import Coulomb, FrictionLaw, GravityImbalance, InputOffset, SpeedHinge, Viscous
 from whsklearn.identification.view import derivative, window_of
 from whsklearn.models import AxisModel
-from whsklearn.recursion.axis_free_run import AxisLog, fit_axis
+from whsklearn.recursion.batch.axis_free_run import AxisLog, fit_axis
 from whsklearn.validation import whiteness_test
 
 if TYPE_CHECKING:

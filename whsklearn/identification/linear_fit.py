@@ -8,9 +8,9 @@ import numpy as np
 
 from whsklearn.identification.view import one_later, since_start
 from whsklearn.models import LinearModel
-from whsklearn.recursion.best_linear import IOData, Ratio, best_linear, least_squares_arx, stabilised
-from whsklearn.recursion.linear_filter import delayed_rows, filter_rows
-from whsklearn.recursion.simulation_search import SKIP
+from whsklearn.recursion.batch.best_linear import IOData, Ratio, best_linear, least_squares_arx, stabilised
+from whsklearn.recursion.batch.linear_filter import delayed_rows, filter_rows
+from whsklearn.recursion.batch.simulation_search import SKIP
 
 OFFSETS = 20  # fits at most, each with the constant that the one before left
 SETTLED = 1e-4  # share of the variance that the next one must take off

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from whsklearn.recursion.best_linear import IOData, least_squares_arx
+from whsklearn.recursion.batch.best_linear import IOData, least_squares_arx
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray

@@ -12,8 +12,8 @@ from whsklearn.effects import GravityImbalance, SpeedHinge
 from whsklearn.identification.axis_fit import axis_log, sine_and_cosine
 from whsklearn.identification.view import smooth
 from whsklearn.models import AxisModel, ChainModel, LinearModel
-from whsklearn.recursion.axis_free_run import AxisLog, fit_state, free_run
-from whsklearn.recursion.simulation_search import SKIP
+from whsklearn.recursion.batch.axis_free_run import AxisLog, fit_state, free_run
+from whsklearn.recursion.batch.simulation_search import SKIP
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -1,8 +1,28 @@
 """The mathematics of the estimators: compiled steps that take a state and return a state.
 
+Three ways from rows to parameters, a folder each:
+
+``rows``
+    One row at a time: RLS, MILS and RMILS, the factorised covariance, the predictor and its gradient.
+``memory``
+    The default of a stream: the last samples are kept and re-run from several starts while new rows arrive.
+``batch``
+    A whole record at once: the free run's error is minimised by Gauss-Newton from a search over linear models.
+
+Where each equation of the paper is:
+
+================  =======================================================================================
+(1), (2)          `rows.predictor`, sample by sample; `memory.first_block`, x along a record
+(3), (4)          `whsklearn.effects.equations`, the terms of a law
+(6)               `rows.auxiliary_model`
+(7) to (9)        `rows.least_squares.block_update`, to the letter; elsewhere as p updates of one row each
+(10) to (14)      `rows.least_squares.run_rows` on given rows, `rows.subinnovations` with the exact gradient,
+                  `rows.pseudolinear` as published; (12) is `rows.covariance.measurement_update`
+================  =======================================================================================
+
 Only the function that runs many axes at once is public; everything else is reached through the estimators.
 """
 
-from whsklearn.recursion.batched import least_squares_of_many
+from whsklearn.recursion.rows.batched import least_squares_of_many
 
 __all__ = ["least_squares_of_many"]

@@ -35,7 +35,7 @@ from whsklearn.gap.plants.chain_model import ChainModel, Record
 from whsklearn.gap.record import rms
 from whsklearn.gap.search import WORTH_FITTING
 from whsklearn.gap.tangent import Look
-from whsklearn.recursion.best_linear import Ratio
+from whsklearn.recursion.batch.best_linear import Ratio
 
 Array = NDArray[np.float64]
 

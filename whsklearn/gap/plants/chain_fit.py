@@ -17,10 +17,10 @@ from whsklearn.effects import FrictionLaw
 from whsklearn.gap.plants import chain_model as cm
 from whsklearn.gap.plants.chain_candidates import Term
 from whsklearn.gap.plants.chain_model import ChainModel, Record
-from whsklearn.recursion.best_linear import IOData, Ratio, best_linear
-from whsklearn.recursion.block_split import Orders, divisions, padded
-from whsklearn.recursion.exchanged_roots import exchanged
-from whsklearn.recursion.starts import random_stable
+from whsklearn.recursion.batch.best_linear import IOData, Ratio, best_linear
+from whsklearn.recursion.batch.block_split import Orders, divisions, padded
+from whsklearn.recursion.batch.exchanged_roots import exchanged
+from whsklearn.recursion.memory.starts import random_stable
 from whsklearn.systems.stability import is_stable
 
 Array = NDArray[np.float64]

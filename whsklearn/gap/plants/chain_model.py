@@ -21,7 +21,7 @@ from whsklearn.effects.own import WHICH, address_of
 from whsklearn.effects.terms import law_values
 from whsklearn.gap.plants.chain_candidates import Sizes, Term
 from whsklearn.gap.record import rms
-from whsklearn.recursion.best_linear import stabilised
+from whsklearn.recursion.batch.best_linear import stabilised
 from whsklearn.systems.chain import Chain, Ports, run
 
 Array = NDArray[np.float64]

@@ -1,0 +1,61 @@
+"""The free run of an axis and its sensitivities."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.recursion.axis_log import TRUTH, axis_log, slow_drive
+from whsklearn.recursion.batch.axis_free_run import fit_axis, fit_state, free_run, sensitivities
+
+
+@pytest.mark.parametrize("hangs", [False, True])
+@pytest.mark.parametrize("of_position", [False, True])
+def test_the_free_run_of_an_axis_has_exact_sensitivities(of_position, hangs):
+    theta = np.array([0.05, 0.12, 0.1, 0.01, 0.05, 0.02, 0.1])
+    log = axis_log(slow_drive(400, 2), 0.01, (0.3,))._replace(of_position=of_position, hangs=hangs, v0=np.array([0.1]))
+    rows = sensitivities(theta, log)[1]
+    for i in range(theta.size):
+        step = np.zeros(theta.size)
+        step[i] = 1e-6
+        differences = (free_run(theta + step, log) - free_run(theta - step, log)) / 2e-6
+        np.testing.assert_allclose(rows[i], differences, atol=1e-5 * np.abs(differences).max())
+
+
+def test_a_pendulum_keeps_its_energy():
+    """J v^2 / 2 - k1 cos q of a free swing of 1 rad, by the symplectic steps of the run."""
+    theta = np.array([0.05, 0.0, 0.0, 0.0, 2.0, 0.0])
+    log = axis_log(np.zeros(4000), 0.001)._replace(hangs=True, q0=np.array([1.0]))
+    v, q = free_run(theta, log), free_run(theta, log._replace(of_position=True))
+    energy = 0.5 * theta[0] * v**2 - theta[4] * np.cos(q)
+    assert np.ptp(q) == pytest.approx(2.0, rel=1e-3)
+    np.testing.assert_allclose(energy, energy[0], atol=5e-3 * theta[4])
+
+
+def test_a_start_that_runs_away_has_no_fit_and_says_nothing():
+    """A spring that pushes: e^(20 t) in the position, whose sensitivities have squares that are no numbers."""
+    log = axis_log(slow_drive(6000, 2), 0.01)._replace(of_position=True)
+    fitted = fit_axis(np.array([0.05, 0.1, 0.0, 0.0, -20.0, 0.0]), log, np.ones(6, dtype=bool))
+    assert fitted.cost == np.inf
+
+
+def test_below_its_dry_friction_an_axis_stands():
+    assert not free_run(TRUTH, axis_log(np.full(200, 0.25))).any()
+    assert free_run(TRUTH, axis_log(np.full(200, 0.35)))[-1] > 0
+
+
+def test_the_state_before_a_window_is_found_from_the_wrong_side_of_standstill_too():
+    """And is never worse than the one that it began with: steps that are too long are shortened."""
+    u, theta = slow_drive(6000, 5), np.array([0.05, 0.1, 0.3, 0.02, 0.0, 0.0])
+    whole = axis_log(u)._replace(of_position=True)
+    q, v = free_run(theta, whole), free_run(theta, whole._replace(of_position=False))
+    at = np.arange(0, 6001, 60)
+    rng = np.random.default_rng(0)
+    log = whole._replace(target=q, bounds=at, v0=v[at[:-1]] + 0.5 * rng.standard_normal(100), q0=q[at[:-1]] + 0.1)
+
+    def errors(v0, q0):
+        return np.add.reduceat((q - free_run(theta, log._replace(v0=v0, q0=q0))) ** 2, at[:-1])
+
+    before, after = errors(log.v0, log.q0), errors(*fit_state(theta, log))
+    assert (after <= before).all()
+    assert np.mean(after < 1e-9) > 0.95

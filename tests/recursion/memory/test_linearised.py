@@ -1,0 +1,120 @@
+"""The memory linearised with its signs frozen."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.recursion.reruns import replay
+from whsklearn import WienerHammersteinSystem
+from whsklearn.datasets import make_wiener_hammerstein
+from whsklearn.recursion.memory.cost import Memory, new_work
+from whsklearn.recursion.memory.linearised import Pass, deviation, empty_rows, jumps, listed
+from whsklearn.recursion.memory.steps import in_one
+from whsklearn.recursion.rows.predictor import record_errors, state_size
+
+EXAMPLE = WienerHammersteinSystem.example()
+DIMS = np.array([2, 2, 2, 2, 3])
+LAW = DIMS, EXAMPLE.law.codes, EXAMPLE.law.shapes
+TRUTH = np.concatenate([EXAMPLE.a[1:], EXAMPLE.b, EXAMPLE.law.weights, EXAMPLE.c[1:], EXAMPLE.d])
+N, HISTORY = 300, 2
+
+
+@pytest.fixture(scope="module")
+def record():
+    X, y = make_wiener_hammerstein(N, snr_db=20, random_state=0)
+    restart = np.zeros(N, dtype=bool)
+    restart[[0, 140]] = True
+    u = np.concatenate([np.zeros((HISTORY, 1)), X])
+    y = np.concatenate([np.zeros(HISTORY), y])
+    return Memory(np.zeros(state_size(DIMS)), u, y, restart, N, HISTORY, 1, np.ones(N))
+
+
+def linearised(record, theta):
+    memory = Pass(theta, LAW, record, new_work(DIMS, 1), in_one(empty_rows(N, theta.size, 3)))
+    while memory.done < N:
+        in_one(memory.read_segment())
+    return memory.rows
+
+
+def test_errors_are_those_of_the_true_sign_and_gradients_those_of_the_smooth_part(record):
+    rows = linearised(record, TRUTH)
+    errors = np.empty(N)
+    record_errors(
+        TRUTH, *LAW, np.inf, record.u[HISTORY:], record.y[HISTORY:], record.restart, errors, np.empty((0, TRUTH.size))
+    )
+    np.testing.assert_allclose(rows.psi[:, -1], errors, atol=1e-12)
+    step = 1e-7
+    for k in range(TRUTH.size):
+        moved = linearised(record, TRUTH + step * np.eye(TRUTH.size)[k])
+        same = np.sign(moved.motion[:, 1]) == np.sign(rows.motion[:, 1])
+        assert same.all()
+        np.testing.assert_allclose((rows.psi[:, -1] - moved.psi[:, -1]) / step, rows.psi[:, k], atol=1e-4)
+        if k < 3:
+            slope = (moved.motion[:, 1] - rows.motion[:, 1]) / step
+            np.testing.assert_allclose(slope, rows.gradient[:, k], atol=1e-4)
+
+
+def test_it_goes_on_from_a_state_as_if_it_had_read_what_came_before(record):
+    cut, system = 150, linearised(record, TRUTH)
+    state, work = np.zeros(state_size(DIMS)), np.zeros((9, 9))
+    replay(TRUTH, LAW, np.inf, record._replace(fill=cut), work, np.zeros(9), state)
+    rest = Memory(state, record.u[cut:], record.y[cut:], record.restart[cut:], N - cut, HISTORY, 1, np.ones(N - cut))
+    later = Pass(TRUTH, LAW, rest, new_work(DIMS, 1), in_one(empty_rows(N - cut, TRUTH.size, 3)))
+    while later.done < N - cut:
+        in_one(later.read_segment())
+    for whole, part in zip(system, later.rows, strict=True):
+        np.testing.assert_allclose(part, whole[cut:], atol=1e-12)
+
+
+def test_a_sign_enters_the_rows_after_it_but_for_those_of_another_experiment(record):
+    rows = linearised(record, TRUTH)
+    signs = listed(rows, record, np.array([10, 138, 139, N - 1]), LAW, TRUTH, np.ones(N), first=1000)
+    # the last one enters rows of the next page, 1300 and 1301, which are not known yet
+    assert signs.at.tolist() == [[1011, 1012], [1139, -1], [-1, -1], [-1302, -1303]]
+    np.testing.assert_array_equal(signs.rows[0], rows.psi[11:13])
+    assert not signs.rows[1, 1].any()
+    assert signs.height[0].tolist() == [0.0, 1.0, 0.0]  # of the three terms only Coulomb friction jumps
+
+
+def test_the_last_sign_of_a_page_enters_the_first_rows_of_the_next_one(record):
+    rows = linearised(record, TRUTH)
+    signs = listed(rows, record, np.array([10, N - 2, N - 1]), LAW, TRUTH, np.ones(N), first=0)
+    psi, restart = np.random.default_rng(0).standard_normal((4, TRUTH.size + 1)), np.zeros(4, dtype=bool)
+    met = signs.met(psi, restart, N)
+    assert met.at.tolist() == [[11, 12], [N - 1, N], [N, N + 1]]
+    np.testing.assert_array_equal(met.rows[2], psi[:2])
+    np.testing.assert_array_equal(met.rows[1], [rows.psi[N - 1], psi[0]])
+    np.testing.assert_array_equal(met.rows[0], signs.rows[0])
+    restart[1] = True
+    assert signs.met(psi, restart, N).at.tolist() == [[11, 12], [N - 1, N], [N, -1]]
+    assert signs.met(psi[:0], restart[:0], N).at.tolist() == signs.at.tolist()
+
+
+@pytest.mark.parametrize("theta", [TRUTH, np.concatenate([[0.5], [0.4, -0.3], TRUTH[3:]])])
+def test_signs_move_with_the_parameters_to_second_order(record, theta):
+    chosen = np.arange(N)
+    here = linearised(record, theta)
+    signs = listed(here, record, chosen, LAW, theta, np.ones(N), first=0)
+    errors = []
+    for size in (4e-3, 2e-3):
+        delta = np.zeros(theta.size)
+        delta[:3] = size * np.array([1.0, 0.6, -0.8])
+        there = linearised(record, theta + delta)
+        shifted = signs.shifted(delta)
+        errors.append(np.abs(shifted.dx - there.motion[:, 1]).max())
+        slope = np.abs(shifted.gradient - there.gradient).max()
+        assert slope < 0.05 * np.abs(here.gradient - there.gradient).max()
+        assert errors[-1] < 0.02 * np.abs(signs.dx + signs.gradient @ delta[:3] - there.motion[:, 1]).max()
+    assert errors[1] < 0.2 * errors[0]  # of third order
+
+
+def test_which_terms_jump():
+    assert jumps(EXAMPLE.law.codes).tolist() == [False, True, False]
+
+
+def test_deviation_is_the_root_of_the_quadratic_form():
+    g = np.array([[1.0, 2.0], [0.0, 3.0]])
+    covariance = np.array([[1.0, 0.5], [0.5, 2.0]])
+    expected = np.sqrt(np.diag(g @ covariance @ g.T))
+    np.testing.assert_allclose(deviation(g, covariance), expected)

@@ -1,0 +1,200 @@
+"""The posterior of a stream: pages, chunks, and what a page leaves."""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from whsklearn import RMILSRegressor, WienerHammersteinLags, WienerHammersteinSystem
+from whsklearn.datasets import make_wiener_hammerstein
+from whsklearn.effects.law import reduced_law
+from whsklearn.recursion.memory import multistart
+from whsklearn.recursion.memory import posterior as memory_posterior
+from whsklearn.recursion.memory.linearised import Signs
+from whsklearn.recursion.memory.posterior import has_posterior, initial_past, moved, packed, unpacked
+from whsklearn.recursion.memory.settings import Settings
+from whsklearn.recursion.memory.sign_density import posed, turn
+from whsklearn.recursion.rows.predictor import record_errors
+
+LAW = WienerHammersteinSystem.example().law
+READING = Settings(
+    dims=np.array([2, 2, 2, 2, 3]), codes=LAW.codes, shapes=LAW.shapes, p=4, p0=1e6, forgetting=1.0, n_starts=4,
+    memory=256, frozen=False, seed=0,
+)  # fmt: skip
+
+
+def fitted(n, chunks=1, **options):
+    X, y = make_wiener_hammerstein(n, snr_db=20, random_state=1)
+    model = RMILSRegressor(WienerHammersteinLags(), n_starts=8, random_state=0, **options)
+    for part in np.array_split(np.arange(n), chunks):
+        model.partial_fit(X[part], y[part])
+    return model
+
+
+def test_moved_is_the_matrix_of_the_moved_rows():
+    rows = np.random.default_rng(0).standard_normal((30, 4))
+    delta = np.array([0.3, -0.1, 0.2])
+    after = rows.copy()
+    after[:, -1] -= rows[:, :-1] @ delta
+    np.testing.assert_allclose(moved(rows.T @ rows, delta), after.T @ after)
+
+
+def test_the_state_keeps_signs_as_they_are():
+    state, rng = initial_past(READING), np.random.default_rng(0)
+    signs = Signs(
+        rng.standard_normal(5), np.array([1.0, -1, 1, 1, -1]), np.ones(5), rng.standard_normal((5, 3)),
+        rng.standard_normal((5, 3, 3)), rng.standard_normal((5, 3)), rng.standard_normal((5, 2, 10)),
+        np.arange(10).reshape(5, 2),
+    )  # fmt: skip
+    for a, b in zip(signs, unpacked(packed(signs, state), READING), strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def test_only_a_law_that_jumps_behind_an_unknown_block_has_signs_in_doubt():
+    assert has_posterior(READING)
+    assert not has_posterior(replace(READING, memory=0))
+    assert not has_posterior(replace(READING, codes=np.zeros(3, dtype=int)))
+    assert not has_posterior(replace(READING, dims=np.array([1, 0, 2, 2, 3])))
+
+
+@pytest.mark.parametrize("n", [150, 700])
+def test_asking_changes_nothing_and_chunks_make_no_difference(n):
+    whole, cut = fitted(n, memory=200), fitted(n, chunks=n, memory=200)
+    before = copy.deepcopy(whole.state_)
+    np.testing.assert_array_equal(whole.theta_, cut.theta_)
+    np.testing.assert_array_equal(whole.covariance_, cut.covariance_)
+    for name, value in before.items():
+        np.testing.assert_array_equal(whole.state_[name], value, err_msg=name)
+
+
+def test_pages_lose_next_to_nothing():
+    """2,000 samples in pages of 400 say what they say in one."""
+    paged, whole = fitted(2000, memory=400), fitted(2000, memory=4000)
+    errors = whole.standard_errors_
+    assert paged.state_["blocks"] >= 4
+    assert (np.abs(paged.theta_ - whole.theta_) / errors).max() < 1.0
+    np.testing.assert_allclose(paged.standard_errors_, errors, rtol=0.4)
+
+
+def test_pages_left_behind_give_the_squared_errors_of_other_parameters():
+    """Those at the truth, from pages that were read where the parameters were then: signs turned, nothing read again.
+
+    In some of these records a sign was missed, at 2 (0.7)^2 or six times all squared errors: without the curvature of
+    dx, with a page that begins where other parameters ended, without the rows that a page's last sign enters.
+    """
+    system, misfits = WienerHammersteinSystem.example(), []
+    truth = np.concatenate([system.a[1:], system.b, system.law.weights, system.c[1:], system.d])
+    for seed in (17, 19, 20, 28, 29):
+        X, y = make_wiener_hammerstein(6144, snr_db=40, random_state=seed)
+        model = RMILSRegressor(WienerHammersteinLags(), n_starts=8, memory=512, random_state=seed).partial_fit(X, y)
+        state, r = model.state_, model._stream.reading
+        count, delta = int(state["past_count"][0]), truth - state["past_theta"]
+        assert count == 5632
+        signs = unpacked(state, r).shifted(delta)
+        p = posed(moved(state["past_matrix"], delta), truth, r.dims, count, signs)
+        matrix, change = np.empty((10, 10)), np.zeros((len(p.rows), 10))
+        turn(np.zeros(3), p, matrix, change, np.empty(len(p.rows), dtype=np.int64))
+        misfits.append(matrix[-1, -1] / squared_errors(r, truth, X[:count], y[:count]))
+    np.testing.assert_allclose(misfits, 1.0, atol=0.01)
+
+
+def test_a_mean_that_moves_is_followed():
+    """Of 512 signs in doubt a first round of three told a mean 3 % worse than where it began, three errors off."""
+    law = reduced_law(0.28, 0.862, 0.172)
+    a, b = [1.0, -0.105, -0.21], [-0.4715, -0.628, 0.7875]
+    system = WienerHammersteinSystem(a, b, [1.0, -0.648, 1.13], [0.8366], law)
+    misfits = []
+    for seed in range(4):
+        X, y = make_wiener_hammerstein(1000, snr_db=20, random_state=seed, system=system)
+        lags = WienerHammersteinLags(3, 3, 3, 1, law=law)
+        model = RMILSRegressor(lags, n_starts=16, random_state=seed).partial_fit(X, y)
+        stream, state = model._stream, model.state_
+        live = state["theta"][multistart.answer(state)]
+        squares = [squared_errors(stream.reading, theta, X, y) for theta in (model._natural(), live)]
+        misfits.append(squares[0] / squares[1])
+    assert max(misfits) < 1.02
+
+
+@pytest.mark.parametrize(
+    ("step", "rounds"),
+    [(0.0, memory_posterior.ROUNDS), (0.4, memory_posterior.MOST_ROUNDS), (2.0, memory_posterior.MOST_ROUGH + 1)],
+    ids=["a mean that stays", "one that creeps", "one that wanders"],
+)
+def test_a_mean_that_creeps_is_followed_longer_than_one_that_wanders(monkeypatch, step, rounds):
+    """Steps in standard deviations; rounds of few sweeps say where to go, the last ones have all of them."""
+    model, asked = fitted(300, memory=256), []
+
+    def sample(problem, start, rng, *, rough):
+        asked.append(rough)
+        sd = np.sqrt(np.diag(start.covariance))
+        return start._replace(mean=problem.theta + step * sd * (-1) ** len(asked))
+
+    monkeypatch.setattr(memory_posterior, "sample", sample)
+    memory_posterior.posterior(model.state_, model._stream.reading, multistart.answer(model.state_))
+    assert len(asked) == rounds
+    assert not asked[-1]
+    assert asked == sorted(asked, reverse=True)
+
+
+def test_a_mean_at_which_the_record_does_not_fit_is_not_told(monkeypatch):
+    model = fitted(300, memory=256)
+
+    def sample(problem, start, rng, *, rough):
+        return start._replace(mean=problem.theta + 30.0 * np.sqrt(np.diag(start.covariance)))
+
+    monkeypatch.setattr(memory_posterior, "sample", sample)
+    assert memory_posterior.posterior(model.state_, model._stream.reading, multistart.answer(model.state_)) is None
+
+
+def squared_errors(r, theta, X, y):
+    errors = np.empty(len(y))
+    record_errors(theta, *r.law, np.inf, X, y, np.arange(len(y)) == 0, errors, np.empty((0, theta.size)))
+    return float(errors @ errors)
+
+
+def test_the_expected_output_is_the_simulation_where_the_parameters_are_known():
+    model = fitted(400)
+    X, _ = make_wiener_hammerstein(300, snr_db=None, random_state=5)
+    expected, simulated = (model.predict(X, output=output) for output in ("expected", "simulation"))
+    assert np.abs(expected - simulated).max() > 0.01
+    model._stream._known[1].covariance[:] *= 1e-20
+    np.testing.assert_allclose(model.predict(X, output="expected"), simulated, atol=1e-9)
+
+
+def test_signs_are_wrong_as_often_as_expected_and_the_simulation_is_given_where_few_are():
+    expected, found, given = 0.0, 0, set()
+    for seed in range(6):
+        X, y, truth = make_wiener_hammerstein(1000, snr_db=20, random_state=seed, return_truth=True)
+        model = RMILSRegressor(WienerHammersteinLags(), random_state=seed).partial_fit(X, y)
+        for k in range(3):
+            U, _ = make_wiener_hammerstein((100, 400, 3000)[k], snr_db=None, random_state=[seed, k])
+            a, b = model.parameters_["a"], model.parameters_["b"]
+            x, x_true = (lfilter(np.append(0, p), q, U[:, 0]) for p, q in ((a, b), (truth.system.a, truth.system.b)))
+            wrong = model.wrong_signs(U)
+            expected += wrong[0]
+            found += int(np.sum(np.diff(x) * np.diff(x_true) < 0))
+            output = "simulation" if wrong[0] < np.log(2.0) else "expected"
+            np.testing.assert_array_equal(model.predict(U), model.predict(U, output=output))
+            given.add(output)
+    assert given == {"simulation", "expected"}
+    assert 0.5 * expected < found < 2.0 * expected
+
+
+def test_each_experiment_is_judged_by_itself():
+    X, y = make_wiener_hammerstein(500, snr_db=7.5, random_state=0)
+    model = RMILSRegressor(WienerHammersteinLags(), random_state=0).partial_fit(X, y)
+    U = [make_wiener_hammerstein(n, snr_db=None, random_state=n)[0] for n in (20, 1500, 30)]
+    wrong = model.wrong_signs(U)
+    np.testing.assert_allclose(wrong, [model.wrong_signs(u)[0] for u in U])
+    assert wrong.min() < np.log(2.0) < wrong.max()
+    for together, alone in zip(model.predict(U), (model.predict(u) for u in U), strict=True):
+        np.testing.assert_allclose(together, alone, rtol=1e-12)
+
+
+def test_an_unknown_output_is_refused():
+    with pytest.raises(ValueError, match="output is 'mean', expected one of 'expected', 'simulation'"):
+        fitted(100).predict([[0.0]], output="mean")

@@ -1,0 +1,55 @@
+"""Where a search begins."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from whsklearn import WienerHammersteinSystem
+from whsklearn.datasets import make_wiener_hammerstein
+from whsklearn.effects.law import polynomial_law
+from whsklearn.recursion.memory.starts import least_squares_start, random_stable, random_start, term_scales
+from whsklearn.systems.stability import is_stable
+
+ORDERS = (2, 2, 2, 2, 3)
+
+
+@pytest.mark.parametrize("order", [0, 1, 2, 3, 6])
+def test_random_denominators_are_stable(order):
+    rng = np.random.default_rng(order)
+    for _ in range(200):
+        b = random_stable(order, rng)
+        assert b.shape == (order,)
+        assert is_stable(b, 1.0)
+
+
+def test_random_starts_have_stable_blocks_and_differ():
+    rng = np.random.default_rng(0)
+    starts = np.array([random_start(ORDERS, rng) for _ in range(50)])
+    assert starts.shape == (50, 9)
+    assert all(is_stable(s[1:3].copy(), 1.0) and is_stable(s[7:].copy(), 1.0) for s in starts)
+    assert np.unique(starts[:, 0]).size == 50
+
+
+def test_least_squares_around_the_true_l1_is_the_truth():
+    """With L1 right, noise-free and a law without sign, all the rest is linear."""
+    system = WienerHammersteinSystem([1.0, 0.5], [-0.6], [1.0, 0.4], [0.2, -0.3], polynomial_law([0.0, 0.8, 0.3, -0.1]))
+    truth = np.concatenate([system.a[1:], system.b, system.law.weights, system.c[1:], system.d])
+    X, y = make_wiener_hammerstein(300, snr_db=None, random_state=1, system=system)
+    law = np.array([2, 1, 2, 2, 3], dtype=np.int64), system.law.codes, system.law.shapes
+    wrong = truth.copy()
+    wrong[2:] = 7.0
+    found = least_squares_start(wrong, law, X, y, np.arange(300) == 0)
+    np.testing.assert_allclose(found, truth, rtol=1e-8)
+
+
+def test_a_start_does_not_depend_on_the_units_of_the_log():
+    system = WienerHammersteinSystem.example()
+    X, y = make_wiener_hammerstein(300, random_state=2, system=system)
+    law = np.array(ORDERS, dtype=np.int64), system.law.codes, system.law.shapes
+    restart = np.arange(300) == 0
+    scales = [term_scales(law, X, k * y, restart, np.random.default_rng(0)) for k in (1.0, 1000.0)]
+    np.testing.assert_allclose(scales[1], 1000.0 * scales[0], rtol=1e-12)
+    a, b = (random_start(ORDERS, np.random.default_rng(1), s) for s in scales)
+    np.testing.assert_allclose(b[3:6], 1000.0 * a[3:6])
+    np.testing.assert_array_equal(np.delete(a, [3, 4, 5]), np.delete(b, [3, 4, 5]))

@@ -1,0 +1,96 @@
+"""Ways to divide the poles and zeros of a linear model between two blocks."""
+
+from __future__ import annotations
+
+import itertools
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from whsklearn.recursion.batch.best_linear import Ratio
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+MOST = 512  # divisions tried at most; order 8 with real roots only would have 65,536
+
+
+class Orders(NamedTuple):
+    """Largest numbers of zeros and poles of each block."""
+
+    zeros_1: int
+    poles_1: int
+    zeros_2: int
+    poles_2: int
+
+
+def divisions(ratio: Ratio, orders: Orders) -> Iterator[tuple[Ratio, Ratio]]:
+    """All pairs of blocks whose product has the zeros and poles of the ratio; conjugate pairs stay together.
+
+    Parameters
+    ----------
+    ratio : Ratio
+        The linear model.
+    orders : Orders
+        Orders of the blocks.  A block with more zeros than poles is skipped, except for one zero without a pole.
+    """
+    zeros, poles = _groups(np.roots(ratio.b)), _groups(np.roots(ratio.a))
+    found = 0
+    for p in itertools.product((False, True), repeat=len(poles)):
+        first, second = _chosen(poles, p, True), _chosen(poles, p, False)
+        if first.size > orders.poles_1 or second.size > orders.poles_2:
+            continue
+        for z in itertools.product((False, True), repeat=len(zeros)):
+            up, down = _chosen(zeros, z, True), _chosen(zeros, z, False)
+            if up.size > min(orders.zeros_1, max(first.size, 1)) or down.size > min(
+                orders.zeros_2, max(second.size, 1)
+            ):
+                continue
+            yield Ratio(_polynomial(up), _polynomial(first)), Ratio(_polynomial(down), _polynomial(second))
+            found += 1
+            if found >= MOST:
+                return
+
+
+def padded(block: Ratio, n_zeros: int, n_poles: int) -> Ratio:
+    """The block padded with zero coefficients up to these orders; a fit is free to move the new roots at z = 0."""
+    b = np.append(block.b, np.zeros(max(n_zeros + 1 - block.b.size, 0)))
+    return Ratio(b, np.append(block.a, np.zeros(max(n_poles + 1 - block.a.size, 0))))
+
+
+def reflections(b: Array) -> list[Array]:
+    """The numerators in which one zero, or one conjugate pair, is reflected at the unit circle.
+
+    The gain stays the same at every frequency and only the phase changes.  A zero and its image are often two minima
+    of a fit.
+    """
+    lead = int(np.flatnonzero(b)[0]) if np.any(b) else b.size
+    groups = _groups(np.roots(b))
+    found = []
+    for i, group in enumerate(groups):
+        others = [g for k, g in enumerate(groups) if k != i]
+        image = _polynomial(np.concatenate([*others, 1.0 / np.conj(group)]))
+        gain = b[lead] * float(np.prod(np.abs(group)))
+        found.append(np.concatenate([np.zeros(lead), gain * image, np.zeros(b.size - lead - image.size)]))
+    return found
+
+
+def _groups(roots: NDArray[Any]) -> list[NDArray[np.complex128]]:
+    """Real roots alone, conjugate pairs together; roots at zero, which are delays, are skipped."""
+    roots = roots[np.abs(roots) > 1e-9]
+    upper = roots[roots.imag > 1e-9 * np.abs(roots)]
+    real = roots[np.abs(roots.imag) <= 1e-9 * np.abs(roots)]
+    return [np.array([r, np.conj(r)]) for r in upper] + [np.array([r]) for r in real]
+
+
+def _chosen(groups: list[NDArray[np.complex128]], marks: tuple[bool, ...], wanted: bool) -> NDArray[np.complex128]:
+    parts = [g for g, mark in zip(groups, marks, strict=True) if mark is wanted]
+    return np.concatenate(parts) if parts else np.empty(0, dtype=complex)
+
+
+def _polynomial(roots: NDArray[np.complex128]) -> Array:
+    return np.atleast_1d(np.real(np.poly(roots)))

@@ -1,0 +1,108 @@
+"""The output of L1 for a record, in one shared kernel: x by (1), its increment, and how certain its sign is.
+
+The starts, the scale of kappa, the rows of least squares behind a fixed L1 and the free run all begin with it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from whsklearn._numba import njit, part
+from whsklearn.recursion.rows.delay_line import clear, push
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+    Bools = NDArray[np.bool_]
+
+LARGEST = 1e30  # bound of x, so that a diverging free run stays finite
+KNOWN = np.zeros((0, 0))  # stands for the covariance of a block whose parameters are exact
+
+
+def motion(theta: Array, dims: NDArray[np.int64], u: Array, restart: Bools) -> float:
+    """Root mean square of dx = x(t) - x(t-1), which sets the scale of kappa."""
+    return first_block(theta, dims, u, restart, KNOWN)[1]
+
+
+def first_block(theta: Array, dims: NDArray[np.int64], u: Array, restart: Bools, spread: Array) -> tuple[Array, float]:
+    """x, dx = x(t) - x(t-1), and |E sign(dx)| if (a, b) has the covariance ``spread``; and the size of dx.
+
+    Parameters
+    ----------
+    theta : ndarray of shape (n,)
+        Natural parameters, of which only (a, b) is used.
+    dims : ndarray of shape (5,)
+    u : ndarray of shape (n, n_inputs)
+    restart : ndarray of bool, shape (n,)
+        Where an experiment begins; nothing is known of its past.
+    spread : ndarray of shape (n_1, n_1) or (0, 0)
+
+    Returns
+    -------
+    signals : ndarray of shape (3, n), or (2, n) without a covariance
+    motion : float
+        Root mean square of dx.
+    """
+    signals = np.empty((3 if len(spread) else 2, len(u)))
+    return signals, float(_fill(signals, theta, dims, u, restart, spread))
+
+
+@njit(error_model="numpy", short=True)
+def _fill(out, theta, dims, u, restart, spread):
+    """Write the signals into ``out``; return the motion."""
+    na, nb, n1 = dims[0], dims[1], spread.shape[0]
+    b = theta[na - 1 : na - 1 + nb]
+    power = 0.0
+    u_past = np.zeros(na)
+    x_past = np.zeros(nb + 1)
+    g_past = np.zeros((nb + 1, n1))
+    g = np.zeros(n1)
+    for t in range(u.shape[0]):
+        if restart[t]:
+            clear(u_past)
+            clear(x_past)
+            for j in range(nb + 1):
+                for k in range(n1):
+                    g_past[j, k] = 0.0
+        x = u_past[0]
+        for i in range(1, na):
+            x += theta[i - 1] * u_past[i]
+        for j in range(nb):
+            x -= b[j] * x_past[j]
+        x = min(max(x, -LARGEST), LARGEST)
+        dx = x - x_past[0]
+        out[0, t] = x
+        out[1, t] = dx
+        power += dx * dx
+        if n1 > 0:
+            variance = _advance_gradient(g_past, g, na, b, u_past, x_past, spread)
+            out[2, t] = math.erf(abs(dx) / math.sqrt(2.0 * variance + 1e-300))
+        for j in range(nb, 0, -1):
+            x_past[j] = x_past[j - 1]
+        x_past[0] = x
+        push(u_past, u[t])
+    return math.sqrt(power / max(u.shape[0], 1))
+
+
+@part
+def _advance_gradient(past, g, na, b, u_past, x_past, spread):
+    """Advance the sensitivities of x to (a, b) by one sample; return the variance of dx."""
+    n1 = g.size
+    variance = 0.0
+    for k in range(n1):
+        new = u_past[k + 1] if k < na - 1 else -x_past[k - (na - 1)]
+        for j in range(b.size):
+            new -= b[j] * past[j, k]
+        g[k] = min(max(new, -1e60), 1e60)
+    for i in range(n1):
+        for j in range(n1):
+            variance += spread[i, j] * (g[i] - past[0, i]) * (g[j] - past[0, j])
+    for k in range(n1):
+        for j in range(b.size, 0, -1):
+            past[j, k] = past[j - 1, k]
+        past[0, k] = g[k]
+    return variance

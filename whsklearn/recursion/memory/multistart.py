@@ -1,0 +1,224 @@
+"""The default method as a stream: several starts in parallel, and a memory of bounded length.
+
+State in, state out: `initial_state` makes the arrays, `run` takes them through samples,
+`consolidate` re-linearises the memory, and `answer` picks the model that gives the answer.  A run
+may be divided anywhere, because every schedule depends only on the number of samples seen.
+
+With ``memory = 0`` this is the pure recursion.  With a memory, its first ``memory`` samples are
+re-run at instants that grow geometrically.  Poor starts are dropped there and fresh ones drawn,
+so that one model is left when the memory is full.  After that, each full block is re-run once,
+with everything before it as a prior.  All of this is done in parts, so that no sample has to wait
+for it (`schedule`).
+"""
+
+from __future__ import annotations
+
+import copy
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from whsklearn.recursion.memory.posterior import initial_past
+from whsklearn.recursion.memory.refit import LIVE
+from whsklearn.recursion.memory.refit import consolidate as refit_now
+from whsklearn.recursion.memory.schedule import BackgroundRefit, schedule, under_way
+from whsklearn.recursion.memory.settings import Settings, State
+from whsklearn.recursion.memory.starts import random_start
+from whsklearn.recursion.rows.covariance import WIND_UP, inflate
+from whsklearn.recursion.rows.predictor import state_size
+from whsklearn.recursion.rows.subinnovations import MOVING, STILL, Models, Samples, Schedule, mark_still, run_windows
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+__all__ = ["Settings", "State", "answer", "consolidate", "forget_past", "initial_state", "run"]
+
+PURE_SHARPEST = 80.0  # without re-runs, a sharper sign loses more starts than it gains in accuracy
+
+
+def initial_state(r: Settings) -> State:
+    """State arrays of a stream before the first sample."""
+    n, m, h = r.size, r.memory, r.history
+    room = r.page_end if m else 0
+    rng = np.random.default_rng([r.seed, 0])
+    n_models = 1 if m else r.n_starts
+    theta = np.array([random_start(tuple(r.dims), rng) for _ in range(n_models)])
+    if m:
+        theta[:] = 0.0  # predicts zero until the first re-run draws the starts on the record itself
+    if r.theta0 is not None:
+        theta[0] = r.theta0
+    return {
+        "seen": 0,
+        "since": 0,
+        "repeats": np.zeros(2, dtype=np.int64),
+        "known": np.zeros(1),  # number of samples that the estimate rests on, after forgetting
+        "page_known": 0.0,
+        "oblivion": 1.0,  # weight of the past when the next sample arrives
+        "theta": theta,
+        "ud": np.repeat(np.eye(n)[None] * r.p0, n_models, axis=0),
+        "before": np.zeros((n_models, state_size(r.dims))),
+        "loss": np.zeros((n_models, 2)),
+        "motion": np.zeros((n_models, 2)),
+        "sharpness": np.ones(n_models),
+        "recent_u": np.zeros((r.p + h) * r.n_inputs),
+        "recent_y": np.zeros(r.p + h),
+        "recent_weight": np.ones(r.p + h),
+        # the pure recursion forgets its first estimates; a re-run corrects them instead
+        "forgetting": np.array([r.forgetting if m else min(0.95, r.forgetting), r.forgetting, 0.99]),
+        "ceiling": WIND_UP * r.p0,
+        "memory_u": np.zeros((h + room, r.n_inputs)),
+        "memory_y": np.zeros(h + room),
+        "memory_restart": np.zeros(room, dtype=bool),
+        "memory_still": np.zeros(room, dtype=bool),
+        "memory_idle": np.zeros(room, dtype=bool),
+        "memory_kept": np.ones(room),
+        "memory_weight": np.ones(room),
+        "fill": 0,
+        "blocks": 0,
+        "origin": np.zeros((n_models, state_size(r.dims))),
+        "page_theta": theta.copy(),
+        "prior_theta": theta.copy(),
+        "prior_information": np.zeros((n_models, n, n)),
+        **initial_past(r),
+    }
+
+
+def run(
+    state: State, r: Settings, u: NDArray[np.float64], y: NDArray[np.float64], restart: NDArray[np.bool_],
+    page: BackgroundRefit | None = None, weight: NDArray[np.float64] | None = None,
+) -> BackgroundRefit | None:  # fmt: skip
+    """Run the state through samples, in place; ``restart`` marks where an experiment begins.
+
+    ``weight`` is the weight of each sample's squared error; by default all are one.
+
+    Returns the page re-run that is under way; passed in again with the next samples, it need not begin anew.
+    """
+    state["forgetting"][1] = r.forgetting
+    if r.memory:
+        state["forgetting"][0] = r.forgetting
+    at = 0
+    weight = np.ones(y.size) if weight is None else weight
+    while at < y.size:
+        if restart[at]:
+            _begin_experiment(state)
+        stop = at + 1
+        if stop < y.size:
+            stop = _first(restart, stop, min(y.size, at + _until_event(state, r)))
+        still = np.empty(stop - at, dtype=np.uint8)
+        mark_still(
+            state["repeats"], state["recent_u"], state["recent_y"], state["known"], r.forgetting, u[at:stop],
+            y[at:stop], still,
+        )  # fmt: skip
+        samples = Samples(u[at:stop], y[at:stop], weight[at:stop])
+        _remember(state, r, samples, still, bool(restart[at]))
+        models = Models(*(state[name][: LIVE if r.memory else None] for name in Models._fields))
+        recent = Samples(state["recent_u"], state["recent_y"], state["recent_weight"])
+        schedule = Schedule(state["forgetting"], state["ceiling"], 0.0 if r.memory else PURE_SHARPEST)
+        state["since"] = run_windows(
+            models, recent, state["since"], state["seen"], schedule, r.law, r.p, r.frozen, samples, still
+        )
+        state["seen"] += stop - at
+        if r.memory:
+            page = _tend_memory(state, r, page, stop - at)
+        at = stop
+    return page
+
+
+def _first(marked: NDArray[np.bool_], start: int, stop: int) -> int:
+    """Index of the first marked sample from ``start`` on, or ``stop`` if there is none before it."""
+    found = start + int(marked[start:stop].argmax()) if start < stop else stop
+    return found if found < stop and marked[found] else stop
+
+
+def consolidate(state: State, r: Settings, page: BackgroundRefit | None = None) -> None:
+    """Re-run the memory now, in place; a page whose re-run is under way is turned first."""
+    if state["fill"] >= r.memory:
+        _the_refit(state, r, page, schedule(r, filling=False)[0]).take_over()
+    refit_now(state, r)
+
+
+def settled(state: State, r: Settings) -> State:
+    """A copy whose memory has been re-run."""
+    state = copy.deepcopy(state)
+    consolidate(state, r)
+    return state
+
+
+def is_silent(state: State) -> bool:
+    """Whether no start has been tried yet, because the first re-run, which begins with P0, has not taken over."""
+    return not state["prior_information"].any()
+
+
+def _tend_memory(state: State, r: Settings, refit: BackgroundRefit | None, n_new: int) -> BackgroundRefit | None:
+    """Begin, continue or end a re-run of the memory, as needed after ``n_new`` samples."""
+    now = under_way(state, r)
+    if now is not None:
+        refit = _the_refit(state, r, refit, now)
+        if state["fill"] < now[1]:
+            refit.advance(n_new)
+            return refit
+        refit.take_over()
+    if state["fill"] in [begin for begin, _ in schedule(r, not state["blocks"])]:
+        state["page_theta"], state["page_known"] = state["theta"].copy(), float(state["known"][0])
+    return None
+
+
+def _the_refit(state: State, r: Settings, refit: BackgroundRefit | None, now: tuple[int, int]) -> BackgroundRefit:
+    """The re-run under way, or a new one."""
+    return refit if refit is not None and refit.is_of(state, now[0]) else BackgroundRefit(state, r, *now)
+
+
+def _begin_experiment(state: State) -> None:
+    """Forget the past signals; parameters and covariance are kept."""
+    state["since"] = 0
+    state["repeats"][:] = 0
+    for name in ("before", "recent_u", "recent_y"):
+        state[name][:] = 0.0
+
+
+def _until_event(state: State, r: Settings) -> int:
+    """Number of samples until a re-run next begins or ends."""
+    if not r.memory:
+        return np.iinfo(np.int64).max
+    fill = state["fill"]
+    return min([i for span in schedule(r, not state["blocks"]) for i in span if i > fill]) - fill
+
+
+def _remember(state: State, r: Settings, samples: Samples, still: NDArray[np.uint8], restarts: bool) -> None:
+    """Append samples to the memory."""
+    if not r.memory:
+        return
+    u, y, weight = samples
+    first, h, n = state["fill"], r.history, y.size
+    if n == 1:  # the same for one sample, because slices would cost as much as its update
+        state["memory_u"][h + first] = u[0]
+        state["memory_y"][h + first] = y[0]
+        state["memory_weight"][first] = weight[0]
+        state["memory_still"][first] = still[0] == STILL
+        state["memory_idle"][first] = still[0] != MOVING
+        state["memory_kept"][first] = state["forgetting"][1] if still[0] == MOVING else 1.0
+    else:
+        state["memory_u"][h + first : h + first + n] = u
+        state["memory_y"][h + first : h + first + n] = y
+        state["memory_weight"][first : first + n] = weight
+        state["memory_still"][first : first + n] = still == STILL
+        state["memory_idle"][first : first + n] = still != MOVING
+        state["memory_kept"][first : first + n] = np.where(still == MOVING, state["forgetting"][1], 1.0)
+    state["memory_restart"][first] = restarts
+    state["memory_kept"][first] *= state["oblivion"]
+    state["oblivion"] = 1.0
+    state["fill"] += n
+
+
+def forget_past(state: State, samples: float) -> None:
+    """Reduce the weight of what is known to ``samples`` samples at most, in P and in the memory."""
+    left = min(1.0, samples / max(float(state["known"][0]), 1e-300))
+    state["known"] *= left
+    state["oblivion"] *= left
+    for ud in state["ud"]:
+        inflate(ud, 1.0 / left, state["ceiling"])
+
+
+def answer(state: State) -> int:
+    """Index of the model with the least innovation variance."""
+    return int(np.argmin(state["loss"][:, 0] / np.maximum(state["loss"][:, 1], 1e-300)))

@@ -1,0 +1,136 @@
+"""Starting points of a search: random stable blocks, and least squares for the parameters that are then linear.
+
+The prediction error has several minima.  A single start ends in the global one in about
+six of ten cases on the paper's example and in far fewer on some systems, so several
+starts run in parallel (measured by benchmarks/accuracy.py).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from whsklearn._numba import njit
+from whsklearn.effects.terms import law_values
+from whsklearn.recursion.memory.first_block import KNOWN, first_block
+from whsklearn.recursion.memory.steps import in_one
+
+if TYPE_CHECKING:
+    from collections.abc import Generator
+
+    from numpy.typing import NDArray
+
+    from whsklearn.recursion.rows.predictor import Law
+
+    Array = NDArray[np.float64]
+
+
+def random_stable(order: int, rng: np.random.Generator) -> NDArray[np.float64]:
+    """A stable denominator from uniform reflection coefficients (Levinson recursion)."""
+    b: list[float] = []  # arrays would take five times as long while a sample waits
+    for r in rng.uniform(-0.9, 0.9, order).tolist():
+        b = [x + r * y for x, y in zip(b, b[::-1], strict=True)] + [r]
+    return np.array(b)
+
+
+def random_start(dims: tuple[int, ...], rng: np.random.Generator, scales: Array | None = None) -> Array:
+    """theta with stable blocks; the weights are of the order of ``scales``, or of one if the scales are unknown."""
+    return in_one(random_start_steps(dims, rng, scales))
+
+
+def random_start_steps(
+    dims: tuple[int, ...], rng: np.random.Generator, scales: Array | None = None
+) -> Generator[None, None, Array]:
+    """`random_start` in two parts."""
+    na, nb, nc, nd, nw = dims
+    weights = rng.normal(0.0, 0.5, nw)
+    a, b = rng.normal(0.0, 1.5, na - 1), random_stable(nb, rng)
+    yield
+    w = weights if scales is None else weights * scales
+    return np.concatenate([a, b, w, rng.normal(0.0, 0.5, nc - 1), random_stable(nd, rng)])
+
+
+def term_scales(law: Law, u: Array, y: Array, restart: NDArray[np.bool_], rng: np.random.Generator) -> Array:
+    """Weights at which each term alone would have the size of the output; the median over random L1.
+
+    They make starts and priors independent of the units of the log.
+    """
+    return scales_from([term_sizes(law, u, restart, rng) for _ in range(9)], y)
+
+
+def term_sizes(law: Law, u: Array, restart: NDArray[np.bool_], rng: np.random.Generator) -> Array:
+    """Root mean square of each term behind one random L1."""
+    return in_one(term_sizes_steps(law, u, restart, rng))
+
+
+def term_sizes_steps(
+    law: Law, u: Array, restart: NDArray[np.bool_], rng: np.random.Generator
+) -> Generator[None, None, Array]:
+    """`term_sizes` in two parts."""
+    dims = tuple(int(d) for d in law[0])
+    start = random_start(dims, rng)
+    yield
+    x, dx = first_block(start, law[0], u, restart, KNOWN)[0]
+    return np.sqrt(np.mean(law_values(law[1], law[2], x, dx, np.inf) ** 2, axis=1))
+
+
+def scales_from(sizes: list[Array], y: Array) -> Array:
+    """Weights at which each term, of the median of ``sizes``, has the size of the output."""
+    typical = np.sort(np.array(sizes), axis=0)[len(sizes) // 2]  # the median of nine, faster than np.median
+    return np.sqrt(np.mean(y**2)) / np.where(typical > 0.0, typical, 1.0)
+
+
+def regressors(theta: Array, law: Law, u: Array, y: Array, restart: NDArray[np.bool_]) -> Array:
+    """Regressors that are linear once L1 of ``theta`` is fixed: f_k(t-m) for m = 1..n_c, then -y(t-n)."""
+    dims, codes, shapes = law
+    (x, dx), motion = first_block(theta, dims, u, restart, KNOWN)
+    f = law_values(codes, shapes, x, dx, 0.5 / max(motion, 1e-12))
+    return lagged(f, y, restart, int(dims[2]), int(dims[3]))
+
+
+@njit(error_model="numpy", short=True)
+def lagged(f, y, restart, nc, nd):
+    """f(t-1), .. f(t-n_c), -y(t-1), .. -y(t-n_d) of every sample; zero before the start of its experiment."""
+    nw, n = f.shape
+    rows = np.zeros((n, nc * nw + nd))
+    since = 0
+    for t in range(n):
+        if restart[t]:
+            since = 0
+        for m in range(min(nc, since)):
+            for k in range(nw):
+                rows[t, m * nw + k] = f[k, t - 1 - m]
+        for i in range(min(nd, since)):
+            rows[t, nc * nw + i] = -y[t - 1 - i]
+        since += 1
+    return rows
+
+
+def least_squares_steps(theta: Array, law: Law, rows: Array, y: Array) -> Generator[None, None, Array]:
+    """Keep L1 of ``theta`` and compute the weights, c and d by least squares on its `regressors`; in two parts.
+
+    With L1 fixed, y is linear in the products c_m w_k and in d.  The products form a matrix
+    of rank one, so its first singular vectors give c and w (Bai 1998, Automatica 34(3)).
+    """
+    na, nb, nc, _, nw = (int(d) for d in law[0])
+    n1 = na - 1 + nb
+    # one call; the normal equations would need five, and each call that is not in the cache costs 10 us
+    solution = np.linalg.lstsq(rows, y, rcond=1e-10)[0]
+    yield
+    if not np.isfinite(solution).all():
+        return theta
+    products = solution[: nc * nw].reshape(nc, nw)
+    c = np.linalg.eigh(products @ products.T)[1][:, -1]
+    floor = 0.05 * np.abs(c).max()
+    first = c[0] if abs(c[0]) > floor else np.copysign(floor, c[0])
+    out = theta.copy()
+    out[n1 : n1 + nw] = (c @ products) * first
+    out[n1 + nw : n1 + nw + nc - 1] = c[1:] / first
+    out[n1 + nw + nc - 1 :] = solution[nc * nw :]
+    return out
+
+
+def least_squares_start(theta: Array, law: Law, u: Array, y: Array, restart: NDArray[np.bool_]) -> Array:
+    """`least_squares_steps` in one go."""
+    return in_one(least_squares_steps(theta, law, regressors(theta, law, u, y, restart), y))

@@ -1,0 +1,300 @@
+"""Sub-innovation updates with the exact gradient: the default reading of (10)-(14).
+
+The last p samples are one window, which starts from the stored state before it.  For
+i = 1 .. p the window is run again up to its i-th sample with the newest parameters, and
+that sample updates theta and P with weight 1/p.  Over p windows each sample then counts
+once, and P stays calibrated.  With ``frozen`` the p rows are evaluated at theta(t-1) and
+P follows the block update (7)-(9), which by the block inversion lemma is p scalar updates.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from whsklearn._numba import njit, part
+from whsklearn.recursion.rows.covariance import inflate, measurement_update
+from whsklearn.recursion.rows.predictor import advance, by_block, copy_past, past_of, predict, respond, with_room
+from whsklearn.systems.stability import is_stable
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from whsklearn.recursion.rows.predictor import Law
+
+    Array = NDArray[np.float64]
+
+STABLE_RADIUS = 0.999
+LARGEST_PARAMETER = 1e8
+LARGEST_SIGNAL = 1e60  # logs hold at most 1e30
+LOSS_FORGETTING = 0.995
+LONGEST_TRANSIENT = 256  # samples of constant input after which forgetting stops
+MOVING, IDLE, STILL = range(3)
+
+
+@part
+def relative_sharpness(seen, sharpest):
+    """kappa times the root mean square of dx, which rises with the samples seen from 1 to ``sharpest``."""
+    return min(max((seen / 32.0) ** 1.75, 1.0), sharpest)
+
+
+@njit(error_model="numpy", short=True)
+def mark_still(repeats, recent_u, recent_y, known, kept, u, y, still):
+    """Mark samples as MOVING, IDLE or STILL; ``repeats`` counts how often the last input and sample repeat.
+
+    A record that does not change by a bit for longer than a window is STILL: it repeats the same information, and
+    counting it as new samples would let the noise variance and P decay.  An axis whose input has been constant for
+    LONGEST_TRANSIENT samples is IDLE: it shows its noise, but does not excite the directions that forgetting would
+    open.  ``known`` counts samples under the forgetting factor ``kept``.
+    """
+    m = u.shape[1]
+    for t in range(y.size):
+        same = True
+        for i in range(m):
+            same = same and u[t, i] == (u[t - 1, i] if t > 0 else recent_u[i])
+        repeats[0] = repeats[0] + 1 if same else 0
+        same = same and y[t] == (y[t - 1] if t > 0 else recent_y[0])
+        repeats[1] = repeats[1] + 1 if same else 0
+        still[t] = MOVING
+        if repeats[0] >= LONGEST_TRANSIENT:
+            still[t] = IDLE
+        if repeats[1] >= recent_y.size - 1:
+            still[t] = STILL
+        else:
+            known[0] = (kept if still[t] == MOVING else 1.0) * known[0] + 1.0
+
+
+class Models(NamedTuple):
+    """Models that run in parallel, one row each.
+
+    Attributes
+    ----------
+    theta, ud, before : ndarrays of shape (S, n), (S, n, n), (S, n_state)
+        Parameters, factorised covariance and the state before the window.
+    loss : ndarray of shape (S, 2)
+        Weighted sum of squared innovations, and their number.
+    motion : ndarray of shape (S, 2)
+        The same for dx, which sets the scale of kappa.
+    sharpness : ndarray of shape (S,)
+        kappa.
+    """
+
+    theta: Array
+    ud: Array
+    before: Array
+    loss: Array
+    motion: Array
+    sharpness: Array
+
+
+class Samples(NamedTuple):
+    """Samples in time order, or the latest ones, newest first.
+
+    Attributes
+    ----------
+    u, y, weight : ndarrays
+        Input, of shape (m, n_inputs) or flat; output; weight of its squared error.
+    """
+
+    u: Array
+    y: Array
+    weight: Array
+
+
+class Schedule(NamedTuple):
+    """Settings that depend on the number of samples seen.
+
+    Attributes
+    ----------
+    forgetting : ndarray of shape (3,)
+        Current value, final value, and the rate at which the first approaches the second.
+    ceiling : float
+        Limit up to which forgetting inflates P.
+    sharpest : float
+        If positive, kappa rises to this value (relative to dx) with the samples seen.
+    """
+
+    forgetting: Array
+    ceiling: float
+    sharpest: float
+
+
+def run_windows(
+    models: Models, recent: Samples, since: int, seen: int, schedule: Schedule, law: Law, p: int, frozen: bool,
+    samples: Samples, still: NDArray[np.uint8],
+) -> int:  # fmt: skip
+    """Run every model through the samples; all state arrays change in place.
+
+    Parameters
+    ----------
+    models : Models
+    recent : Samples
+        The latest samples, newest first: u of shape ((p + lags) * n_inputs,), y and weights of shape (p + lags,).
+    since : int
+        Number of samples since the experiment began.
+    seen : int
+        Number of samples in all.
+    schedule : Schedule
+    law : tuple of ndarrays
+        dims, codes, shapes.
+    p : int
+        Innovation length.
+    frozen : bool
+        Whether all rows of a window are evaluated at the parameters before it.
+    samples : Samples
+        The new samples.
+    still : ndarray of shape (m,)
+        From `mark_still`: a STILL sample advances the state and changes nothing else; nothing is forgotten at an
+        IDLE one.
+
+    Returns
+    -------
+    int
+        ``since`` after the last sample.
+    """
+    # plain tuples: Numba takes twice as long to unpack named ones, which was a third of a row
+    return _run_windows(
+        tuple(models), tuple(recent), since, seen, tuple(schedule), law, p, frozen, tuple(samples), still
+    )
+
+
+@njit(error_model="numpy", short=True)
+def _run_windows(models, recent, since, seen, schedule, law, p, frozen, samples, still):
+    models, recent, schedule, samples = Models(*models), Samples(*recent), Schedule(*schedule), Samples(*samples)
+    count = samples.y.size
+    line = Samples(
+        _newest_first(samples.u.ravel(), recent.u, samples.u.shape[1]),
+        _newest_first(samples.y, recent.y, 1),
+        _newest_first(samples.weight, recent.weight, 1),
+    )
+    rate = schedule.forgetting[0]
+    room = with_room(past_of(models.before[0], law[0]), p)  # for every model in turn
+    for s in range(models.theta.shape[0]):
+        model = Models(
+            models.theta[s], models.ud[s], models.before[s], models.loss[s], models.motion[s],
+            models.sharpness[s : s + 1],
+        )  # fmt: skip
+        rate = _run_model(model, room, line, since, seen, schedule, law, p, frozen, still)
+    schedule.forgetting[0] = rate
+    _keep(recent.u, line.u)
+    _keep(recent.y, line.y)
+    _keep(recent.weight, line.weight)
+    return since + count
+
+
+@part
+def _newest_first(samples, recent, m):
+    """The samples, ``m`` numbers each, from the newest to the oldest, followed by the recent ones."""
+    n = samples.size
+    line = np.empty(n + recent.size)
+    for k in range(n):
+        line[k] = samples[n - m + 2 * (k % m) - k]
+    for k in range(recent.size):
+        line[n + k] = recent[k]
+    return line
+
+
+@part
+def _keep(recent, line):
+    """Store the newest samples of the line."""
+    for k in range(recent.size):
+        recent[k] = line[k]
+
+
+@part
+def _run_model(model, line, samples, since, seen, schedule, law, p, frozen, still):
+    """Run one model through the samples; return the forgetting factor after the last of them.
+
+    It is inlined into its only caller; compiled separately as well, a first fit would take a second longer.
+    """
+    theta, ud, before, loss, motion, sharpness = model
+    recent_u, recent_y, recent_weight = samples
+    dims, codes, shapes = law
+    n, count = theta.size, still.size
+    m = recent_u.size // recent_y.size
+    nc = dims[2]
+    past = past_of(before, dims)
+    psi, gain, start, old = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+    blocks, psi_blocks = by_block(start if frozen else theta, dims), by_block(psi, dims)
+    b = by_block(theta, dims)[1]
+    rate = schedule.forgetting[0]
+    for t in range(count):
+        newest = count - 1 - t
+        since += 1
+        seen += 1
+        learns = still[t] != STILL
+        window = min(p, since) if learns else 0
+        if learns:
+            rate += (1.0 - schedule.forgetting[2]) * (schedule.forgetting[1] - rate)
+            if rate != 1.0 and still[t] == MOVING:
+                inflate(ud, 1.0 / rate, schedule.ceiling)
+        for k in range(n):
+            start[k] = theta[k]
+        copy_past(past, 0, line, min(p, since), past)
+        for i in range(window + 1):
+            # the newest sample of the run-up has index window-1-i in the recent ones; a frozen run continues from there
+            now = window - 1 - i
+            run_up = window - 1
+            onwards = i == window  # finally the state before the window advances, with the newest parameters:
+            if onwards:  # in the same loop, because a second call of `advance` would be inlined once more
+                if since < p:
+                    break
+                run_up, now = p - 1, p - 2
+                for k in range(n):
+                    start[k] = theta[k]
+            if frozen and 0 < i < window:
+                run_up = now + 1
+            for k in range(run_up, now, -1):
+                advance(blocks, line, k, recent_u[(newest + k + 1) * m :])
+            for k in range(min(run_up, now + nc), now, -1):
+                respond(blocks, codes, shapes, sharpness[0], line, k)
+            if onwards:
+                copy_past(line, p - 1, past, 0, past)
+                if learns:
+                    dx = line.x[p - 1] - line.x[p]
+                    motion[0] = LOSS_FORGETTING * motion[0] + dx * dx
+                    motion[1] = LOSS_FORGETTING * motion[1] + 1.0
+                break
+            weight = recent_weight[newest + now]
+            if weight == 0.0:
+                continue
+            e = recent_y[newest + now] - predict(blocks, line, now + 1, recent_y[newest + now + 1 :], psi, psi_blocks)
+            if frozen:
+                for k in range(n):
+                    e -= psi[k] * (theta[k] - start[k])
+            usable = abs(e) < LARGEST_SIGNAL  # False for NaN too: nothing is learnt from an interim model that diverges
+            for k in range(n):
+                usable &= abs(psi[k]) < LARGEST_SIGNAL
+            if now == 0:
+                loss[0] = LOSS_FORGETTING * loss[0] + (weight * e * e if usable else LARGEST_SIGNAL)
+                loss[1] = LOSS_FORGETTING * loss[1] + 1.0
+            if usable:
+                measurement_update(ud, psi, p / weight, gain)
+                ok = True
+                for k in range(n):
+                    old[k] = theta[k]
+                    theta[k] = old[k] + gain[k] * e
+                    ok &= abs(theta[k]) < LARGEST_PARAMETER
+                if not (ok and is_stable(b, STABLE_RADIUS)):
+                    _shorten(theta, gain, e, b, old)
+        if learns and schedule.sharpest > 0.0:
+            rms = np.sqrt(motion[0] / max(motion[1], 1.0))
+            sharpness[0] = relative_sharpness(seen, schedule.sharpest) / max(rms, 1e-12)
+    return rate
+
+
+@part
+def _shorten(theta, gain, e, b, old):
+    """theta = old + gain e / 2, / 4, ... until L1 with ``b`` is stable; ``old`` itself if it never is."""
+    scale = 0.5
+    for _ in range(9):
+        ok = True
+        for k in range(theta.size):
+            theta[k] = old[k] + scale * gain[k] * e
+            ok &= abs(theta[k]) < LARGEST_PARAMETER
+        if ok and is_stable(b, STABLE_RADIUS):
+            return
+        scale *= 0.5
+    for k in range(theta.size):
+        theta[k] = old[k]
