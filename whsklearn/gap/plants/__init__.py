@@ -1,4 +1,4 @@
-"""Plants: what the engine diagnoses, such as a servo axis, a Wiener-Hammerstein chain or a user's own simulator."""
+"""Plants that the engine diagnoses: a servo axis, a Wiener-Hammerstein chain, an arm, or a user's own simulator."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Array = NDArray[Any]
 
 
 class Base(NamedTuple):
-    """What a base model is made of.
+    """The settings of a base model.
 
     Attributes
     ----------
@@ -23,7 +23,7 @@ class Base(NamedTuple):
     orders : tuple of int, optional
         (n_a, n_b, n_c, n_d) of a chain.
     direct : int
-        How many of the two blocks of a chain have a direct path.
+        The number of blocks of a chain, of two, that have a direct path.
     """
 
     law: Any = None
@@ -32,7 +32,7 @@ class Base(NamedTuple):
 
 
 def make_plant(model: Any, log: Any, y: Any, base: Base, *, tolerance: float, columns: dict[str, Any]) -> Any:
-    """The plant for a kind of model.
+    """Make the plant for a kind of model.
 
     Raises
     ------
@@ -70,7 +70,7 @@ def make_plant(model: Any, log: Any, y: Any, base: Base, *, tolerance: float, co
 
 
 def _chain(model: Any, u: Array, y: Array, base: Base, tolerance: float, dt: float) -> Any:
-    """The plant of a chain; orders, direct paths and law that are not given are taken from the system."""
+    """The plant of a chain; orders, direct paths and law are taken from the system unless they are given."""
     from whsklearn.gap.plants.chain import ChainPlant
     from whsklearn.gap.plants.chain_law import law_choice
 
@@ -83,7 +83,7 @@ def _chain(model: Any, u: Array, y: Array, base: Base, tolerance: float, dt: flo
     if len(orders) != 4 or min(orders[0], orders[2]) < 1 or min(orders) < 0:
         raise ValueError(f"orders are {orders}; expected n_a, n_b, n_c, n_d with n_a and n_c at least 1.")
     if direct not in (0, 1, 2):
-        raise ValueError(f"direct is {direct}; expected how many of the two blocks have a direct path: 0, 1 or 2.")
+        raise ValueError(f"direct is {direct}; expected the number of blocks with a direct path: 0, 1 or 2.")
     return ChainPlant(u, y, (law_choice(law), orders, direct), tolerance=tolerance, dt=dt, given_model=system)
 
 

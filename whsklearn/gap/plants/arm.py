@@ -1,7 +1,8 @@
 """An arm as a plant: drives and positions of all joints in one rigid-body model; names are pairs (effect, joint).
 
-All joints' residuals are weighed by what is left at each; candidates are ranked within a joint, the best joint's first.
-With numbers of another record (an `ArmModel` that was identified) these stay, and what is named has come since.
+The residuals of all joints are weighted by their size.  Candidates are ranked within a joint, those of the best joint
+first.  If the numbers of another record are given (an identified `ArmModel`), they stay fixed, and a named effect is
+one that has appeared since.
 """
 
 from __future__ import annotations
@@ -39,11 +40,12 @@ from whsklearn.systems.arm import Arm
 
 Array = NDArray[Any]
 LAW = "viscous,coulomb"
-# Of what it closes, at one joint, that an effect may ask for: a spring against gravity is there to cancel it.
+# Largest ratio, at one joint, of the torque of an effect to the residual that it removes: with a larger one, like that
+# of a spring against gravity, it only cancels other terms.
 CANCELS = 20.0
-AS_MUCH = 0.995  # of the rms that the best explains: a commoner law that does goes first
-SUBSTEPS = 4  # fine steps a sample of a proof
-SOME = 200  # places at which a mass matrix is asked for its sign
+AS_MUCH = 0.995  # of the rms that the best candidate explains: a commoner law that explains as much is preferred
+SUBSTEPS = 4  # fine steps per sample in a proof
+SOME = 200  # positions at which the mass matrix is checked for being positive definite
 
 
 class ArmRecord(NamedTuple):
@@ -55,7 +57,7 @@ class ArmRecord(NamedTuple):
 
 
 class ArmPlant(PlantDefaults):
-    """Coupled joints whose drives and positions are logged.
+    """Coupled joints with logged drives and positions.
 
     Parameters
     ----------
@@ -63,11 +65,11 @@ class ArmPlant(PlantDefaults):
     lags : RigidBodyLags
         Arm, law and filter.
     given_model : object
-        What is handed back if nothing can be diagnosed.
+        The model to return if nothing can be diagnosed.
     tolerance : float
-        Smallest effect worth a name, rms as a share of its joint's rms drive.
+        Smallest effect worth a name: its rms as a share of its joint's rms drive.
     given, covariance : ndarray, optional
-        Numbers of another record, that stay, and their covariance.
+        Numbers of another record, which stay fixed, and their covariance.
     """
 
     units: tuple[str, str] = ("Nm", "rad")
@@ -88,7 +90,7 @@ class ArmPlant(PlantDefaults):
 
     # --- the base model ----------------------------------------------------------------------
     def check(self) -> list[Problem]:
-        """Check for degrees, mA, a different order of the columns, and joints that do not move."""
+        """Check for degrees, mA, a wrong order of the columns, and joints that do not move."""
         from whsklearn.models.files import as_arm
 
         arm, (_, q, u) = as_arm(self.lags.robot), self.record
@@ -101,10 +103,10 @@ class ArmPlant(PlantDefaults):
         v = self.view
         texts = [str(w.message) for w in said if w.category is UserWarning]
         texts += [*suspicions(arm, q, u), *swapped(arm.joints, v.phi, v.target, v.keep)]
-        return [Problem("data-arm", "The log may not be what it says", text, fatal=False) for text in texts]
+        return [Problem("data-arm", "The columns of the log may be wrong", text, fatal=False) for text in texts]
 
     def base(self, rng: np.random.Generator) -> ArmState:
-        """The rigid arm with its law, fitted; or as given, with the offsets fitted."""
+        """The rigid arm with its law, fitted; or the given arm with only the offsets fitted."""
         n = self.view.n_joints
         model = self.settled(ArmState(np.zeros(len(self.lags.base_.names)), np.zeros(n)))
         self.view.hear_stops(model)
@@ -112,7 +114,7 @@ class ArmPlant(PlantDefaults):
 
     # --- the search --------------------------------------------------------------------------
     def settled(self, model: ArmState) -> ArmState:
-        """Joints weighed by what is left at each, shapes polished beside all others, twice: each moves the other."""
+        """Weight the joints by their residuals and polish every shape; twice, because each changes the other."""
         view = self.view
         for _ in range(2):
             model = view.fit(model)
@@ -125,14 +127,14 @@ class ArmPlant(PlantDefaults):
         return view.fit(model)
 
     def _tangent(self, model: ArmState, null: Array) -> Tangent:
-        """What a fitted model leaves beside its own numbers, and the ages of drives that are no question."""
+        """The residual of a fitted model; its numbers and the ages of drives within bookkeeping are projected out."""
         view = self.view
-        told = model.timing >= LATEST * view.dt  # then the age is no nuisance but the question
-        x, _ = view.design(model, ~told & np.any(view.rate != 0.0, axis=0))
+        late = model.timing >= LATEST * view.dt  # then the age is not a nuisance but a candidate
+        x, _ = view.design(model, ~late & np.any(view.rate != 0.0, axis=0))
         return Tangent(view.left(model).ravel(), null, x, self.n_effective, view.flat_weight())
 
     def looks(self, model: ArmState, rng: np.random.Generator, beside: Any = None) -> list[Look]:
-        """Every candidate at every joint, and nameless functions of each joint's motion, beside the model's columns."""
+        """Look at every candidate at every joint and at nameless functions of each joint's motion, beside the model."""
         view = self.view
         self.own = view.own(view.fit(model), rng)
         view.artefact, self.n_effective = self.own.mean, self.own.n_effective
@@ -151,7 +153,7 @@ class ArmPlant(PlantDefaults):
         return self.looked
 
     def _sized(self, look: Look) -> Look:
-        """The look with its size as a share of the drive of the joint where it shows most."""
+        """The look with its size as a share of the drive of the joint where it is largest."""
         view, names = self.view, self.view.arm.joints
         if len(look.place) == 1:  # its columns lie on one joint's rows
             j = names.index(next(iter(look.place)))
@@ -167,18 +169,18 @@ class ArmPlant(PlantDefaults):
         return replace(look, size=self.size(before, after))
 
     def size(self, before: Array, after: Array) -> float:
-        """Rms of what is gone, as a share of the drive of the joint at which it is most."""
+        """Rms of the change of the residual, as a share of the drive of the joint where it is largest."""
         view = self.view
         count = np.maximum(view.keep.sum(axis=0), 1) * (view.weight * np.maximum(view.drive_rms, 1e-300)) ** 2
         gone = np.sum((before**2 - after**2).reshape(-1, view.n_joints), axis=0) / count
         return float(np.sqrt(max(float(gone.max()), 0.0)))
 
     def refine(self, model: ArmState, look: Look) -> ArmState:
-        """The candidate with its shape polished, all sizes solved."""
+        """The candidate with its shape polished and all sizes solved for."""
         return self.view.fit(model.with_term(polished(self.view, self.tangent, look.start)))
 
     def preferred(self, sound: list[Any]) -> Any:
-        """The commonest law at the joints of the best among those that explain as much of the gap as it does."""
+        """The commonest law, at the same joints, of those that explain as much of the gap as the best one."""
 
         def rank(f: Any) -> tuple[int, int]:
             effect = f.model.terms[-1].effect
@@ -191,7 +193,7 @@ class ArmPlant(PlantDefaults):
         return min(as_much, key=rank)
 
     def family(self, model: ArmState) -> Iterator[ArmState]:
-        """None: further orders are candidates like any other."""
+        """Nothing: further orders are candidates like any other."""
         return iter(())
 
     def fit(self, model: ArmState) -> ArmState:
@@ -199,20 +201,20 @@ class ArmPlant(PlantDefaults):
         return self.view.fit(model)
 
     def errors(self, model: ArmState) -> Array:
-        """What the model leaves, every joint's weighed, instant by instant."""
+        """The residual of the model, weighted by joint, instant by instant."""
         return np.asarray((self.view.left(self.view.fit(model)) * self.view.weight).ravel())
 
     def rms(self, errors: Array) -> float:
-        """The value for all joints, as a share of their drives."""
+        """Rms of the errors of all joints, as a share of their drives."""
         return float(np.sqrt(np.mean(self._shares(errors) ** 2)))
 
     def _shares(self, errors: Array) -> Array:
-        """The value by joint, as a share of its drive."""
+        """Rms of the errors of each joint, as a share of its drive."""
         view = self.view
         return view.by_joint(errors.reshape(-1, view.n_joints) / view.weight) / np.maximum(view.drive_rms, 1e-300)
 
     def demand(self, model: ArmState) -> float:
-        """No more than the tolerance."""
+        """Zero: an effect need only exceed the tolerance."""
         return 0.0
 
     def aliases(self, name: str) -> tuple[str, ...]:
@@ -227,11 +229,11 @@ class ArmPlant(PlantDefaults):
         """The physical objections to a term's parameters."""
         t, view = model.terms[index], self.view
         if t.kind.cls is Load and max(map(abs, t.shape)) >= FURTHEST:
-            return "its centre lies at the limit of where a hand can reach"
+            return "its centre is at the limit of the reach of a hand"
         base = dict(zip(self.lags.base_.names, model.numbers, strict=True))
         total = t.q[0] + base.get(f"{t.joint}.{t.effect.name}", 0.0) if t.kind.linear == 1 else 1.0
         if t.kind.positive and total <= 0.0:
-            return f"its size would be {total:.3g}, and a physical one is positive"
+            return f"its size would be {total:.3g}, but a physical one is positive"
         if t.kind.catalogued is not None:
             fields, ranges = t.kind.catalogued.fields[t.kind.linear :], t.kind.catalogued.ranged(view.scene(t.kind))
             beside = [Term(candidate(n), (base.get(f"{t.joint}.{n}", 0.0),)) for n in ("viscous",)]
@@ -239,25 +241,28 @@ class ArmPlant(PlantDefaults):
             said = too_large(here, 0) or negative_damping(here, 0)  # type: ignore[arg-type]
             if said := said or never_free(t.effect, view.signals(t.kind).position):
                 return said
-            told = 2 if t.kind.cls is ContactStop else 1  # the first says where or how wide, a stop's second how soft
-            for field, value, (low, high) in list(zip(fields, t.shape, ranges, strict=True))[:told]:
+            n = 2 if t.kind.cls is ContactStop else 1  # the first is a place or width; a stop's second, its softness
+            for field, value, (low, high) in list(zip(fields, t.shape, ranges, strict=True))[:n]:
                 if (low and value <= low + 1e-3 * abs(low)) or value >= high - 1e-3 * abs(high):
                     return f"its {field} reaches the limit of the plausible range"
-        asked = view.by_joint(view.contribution(t))  # a mass is weighed by all joints, and gravity is always large
+        asked = view.by_joint(view.contribution(t))  # all joints carry a mass, and gravity is always large
         closed = view.by_joint(view.left(view.fit(model.without(index)))) ** 2 - view.by_joint(view.left(model)) ** 2
         j = int(np.argmax(closed / np.maximum(view.drive_rms, 1e-300) ** 2))
         if t.kind.place and asked[j] > CANCELS * np.sqrt(max(closed[j], 0.0)):
-            return f"it would ask for {asked[j]:.3g} to close {np.sqrt(max(closed[j], 0.0)):.3g}: others cancel it"
+            return f"it would add {asked[j]:.3g} to remove {np.sqrt(max(closed[j], 0.0)):.3g}: other terms cancel it"
         return ""
 
     def remains(self, model: ArmState, nameless: float) -> float:
-        """What still follows the motion without a name: at the joints that have one, and where it is worth one."""
+        """Size of the unnamed part that still follows the motion.
+
+        It counts at joints with a named effect, and elsewhere if it exceeds the tolerance.
+        """
         named = frozenset().union(*(t.kind.place or self.view.arm.joints for t in model.terms))
         here = [k.size for k in self.looked if not k.name and (k.size >= self.tolerance or k.place & named)]
         return max((size for size in here if size <= nameless), default=0.0)
 
     def linearised(self, model: ArmState) -> Linearised:
-        """Residual and derivatives by all open numbers, scaled to as many rows as are independent."""
+        """Residual and derivatives by all free numbers, scaled to the number of independent rows."""
         view = self.view
         model = view.fit(model)
         factor = np.sqrt(self.n_effective / max(int(view.keep.sum()), 1)) * view.flat_weight()
@@ -271,7 +276,7 @@ class ArmPlant(PlantDefaults):
                 blocks.append((moved / step).reshape(-1, 1))
         jacobian = np.hstack(blocks) * factor[:, None]
         residual = view.left(model).ravel() * factor
-        if self.covariance is not None:  # what was known of the numbers counts as further rows
+        if self.covariance is not None:  # the prior of the numbers counts as further rows
             s = np.sqrt(residual @ residual / max(residual.size, 1))
             values, vectors = np.linalg.eigh(self.covariance)
             known = (vectors * (s / np.sqrt(np.maximum(values, 1e-12 * values.max())))).T
@@ -293,7 +298,7 @@ class ArmPlant(PlantDefaults):
         return Linearised(x, -wide, wide, residual, -jacobian, rebuild)
 
     def settle(self, model: ArmState) -> ArmState:
-        """The model as it is; the headline is the longest horizon at which it can run on a record of its own."""
+        """The model as it is; also sets the longest horizon at which it can follow a record of its own."""
         other = self.surrogate(model, np.random.default_rng(0))
         y, held = other.measured()
         for horizon in reversed(self.horizons):
@@ -305,7 +310,7 @@ class ArmPlant(PlantDefaults):
 
     # --- proof -------------------------------------------------------------------------------
     def surrogate(self, model: ArmState, rng: np.random.Generator) -> ArmPlant:
-        """The plant of a record that the model itself made along the measured motion."""
+        """The plant of a record that the model itself makes along the measured motion."""
         view = self.view
         other = ArmPlant(self.record, self.lags, None, self.tolerance, self.given, self.covariance)
         record = ArmRecord(self.record.time, view.read(view.moved.position, rng), view.along(model, view.moved))
@@ -316,10 +321,10 @@ class ArmPlant(PlantDefaults):
     _made = False
 
     def simulate(self, model: ArmState, horizon: float) -> Array:
-        """Free runs of all joints from the drives, restarted at the measured motion; (n n_joints,).
+        """Free runs of all joints from the drives, restarted at the measured motion; shape (n n_joints,).
 
-        What an `Arm` cannot hold (friction along two joints, gravity that its file lacks) is paid along the measured
-        motion.
+        Terms that an `Arm` cannot hold (friction along two joints, gravity that its file lacks) are evaluated along the
+        measured motion and subtracted from the drives.
         """
         view = self.view
         drive, path = self.record.drive, self.record.position
@@ -337,11 +342,11 @@ class ArmPlant(PlantDefaults):
         return np.asarray(run.position.ravel())
 
     def _arm(self, model: ArmState) -> tuple[Arm, Array]:
-        """(the arm that moves as the model does, drives along the measured motion of what it cannot hold)."""
+        """The arm that moves as the model does, and the torque of terms it cannot hold along the measured motion."""
         view = self.view
         arm = self.lags.interpret(model.numbers, physical=False)
         some = view.moved.position[:: max(len(view.time) // SOME, 1)]
-        if np.linalg.eigvalsh(arm.mass_matrix(some)).min() <= 0.0:  # the record tells too little to run on its numbers
+        if np.linalg.eigvalsh(arm.mass_matrix(some)).min() <= 0.0:  # too uncertain
             arm = self.lags.interpret(model.numbers)
         beside = np.zeros_like(self.record.drive)
         for t in model.terms:
@@ -362,7 +367,7 @@ class ArmPlant(PlantDefaults):
         return arm, beside
 
     def measured(self, *models: ArmState) -> tuple[Array, NDArray[np.bool_]]:
-        """Positions of all joints one after the other, and the held-out samples away from the ends."""
+        """Positions of all joints, one after the other, and the mask of held-out samples away from the ends."""
         n = len(self.record.time)
         _, train = held_out_blocks(n)
         edge = max(int(self.view.kept[0]), round(max(self.horizons) * self.lags.sample_rate))
@@ -370,14 +375,14 @@ class ArmPlant(PlantDefaults):
         return self.record.position.ravel(), np.repeat(~train, self.view.n_joints)
 
     def figures(self, base: ArmState, model: ArmState) -> tuple[float, float, float]:
-        """(gap before, after, floor) at the joint where most was closed, or where most is left, of its drive."""
+        """(gap before, gap after, noise floor), in shares of the drive, at the joint with the largest change or gap."""
         before, after = (self._shares(self.errors(m)) for m in (base, model))
         j = int(np.argmax(before**2 - after**2 if model.terms else after / np.maximum(self.own.floor, 1e-12)))
         return float(before[j]), float(after[j]), float(self.own.floor[j])
 
     # --- report ------------------------------------------------------------------------------
     def joints(self, base: ArmState, model: ArmState) -> list[dict[str, Any]]:
-        """A row for each joint: what is missing before and after, the floor, and the names."""
+        """One row for each joint: the gap before and after, the noise floor, and the names."""
         before, after = (self._shares(self.errors(m)) for m in (base, model))
         return [
             {"joint": name, "before": float(b), "after": float(a), "floor": float(f),
@@ -386,13 +391,13 @@ class ArmPlant(PlantDefaults):
         ]  # fmt: skip
 
     def _worst(self, model: ArmState) -> int:
-        """The joint to report first: that of the first term, or the one where most is left above the floor."""
+        """The joint to report first: that of the first term, or the one with the largest residual above the floor."""
         shares = self._shares(self.errors(model)) / np.maximum(self.own.floor, 1e-12)
         at = [t.kind.index for t in model.terms if t.kind.index is not None]
         return at[0] if at else int(np.argmax(np.nan_to_num(shares)))
 
     def gap_to_locate(self, model: ArmState) -> Array:
-        """The gap of the joint that has most of it, as a share of its drive."""
+        """The gap of the joint with the largest one, as a share of its drive."""
         j = self._worst(model)
         return np.asarray(self.view.left(self.view.fit(model))[:, j] / max(self.view.drive_rms[j], 1e-300))
 
@@ -407,11 +412,11 @@ class ArmPlant(PlantDefaults):
         return out | {f"drive of {name}": (view.target[:, j], "N" if view.arm.slides[j] else "Nm")}
 
     def regressors(self, model: ArmState) -> tuple[dict[str, Any], Array, float]:
-        """None: no constant of an arm is let go by itself."""
+        """Nothing: no constant of an arm is freed on its own."""
         return {}, self.gap_to_locate(model), self.view.step
 
     def residual_tests(self, base: ArmState, model: ArmState) -> list[dict[str, Any]]:
-        """Whiteness of what is left at that joint, before and after."""
+        """Whiteness of the residual at that joint, before and after."""
         return [whiteness(self.gap_to_locate(m), name) for name, m in (("before", base), ("after", model))]
 
     def parameters(self, model: ArmState) -> dict[str, float]:
@@ -419,22 +424,22 @@ class ArmPlant(PlantDefaults):
         return dict(zip(self.lags.base_.names, map(float, model.numbers), strict=True))
 
     def parameter_units(self, model: ArmState) -> dict[str, str]:
-        """Of links and motors."""
+        """Units of the numbers of links and motors."""
         from whsklearn.systems.arm import number_unit
 
         return {name: number_unit(name) for name in self.lags.base_.names}
 
     def notes(self, base: ArmState, model: ArmState) -> list[str]:
         """Remarks on how the record was used."""
-        numbers = "stay as they were identified" if self.given is not None else "are fitted to this record"
+        numbers = "are kept as they were identified" if self.given is not None else "are fitted to this record"
         return [
-            f"Every joint's gap is a share of its own rms drive, below {self.lags.cutoff_:.1f} Hz and without slow "
+            f"The gap of each joint is a share of its own rms drive, below {self.lags.cutoff_:.1f} Hz and without slow "
             f"samples; the numbers of the arm {numbers}. A free run covers all joints.",
             SPLIT,
         ]
 
     def pictures(self, base: ArmState, model: ArmState) -> dict[str, Any]:
-        """Series of the joint that is reported first, and of every joint."""
+        """Series of the joint that is reported first, and of all joints."""
         view, j = self.view, self._worst(model)
         n = view.n_joints
         gaps = [view.left(view.fit(m)) for m in (base, model)]
@@ -473,22 +478,25 @@ class ArmPlant(PlantDefaults):
 
 
 def record_of(log: Any, arm: Arm) -> ArmRecord:
-    """The log of an arm; raises an error that says what is wrong with it."""
-    told = f"expected time (n,), positions and drives (n, {arm.n_joints}) of {', '.join(arm.joints)}, in that order"
+    """Return the record of an arm; raise an error that says what is wrong with the log."""
+    wanted = f"expected time (n,), positions and drives (n, {arm.n_joints}) of {', '.join(arm.joints)}, in that order"
     if not isinstance(log, tuple) or len(log) != 3:
-        raise ValueError(f"The log of an arm is a {type(log).__name__}, {told}; give fit((time, positions, drives)).")
+        raise ValueError(f"The log of an arm is a {type(log).__name__}, {wanted}; give fit((time, positions, drives)).")
     record = ArmRecord(*(np.asarray(x, dtype=float) for x in log))
     n = record.time.size
     shapes = [x.shape for x in record]
     if shapes != [(n,), (n, arm.n_joints), (n, arm.n_joints)] or n < 2:
-        raise ValueError(f"The log has shapes {', '.join(map(str, shapes))}, {told}.")
+        raise ValueError(f"The log has shapes {', '.join(map(str, shapes))}, {wanted}.")
     if not all(np.isfinite(x).all() for x in record) or np.any(np.diff(record.time) <= 0.0):
-        raise ValueError("The log holds missing values, or a time that does not increase; repair or cut those rows.")
+        raise ValueError("The log has missing values or a time that does not increase; repair or remove those rows.")
     return record
 
 
 def arm_plant(model: Any, log: Any, *, law: str | None, tolerance: float) -> ArmPlant:
-    """The plant of a log; the effects of the joints of an `Arm` are its base law, the numbers of an `ArmModel` stay."""
+    """The plant of a log.
+
+    The effects at the joints of an `Arm` are its base law; the numbers of an `ArmModel` stay fixed.
+    """
     arm = model.arm if isinstance(model, ArmModel) else model
     record = record_of(log, arm)
     rate = (len(record.time) - 1) / float(record.time[-1] - record.time[0])
@@ -502,7 +510,7 @@ def arm_plant(model: Any, log: Any, *, law: str | None, tolerance: float) -> Arm
         return ArmPlant(record, lags, model, tolerance)
     lags._settle()
     if missing := [n for n in lags.base_.names if n not in model.numbers]:
-        raise ValueError(f"The model has no number {missing[0]!r}; give one that identify wrote of this robot and law.")
+        raise ValueError(f"The model has no number {missing[0]!r}; give one that identify made for this robot and law.")
     names = list(model.numbers)
     at = [names.index(n) for n in lags.base_.names]
     covariance = None if model.covariance is None else np.asarray(model.covariance)[np.ix_(at, at)]

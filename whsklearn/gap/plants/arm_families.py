@@ -1,4 +1,4 @@
-"""Every candidate of an arm as a family of columns on the rows of its joint, and the polish of its shape."""
+"""Every candidate of an arm as a family of columns on the rows of its joint, and how its shape is polished."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from whsklearn.gap.tangent import Family, Look, Tangent
 
 Array = NDArray[Any]
 Blocks = Iterator[tuple[Any, Array, Array | float]]
-AT_ONCE = 64  # shapes of one product
+AT_ONCE = 64  # shapes in one matrix product
 N_STEPS, N_LIMITS, N_AGES = 25, 24, 16
 HIGHEST = 60.0  # order of a wave over a joint's angle
-LEAST_LEFT = 0.5  # of a drive, by its rms, that a limit or a dead zone must leave to tell the joint by
-FEWEST = 4  # rows a column of a nameless family
-EVALUATIONS = 80  # of a polish
-OUTER = np.array([0.7, 0.8, 0.86, 0.9, 0.93, 0.96, 0.98, 0.99])  # quantiles of a joint's path at which a stop may lie
-FAR, FURTHEST = 1.0, 2.0  # m from a joint's frame, at which a search for a load begins and ends at the furthest
+LEAST_LEFT = 0.5  # share of a drive's rms that a limit or a dead zone must leave, or the joint cannot be fitted
+FEWEST = 4  # rows per column of a nameless family
+EVALUATIONS = 80  # of the cost while a shape is polished
+OUTER = np.array([0.7, 0.8, 0.86, 0.9, 0.93, 0.96, 0.98, 0.99])  # quantiles of a joint's path at which a stop may be
+FAR, FURTHEST = 1.0, 2.0  # m from a joint's frame: the largest distances at which a search for a load starts and ends
 
 
 def families(view: ArmView, kinds: Iterable[AtJoint]) -> Iterator[Family]:
-    """Those that a row of the log can show."""
+    """The families of all candidates that the log can show."""
     for kind in kinds:
         yield Family(
             kind.name, partial(_blocks, view, kind), partial(_start, kind), kind.n_numbers,
@@ -38,7 +38,7 @@ def families(view: ArmView, kinds: Iterable[AtJoint]) -> Iterator[Family]:
 
 
 def _start(kind: AtJoint, shape: tuple[float, ...], sizes: Array) -> JointTerm:
-    if kind.cls is Load:  # of the ten numbers, each scaled, those of a mass at a place no further than `FAR`
+    if kind.cls is Load:  # of the ten numbers, each scaled, those of a mass no further away than `FAR`
         numbers = sizes / np.array(shape)
         centre = numbers[1:4] / numbers[0] if abs(numbers[0]) > 1e-9 else np.zeros(3)
         return JointTerm(kind, (float(numbers[0]), *(float(c) for c in np.clip(centre, -FAR, FAR))))
@@ -57,7 +57,7 @@ def _blocks(view: ArmView, kind: AtJoint, tangent: Tangent) -> Blocks:
         yield [()], view.columns(kind, ())[:, None, :], 1.0
     elif kind.delays:
         yield from _delayed(view, kind)
-    elif c.cls is ContactStop:  # at the outer fifth of the way, on one side
+    elif c.cls is ContactStop:  # in the outer fifth of the path, on one side
         place = np.quantile(view.position[:, kind.index], (OUTER if c.options["side"] == "upper" else 1.0 - OUTER))
         for angle in place:
             shape: tuple[float, ...] = (float(angle), 0.0, 0.0)
@@ -75,23 +75,23 @@ def _blocks(view: ArmView, kind: AtJoint, tangent: Tangent) -> Blocks:
 
 
 def _delayed(view: ArmView, kind: AtJoint) -> Blocks:
-    """Ages of a drive beyond bookkeeping."""
+    """Ages of a drive beyond those that bookkeeping explains."""
     book = view.columns(kind, (LATEST * view.dt,))
     for value in np.geomspace(LATEST * view.dt, max(OLDEST, 10 * LATEST * view.dt), N_AGES):
         yield [(float(value),)], (view.columns(kind, (float(value),)) - book)[:, None, :], 1.0
 
 
 def look_at_limit(view: ArmView, kind: AtJoint, tangent: Tangent) -> Look | None:
-    """A limit or a dead zone of several widths: what each takes off the drive, of every record off its own drive.
+    """Look at a limit or a dead zone of several widths; in every record each takes something off that record's drive.
 
-    A drive holds whatever is not explained, so a limit just below its peaks always explains some of that.
+    A drive contains everything that is not explained, so a limit just below its peaks always explains some of it.
     """
     c, j = kind.catalogued, kind.index
     assert c is not None
     assert j is not None
     weight = view.flat_weight()[kind.rows]
     left = np.where(weight > 0.0, tangent.rows[kind.rows].T / np.where(weight > 0.0, weight, 1.0), 0.0)
-    drives = view.target[:, j] - left[0] + left  # (records, m): each its own
+    drives = view.target[:, j] - left[0] + left  # (records, m): each record's own drive
     plane = tangent.plane[kind.rows]
     best, shape = np.zeros(len(left)), None
     for value in np.geomspace(*c.ranged(view.scene(kind))[0], N_LIMITS):
@@ -112,13 +112,13 @@ def look_at_limit(view: ArmView, kind: AtJoint, tangent: Tangent) -> Look | None
 
 
 def _leaves_enough(view: ArmView, j: int, columns: Array) -> bool:
-    """Whether a drive without these columns still tells its joint."""
+    """Whether enough of a drive remains without these columns to fit its joint."""
     left = view.target[:, j] - columns[:, 0]
     return bool(left @ left > LEAST_LEFT**2 * (view.target[:, j] @ view.target[:, j]))
 
 
 def _orders(view: ArmView, kind: AtJoint) -> Blocks:
-    """Waves over the angle; the filter damps one by its frequency at the speed of each instant."""
+    """Waves over the angle; the filter damps each by its frequency at the speed of the instant."""
     c = kind.catalogued
     assert c is not None
     assert kind.index is not None
@@ -157,7 +157,7 @@ def _tones(view: ArmView, kind: AtJoint, tangent: Tangent) -> Blocks:
 
 
 def nameless(view: ArmView) -> Iterator[Family]:
-    """Functions of each joint's position, speed, torque and time, each kind a family without a name."""
+    """Functions of each joint's position, speed, torque and time; each kind is a family without a name."""
     for j, (joint, row) in enumerate(zip(view.arm.joints, np.eye(view.n_joints), strict=True)):
         if not view.keep[:, j].any():
             continue
@@ -173,7 +173,7 @@ def nameless(view: ArmView) -> Iterator[Family]:
 
 
 def polished(view: ArmView, tangent: Tangent, term: JointTerm) -> JointTerm:
-    """The term at the shape at which its columns take most of what is left."""
+    """The term at the shape for which its columns explain most of the residual."""
     kind, c = term.kind, term.kind.catalogued
     if kind.cls is Load:
         return _placed(view, tangent, term)
@@ -214,9 +214,9 @@ def polished(view: ArmView, tangent: Tangent, term: JointTerm) -> JointTerm:
 
 
 def _placed(view: ArmView, tangent: Tangent, term: JointTerm) -> JointTerm:
-    """A mass at the place at which it takes most of what is left."""
+    """A mass at the place where it explains most of the residual."""
     family = Family(term.kind.name, lambda _: (), lambda *_: None, positive=True)
-    four = tangent._weighted(view.body(term.kind)[:, :4])  # of the mass and its moments alone: its weight
+    four = tangent._weighted(view.body(term.kind)[:, :4])  # the columns of the mass and its moments
     numbers = np.linalg.lstsq(four - tangent.plane @ (tangent.plane.T @ four), tangent.rows[:, 0], rcond=1e-6)[0]
     heavy = np.clip(numbers[1:] / numbers[0], -FAR, FAR) if numbers[0] > 0.0 else np.zeros(3)
 

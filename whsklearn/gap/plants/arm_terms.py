@@ -1,6 +1,6 @@
-"""What an arm may lack: a catalogue effect at a joint or along a sum of two, an inertia, a mass, or gravity.
+"""Effects that an arm may lack: a catalogue effect at a joint or along a sum of two, an inertia, a mass, or gravity.
 
-A name is (effect, joint): ``coulomb at elbow``; along two joints that one gear turns, ``viscous at wrist+hand``.
+A name is (effect, joint): ``coulomb at elbow``; along two joints turned by one gear, ``viscous at wrist+hand``.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from whsklearn.gap.plants.servo_candidates import Candidate, catalogue
 from whsklearn.gap.values import FittedTerm
 from whsklearn.systems.arm import Arm
 
-# Of the catalogue, not asked for at a joint: what splits it in two has no place in an `Arm`, what an encoder adds to a
-# reading moves all joints' columns, and a joint's weight is that of the links.
+# Effects of the catalogue that are not candidates at a joint: an effect that splits the joint in two has no place in an
+# `Arm`, an error of an encoder changes the columns of all joints, and the weight of a joint is that of the links.
 ELSEWHERE = ("encoder_eccentricity", "gravity_imbalance")
 ALONG_TWO = ("viscous", "coulomb")  # friction that depends on a neighbour's motion
 
 
 @dataclass(frozen=True)
 class Load(Effect):
-    """A body at a link, as a point: its mass, and the place of its centre in the joint's frame."""
+    """A point mass at a link: its mass, and the position of its centre in the joint's frame."""
 
     mass: float = 0.0
     x: float = 0.0
@@ -42,7 +42,7 @@ class Load(Effect):
 
 @dataclass(frozen=True)
 class JointInertia(Effect):
-    """Inertia of a motor, on the joint's side."""
+    """Inertia of a motor, seen from the joint."""
 
     inertia: float = 0.0
     name: ClassVar[str] = "joint_inertia"
@@ -54,7 +54,7 @@ class JointInertia(Effect):
 
 @dataclass(frozen=True)
 class Weight(Effect):
-    """Gravity of all links, where the model has none."""
+    """Gravity of all links, for a model that has none."""
 
     acceleration: float = 9.81
     name: ClassVar[str] = "gravity"
@@ -64,7 +64,7 @@ class Weight(Effect):
     quantities: ClassVar[dict[str, Quantity]] = {"acceleration": Quantity("m/s2", 0.0, 20.0)}
 
     def labelled(self) -> dict[str, float | str]:
-        """None, because the moments of the links are fitted instead."""
+        """Nothing, because the moments of the links are fitted instead."""
         return {}
 
 
@@ -79,13 +79,13 @@ class AtJoint:
     joint : str
         Name of the joint or of the sum; empty for the whole arm.
     direction : tuple of float, shape (n_joints,)
-        Of the sum over the joints.
+        Coefficients of the sum over the joints.
     catalogued : Candidate, optional
-        The effect as a search of one axis takes it; its columns have shapes.
+        The effect as in the search on a single axis; its columns have shapes.
     width : int
-        Columns of what has no shape.
+        Number of columns of an effect without a shape.
     place : frozenset of str
-        The joints at which it acts; empty where all may pay.
+        The joints at which it acts; empty if it acts on all.
     """
 
     cls: type[Effect]
@@ -108,12 +108,12 @@ class AtJoint:
 
     @property
     def rows(self) -> slice:
-        """Rows of joint after joint, instant by instant, on which its columns lie."""
+        """The rows on which its columns are not zero; rows are ordered by joint, then by instant."""
         return slice(None) if self.index is None else slice(self.index, None, len(self.direction))
 
     @cached_property
     def linear(self) -> int:
-        """Leading numbers of a row in which it is linear."""
+        """Number of leading parameters in which it is linear."""
         return self.width if self.catalogued is None else self.catalogued.linear
 
     @property
@@ -123,12 +123,12 @@ class AtJoint:
 
     @property
     def transforms(self) -> bool:
-        """Whether it changes the drive as a whole."""
+        """Whether it transforms the whole drive."""
         return self.catalogued is not None and self.catalogued.transforms
 
     @property
     def delays(self) -> bool:
-        """Whether that is by time alone."""
+        """Whether it only delays the drive."""
         return self.catalogued is not None and self.catalogued.delays
 
     @property
@@ -156,12 +156,12 @@ class JointTerm(FittedTerm):
 
     @property
     def shape(self) -> tuple[float, ...]:
-        """The numbers behind the linear ones."""
+        """The numbers after the linear ones."""
         return self.q[self.kind.linear :]
 
 
 def present(base: dict[str, tuple[str, ...]], terms: Any) -> dict[str, set[str]]:
-    """Names of effects by joint: those of the base model, and of the terms added."""
+    """Names of effects by joint: those of the base model and those of the added terms."""
     out = {joint: set(names) for joint, names in base.items()}
     for t in terms:
         out.setdefault(t.joint, set()).add(t.effect.name)
@@ -169,7 +169,7 @@ def present(base: dict[str, tuple[str, ...]], terms: Any) -> dict[str, set[str]]
 
 
 def candidates(arm: Arm, there: dict[str, set[str]], *, frozen: bool, weight: int) -> Iterator[AtJoint]:
-    """All that an arm may lack in addition to what it has.
+    """All effects that an arm may lack.
 
     Parameters
     ----------
@@ -177,10 +177,10 @@ def candidates(arm: Arm, there: dict[str, set[str]], *, frozen: bool, weight: in
     there : dict of str to set of str
         Effects at each joint.
     frozen : bool
-        Whether the model's numbers are those of another record: then they may have changed, and a mass or an inertia
-        may have come.
+        Whether the model's numbers are those of another record.  They may then have changed, and a mass or an inertia
+        may have been added.
     weight : int
-        Columns of gravity, where the arm has none; 0 where it has.
+        Number of columns of gravity if the arm has none, otherwise 0.
     """
     eye = np.eye(arm.n_joints)
     each = [(joint, tuple(map(float, row))) for joint, row in zip(arm.joints, eye, strict=True)]
@@ -203,7 +203,7 @@ def candidates(arm: Arm, there: dict[str, set[str]], *, frozen: bool, weight: in
         both = frozenset([arm.joints[parent], arm.joints[k]])
         for sign, word in ((1.0, "+"), (-1.0, "-")):
             axis, along = f"{arm.joints[parent]}{word}{arm.joints[k]}", tuple(map(float, eye[parent] + sign * eye[k]))
-            for c in frictions:  # beside each joint's own: a joint that moves alone tells no sum from itself
+            for c in frictions:  # beside each joint's own friction, as a joint moving alone looks like a sum
                 own = all(c.name in there.get(j, set()) for j in both)
                 if own and c.name not in there.get(axis, set()):
                     yield AtJoint(c.cls, axis, along, c, place=both)

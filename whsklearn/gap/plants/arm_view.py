@@ -1,8 +1,8 @@
-"""One record of an arm behind the filters of `RigidBodyLags`: rows of joint after joint, and what a model leaves there.
+"""One record of an arm behind the filters of `RigidBodyLags`: rows ordered by joint, and the residual of a model there.
 
-The fit is linear in all sizes and weighs every joint by what is left at it.  What chance makes of a record comes from
-records that the fitted arm makes itself: the drives that it asks for along the measured motion, read through the same
-encoders and filters, and noise with the colour of what is not explained, joint by joint.
+The fit is linear in all sizes and weights every joint by its residual.  The effect of chance is taken from records that
+the fitted arm makes itself: the drives that it needs along the measured motion, read through the same encoders and
+filters, plus noise with the colour of the unexplained part, joint by joint.
 """
 
 from __future__ import annotations
@@ -31,19 +31,20 @@ from whsklearn.systems.arm_files import STANDARD_GRAVITY, body_numbers
 
 Array = NDArray[Any]
 
-N_RECORDS = 5  # of the arm's own, as of an axis (`servo_own`)
-N_NULL = 15  # rows in which chance is looked at
-LATEST = 2.0  # samples of age of a drive that are bookkeeping; beyond, it is a delay
-OLDEST = 0.06  # s, of a drive in any logger
-# At rest dry friction is anything between both signs, and the model says one of them: it is off by twice its size.
+N_RECORDS = 5  # of the arm's own, as for an axis (`servo_own`)
+N_NULL = 15  # null rows from which the effect of chance is taken
+LATEST = 2.0  # samples: up to this age of a drive it is bookkeeping, beyond it a delay
+OLDEST = 0.06  # s: largest age of a drive in any logger
+# At rest, dry friction may have any value between both signs, and the model uses one of them: it is off by up to twice
+# its size.
 HELD = 2.0
-STANDS_OUT = 4.0  # deviations of what is left, beyond which chance puts 6e-5 of a normal remainder
-SEEN = 1e-9  # of the largest singular value: a column that adds less is made of the others
+STANDS_OUT = 4.0  # standard deviations of the residual; chance puts 6e-5 of a normal one beyond
+SEEN = 1e-9  # of the largest singular value: a column that adds less is a combination of the others
 
 
 @dataclass(frozen=True)
 class ArmState:
-    """Base numbers, ages of the drives, and terms beside them; ``n_base`` terms are the base model's: none."""
+    """Base numbers, ages of the drives, and added terms; ``n_base``, the number of terms of the base model, is zero."""
 
     numbers: Any  # (n_columns,)
     timing: Any  # (n_joints,), s
@@ -51,15 +52,15 @@ class ArmState:
     n_base: int = 0
 
     def with_terms(self, terms: tuple[JointTerm, ...]) -> ArmState:
-        """The same with other terms."""
+        """The same state with other terms."""
         return dataclasses.replace(self, terms=tuple(terms))
 
     def with_term(self, term: JointTerm) -> ArmState:
-        """The same with one term more."""
+        """The same state with one more term."""
         return self.with_terms((*self.terms, term))
 
     def without(self, index: int) -> ArmState:
-        """The same without its term ``index``."""
+        """The same state without its term ``index``."""
         return self.with_terms(self.terms[:index] + self.terms[index + 1 :])
 
 
@@ -71,9 +72,9 @@ class Own(NamedTuple):
     mean : ndarray of shape (m, n_joints)
         The artefacts.
     null : ndarray of shape (k, m, n_joints)
-        What chance makes of a record in which nothing is missing.
+        Residuals by chance of records in which nothing is missing.
     floor : ndarray of shape (n_joints,)
-        Rms of what the encoders' noise leaves, as a share of each joint's drive.
+        Rms residual due to the noise of the encoders, as a share of each joint's drive.
     n_effective : float
     """
 
@@ -91,9 +92,9 @@ class ArmView:
     lags : RigidBodyLags
     position, drive : ndarray of shape (n, n_joints)
     given : ndarray of shape (n_columns,), optional
-        Numbers of another record, which stay; only the offsets of the drives are open.
+        Numbers of another record, which stay fixed; only the offsets of the drives are fitted.
     covariance : ndarray of shape (n_columns, n_columns), optional
-        Of those.
+        Covariance of those numbers.
     """
 
     def __init__(
@@ -114,7 +115,7 @@ class ArmView:
         self.grid = np.array([lattice(x) for x in position.T])
         self.weight = np.ones(self.n_joints)
         self.artefact = np.zeros_like(self.target)
-        self.torque = zero_phase(drive, lags.sample_rate, lags._fine)  # that a model predicts, once there is one
+        self.torque = zero_phase(drive, lags.sample_rate, lags._fine)  # replaced by a model's torque
         self.rate = np.zeros_like(self.target)
         self._columns: dict[Any, Array] = {}
         self._fits: dict[Any, ArmState] = {}
@@ -122,16 +123,16 @@ class ArmView:
 
     # -- rows ---------------------------------------------------------------------------------
     def by_joint(self, x: Array) -> Array:
-        """Rms over the rows that count, by joint."""
+        """Rms by joint, over the rows that count."""
         count = np.maximum(self.keep.sum(axis=0), 1)
         return np.asarray(np.sqrt(np.sum(np.where(self.keep, x, 0.0) ** 2, axis=0) / count))
 
     def blur(self, x: Array) -> Array:
-        """Signals of all samples (n, ...) at the rows, behind the filter."""
+        """Signals of all samples, shape (n, ...), filtered and taken at the rows."""
         return self.lags._filtered(x)[self.kept]
 
     def flat_weight(self) -> Array:
-        """Of every row, joint after joint, instant by instant; zero where it does not count."""
+        """Weight of every row, ordered by joint, then by instant; zero where the row does not count."""
         return np.asarray((self.keep * self.weight).ravel())
 
     def scene(self, kind: AtJoint) -> Scales:
@@ -153,14 +154,14 @@ class ArmView:
 
     # -- columns ------------------------------------------------------------------------------
     def columns(self, kind: AtJoint, shape: tuple[float, ...]) -> Array:
-        """Of a kind at its shape, on its rows: (rows, linear), or (rows, 1) taken off the drive as a whole."""
+        """Columns of an effect at its shape, on its rows: (rows, linear), or (rows, 1) if it transforms the drive."""
         key = kind, shape
         if key not in self._columns:
             self._columns[key] = self.columns_at(kind, shape)
         return self._columns[key]
 
     def columns_at(self, kind: AtJoint, shape: tuple[float, ...]) -> Array:
-        """The same, not remembered."""
+        """The same columns, not cached."""
         if kind.cls is Load:
             return self.body(kind) @ point(shape)[:, None]
         if kind.cls is Weight:
@@ -183,10 +184,10 @@ class ArmView:
         return (self.phi @ self.lags.base_.mapping[:, at : at + N_BODY]).reshape(-1, N_BODY)
 
     def lost(self, kind: AtJoint, shape: tuple[float, ...]) -> Array:
-        """What an effect takes off a joint's drive, (n,).
+        """The part of a joint's drive that an effect removes, shape (n,).
 
-        Of a limit or a dead zone off the drive as logged; a delay has the drive ask early for the torque that the model
-        predicts, since a logged drive would explain its own noise.
+        A limit or a dead zone removes it from the logged drive.  A delay is applied to the torque that the model
+        predicts, because a logged drive would explain its own noise.
         """
         if kind.delays:
             assert kind.catalogued is not None
@@ -197,7 +198,7 @@ class ArmView:
 
     @cached_property
     def weights_of_links(self) -> Array:
-        """Columns of gravity (m, n_joints, k) where the arm has none, as few as say all."""
+        """The smallest complete set of columns of gravity, shape (m, n_joints, k), for an arm without gravity."""
         if np.any(self.arm.gravity):
             return np.zeros((self.n_rows, self.n_joints, 0))
         still = np.zeros_like(self.moved.position)
@@ -207,14 +208,14 @@ class ArmView:
         return (u * s)[:, s > 1e-6 * s[0]].reshape(self.n_rows, self.n_joints, -1)
 
     def contribution(self, term: JointTerm) -> Array:
-        """What a term asks of the drives, (m, n_joints)."""
+        """Torque of a term, shape (m, n_joints)."""
         out = np.zeros(self.n_rows * self.n_joints)
         sizes = np.ones(1) if term.kind.transforms else np.array(term.q[: term.kind.linear])
         out[term.kind.rows] = self.columns(term.kind, term.shape) @ sizes
         return out.reshape(self.n_rows, self.n_joints)
 
     def design(self, model: ArmState, timed: NDArray[np.bool_]) -> tuple[Array, Array]:
-        """(columns of all open numbers, ages of the joints ``timed`` last; what they are to explain), row by row."""
+        """Columns of all free numbers, the ages of the joints ``timed`` last, and the target that they explain."""
         n = self.n_rows * self.n_joints
         target = (self.target - self.artefact).ravel()
         if self.given is not None:
@@ -237,7 +238,7 @@ class ArmView:
 
     # -- fits ---------------------------------------------------------------------------------
     def fit(self, model: ArmState) -> ArmState:
-        """All sizes solved at the model's shapes, every drive as old as it may be without a word."""
+        """Solve for all sizes at the model's shapes; the age of every drive is fitted within bookkeeping."""
         key = tuple((t.kind, t.shape) for t in model.terms)
         if key not in self._fits:
             delayed = {t.joint for t in model.terms if t.kind.delays}
@@ -266,15 +267,15 @@ class ArmView:
         return dataclasses.replace(model, numbers=numbers, timing=timing, terms=tuple(terms))
 
     def left(self, model: ArmState) -> Array:
-        """What a fitted model leaves of the drives, (m, n_joints); zero at rows that do not count."""
+        """Residual of the drives under a fitted model, shape (m, n_joints); zero at rows that do not count."""
         out = self.target - self.artefact - self.phi @ model.numbers - model.timing * self.rate
         return np.where(self.keep, out - sum(self.contribution(t) for t in model.terms), 0.0)
 
     def weigh(self, model: ArmState) -> None:
-        """Weigh joints by what the model leaves, and take its torque for what effects see of the drive.
+        """Weight the joints by their residuals, and use the model's torque where an effect needs the drive.
 
-        Numbers of another record leave most where most has come since: there a joint is first weighed by what it would
-        leave if its own numbers were fitted.
+        With the numbers of another record the residual is largest where most has changed.  There, a joint is first
+        weighted by the residual that it would have if its own numbers were fitted.
         """
         left = self.by_joint(self.left(model))
         self.weight = 1.0 / np.maximum(left, 1e-6 * np.maximum(self.drive_rms, 1e-12))
@@ -285,7 +286,7 @@ class ArmView:
         self._forget()
 
     def hear_stops(self, model: ArmState) -> None:
-        """Let slow rows count at which more is missing than friction can ask for: a joint at its stop is at rest."""
+        """Count slow rows at which more is missing than friction can explain: a joint at its stop is at rest."""
         names = self.lags.base_.names
         left = (self.target - self.artefact) - self.phi @ model.numbers - model.timing * self.rate
         for j, joint in enumerate(self.arm.joints):
@@ -304,7 +305,7 @@ class ArmView:
 
     # -- own records --------------------------------------------------------------------------
     def along(self, model: ArmState, moved: Motion) -> Array:
-        """Drives that the model asks for along a motion, (n, n_joints); what it takes off a drive is left out."""
+        """Drives that the model needs along a motion, shape (n, n_joints), without effects that transform the drive."""
         arm = self.lags.interpret(model.numbers, physical=False)
         out = arm.inverse_dynamics(*moved, effects=False)
         eye = np.eye(self.n_joints)
@@ -325,17 +326,18 @@ class ArmView:
         return np.asarray(out)
 
     def read(self, path: Array, rng: np.random.Generator) -> Array:
-        """A path (n, n_joints) as the encoders would have read it."""
+        """A path, shape (n, n_joints), as the encoders would have read it."""
         quiet = np.sqrt(np.maximum(self.noise**2 - self.grid**2 / 12.0, (0.3 * self.noise) ** 2))
         out = path + quiet * rng.standard_normal(path.shape)
         grid = np.where(self.grid > 0.0, self.grid, 1.0)
         return np.where(self.grid > 0.0, np.round(out / grid) * grid, out)
 
     def own(self, model: ArmState, rng: np.random.Generator) -> Own:
-        """See `Own`; the model is fitted.  What a refit would take of them the look takes by itself.
+        """The residuals on the model's own records (see `Own`).
 
-        The path read is the measured one behind the finer filter, which it passes once more with noise and without:
-        what that pass takes of the noise already in it is no artefact.
+        The model must be fitted.  The look itself projects out what a refit would explain.  The path is the measured
+        one behind the finer filter, and passes that filter again with and without noise, because the noise that the
+        second pass removes is not an artefact.
         """
         asked = self.blur(self.along(model, self.lags._moved(self.moved.position)))
         made = [self.along(model, self.lags._moved(self.read(self.moved.position, rng))) for _ in range(N_RECORDS)]
@@ -367,7 +369,7 @@ def point(centre: tuple[float, ...]) -> Array:
 
 
 def solved(x: Array, y: Array, weight: Array) -> Array:
-    """Weighted least squares; of columns that say the same the smallest weights."""
+    """Weighted least squares; for dependent columns, the solution with the smallest norm."""
     at = weight > 0.0
     rows: Array = np.column_stack([x, y])[at] * weight[at, None]
     scale = np.linalg.norm(rows[:, :-1], axis=0)
@@ -377,5 +379,5 @@ def solved(x: Array, y: Array, weight: Array) -> Array:
 
 
 def law_of(names: Mapping[str, Any]) -> dict[str, tuple[str, ...]]:
-    """Names of the base model's effects by joint, of the axes of a `RigidBodyLags`."""
+    """Names of the base model's effects by joint, from the axes of a `RigidBodyLags`."""
     return {joint: tuple(t.name for t in terms) for joint, (_, terms) in names.items()}

@@ -32,42 +32,42 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-# at rest nothing moves in a chain whose |sgn(dx)| is always one: a constant of v is one of y through L2
+# a chain at rest whose |sgn(dx)| is always one does not move: a constant of v is a constant of y through L2
 ALIASES = {
     "output_offset": ("asymmetric_coulomb",),
     "asymmetric_coulomb": ("output_offset",),
     "input_offset": ("output_offset", "asymmetric_coulomb"),
 }
-SEARCHED = 8000  # samples of a longer record in which names are looked for: time only
-FITTED = 0.6  # of the record, to which models are fitted for the proof; the rest judges them
-# p-value below which candidates are fitted, which takes seconds: above the usual levels; and that below which the look
-# alone speaks for them
+SEARCHED = 8000  # samples of a longer record in which effects are searched for, to save time
+FITTED = 0.6  # share of the record to which models are fitted for the proof; the rest judges them
+# p-value below which candidates are fitted, which takes seconds, so it is above the usual levels; and the p-value below
+# which the look alone is sufficient
 GATE, NO_DOUBT = 0.1, 1e-3
-FEW = 9  # own records in which the best candidate is fitted too
-AT_BOUND = 1.02  # ratio to the end of a range at which a shape is no shape of its own any more
-# Share of the base model's gap (rms) that a further effect must explain: what is less may be the form of the first one,
-# such as a delay between samples, which the library interpolates by a line.
+FEW = 9  # own records in which the best candidate is fitted as well
+AT_BOUND = 1.02  # ratio to the end of a range within which a shape counts as being at the end
+# Share of the base model's gap (rms) that a further effect must explain.  A smaller share may be due to the form of the
+# first effect, such as a delay between samples, which the library interpolates linearly.
 BESIDE = 0.05
-NO_PEAK = 2.0**-0.5  # damping from which a resonance of second order has no peak: a pair of poles like any other
-REMEMBERED = 8  # samples for which L2 remembers a sign: a pole at 0.8 leaves a sixth of it
-GRID_SEEN = 0.95  # confidence of what is seen in the readings and needs no inference
+NO_PEAK = 2.0**-0.5  # damping above which a second-order resonance has no peak and is a pair of poles like any other
+REMEMBERED = 8  # samples for which L2 remembers a sign; with a pole at 0.8 a sixth of it is left after them
+GRID_SEEN = 0.95  # confidence of a grid that is seen directly in the readings
 
 
 class ChainPlant(PlantDefaults):
-    """u -> L1 -> law -> L2 -> y, whose input and output are logged.
+    """u -> L1 -> law -> L2 -> y with logged input and output.
 
     Parameters
     ----------
     u, y : ndarray of shape (n,)
     base : (LawChoice, tuple of int, int)
-        Law and orders (n_a, n_b, n_c, n_d) of the base model, and how many of its two blocks have a direct path: the
-        law stands between delays, so which one cannot be told.
+        Law and orders (n_a, n_b, n_c, n_d) of the base model, and the number of its two blocks that have a direct path.
+        The law is between delays, so no record shows which of the two it is.
     tolerance : float
-        Smallest change of the output worth a name, share of its rms.
+        Smallest change of the output worth a name, as a share of its rms.
     dt : float
-        Sampling time; one where the log has no time, so that frequencies are in cycles a sample.
+        Sampling time; one if the log has no time, so that frequencies are in cycles per sample.
     given_model : WienerHammersteinSystem, optional
-        What is handed back if nothing can be diagnosed.
+        The model to return if nothing can be diagnosed.
     """
 
     units = logged = ("", "")
@@ -76,13 +76,13 @@ class ChainPlant(PlantDefaults):
     whole = "output"
     horizon_unit = "samples"
     exact = True
-    effect_units = ("", "")  # x and v have none, whatever the log's are
+    effect_units = ("", "")  # x and v have no units, whatever the units of the log are
 
     def __init__(
         self, u: Array, y: Array, base: tuple[LawChoice, tuple[int, ...], int], *, tolerance: float, dt: float = 1.0,
         given_model: Any = None,
     ):  # fmt: skip
-        self.u, self.y = (np.array(v, dtype=float) for v in (u, y))  # a pass takes arrays that may be written
+        self.u, self.y = (np.array(v, dtype=float) for v in (u, y))  # the compiled pass needs writable arrays
         self.law, self.orders, self.direct = base
         self.tolerance, self.dt, self.given_model = tolerance, dt, given_model
         self.scale = rms(self.y) if self.y.size and np.isfinite(self.y).all() else 1.0
@@ -100,7 +100,7 @@ class ChainPlant(PlantDefaults):
 
     # --- models -----------------------------------------------------------------------------------
     def readings(self, n: int | None = None) -> Record:
-        """The record as fits take it, or its first n samples."""
+        """The record in the form that fits take, or its first n samples."""
         n = self.u.size if n is None else n
         law = self.law.first()
         dims = np.array([*self.orders, len(law)], dtype=np.int64)
@@ -108,7 +108,7 @@ class ChainPlant(PlantDefaults):
         return Record(np.ascontiguousarray(u), self.y[:n].copy(), self.dt, dims, law, np.arange(n) >= cm.SKIP)
 
     def base(self, rng: np.random.Generator) -> ChainModel:
-        """The least of the base model's minima; the others are kept for candidates to start from."""
+        """The best of the base model's minima; the others are kept as starts for candidates."""
         s = self.readings(min(self.u.size, SEARCHED))
         found = minima(s, base_starts(s, rng))
         if self.law.has_knots:
@@ -122,11 +122,11 @@ class ChainPlant(PlantDefaults):
         return found[0]
 
     def fit(self, model: ChainModel) -> ChainModel:
-        """The model with all its free numbers refitted from where it stands."""
+        """The model with all its free numbers refitted from their present values."""
         return polished(self.record, sharpened(self.record, model, (30.0, *cm.HARD)))
 
     def settled(self, model: ChainModel) -> ChainModel:
-        """The model fitted to the end."""
+        """The model fitted until it converges."""
         if id(model) not in self._settled:
             out = polished(self.record, model)
             self._settled[id(model)] = self._settled[id(out)] = out
@@ -134,7 +134,7 @@ class ChainPlant(PlantDefaults):
         return self._settled[id(model)]
 
     def part(self, model: ChainModel) -> ChainModel:
-        """The model fitted to the first part of the record, that judges nothing."""
+        """The model fitted to the first part of the record, which is not used to judge it."""
         key = id(model), True
         if key not in self._parts:
             s = self.everything
@@ -143,20 +143,21 @@ class ChainPlant(PlantDefaults):
         return self._parts[key][1]
 
     def errors(self, model: ChainModel) -> Array:
-        """Whitened errors of the free run, outliers held, in the output's unit."""
+        """Whitened errors of the free run with outliers capped, in the unit of the output."""
         return self.unit * cm.held(cm.left(self.record, model)[self.record.fit])
 
     # --- the search -------------------------------------------------------------------------------
     def seen(self, model: ChainModel, rng: np.random.Generator) -> Seen:
-        """The look at a model, taken once."""
+        """The look at a model, computed once."""
         if id(model) not in self._seen:
             self._seen[id(model)] = model, look(self.record, model, rng)
         return self._seen[id(model)][1]
 
     def looks(self, model: ChainModel, rng: np.random.Generator, beside: ChainModel | None = None) -> list[Look]:
-        """Every candidate on top of the model, in its own records too; strong ones fitted anew if anything is missing.
+        """Look at every candidate on top of the model, in the record and in the model's own records.
 
-        The gate is what keeps the level: behind it, that something is missing has been shown.
+        Strong candidates are refitted if anything is missing.  The gate keeps the significance level: behind it, it has
+        been shown that something is missing.
         """
         seen = self.seen(model, rng)
         looks = [dataclasses.replace(k, size=k.size * self.unit) for k in seen.looks]
@@ -165,7 +166,7 @@ class ChainPlant(PlantDefaults):
         before = rms(self.errors(model))
         out: dict[str, tuple[Look, Candidate]] = {}
         others = self._others if not model.terms else []
-        # an effect that is asked anew beside others competes with what came near it before
+        # an effect that is tried again beside others competes with those that came close to it before
         near = None if beside is None else self._near
         for kind, grown in fits(self.record, model, others, seen.looks, rng, near):
             g = gained(self.record, model, grown)
@@ -176,8 +177,9 @@ class ChainPlant(PlantDefaults):
                 out[kind.name] = Look(kind.name, g, null, grown, kind.n_numbers, float(size), 1.0, p), kind
         ranked = sorted(out.values(), key=lambda pair: -pair[0].score)
         self._near |= {k.name for k, _ in ranked if k.size**2 > WORTH_FITTING * ranked[0][0].size ** 2}
-        # What a fit of a strong effect sees beyond a look, it sees in own records too. One that adds to what is there
-        # is seen by its look: a tone that gains ten times as much when fitted has moved samples across a sign.
+        # A fit of a strong effect finds more than its look does, and it does so in the model's own records too.  The
+        # look is enough for an additive effect: a tone that gains ten times as much when fitted has moved samples
+        # across a sign.
         if seen.p_value > NO_DOUBT and ranked and is_strong(ranked[0][1], self.record):
             ranked[0] = self._fitted_too(model, *ranked[0], len(looks), rng), ranked[0][1]
         return sorted([*(k for k in looks if k.name not in out), *(k for k, _ in ranked)], key=lambda k: -k.score)
@@ -185,7 +187,7 @@ class ChainPlant(PlantDefaults):
     def _fitted_too(
         self, model: ChainModel, look: Look, kind: Candidate, families: int, rng: np.random.Generator
     ) -> Look:
-        """The best candidate against what the same fit finds in own records, where a first look alone leaves doubt."""
+        """Compare the best candidate with the same fit in the model's own records, if the look alone is not enough."""
         g = []
         for _ in range(FEW):
             other = cm.made(self.record, model, rng)
@@ -195,29 +197,29 @@ class ChainPlant(PlantDefaults):
         return dataclasses.replace(look, p_value=p)
 
     def refine(self, model: ChainModel, look: Look) -> ChainModel:
-        """The candidate fitted together with the model, to the end."""
+        """The candidate fitted together with the model until it converges."""
         s = self.record
         if isinstance(look.start, ChainModel):
             return polished(s, nudged(s, look.start))
         return polished(s, fitted(s, [model], look.start))
 
     def demand(self, model: ChainModel) -> float:
-        """Least share of what is left that a further effect must explain: `BESIDE` of what the base model left."""
+        """Smallest share of the residual that a further effect must explain: `BESIDE` of the base model's residual."""
         if not model.terms:
             return 0.0
         return BESIDE * self._first / max(rms(self.errors(model)), 1e-300)
 
     def objection(self, model: ChainModel, index: int) -> str:
-        """What is unphysical in an effect's parameters."""
+        """The physical objection to an effect's parameters, or nothing."""
         term = model.terms[index]
         z = cm.sizes(self.record, model)
         for i in term.kind.free:
             value, (low, high) = term.q[i], term.kind.range_of(i, z)
             name = term.kind.fields[i].replace("_", " ")
             if term.kind.ratios(i) and not AT_BOUND * low < value < high / AT_BOUND:
-                return f"its {name} lies at the end of what such a record can show"
+                return f"its {name} is at the end of the range that such a record can show"
             if name == "damping ratio" and value > NO_PEAK:
-                return "so damped a pair of poles is no resonance: the orders are too low"
+                return "a pair of poles with so much damping is not a resonance: the orders are too low"
         if term.kind.positive and term.q[0] < 0.0:
             return f"its {term.kind.fields[0].replace('_', ' ')} would be negative"
         return ""
@@ -228,9 +230,9 @@ class ChainPlant(PlantDefaults):
         return tuple(cls.aliases) if cls.evaluate is not None else ALIASES.get(name, ())
 
     def leads(self, taken: Any, other: Any, rng: np.random.Generator) -> Array:
-        """Lead of the one taken in records that the other makes; none where the one taken leaves something too.
+        """Lead of the chosen model in records that the other one makes; empty if the chosen one has a residual too.
 
-        Then neither is right, and what records of the other would show says nothing.
+        In that case neither is right, and records of the other say nothing.
         """
         if self.seen(self.settled(taken.model), rng).p_value <= GATE:
             return np.zeros(0)
@@ -244,7 +246,7 @@ class ChainPlant(PlantDefaults):
 
     # --- proof ------------------------------------------------------------------------------------
     def follows(self, model: ChainModel) -> float:
-        """Share of the mean square of what a model leaves that functions without a name take, if not by chance."""
+        """Share of a model's mean square residual that nameless functions explain beyond chance."""
         seen = self._seen.get(id(model))
         if seen is None:
             return 0.0
@@ -252,12 +254,12 @@ class ChainPlant(PlantDefaults):
         return min(seen[1].share, 0.99) if sure else 0.0
 
     def figures(self, base: ChainModel, model: ChainModel) -> tuple[float, float, float]:
-        """(whitened error before, after, what of it is noise), in the output's unit."""
+        """(whitened error before, after, and the part that is noise), in the unit of the output."""
         before, after = (rms(self.errors(m)) for m in (base, model))
         return before, after, after * float(np.sqrt(1.0 - self.follows(model)))
 
     def simulate(self, model: ChainModel, horizon: float) -> Array:
-        """Prediction ``horizon`` samples ahead of the model fitted to the first part; over the whole, the free run."""
+        """Prediction ``horizon`` samples ahead by the model fitted to the first part; over the whole, its free run."""
         s, model = self.everything, self.part(model)
         run = cm.free_run(s, model)
         if horizon >= s.y.size:
@@ -265,9 +267,9 @@ class ChainPlant(PlantDefaults):
         return s.y - np.convolve(cm.left(s, model), cm.response(model.ar, int(horizon)))[: s.y.size]
 
     def measured(self, *models: ChainModel) -> tuple[Array, NDArray[np.bool_]]:
-        """(output, held-out samples), of two models without those on the wrong side of a sign under the second.
+        """(output, mask of held-out samples), without those that are on the wrong side of a sign under the last model.
 
-        A few of them, which no fit can rule out, make up most of a mean square.
+        No fit can avoid a few of them, and they would make up most of a mean square.
         """
         s = self.everything
         judged = np.arange(s.u.size) >= FITTED * s.u.size
@@ -276,37 +278,37 @@ class ChainPlant(PlantDefaults):
         return s.y, judged
 
     def _turned(self, model: ChainModel) -> NDArray[np.bool_]:
-        """Samples behind one on the wrong side of a sign, for as long as L2 remembers it."""
+        """Samples that follow one on the wrong side of a sign, for as long as L2 remembers it."""
         e = np.abs(cm.left(self.everything, self.part(model)))
         far = e > WRONG_SIDE * cm.MAD * float(np.median(e))
         return np.convolve(far, np.ones(REMEMBERED))[: far.size] > 0.5
 
     def surrogate(self, model: ChainModel, rng: np.random.Generator) -> ChainPlant:
-        """The plant of a record that the model made, with what of its errors follows nothing as noise."""
+        """The plant of a record made by the model, with the unexplained part of its errors as noise."""
         other = ChainPlant(self.u, self.y, (self.law, self.orders, self.direct), tolerance=self.tolerance, dt=self.dt)
         s, fitted = self.everything, self.part(model)
         quiet = cm.free_run(s, fitted)
         noise = cm.made(s, fitted, rng).y - quiet
-        # of the size that is expected over the samples that judge: a floor has no error of sampling
+        # scaled to the size expected over the judged samples, because a floor has no sampling error
         size = cm.loudness(fitted.ar) * np.sqrt(cm.variance_of(cm.left(s, fitted)[s.fit]) * (1.0 - self.follows(model)))
         other.everything = other.record = s.with_output(quiet + noise * size / rms(noise[self.measured()[1]]))
         other._parts = {(id(model), True): (model, fitted)}
         return other
 
     def falls_short(self, base: ChainModel, model: ChainModel) -> str:
-        """What the orders and law of the base model lack, if that explains more than the effects found."""
+        """What the base model lacks in its orders and law, if that explains more than the effects found."""
         if self.follows(model) == 0.0:
             return ""
         return falls_short(self.record, base, model)
 
     def read_off(self, model: ChainModel) -> list[Any]:
-        """The grid of the readings, where rounding is a good part of what is left."""
+        """The grid of the readings, if rounding is a considerable part of the residual."""
         step = readings.coarse_grid(self.record, model)
         return [NamedEffect(Quantization(step), {}, float(self.y.size), GRID_SEEN, 0.0)] if step else []
 
     # --- report -----------------------------------------------------------------------------------
     def linearised(self, model: ChainModel) -> Linearised:
-        """Of all samples but the first ones, under a soft sign."""
+        """Residual and derivatives at all samples except the first ones, under a soft sign."""
         s = self.everything
         m = self.final(model)
         e = cm.left(s, m)[s.fit]
@@ -325,7 +327,7 @@ class ChainPlant(PlantDefaults):
         return self._parts[key][1]
 
     def gap_to_locate(self, model: ChainModel) -> Array:
-        """Whitened errors, outliers held."""
+        """Whitened errors with outliers capped."""
         return self.errors(model)
 
     def signals(self, model: ChainModel) -> dict[str, tuple[Array, str]]:
@@ -333,7 +335,7 @@ class ChainPlant(PlantDefaults):
         return {k: (v[self.record.fit], unit) for k, (v, unit) in readings.axes(self.record, model, self.units).items()}
 
     def regressors(self, model: ChainModel) -> tuple[dict[str, tuple[float, Array]], Array, float]:
-        """None: a chain's numbers are not regression coefficients of its error."""
+        """Nothing: the numbers of a chain are not regression coefficients of its error."""
         return {}, self.gap_to_locate(model), self.dt
 
     def residual_tests(self, base: ChainModel, model: ChainModel) -> list[dict[str, Any]]:
@@ -346,15 +348,15 @@ class ChainPlant(PlantDefaults):
 
     def notes(self, base: ChainModel, model: ChainModel) -> list[str]:
         """Remarks on how the record was used."""
-        long = [f"Names were looked for in the first {SEARCHED} samples, their numbers fitted to all {self.u.size}."]
+        long = [f"Effects were searched for in the first {SEARCHED} samples and fitted to all {self.u.size}."]
         return [
             *(long if self.record is not self.everything else []),
-            "All errors are of the free run, whitened by an autoregression of what is left; the null is what the model "
-            "leaves of records that it made itself.",
-            "Errors before and after leave out samples on the wrong side of a sign (beyond six robust deviations, and "
-            "while L2 remembers it): a few of them, which no fit can rule out, would make up most of the mean square.",
+            "All errors are those of the free run, whitened by an autoregression of the residual. The null is "
+            "taken from records that the model made itself.",
+            "Errors before and after exclude samples on the wrong side of a sign (beyond six robust deviations, and "
+            "while L2 remembers it): no fit can avoid a few of them, and they would make up most of the mean square.",
             f"For the proof all numbers are fitted to the first {100 * FITTED:.0f} % of the record; the rest judges "
-            "them. Which effects are there was decided on the whole record.",
+            "them. Which effects are present was decided on the whole record.",
         ]
 
     def pictures(self, base: ChainModel, model: ChainModel) -> dict[str, Any]:

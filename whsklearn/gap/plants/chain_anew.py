@@ -1,8 +1,8 @@
-"""Refit the whole chain with a strong effect inside: blocks fitted without it do not return to their true values.
+"""Refit the whole chain with a strong effect inside, since blocks fitted without it do not return to their true values.
 
-What acts on the input alone is applied to it, and the best linear model of what it makes is divided between the
-blocks; a coupling is a pair of poles split off a linear model that has two more; the sign that a sensor loses is
-retrieved from y^2.
+An effect that acts on the input alone is applied to the input, and the best linear model from the result to the output
+is divided between the blocks.  A coupling is a pair of poles split off a linear model that has two more.  The sign that
+a sensor loses is retrieved from y^2.
 """
 
 from __future__ import annotations
@@ -39,19 +39,19 @@ from whsklearn.recursion.batch.best_linear import Ratio
 
 Array = NDArray[np.float64]
 
-PROMISING = 4  # candidates of each look that add to what is there, and are fitted
-MOST_NUDGES, NUDGES = 4, (0.7, 0.87, 1.15, 1.4)  # rounds, and factors on a shape that is moved to another valley
-TRIED = 12  # starts of a candidate, a number of it, that are fitted, of those that leave the least as they are
-DIVIDED = 5  # shapes whose best linear model is divided between the blocks, of those that fit best
-KEPT = 4  # of them that are sharpened
+PROMISING = 4  # additive candidates of each look that are fitted
+MOST_NUDGES, NUDGES = 4, (0.7, 0.87, 1.15, 1.4)  # rounds, and factors by which a shape is moved to another valley
+TRIED = 12  # starts that are fitted, per number of a candidate: those with the least residual before the fit
+DIVIDED = 5  # shapes whose best linear model is divided between the blocks: those that fit best
+KEPT = 4  # of them that are sharpened, per number
 MEMORY = 24  # samples of the impulse response behind a lost sign
-ONE_SIDED = -0.3  # of rms: the lowest hundredth of readings whose sign was lost is noise alone
-FOLDS = ((0.5,), (1.0,))  # fractions from which a fold of the bent base is fitted
-PASSES = 60  # alternating projections; they stand still after some ten
+ONE_SIDED = -0.3  # of rms: if the sign was lost, the lowest hundredth of the readings is noise alone
+FOLDS = ((0.5,), (1.0,))  # fractions from which a fold of the distorted base is fitted
+PASSES = 60  # alternating projections; they converge after about ten
 
 
 def is_strong(kind: Candidate, s: Record) -> bool:
-    """Whether a candidate may distort the blocks so much that the chain is refitted: true unless its effect adds."""
+    """Whether a candidate may distort the blocks so much that the chain is refitted: true unless it is additive."""
     if kind.folds:
         return float(np.quantile(s.y, 0.01)) > ONE_SIDED * rms(s.y)
     return kind.linear == 0
@@ -60,16 +60,16 @@ def is_strong(kind: Candidate, s: Record) -> bool:
 def fits(
     s: Record, m: ChainModel, others: list[ChainModel], looks: list[Look], rng: np.random.Generator, among: Any = None
 ) -> Iterator[tuple[Candidate, ChainModel]]:
-    """The model with one candidate more, for the strong ones and for those of the rest that two looks promise most.
+    """Fit the model with one more candidate, for strong candidates and for the most promising others of two looks.
 
     Parameters
     ----------
     others : list of ChainModel
-        Further minima of the model without it.
+        Further minima of the model without the candidate.
     looks : list of Look
-        Of `whsklearn.gap.plants.chain_looks.look`; a second one under a softer sign is taken here.
+        From `whsklearn.gap.plants.chain_looks.look`; a second look under a softer sign is taken here.
     among : container of str, optional
-        Names that alone are worth a fit; all by default.
+        The names to be fitted; by default all.
     """
     strong = [k for k in kinds(s, m) if is_strong(k, s) and (among is None or k.name in among)]
     yield from fitted_anew(s, m, others, strong, rng)
@@ -86,7 +86,7 @@ def fits(
 
 
 def fitted(s: Record, models: list[ChainModel], term: Term) -> ChainModel:
-    """The best of some models with an effect that adds to what is there, from the size that a look gives it."""
+    """The best of several models with an additive effect, which starts from the size that a look gives it."""
     z = cm.sizes(s, models[0])
     bounds = [term.kind.range_of(i, z) for i in range(len(term.q))]
     term = Term(term.kind, tuple(float(np.clip(v, *b)) for v, b in zip(term.q, bounds, strict=True)))
@@ -97,7 +97,7 @@ def fitted(s: Record, models: list[ChainModel], term: Term) -> ChainModel:
 
 
 def fitted_once(s: Record, m: ChainModel, kind: Candidate, rng: np.random.Generator) -> ChainModel:
-    """The model with one candidate, fitted as `fits` does; the model itself where no fit is stable."""
+    """The model with one candidate, fitted as in `fits`; the model itself if no fit is stable."""
     if is_strong(kind, s):
         return next((grown for _, grown in fitted_anew(s, m, [], [kind], rng)), m)
     start = next((k.start for k in softly(s, m) if k.start.kind == kind), None)
@@ -105,7 +105,7 @@ def fitted_once(s: Record, m: ChainModel, kind: Candidate, rng: np.random.Genera
 
 
 def walked(s: Record, m: ChainModel) -> ChainModel:
-    """The model with the instant of its last effect moved while that leaves less, by ever smaller steps."""
+    """The model with the instant of its last effect moved, in smaller and smaller steps, while the residual falls."""
     kind, q = m.terms[-1].kind, list(m.terms[-1].q)
     i = kind.fields.index(kind.cls.scanned())
     low, high = kind.range_of(i, cm.sizes(s, m))
@@ -122,7 +122,7 @@ def walked(s: Record, m: ChainModel) -> ChainModel:
 
 
 def nudged(s: Record, m: ChainModel) -> ChainModel:
-    """The model with the shape of its last effect moved to a better valley: a play and a delay have many."""
+    """The model with the shape of its last effect moved to a better valley; play and delays have many."""
     term = m.terms[-1]
     if term.kind.linear:
         return m
@@ -142,9 +142,9 @@ def nudged(s: Record, m: ChainModel) -> ChainModel:
 def fitted_anew(
     s: Record, m: ChainModel, others: list[ChainModel], strong: list[Candidate], rng: np.random.Generator
 ) -> Iterator[tuple[Candidate, ChainModel]]:
-    """The model with a strong candidate as its last effect, from starts of its own, where one is stable.
+    """The models with a strong candidate as the last effect, fitted from starts of its own that are stable.
 
-    Under a soft sign first: what explains little there, beside the best of them, is not sharpened.
+    They are fitted under a soft sign first.  Those that explain much less there than the best one are not sharpened.
     """
     soft = [(kind, ranked(s, starts_of(s, m, others, kind, rng), SOFT[0], 8)) for kind in strong]
     left = {id(found): softened(s, found[0]) for _, found in soft if found}
@@ -159,7 +159,7 @@ def fitted_anew(
 def starts_of(
     s: Record, m: ChainModel, others: list[ChainModel], kind: Candidate, rng: np.random.Generator
 ) -> list[ChainModel]:
-    """Where a strong candidate is fitted from: those starts that leave least as they are."""
+    """The starts of a strong candidate: those with the least residual before a fit."""
     z = cm.sizes(s, m)
     starts: list[ChainModel] = []
     terms = [Term(kind, shape) for shape in (FOLDS if kind.folds else kind.shapes(z))]
@@ -178,20 +178,20 @@ def starts_of(
 
 
 def best(s: Record, starts: list[ChainModel], n: int) -> list[ChainModel]:
-    """Those that leave least under a soft sign, as they are."""
+    """The starts with the least residual under a soft sign, before a fit."""
     scored = [(softened(s, m), i) for i, m in enumerate(starts) if np.all(np.isfinite(m.theta))]
     return [starts[i] for _, i in sorted(scored)[:n]]
 
 
 def softened(s: Record, m: ChainModel) -> float:
-    """Mean square of what a model leaves under a soft sign."""
+    """Mean square residual of a model under a soft sign."""
     white = dataclasses.replace(m, ar=np.zeros_like(m.ar))
     e = cm.left(s, white, SOFT[0] / cm.rms_dx(s, white))[s.fit]
     return float(np.mean(e**2))
 
 
 def applied(s: Record, term: Term) -> Array:
-    """The input behind an effect that acts on it: what a chain without blocks hands on, its two delays taken off."""
+    """The input after an effect that acts on it: the output of a chain without blocks, its two delays removed."""
     from whsklearn.effects import FrictionLaw
     from whsklearn.effects.static import Power
 
@@ -201,7 +201,7 @@ def applied(s: Record, term: Term) -> Array:
 
 
 def split_off(s: Record, m: ChainModel, kind: Candidate) -> Iterator[ChainModel]:
-    """Models with a pair of poles of a larger linear model as a resonance, and the rest divided."""
+    """Models with a pair of poles of a larger linear model as a resonance and the other poles divided."""
     ratio = linear_model(s, s.u, 2)
     poles, zeros = np.roots(ratio.a), np.roots(ratio.b)
     real = [i for i, r in enumerate(zeros) if abs(r.imag) < 1e-9]
@@ -214,7 +214,7 @@ def split_off(s: Record, m: ChainModel, kind: Candidate) -> Iterator[ChainModel]
 
 
 def pulled_out(s: Record, m: ChainModel, kind: Candidate) -> Iterator[ChainModel]:
-    """Models whose block has given its own pair of poles to the resonance, which it may have taken for its own."""
+    """Models in which a block hands a pair of poles to the resonance, because it may have absorbed them."""
     a, b, _, c, d = s.blocks
     first = kind.at != "output"
     zeros, block = (a, b) if first else (c, d)
@@ -229,22 +229,22 @@ def pulled_out(s: Record, m: ChainModel, kind: Candidate) -> Iterator[ChainModel
 
 
 def resonances(s: Record, m: ChainModel, poles: Any, kind: Candidate) -> Iterator[tuple[complex, Term]]:
-    """The pairs of poles that a resonance can have, and its numbers."""
+    """The pairs of poles that can belong to a resonance, and the numbers of that resonance."""
     z = cm.sizes(s, m)
     (low, high), (least, most) = kind.range_of(0, z), kind.range_of(1, z)
     for pole in poles[np.imag(poles) > 1e-9]:
-        w = np.log(pole)  # of a sample: -zeta w_0 + i w_0 sqrt(1 - zeta^2)
+        w = np.log(pole)  # per sample: -zeta w_0 + i w_0 sqrt(1 - zeta^2)
         shape = (float(abs(w)) / (2 * np.pi * s.dt), float(-w.real / abs(w)))
         if low < shape[0] < high and least < shape[1] < most:
             yield complex(pole), Term(kind, shape)
 
 
 def unfolded(s: Record, m: ChainModel, rng: np.random.Generator) -> list[ChainModel]:
-    """Minima of the model behind a sensor that loses the sign.
+    """Minima of the model in front of a sensor that loses the sign.
 
-    With y = |h * u| the matrix E y^2 u u' has h as its leading direction (Netrapalli, Jain and Sanghavi 2015, Phase
-    retrieval using alternating minimization, IEEE Trans. Signal Processing 63(18)); then the sign of h * u and the
-    least-squares h are taken in turn, and last the chain's own output in the place of h * u.
+    With y = |h * u|, the leading direction of the matrix E y^2 u u' is h (Netrapalli, Jain and Sanghavi 2015, Phase
+    retrieval using alternating minimization, IEEE Trans. Signal Processing 63(18)).  From there, the sign of h * u and
+    the least-squares h are computed in turn; finally the chain's own output replaces h * u.
     """
     rows = np.column_stack([np.concatenate([np.zeros(i), s.u[: s.u.size - i]]) for i in range(1, MEMORY + 1)])
     white = np.linalg.qr(rows)[0] * np.sqrt(s.u.size)

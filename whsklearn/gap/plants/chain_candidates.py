@@ -1,6 +1,6 @@
-"""What may be missing between u and y: the catalogue's effects in the form that the compiled chain takes.
+"""Effects that may be missing between u and y: those of the catalogue, in the form that the compiled chain takes.
 
-Ranges, starts and what is scanned come from each effect's `Quantity`; a chain adds the ports that only it has
+Ranges, starts and scanned parameters come from each effect's `Quantity`.  A chain adds the ports that only it has
 (`whsklearn.effects.chain`) and its own scales: x is its position, x(t) - x(t-1) its velocity, v its torque.
 """
 
@@ -21,13 +21,13 @@ from whsklearn.gap.values import FittedTerm
 
 Array = NDArray[np.float64]
 
-READ_OFF = ("quantization",)  # a lattice of the readings is plain to see, and no term
-# Fields that keep their start: another place of rest is an offset more, and no record of some thousand samples tells
-# exponents of a Stribeck curve apart.
+READ_OFF = ("quantization",)  # a grid of the readings is visible directly, so it is not a term
+# Fields that keep their start: another position of rest is the same as one more offset, and no record of a few thousand
+# samples can distinguish exponents of a Stribeck curve.
 HELD = ("centre", "exponent")
 # Waves over a signal of a chain, which has no revolution to count them by: two thirds of a period within three rms to
 LEAST_ORDER, MOST_ORDER = 0.7, 20.0
-N_SHAPES = 12  # of one number that has no grid of its own: neighbours of a size explain 0.95 of each other
+N_SHAPES = 12  # of one number without a grid of its own: neighbours explain 0.95 of each other
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Sizes:
     dt: float
 
     def seen_from(self, kind: Candidate) -> Scales:
-        """The scales of an axis that stand for a chain's where a candidate acts."""
+        """The scales of the signals where a candidate acts, in the form of the scales of an axis."""
         place, at = kind.cls.place, kind.at
         torque, peak, reach = self.v, 3.0 * self.v, self.x_peak
         if at == "middle":
@@ -53,7 +53,7 @@ class Sizes:
         elif at == "input" or place == "drive":
             torque, peak, reach = self.u, self.u_peak, self.u_peak
         elif place == "friction":
-            reach = 6.0 * self.dx  # a friction's distance is passed in some samples
+            reach = 6.0 * self.dx  # the distance of a friction is covered within a few samples
         elif kind.at_sensor:
             reach = 3.0 * self.y
         return Scales(
@@ -64,7 +64,7 @@ class Sizes:
 
 @dataclass(frozen=True)
 class Candidate:
-    """One effect at one port, or in one variant of its text fields.
+    """One effect, at one port or in one variant of its text fields.
 
     Attributes
     ----------
@@ -89,12 +89,12 @@ class Candidate:
 
     @cached_property
     def code(self) -> int:
-        """What the compiled chain calls it."""
+        """Its code in the compiled chain."""
         return int(self.cls(**self.options).code)
 
     @cached_property
     def linear(self) -> int:
-        """How many leading numbers what it adds is linear in: 1, 2 (cosine and sine), or 0 where size is a shape."""
+        """Number of leading parameters in which it is linear: 1, 2 (cosine and sine), or 0 if its size is a shape."""
         return self.cls.linear()
 
     @cached_property
@@ -105,19 +105,19 @@ class Candidate:
 
     @cached_property
     def free(self) -> tuple[int, ...]:
-        """Numbers that a fit moves; an instant has no slope, so it is walked to."""
+        """Numbers that a fit moves; an instant has no slope, so it is found by a walk."""
         walked = (self.cls.scanned(),) if self.scan == "step" else ()
         still = (*walked, *self.cls.held, *(HELD if self.cls.evaluate is None else ()))
         return tuple(i for i, f in enumerate(self.fields) if f not in still)
 
     @property
     def n_numbers(self) -> int:
-        """Numbers that a record must give."""
+        """Number of parameters that a record must determine."""
         return len(self.free) + (self.scan == "step")
 
     @cached_property
     def scan(self) -> str:
-        """How a fine grid finds its one number: ``position``, ``time``, ``step``; or empty."""
+        """Which fine grid finds its one number: ``position``, ``time``, ``step``, or empty for none."""
         if "order" in self.fields:
             return "position"
         field = self.cls.scanned()
@@ -130,7 +130,7 @@ class Candidate:
 
     @property
     def at(self) -> str:
-        """The port, where it has a choice."""
+        """The port, if there is a choice."""
         return self.options.get("at", "")
 
     @property
@@ -140,17 +140,17 @@ class Candidate:
 
     @property
     def delays(self) -> bool:
-        """Whether its shape is a time of some samples."""
+        """Whether its shape is a time of a few samples."""
         return self.linear == 0 and self.cls.quantities[self.fields[0]].scale == "dt"
 
     @property
     def folds(self) -> bool:
-        """Whether its one size is a share from nothing to all: then it is no small change where it is one."""
+        """Whether its one size is a share between 0 and 1; a share of one is not a small change."""
         q = self.cls.quantities[self.cls.size]
         return self.linear == 1 and self.at_sensor and (q.low, q.high) == (0.0, 1.0)
 
     def ratios(self, i: int) -> bool:
-        """Whether number i is moved in ratios."""
+        """Whether number i is varied by ratios."""
         if i < self.linear:
             return False
         q = self.cls.quantities[self.fields[i]]
@@ -172,7 +172,7 @@ class Candidate:
         return (low, min(high, 0.49 / z.dt)) if field == "frequency" else (low, high)
 
     def shapes(self, z: Sizes) -> list[tuple[float, ...]]:
-        """Numbers behind the linear ones at which a look tries it."""
+        """Values of the numbers after the linear ones at which a look tries it."""
         grids = []
         for i in range(self.linear, len(self.fields)):
             low, high = self.range_of(i, z)
@@ -203,21 +203,21 @@ class Term(FittedTerm):
     """A candidate with its numbers."""
 
     def row(self) -> Array:
-        """The numbers as the compiled chain takes them."""
+        """The numbers in the form that the compiled chain takes."""
         out = np.zeros(codes.N_NUMBERS)
         out[: len(self.q)] = self.q
         return out
 
 
 def is_line(law: FrictionLaw) -> bool:
-    """Whether a law is a line in x, with or without an offset."""
+    """Whether a law is a straight line in x, with or without an offset."""
     return all(isinstance(t, Power) and t.degree <= 1 for t in law.terms)
 
 
 def catalogue(law: FrictionLaw) -> list[Candidate]:
-    """Every candidate besides a law: all defined effects, at every port, except those that the law contains.
+    """Every candidate besides a law: all defined effects at every port, except those that the law contains.
 
-    A limit or a dead zone of x is one of v where the law is a line, and else beyond a look's sight.
+    A limit or a dead zone of x is the same as one of v if the law is a line; otherwise a look cannot see it.
     """
     held = {t.code for t in law.terms}
     dry = {t.name for t in law.terms}

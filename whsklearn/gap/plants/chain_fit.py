@@ -1,7 +1,7 @@
-"""Fits of the free run: from the best linear model's divisions for a base model, from where one stands for the rest.
+"""Fits of the free run: a base model starts from divisions of the best linear model, other models from their values.
 
-Signs are sharpened in steps: under a soft one the error is smooth in L1's numbers, under the sign itself it is what
-the system does.
+Signs are sharpened in steps.  Under a soft sign the error is smooth in the numbers of L1; under the true sign it is the
+error of the system itself.
 """
 
 from __future__ import annotations
@@ -26,20 +26,20 @@ from whsklearn.systems.stability import is_stable
 Array = NDArray[np.float64]
 
 SOFT = (3.0, 10.0, 30.0)  # kappa times rms dx
-N_RANDOM = 16  # starts beside the divisions, where the blocks are far from what a linear model sees
-KEPT, POLISHED = 6, 2  # minima under a soft sign that are sharpened, and those of them that are fitted to the end
-N_HOPS, HOP = 2, 1.0  # tries of neighbouring valleys, and their width in standard errors
+N_RANDOM = 16  # starts besides the divisions, for blocks that are far from those of a linear model
+KEPT, POLISHED = 6, 2  # minima under a soft sign that are sharpened, and those that are fitted until they converge
+N_HOPS, HOP = 2, 1.0  # trials of neighbouring valleys, and their distance in standard errors
 DIFFERENT = 1e-3  # share of the sum of squares by which two minima differ
-UNSEEN = 1e-12  # share of the largest column below which a column is rounding
+UNSEEN = 1e-12  # share of the largest column below which a column is rounding error
 
 
 def cost(s: Record, m: ChainModel) -> float:
-    """Sum of squares over the samples of the fit under the sign itself, outliers capped."""
+    """Sum of squares over the samples of the fit under the true sign, with outliers capped."""
     return cm.deviance(cm.left(s, m)[s.fit])
 
 
 def climb(s: Record, m: ChainModel, sharpness: float, steps: int, *, robust: bool = True) -> ChainModel:
-    """The model fitted at a sharpness (kappa times rms dx), its colour as it is."""
+    """The model fitted at a sharpness (kappa times rms dx) with its noise colour unchanged."""
     kappa, z = sharpness / cm.rms_dx(s, m), cm.sizes(s, m)
     low, high = cm.bounds(m, z)
     room = 1e-9 * np.maximum(np.abs(np.where(np.isfinite(low), low, 0.0)), 1.0)
@@ -52,7 +52,7 @@ def climb(s: Record, m: ChainModel, sharpness: float, steps: int, *, robust: boo
     def rows(x: Array) -> Array:
         out = cm.sensitivities(s, cm.from_vector(m, x), kappa)[s.fit] / sigma
         size = np.linalg.norm(out, axis=0)
-        return np.where(size > UNSEEN * size.max(initial=0.0), out, 0.0)  # a kink where no x is has a slope of rounding
+        return np.where(size > UNSEEN * size.max(initial=0.0), out, 0.0)  # a kink far from every x is rounding only
 
     loss = _capped if robust else "linear"
     try:
@@ -65,14 +65,14 @@ def climb(s: Record, m: ChainModel, sharpness: float, steps: int, *, robust: boo
 
 
 def _capped(z: Array) -> Array:
-    """`capped` with its two derivatives, as SciPy takes a loss."""
+    """`capped` with its two derivatives, in the form of a SciPy loss."""
     g, floor = np.exp(-0.5 * z), np.exp(-0.5 * cm.CAP)
     w = g / (g + floor)
     return np.array([-2.0 * np.log((g + floor) / (1.0 + floor)), w, -0.5 * w * (1.0 - w)])
 
 
 def coloured(s: Record, m: ChainModel) -> ChainModel:
-    """The model with the colour of what it leaves."""
+    """The model with the noise colour of its residual."""
     white = dataclasses.replace(m, ar=np.zeros_like(m.ar))
     return dataclasses.replace(m, ar=cm.colour(cm.left(s, white)[cm.SKIP :]))
 
@@ -80,7 +80,7 @@ def coloured(s: Record, m: ChainModel) -> ChainModel:
 def sharpened(
     s: Record, m: ChainModel, rungs: Iterable[float] = cm.HARD, steps: int = 8, *, robust: bool = True
 ) -> ChainModel:
-    """The model fitted from rung to rung, its colour taken anew after each; the best under the sign itself."""
+    """The model fitted rung by rung, with its noise colour updated after each; the best one under the true sign."""
     best: tuple[float, ChainModel] | None = None
     for rung in rungs:
         m = coloured(s, climb(s, m, rung, steps, robust=robust))
@@ -92,13 +92,13 @@ def sharpened(
 
 
 def polished(s: Record, m: ChainModel, hops: int = N_HOPS) -> ChainModel:
-    """The model at its minimum: refitted by way of a soft sign, from where it stands, and from near by.
+    """The model at its minimum: refitted through a soft sign, from its present values, and from nearby ones.
 
-    Every sample that lies close to a reversal makes a valley of its own: the hops, some standard errors far and always
-    the same, try the next ones.
+    Every sample close to a reversal makes a valley of its own.  The hops, which are a few standard errors long and
+    always the same, try the neighbouring valleys.
     """
     ways = [m, sharpened(s, m, (30.0, 150.0, cm.SHARPEST)), sharpened(s, m, (cm.SHARPEST,), 10)]
-    # uncapped, a sample on the wrong side pulls the model over
+    # not capped, so that a sample on the wrong side pulls the model across
     ways += [sharpened(s, sharpened(s, m, cm.HARD, robust=False), (cm.SHARPEST,))]
     best = min((cost(s, w), i, w) for i, w in enumerate(ways))
     rng = np.random.default_rng(0)
@@ -109,10 +109,10 @@ def polished(s: Record, m: ChainModel, hops: int = N_HOPS) -> ChainModel:
 
 
 def moved(s: Record, m: ChainModel, far: float, rng: np.random.Generator) -> ChainModel:
-    """The model with numbers drawn from their covariance, ``far`` standard errors wide."""
+    """The model with numbers drawn from their covariance, scaled by ``far`` standard errors."""
     rows = cm.sensitivities(s, m, 30.0 / cm.rms_dx(s, m))[s.fit]
     scale = np.linalg.norm(rows, axis=0)
-    seen = scale > UNSEEN * scale.max(initial=0.0)  # a number that no error follows has no covariance: it stays
+    seen = scale > UNSEEN * scale.max(initial=0.0)  # a number on which no error depends has no covariance: it stays
     scale = np.where(seen, scale, np.inf)
     _, values, axes = np.linalg.svd(rows / scale, full_matrices=False)
     sigma = far * np.sqrt(cm.variance_of(cm.left(s, m)[s.fit]))
@@ -123,18 +123,18 @@ def moved(s: Record, m: ChainModel, far: float, rng: np.random.Generator) -> Cha
 
 # --- starts ---------------------------------------------------------------------------------------
 def of_dx(law: FrictionLaw) -> bool:
-    """Whether a law is one of dx alone, whose linear part is a difference."""
+    """Whether a law depends on dx alone, so that its linear part is a difference."""
     return bool(np.all(law([-1.0, 0.5, 2.0], 0.0) == 0.0))
 
 
 def linear_model(s: Record, u: Array, extra_poles: int = 0) -> Ratio:
-    """The best linear model from u to y with the chain's poles and zeros, after its delays and its difference."""
+    """The best linear model from u to y with the chain's numbers of poles and zeros, its delays and its difference."""
     na, nb, nc, nd, _ = (int(i) for i in s.dims)
     return best_linear(_data(s, u), nb + nd + extra_poles, na + nc - 2 + (1 if extra_poles else 0))
 
 
 def misfit(s: Record, ratio: Ratio, u: Array) -> float:
-    """Mean square of what a linear model leaves."""
+    """Mean square residual of a linear model."""
     data = _data(s, u)
     return float(np.mean((data.y - ratio.run(data))[data.counts] ** 2))
 
@@ -147,7 +147,7 @@ def _data(s: Record, u: Array) -> IOData:
 
 
 def divided(s: Record, ratio: Ratio, terms: tuple[Term, ...] = ()) -> list[Array]:
-    """theta for every division of a linear model's poles and zeros between the blocks, weights by least squares."""
+    """theta for every division of a linear model's poles and zeros between the blocks; weights by least squares."""
     na, nb, nc, nd, _ = (int(i) for i in s.dims)
     out = []
     for one, two in divisions(ratio, Orders(na - 1, nb, nc - 1, nd)):
@@ -157,7 +157,7 @@ def divided(s: Record, ratio: Ratio, terms: tuple[Term, ...] = ()) -> list[Array
 
 
 def weighed(s: Record, first: Array, second: Array, terms: tuple[Term, ...] = ()) -> Array:
-    """theta of two blocks with the weights that fit y best under a soft sign, beside these effects."""
+    """theta of two blocks with the weights that fit y best under a soft sign, together with these effects."""
     nw = int(s.dims[4])
     m = ChainModel(np.concatenate([first, np.zeros(nw), second]), tuple(t for t in terms if not t.kind.folds))
     kappa = 1.0 / cm.rms_dx(s, m)
@@ -175,7 +175,7 @@ def weighed(s: Record, first: Array, second: Array, terms: tuple[Term, ...] = ()
 
 
 def random_thetas(s: Record, rng: np.random.Generator, n: int) -> list[Array]:
-    """theta of random stable blocks, weights by least squares."""
+    """theta of random stable blocks; weights by least squares."""
     na, nb, nc, nd, _ = (int(i) for i in s.dims)
     return [
         weighed(
@@ -187,7 +187,7 @@ def random_thetas(s: Record, rng: np.random.Generator, n: int) -> list[Array]:
 
 
 def ranked(s: Record, models: Iterable[ChainModel], sharpness: float, steps: int) -> list[ChainModel]:
-    """Stable starts after a few steps under a soft sign and white noise, the best of each minimum first."""
+    """Stable starts after a few steps under a soft sign and white noise; the best of each minimum comes first."""
     found = []
     for m in models:
         if not np.all(np.isfinite(m.theta)) or not _stable(s, m.theta):
@@ -211,13 +211,13 @@ def _stable(s: Record, theta: Array) -> bool:
 
 
 def minima(s: Record, starts: Iterable[ChainModel]) -> list[ChainModel]:
-    """Separate minima that starts lead to, the least first, which is fitted to the end."""
+    """Distinct minima that the starts lead to, best first; the best is fitted until it converges."""
     out = sharpest(s, ranked(s, starts, SOFT[0], 8)[:KEPT], neighbours=True)
     return [polished(s, m) for m in out[:1]] + out[1:]
 
 
 def sharpest(s: Record, soft: list[ChainModel], *, neighbours: bool = False) -> list[ChainModel]:
-    """Models under a soft sign sharpened, the least first; ``neighbours``: those with roots exchanged, too."""
+    """Sharpen models found under a soft sign, best first; with ``neighbours``, also those with exchanged roots."""
     softer = sorted((sharpened(s, m, SOFT[1:]) for m in soft), key=lambda m: cost(s, m))
     if neighbours:
         dims = tuple(map(int, s.dims))
@@ -228,6 +228,6 @@ def sharpest(s: Record, soft: list[ChainModel], *, neighbours: bool = False) -> 
 
 
 def base_starts(s: Record, rng: np.random.Generator) -> list[ChainModel]:
-    """Models to start from: the divisions of the best linear model, and random blocks."""
+    """Starting models: the divisions of the best linear model, and random blocks."""
     thetas = [*divided(s, linear_model(s, s.u)), *random_thetas(s, rng, N_RANDOM)]
     return [ChainModel(t) for t in thetas]

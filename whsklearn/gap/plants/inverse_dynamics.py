@@ -1,6 +1,6 @@
-"""Linear least squares for inverse dynamics: signs kept, cross-validated over blocks from their Gram matrices.
+"""Linear least squares for inverse dynamics with sign constraints, cross-validated over blocks by Gram matrices.
 
-torque = J a + sum of terms is linear in the sizes, so a thousand candidates cost a thousand small solves.
+torque = J a + sum of terms is linear in the sizes, so a thousand candidates cost only a thousand small solves.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[Any]
 N_BLOCKS = 10
-RIDGE = 3e-5  # of the samples, on columns of unit rms: far below the information of any column worth a name
+RIDGE = 3e-5  # per sample, for columns of unit rms: far below the information of any column worth a name
 
 
 class Blocks(NamedTuple):
@@ -33,7 +33,7 @@ def blocks_of(columns: Array, target: Array, block: NDArray[np.intp]) -> Blocks:
 
 
 def solve(b: Blocks, n: int, positive: NDArray[np.bool_]) -> tuple[Array, NDArray[np.bool_]]:
-    """Sizes in the columns' own units, shape (p,), and which columns are in; those that would turn negative are out."""
+    """Sizes in the columns' own units, shape (p,), and a mask of the columns used; negative ones are dropped."""
     total = b.gram.sum(axis=0)
     free = np.ones(b.scale.size, dtype=bool)
     for _ in range(b.scale.size):
@@ -41,7 +41,7 @@ def solve(b: Blocks, n: int, positive: NDArray[np.bool_]) -> tuple[Array, NDArra
         bad = positive & free & (c < 0.0)
         if not bad.any():
             break
-        worst = np.flatnonzero(bad)[np.argmin(c[bad])]  # one at a time: the others may turn back
+        worst = np.flatnonzero(bad)[np.argmin(c[bad])]  # one at a time, because the others may become positive again
         free[worst] = False
     return _ridge(total, free, n) / b.scale, free
 
@@ -55,7 +55,7 @@ def _ridge(gram: Array, free: NDArray[np.bool_], n: int) -> Array:
 
 
 def held_out(b: Blocks, n: int, free: NDArray[np.bool_]) -> tuple[Array, Array]:
-    """Sum of squares of every block predicted by the fit to all others, (n_blocks,), and those fits, (n_blocks, p)."""
+    """Squared error of every block under the fit to all others, (n_blocks,), and those fits, (n_blocks, p)."""
     total = b.gram.sum(axis=0)
     rest = total[None] - b.gram
     at = np.flatnonzero(free)
@@ -70,6 +70,6 @@ def held_out(b: Blocks, n: int, free: NDArray[np.bool_]) -> tuple[Array, Array]:
 
 
 def slope(x: Array, step: float) -> Array:
-    """Derivative of samples ``step`` seconds apart by five points."""
+    """Five-point derivative of samples ``step`` seconds apart."""
     p = np.pad(x, 2, mode="edge")
     return (p[:-4] - 8 * p[1:-3] + 8 * p[3:-1] - p[4:]) / (12 * step)
