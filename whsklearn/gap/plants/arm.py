@@ -510,7 +510,7 @@ def arm_plant(model: Any, log: Any, *, law: str | None, tolerance: float) -> Arm
         return ArmPlant(record, lags, model, tolerance)
     lags._settle()
     if missing := [n for n in lags.base_.names if n not in model.numbers]:
-        raise ValueError(f"The model has no number {missing[0]!r}; give one that identify made for this robot and law.")
+        raise ValueError(f"The model has no number {missing[0]!r}; give one that identify wrote of this robot and law.")
     names = list(model.numbers)
     at = [names.index(n) for n in lags.base_.names]
     covariance = None if model.covariance is None else np.asarray(model.covariance)[np.ix_(at, at)]
