@@ -8,7 +8,8 @@ steps at 500 Hz, 20 s along drawn sines.  A first record, in which nothing is hi
 name and the joint that was hidden, the verdict's first name (its verdict beside it where that is not "named");
 "ambiguous" has it among those that cannot be told; "wrong" is any other name without the right one beside it.  Sizes
 are drawn where they matter, and nothing of what is drawn is told to the finder.  A limit is a rubber stop: its
-constraint in MuJoCo is made so soft that the force is a spring's and not the drive's.
+constraint in MuJoCo is made so soft that the force is a spring's and not the drive's.  With ``--numbers`` both records
+have nothing hidden and are identified: by how many standard errors do their numbers differ?
 """
 
 from __future__ import annotations
@@ -157,18 +158,36 @@ def follows(q: np.ndarray, path: np.ndarray, kind: str = "") -> bool:
     return bool(off < (np.pi if kind in ("limit", "play") else LARGEST_ERROR))
 
 
+def numbers(n: int, seed: int) -> np.ndarray:
+    """Differences of the numbers of two records of one arm, in their standard errors."""
+    rng = np.random.default_rng(seed)
+    root = drawn(rng, n)
+    arm, gains, *_ = made(root)
+    paths = reference(rng, n), reference(rng, n)
+    records = [record(root, path, gains) for path in paths]
+    if not all(follows(q, path) for (q, _), path in zip(records, paths, strict=True)):
+        return numbers(n, seed + REDRAWN)
+    first, second = (identify_arm(q, u, dt=1 / RATE, robot=arm).model for q, u in records)
+    spread = [np.hypot(first.standard_errors[k], second.standard_errors[k]) for k in first.numbers]
+    return (np.array(list(first.numbers.values())) - np.array(list(second.numbers.values()))) / spread
+
+
+def made(root: ET.Element) -> tuple[Arm, np.ndarray, np.ndarray, Any]:
+    """The arm, gains of its controllers, its mass matrix and MuJoCo's model."""
+    text = ET.tostring(root, encoding="unicode")
+    model = mujoco.MjModel.from_xml_string(text)
+    data, mass = mujoco.MjData(model), np.zeros((model.nv, model.nv))
+    mujoco.mj_forward(model, data)
+    mujoco.mj_fullM(model, data, mass)
+    w = 2 * np.pi * BAND
+    return Arm.from_file(text), np.diag(mass) * np.array([[w**2], [w**3 / 10], [2 * w]]), mass, model
+
+
 def case(kind: str, n: int, seed: int) -> dict[str, Any]:
     """One arm with one thing hidden: what the finder says."""
     rng = np.random.default_rng(seed)
     root = drawn(rng, n)
-    text = ET.tostring(root, encoding="unicode")
-    model = mujoco.MjModel.from_xml_string(text)
-    data, mass = mujoco.MjData(model), np.zeros((n, n))
-    mujoco.mj_forward(model, data)
-    mujoco.mj_fullM(model, data, mass)
-    w = 2 * np.pi * BAND
-    gains = np.diag(mass) * np.array([[w**2], [w**3 / 10], [2 * w]])
-    arm = Arm.from_file(text)
+    arm, gains, mass, model = made(root)
     first = reference(rng, n)
     q, u = record(root, first, gains)
     if not follows(q, first):
@@ -212,7 +231,13 @@ def case(kind: str, n: int, seed: int) -> dict[str, Any]:
 @click.option("--seed", default=7000, help="Of the first case.")
 @click.option("--joints", type=click.Choice(["3", "6"]), help="Only arms of so many.")
 @click.option("--kinds", default="", help="Only these, joined by commas.")
-def main(cases: int, empties: int, seed: int, joints: str | None, kinds: str) -> None:
+@click.option("--numbers", "pairs", is_flag=True, help="Of the empties: how far the numbers of two records differ.")
+def main(cases: int, empties: int, seed: int, joints: str | None, kinds: str, pairs: bool) -> None:
+    if pairs:
+        z = np.concatenate([numbers(int(joints or 6), seed + i) for i in range(empties)])
+        far = ", ".join(f"{100 * np.mean(np.abs(z) > k):.1f} % beyond {k}" for k in (2, 3, 5))
+        print(f"{z.size} numbers of {empties} arms: rms {np.sqrt(np.mean(z**2)):.2f} standard errors, {far}")
+        return
     every = kinds.split(",") if kinds else list(NAMES)
     asked = [every[i % len(every)] for i in range(cases)] + [""] * empties
     outcomes: dict[str, Counter[str]] = {}

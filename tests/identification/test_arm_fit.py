@@ -12,7 +12,7 @@ from tests.systems.drawn_arms import drawn_arm
 from whsklearn.datasets import default_arm, make_arm_log
 from whsklearn.effects import Cogging, Coulomb, Viscous
 from whsklearn.identification import identify_arm
-from whsklearn.identification.arm_fit import suspicions, swapped
+from whsklearn.identification.arm_fit import block_covariance, suspicions, swapped
 from whsklearn.lags import RigidBodyLags
 
 DT = 0.002
@@ -53,6 +53,23 @@ def test_an_effect_that_is_not_in_the_model_is_missing_at_its_joint_alone():
     assert missing["pitch"] > 0.02 > 0.01 > missing["yaw"]
     with_it = identify_arm(q, torque, dt=DT, robot=ARM, effects={"pitch": [Cogging(0.1, 6.0)]})
     assert with_it.missing["pitch"] < 0.005
+
+
+def test_intervals_hold_the_spread_of_numbers_whose_errors_last():
+    rng = np.random.default_rng(0)
+    x = rng.standard_normal((2000, 2))
+    x[:, 1] = np.repeat(rng.standard_normal(40), 50)  # slow, as the errors are
+    found, wide = [], []
+    for _ in range(40):
+        error = np.repeat(rng.standard_normal(40), 50)
+        theta = np.linalg.lstsq(x, error, rcond=None)[0]
+        left = error - x @ theta
+        white = left @ left / 1998 * np.linalg.inv(x.T @ x)
+        found.append(theta)
+        wide.append(np.sqrt(np.diag(block_covariance(x, left, np.arange(2000) // 100, white))))
+        assert np.all(wide[-1] >= 0.999 * np.sqrt(np.diag(white)))
+    assert np.std(found, axis=0)[1] > 5.0 * np.sqrt(white[1, 1])  # as white they would be far too sure
+    np.testing.assert_allclose(np.mean(wide, axis=0), np.std(found, axis=0), rtol=0.4)
 
 
 def test_nothing_is_nominal_where_the_file_names_no_mass(found):

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from sklearn.base import clone
 
-from whsklearn.identification.arm_fit import fitted
+from whsklearn.identification.arm_fit import N_LEFT_OUT, block_covariance, fitted
 from whsklearn.systems._arm_kernels import N_BODY
 from whsklearn.systems.arm_files import body_numbers
 
@@ -100,7 +100,10 @@ def find_payload(empty: ArmFit, position: ArrayLike, drive: ArrayLike, *, gain_e
         left = error - turning - columns @ x
         variance = left @ left / max(len(left) - len(x), 1)
         of_empty = inverse[0] @ phi
-        spread = variance * inverse[0] @ inverse[0] + of_empty @ empty.covariance @ of_empty
+        own = block_covariance(
+            columns, left, np.arange(len(left)) * N_LEFT_OUT // len(left), variance * inverse @ inverse.T
+        )
+        spread = own[0, 0] + of_empty @ empty.covariance @ of_empty
         mass = float(x[0])
         centre = tuple(float(c) for c in (x[1:4] / mass if mass else np.zeros(3)))
         deviation = float(np.sqrt(spread + (mass * gain_error) ** 2))

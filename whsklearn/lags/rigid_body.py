@@ -45,6 +45,9 @@ ROWS = 10.0  # rows a weight, at least, in a record: a lower cut-off would leave
 EDGE = (
     3  # periods of the cut-off left out at each end: without noise the filter's end leaves 12, 3, 0.7, 0.1 % a half one
 )
+# Instants of drawn motion by which columns are found to be merged: the same for every law below 39 terms a joint,
+# so that two laws of one robot keep the same numbers of its links.
+DRAWN = 200
 NOISY = 5.0  # times the velocity's noise: a joint whose rms speed is less does not move
 
 
@@ -482,7 +485,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         """The base parameters: which columns no motion at all can separate from those before them."""
         names = [*self.arm_.number_names, *(f"{j}.armature" for j in self._axes)]
         names += [f"{a}.{n}" for group in self._groups for a in group for n in column_names(self._axes[a][1])]
-        q, v, a = self.arm_.drawn_motion(max(4 * len(names) // self.arm_.n_joints, 40))
+        q, v, a = self.arm_.drawn_motion(max(4 * len(names) // self.arm_.n_joints, DRAWN))
         drive = np.random.default_rng(1).normal(size=q.shape)
         columns = self._all_columns(Motion(q, v, a), drive, np.arange(len(q)) / self.sample_rate)
         links = self.arm_.n_joints

@@ -102,6 +102,13 @@ def test_a_load_is_named_against_the_numbers_without_it():
     assert GapFinder(empty.model).fit(record(random_state=3)).verdict_ == "no_gap"
 
 
+def test_friction_that_has_become_less_than_it_was_is_named_by_itself():
+    empty = identify_arm(*make_arm_log(return_arrays=True), dt=0.002, robot=ARM)
+    found = GapFinder(empty.model).fit(record({"pitch": [Viscous(-0.05)]}, random_state=3))
+    assert names(found)[:1] == ["viscous at pitch"]
+    assert found.effects_[0].effect.magnitude == pytest.approx(-0.05, rel=0.2)
+
+
 def test_the_report_tells_every_joint(tmp_path):
     pytest.importorskip("matplotlib")
     found = GapFinder(ARM).fit(record({"pitch": [Cogging(0.1, order=7.0)]}, duration=12.0))

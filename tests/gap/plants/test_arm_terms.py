@@ -33,6 +33,13 @@ def test_what_the_law_has_is_no_candidate_and_comes_back_where_numbers_are_froze
     assert {"coulomb at yaw", "joint_inertia at pitch", "payload at pitch"} <= set(names(frozen=True))
 
 
+def test_friction_of_another_record_may_have_become_less_and_new_friction_may_not():
+    frozen = {k.name: k for k in candidates(ARM, LAW | {"pitch": {"viscous"}}, frozen=True, weight=0)}
+    assert not frozen["coulomb at yaw"].grows
+    assert frozen["coulomb at yaw"].positive
+    assert frozen["coulomb at pitch"].grows
+
+
 def test_a_hand_carries_one_load_and_gravity_is_asked_where_there_is_none():
     assert "payload at pitch" not in names(LAW | {"pitch": {"viscous", "coulomb", "payload"}}, frozen=True)
     assert "gravity" in names(weight=2)

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn.effects import ContactStop, InputOffset
+from whsklearn.gap.calibration import p_value
 from whsklearn.gap.data_check import Problem
 from whsklearn.gap.filters import whiteness
 from whsklearn.gap.localisation import spectra
@@ -140,7 +141,8 @@ class ArmPlant(PlantDefaults):
         view.artefact, self.n_effective = self.own.mean, self.own.n_effective
         view._fits = {}
         model = view.fit(model)
-        self.tangent = self._tangent(model, self.own.null.reshape(len(self.own.null), -1))
+        null = np.concatenate([self.own.null, self.own.uncertain])
+        self.tangent = self._tangent(model, null.reshape(len(null), -1))
         there = present(law_of(self.lags._axes), model.terms)
         kinds = candidates(view.arm, there, frozen=self.given is not None, weight=view.weights_of_links.shape[2])
         limits: list[AtJoint] = []
@@ -149,8 +151,17 @@ class ArmPlant(PlantDefaults):
             (limits if k.transforms and not k.delays else rest).append(k)
         looks = [self.tangent.look(f) for f in (*families(view, rest), *nameless(view))]
         looks += [look_at_limit(view, k, self.tangent) for k in limits]
-        self.looked = with_p_values([self._sized(look) for look in looks if look is not None])
+        found = [self._sized(look) for look in looks if look is not None]
+        self.looked = with_p_values([self._known(look, len(found)) for look in found])
         return self.looked
+
+    def _known(self, look: Look, families: int) -> Look:
+        """The look beside what the uncertainty of numbers of another record alone gives, along one direction."""
+        n = len(self.own.null)
+        if not len(self.own.uncertain):
+            return look
+        gone = self.tangent.power * -np.expm1(-np.append(look.gain, look.null) / self.n_effective)
+        return replace(look, null=look.null[:n], known=p_value(gone[0], gone[1 + n :], families, 1.0))
 
     def _sized(self, look: Look) -> Look:
         """The look with its size as a share of the drive of the joint where it is largest."""

@@ -33,7 +33,7 @@ def families(view: ArmView, kinds: Iterable[AtJoint]) -> Iterator[Family]:
     for kind in kinds:
         yield Family(
             kind.name, partial(_blocks, view, kind), partial(_start, kind), kind.n_numbers,
-            kind.positive and kind.cls is not Load, kind.transforms, kind.rows, kind.place,
+            kind.grows and kind.cls is not Load, kind.transforms, kind.rows, kind.place,
         )  # fmt: skip
 
 
@@ -183,7 +183,7 @@ def polished(view: ArmView, tangent: Tangent, term: JointTerm) -> JointTerm:
     scene = view.scene(kind)
     ranges = [c.ranged(scene)[i] for i in free]
     logs = [c.ratios(i) and low > 0.0 and term.shape[i] > 0.0 for i, (low, _) in zip(free, ranges, strict=True)]
-    family = Family(kind.name, lambda _: (), lambda *_: None, positive=kind.positive, offset=kind.transforms,
+    family = Family(kind.name, lambda _: (), lambda *_: None, positive=kind.grows, offset=kind.transforms,
                     rows=kind.rows)  # fmt: skip
 
     def shape_at(x: Array) -> tuple[float, ...]:

@@ -86,6 +86,8 @@ class AtJoint:
         Number of columns of an effect without a shape.
     place : frozenset of str
         The joints at which it acts; empty if it acts on all.
+    again : bool
+        Whether the model already has it, with a value from another record; the value may have decreased since.
     """
 
     cls: type[Effect]
@@ -94,6 +96,7 @@ class AtJoint:
     catalogued: Candidate | None = None
     width: int = 1
     place: frozenset[str] = frozenset()
+    again: bool = False
 
     @property
     def name(self) -> str:
@@ -120,6 +123,11 @@ class AtJoint:
     def positive(self) -> bool:
         """Whether its one size must be positive."""
         return self.catalogued.positive if self.catalogued is not None else self.cls in (JointInertia, Load)
+
+    @property
+    def grows(self) -> bool:
+        """Whether what it adds must be positive: the model does not have it yet."""
+        return self.positive and not self.again
 
     @property
     def transforms(self) -> bool:
@@ -189,11 +197,11 @@ def candidates(arm: Arm, there: dict[str, set[str]], *, frozen: bool, weight: in
         names = there.get(joint, set())
         said = {n for e in catalogue() if e.name in names for n in e.cls.covers}
         for c in (*catalogue(), *stops):
-            again = c.repeats or (frozen and c.elementary)
+            more = frozen and c.elementary
             if c.cls.port == "block" or c.name in ELSEWHERE or c.name in said or c.cls.sought:
                 continue
-            if (c.name not in names or again) and (not c.parent or c.parent in names):
-                yield AtJoint(c.cls, joint, row, c, place=frozenset([joint]))
+            if (c.name not in names or c.repeats or more) and (not c.parent or c.parent in names):
+                yield AtJoint(c.cls, joint, row, c, place=frozenset([joint]), again=more and c.name in names)
         if frozen and "joint_inertia" not in names:
             yield AtJoint(JointInertia, joint, row, place=frozenset([joint]))
     frictions = [next(c for c in catalogue() if c.name == name) for name in ALONG_TWO]

@@ -73,6 +73,8 @@ class Own(NamedTuple):
         The artefacts.
     null : ndarray of shape (k, m, n_joints)
         Residuals by chance of records in which nothing is missing.
+    uncertain : ndarray of shape (k, m, n_joints)
+        The part of these that is due to the uncertainty of parameters from another record; empty if there are none.
     floor : ndarray of shape (n_joints,)
         Rms residual due to the noise of the encoders, as a share of each joint's drive.
     n_effective : float
@@ -80,6 +82,7 @@ class Own(NamedTuple):
 
     mean: Array
     null: Array
+    uncertain: Array
     floor: Array
     n_effective: float
 
@@ -356,11 +359,15 @@ class ArmView:
             spread = coloured(power, self.n_rows, np.random.default_rng(0))
             if self.keep[:, j].any():
                 n += share * n_effective(spread, self.n_rows)
+        uncertain = np.zeros((0, self.n_rows, self.n_joints))
         if self.covariance is not None and self.given is not None:
             draws = rng.multivariate_normal(np.zeros(len(self.given)), self.covariance, N_NULL, method="eigh")
-            null += np.einsum("tjb,kb->ktj", self.phi, draws)
+            uncertain = np.where(self.keep, np.einsum("tjb,kb->ktj", self.phi, draws), 0.0)
+            null += uncertain
         floor = np.sqrt(np.mean([self.by_joint(a) ** 2 for a in apart], axis=0))
-        return Own(mean, np.where(self.keep, null, 0.0), floor / np.maximum(self.drive_rms, 1e-300), max(n, 2.0))
+        return Own(
+            mean, np.where(self.keep, null, 0.0), uncertain, floor / np.maximum(self.drive_rms, 1e-300), max(n, 2.0)
+        )
 
 
 def point(centre: tuple[float, ...]) -> Array:
