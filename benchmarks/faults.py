@@ -28,12 +28,12 @@ import numpy as np
 from whsklearn import RLSRegressor
 from whsklearn.change import ChangeAlarm
 from whsklearn.checks import state_difference
-from whsklearn.cli import stream_job as stream
-from whsklearn.cli import stream_rows as _stream_rows
-from whsklearn.cli.stream_files import alone, check_files
-from whsklearn.cli.stream_loop import Options, Stream
-from whsklearn.cli.stream_out import Out
 from whsklearn.state import read_state, write_state
+from whsklearn.streaming import rows as _stream_rows
+from whsklearn.streaming import service as stream
+from whsklearn.streaming.files import alone, check_files
+from whsklearn.streaming.monitor import Options, StreamMonitor
+from whsklearn.streaming.records import Out
 
 COLUMNS = ["t", "u", "y"]
 OPTIONS = Options(every=50, predictions=True, timed=True)
@@ -121,9 +121,9 @@ class Rig:
                     raise Fault
                 out(record)
 
-            life = Stream(model, ChangeAlarm(), OPTIONS, emit)
+            life = StreamMonitor(model, ChangeAlarm(), OPTIONS, emit)
             if loaded:
-                stream._restore(life, loaded)
+                life.set_state(loaded)
             files = stream.Files(str(self.log), self.out, self.kept, False, False, math.inf, False)
             keeper = stream.Keeper(life, files, place, out)
             lines = stream._open(str(self.log), place, False)

@@ -26,11 +26,11 @@ from whsklearn import (
 )
 from whsklearn.change import ChangeAlarm, compare_parameters
 from whsklearn.checks import state_difference
-from whsklearn.cli.stream_loop import Options, Stream
-from whsklearn.cli.stream_rows import BadRow, CsvParser, JsonParser
 from whsklearn.datasets import load_log, make_wiener_hammerstein
 from whsklearn.recursion.rows.batched import least_squares_of_many
 from whsklearn.state import pack_state, unpack_state
+from whsklearn.streaming.monitor import Options, StreamMonitor
+from whsklearn.streaming.rows import BadRow, CsvParser, JsonParser
 
 FUZZ = settings(
     max_examples=60 * int(os.environ.get("WHSKLEARN_FUZZ", "1")),
@@ -202,7 +202,7 @@ def test_lines_are_numbers_or_bad_rows(text):
 @FUZZ
 def test_a_stream_takes_any_lines(lines):
     out = []
-    stream = Stream(clone(MODELS["mils"]), ChangeAlarm(), Options(every=7), out.append)
+    stream = StreamMonitor(clone(MODELS["mils"]), ChangeAlarm(), Options(every=7), out.append)
     parse = CsvParser(b"u,y", ["u", "y"])
     stream.feed([b"%d,%d" % (i % 3, i % 5) for i in range(10)], parse, 2)
     stream.feed(lines, parse, 12)

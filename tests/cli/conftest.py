@@ -1,28 +1,13 @@
-"""A recorded axis as a stream of rows, the stream that nothing disturbed, and a fleet."""
+"""A fleet; and the recorded axis of `tests.streaming`."""
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 
 from tests.cli.fleet_folder import write_axis
-from tests.cli.recorded_stream import QUICK, axis, stream, write
+from tests.streaming.conftest import rows, undisturbed
 
-
-@pytest.fixture(scope="session")
-def rows():
-    u, y = axis(2600, 0)
-    y += 0.05 * np.random.default_rng(1).normal(size=y.size)
-    return [f"{0.01 * i:.2f},{a:.12g},{b:.12g}\n" for i, (a, b) in enumerate(zip(u, y, strict=True))]
-
-
-@pytest.fixture(scope="session")
-def undisturbed(tmp_path_factory, rows):
-    folder = tmp_path_factory.mktemp("undisturbed")
-    log = write(folder / "log.csv", rows)
-    done = stream(log, "--out", folder / "out.jsonl", "--predictions", *QUICK)
-    assert done.exit_code == 0, done.output
-    return folder
+__all__ = ["fleet", "rows", "undisturbed"]
 
 
 @pytest.fixture(scope="session")

@@ -10,7 +10,7 @@ import sys
 import numpy as np
 import pytest
 
-from tests.cli.recorded_stream import QUICK, ROOT, carried, records, stream, write
+from tests.streaming.recorded_stream import QUICK, ROOT, carried, records, stream, write
 from whsklearn.checks import state_difference
 
 

@@ -15,10 +15,10 @@ from click.testing import CliRunner
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from whsklearn.cli.gap import main
-from whsklearn.cli.stream_rows import AT_ONCE, LineSource
 from whsklearn.datasets import make_servo_log
 from whsklearn.effects import Cogging
 from whsklearn.gap import GapFinder
+from whsklearn.streaming.rows import AT_ONCE, LineSource
 from whsklearn.tracking import TrackingError, open_tracker, store
 
 COLUMNS = ["time_s", "torque_nm", "position_rad"]

@@ -7,9 +7,10 @@ from pathlib import Path
 
 from click.testing import CliRunner
 
-from tests.cli.short_stream import QUICK, carried, rows, run, write
-from whsklearn.cli import stream_job, stream_loop
+from tests.streaming.short_stream import QUICK, carried, rows, run, write
 from whsklearn.cli.stream import main
+from whsklearn.streaming import monitor as stream_loop
+from whsklearn.streaming import service as stream_job
 
 
 def test_half_a_row_at_the_end_waits_until_it_is_whole(tmp_path):
@@ -51,7 +52,7 @@ def test_rows_given_up_are_taken_again_and_none_is_lost(tmp_path, monkeypatch):
     log = write(tmp_path / "log.csv", rows(300))
     whole = tmp_path / "whole.jsonl"
     assert run(log, "--out", whole, "--checkpoint", tmp_path / "whole.whs").exit_code == 0
-    feed = stream_loop.Stream.feed
+    feed = stream_loop.StreamMonitor.feed
     calls = []
 
     def slow(self, block, parse, number):
@@ -62,11 +63,11 @@ def test_rows_given_up_are_taken_again_and_none_is_lost(tmp_path, monkeypatch):
         return feed(self, block, parse, number)
 
     out = tmp_path / "out.jsonl"
-    monkeypatch.setattr(stream_loop.Stream, "feed", slow)
+    monkeypatch.setattr(stream_loop.StreamMonitor, "feed", slow)
     first = run(log, "--out", out, "--checkpoint-every", "0")
     assert first.exit_code == 0
     assert "given up" in first.stderr
-    monkeypatch.setattr(stream_loop.Stream, "feed", feed)
+    monkeypatch.setattr(stream_loop.StreamMonitor, "feed", feed)
     assert run(log, "--out", out).exit_code == 0
     assert out.read_text() == whole.read_text()
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from whsklearn.cli import WIDTH
-from whsklearn.cli.interruption import insisted
+from whsklearn.streaming.interruption import insisted
 
 if TYPE_CHECKING:
     from whsklearn.tracking import Tracker

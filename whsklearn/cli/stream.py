@@ -9,13 +9,14 @@ Records are JSON lines: ``estimate``, ``prediction``, ``alarm``, ``change``, ``b
 
 from __future__ import annotations
 
+import functools
 import math
 from pathlib import Path
 from typing import Any
 
 import click
 
-from whsklearn.cli.job import job
+from whsklearn.cli.job import job, root
 
 ESTIMATORS = {"rls": "RLSRegressor", "mils": "MILSRegressor", "rmils": "RMILSRegressor"}
 
@@ -59,8 +60,7 @@ def main(
     Example: whsklearn stream axis.csv --input torque_nm --output velocity_rad_s --follow --out records.jsonl
     """
     from whsklearn.change import ChangeAlarm
-    from whsklearn.cli.stream_job import Files, run_stream
-    from whsklearn.cli.stream_loop import Options
+    from whsklearn.streaming import Files, Options, run_stream
 
     columns = [*([time_column] if time_column else []), *inputs, output]
     kept = checkpoint or Path("stdin.whs" if source == "-" else f"{source}.whs")
@@ -70,7 +70,9 @@ def main(
         bool(time_column),
     )  # fmt: skip
     files = Files(source, out, kept, follow, fresh, checkpoint_every, disk_full == "stop")
-    run_stream(model, columns, options, files, ChangeAlarm(interval=alarm_interval), track=track)
+    alarm = ChangeAlarm(interval=alarm_interval)
+    say = functools.partial(click.echo, err=True)
+    run_stream(model, columns, files, options, alarm, root=root() if track else None, say=say)
 
 
 def build_model(estimator: str, orders: str, law: str, p: int, forgetting: float, seed: int) -> Any:

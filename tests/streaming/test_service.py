@@ -9,10 +9,10 @@ import time
 import numpy as np
 import pytest
 
-from tests.cli import short_stream as short
-from tests.cli.recorded_stream import KILLS, QUICK, carried, records, start, stream, wait_for, write
+from tests.streaming import short_stream as short
+from tests.streaming.recorded_stream import KILLS, QUICK, carried, records, start, stream, wait_for, write
 from whsklearn.checks import state_difference
-from whsklearn.cli import stream_job
+from whsklearn.streaming import service as stream_job
 
 
 def full(*args):
@@ -21,7 +21,7 @@ def full(*args):
 
 def test_a_full_disk_leaves_the_stream_without_a_checkpoint_or_ends_it(tmp_path, monkeypatch):
     log = short.write(tmp_path / "log.csv", short.rows(300))
-    monkeypatch.setattr("whsklearn.cli.stream_job.write_state", full)
+    monkeypatch.setattr("whsklearn.streaming.service.write_state", full)
     done = short.run(log, "--out", tmp_path / "out.jsonl")
     assert done.exit_code == 0
     assert "log.csv.whs cannot be written (No space left on device); the stream goes on without it" in done.stderr

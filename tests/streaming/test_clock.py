@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from whsklearn.cli.stream_clock import Clock
+from whsklearn.streaming.clock import Clock
 
 
 def verdicts(times, values=None):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from filelock import FileLock
 
-from tests.cli.short_stream import carried, rows, run, write
+from tests.streaming.short_stream import carried, rows, run, write
 
 
 @pytest.mark.parametrize("option", ["--out", "--checkpoint"])

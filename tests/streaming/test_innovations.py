@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from whsklearn import RLSRegressor
-from whsklearn.cli.stream_innovations import BLOCK, Innovations
+from whsklearn.streaming.innovations import BLOCK, Innovations
 
 RNG = np.random.default_rng(0)
 X = RNG.normal(size=(3 * BLOCK, 2))

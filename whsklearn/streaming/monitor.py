@@ -6,19 +6,20 @@ stopped, or killed and resumed from its checkpoint, writes what an undisturbed o
 
 from __future__ import annotations
 
+import math
 import warnings
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn.change import ChangeAlarm, compare_parameters, forgetting_after, set_forgetting
-from whsklearn.cli.stream_clock import Clock, Verdict
-from whsklearn.cli.stream_innovations import BLOCK, Innovations
-from whsklearn.cli.stream_rows import BadRow
 from whsklearn.plot import flat_parameters
+from whsklearn.streaming.clock import Clock, Verdict
+from whsklearn.streaming.innovations import BLOCK, Innovations
+from whsklearn.streaming.rows import BadRow
 
 Record = dict[str, Any]
 PAST = 50.0  # samples that all rows before an alarm may count for
@@ -30,20 +31,64 @@ DRIFT_LEVEL = 0.01  # probability that a drift is ever reported though there is 
 
 @dataclass(frozen=True)
 class Options:
-    """What a stream does with its rows."""
+    """What a stream does with its rows.
+
+    Parameters
+    ----------
+    every : int, default=1000
+        Rows between estimates.
+    predictions : bool, default=False
+        Whether each row's one-step prediction is a record.
+    refuse : bool, default=False
+        Whether the first bad row ends the stream; otherwise it is reported and passed over.
+    restart_after_hole : bool, default=False
+        Whether a bad row begins a new experiment; otherwise the last sample takes its place.
+    max_step : float, default=inf
+        A longer pause begins a new experiment (unit of the time column).
+    smallest_change : float, default=5.0
+        Lesser changes of a parameter are not reported (%).
+    most_held : int, default=10
+        Bad rows in a row in whose place the last sample is learnt again.
+    timed : bool, default=False
+        Whether a row's first value is its time.
+
+    References
+    ----------
+    Little and Rubin 2019, Statistical Analysis with Missing Data, Wiley, on holding the last value in place of a
+    missing one: it is biased if it goes on, hence ``most_held``.
+
+    Examples
+    --------
+    >>> from whsklearn.streaming import Options
+    >>> Options(every=100).most_held
+    10
+    """
 
     every: int = 1000
     predictions: bool = False
     refuse: bool = False
     restart_after_hole: bool = False
     max_step: float = np.inf
-    smallest_change: float = 5.0  # per cent
-    most_held: int = 10  # rows in a row in whose place the last sample is learnt again
-    timed: bool = False  # whether a row's first value is its time
+    smallest_change: float = 5.0
+    most_held: int = 10
+    timed: bool = False
 
 
 class Refused(ValueError):
-    """A bad row in a stream that refuses them."""
+    """A bad row in a stream that refuses them.
+
+    Examples
+    --------
+    >>> from whsklearn import RLSRegressor
+    >>> from whsklearn.change import ChangeAlarm
+    >>> from whsklearn.streaming import Options, Refused, StreamMonitor
+    >>> monitor = StreamMonitor(RLSRegressor(), ChangeAlarm(), Options(refuse=True), print)
+    >>> try:
+    ...     monitor.take([[1.0, 2.0], [float("nan"), 2.0]])
+    ... except Refused as error:
+    ...     print(error)
+    line 2: a value is NaN or infinite; correct it, or skip bad rows.
+    """
 
 
 @dataclass
@@ -71,17 +116,37 @@ class Carried:
     reference: dict[str, Any] = field(default_factory=dict)
 
 
-class Stream:
-    """A model that learns from rows, watched by an alarm.
+class StreamMonitor:
+    """A model that learns from rows as they come, watched by an alarm.
+
+    Rows come as numbers (`take`) or as lines of text (`feed`).  What the stream has to say comes as records.
 
     Parameters
     ----------
     model : estimator
         With ``partial_fit``, ``predict_ahead`` and ``get_state``.
     alarm : ChangeAlarm
+        What watches the innovations.
     options : Options
+        What is done with the rows.
     emit : callable
-        Takes each record, a dict with the keys ``kind`` and ``row``.
+        Takes each record, a dict with the keys ``kind`` (``estimate``, ``prediction``, ``alarm``, ``change`` or
+        ``bad_row``) and ``row``.
+
+    References
+    ----------
+    Basseville and Nikiforov 1993, Detection of Abrupt Changes, Prentice Hall, on alarms over innovations.
+
+    Examples
+    --------
+    >>> from whsklearn import RLSRegressor
+    >>> from whsklearn.change import ChangeAlarm
+    >>> from whsklearn.streaming import Options, StreamMonitor
+    >>> records = []
+    >>> monitor = StreamMonitor(RLSRegressor(), ChangeAlarm(), Options(every=100), records.append)
+    >>> monitor.take([[i % 7, 2.0 * (i % 7)] for i in range(200)])
+    >>> [(r["kind"], r["row"]) for r in records]
+    [('estimate', 100), ('estimate', 200)]
     """
 
     def __init__(self, model: Any, alarm: ChangeAlarm, options: Options, emit: Callable[[Record], None]):
@@ -95,8 +160,42 @@ class Stream:
         self._numbers: list[int] = []
         self.taken = 0  # lines of the last call of feed that were dealt with
 
+    def take(self, rows: Iterable[Sequence[float]], first: int = 1) -> None:
+        """Learn from rows of numbers.
+
+        Parameters
+        ----------
+        rows : iterable of sequences of float, or ndarray of shape (n_rows, n_columns)
+            The time if ``options.timed``, the inputs, the output.
+        first : int, default=1
+            Number of the first row, by which records name a bad one.
+
+        Raises
+        ------
+        Refused
+            At the first row that holds NaN or infinity or comes late, if bad rows are refused; the rows before it are
+            learnt.
+        """
+        numbers = [[float(v) for v in row] for row in rows]
+        self.taken, self._first = len(numbers), first
+        for number, row in enumerate(numbers, first):
+            if all(map(math.isfinite, row)):
+                self._place(number, row)
+            else:
+                self._spoilt(number, "a value is NaN or infinite")
+        self._learn_taken()
+
     def feed(self, lines: Sequence[bytes], parse: Callable[[bytes], list[float]], first: int) -> None:
-        """Take lines, the first of which has the number ``first``.
+        """Learn from lines of text.
+
+        Parameters
+        ----------
+        lines : sequence of bytes
+            One row each; blank ones are passed over.
+        parse : callable
+            Makes a row of numbers of a line, or raises `whsklearn.streaming.rows.BadRow`.
+        first : int
+            Number of the first line.
 
         Raises
         ------
@@ -110,18 +209,26 @@ class Stream:
             try:
                 row = parse(line)
             except BadRow as reason:
-                for verdict in self.clock.lost():
-                    self._act(verdict)
-                self._act(Verdict("bad", number, [], str(reason)))
+                self._spoilt(number, str(reason))
                 continue
-            if not self.options.timed:
-                self._act(Verdict("row", number, row))
-            elif self.options.refuse:
-                self._act(self.clock.take_strictly(number, row))
-            else:
-                for verdict in self.clock.take(number, row):
-                    self._act(verdict)
+            self._place(number, row)
         self._learn_taken()
+
+    def _spoilt(self, number: int, reason: str) -> None:
+        """A row that holds no numbers."""
+        for verdict in self.clock.lost():
+            self._act(verdict)
+        self._act(Verdict("bad", number, [], reason))
+
+    def _place(self, number: int, row: list[float]) -> None:
+        """A row of numbers, in the order that its time gives it."""
+        if not self.options.timed:
+            self._act(Verdict("row", number, row))
+        elif self.options.refuse:
+            self._act(self.clock.take_strictly(number, row))
+        else:
+            for verdict in self.clock.take(number, row):
+                self._act(verdict)
 
     def _act(self, verdict: Verdict) -> None:
         """Do with a row what its verdict asks for."""
@@ -259,17 +366,34 @@ class Stream:
         if self.model.forgetting != wanted:
             set_forgetting(self.model, wanted)
 
-    def resume(
-        self, carried: Carried, model: dict[str, Any], innovations: dict[str, Any], clock: dict[str, Any]
-    ) -> None:
-        """Go on from what was carried."""
-        self.carried = carried
-        self.clock.set_state(clock)
-        if carried.rows:
-            self.model.set_state(model)
-            self.innovations.set_state(innovations)
-        if carried.adapting:
-            self._adapt(carried.adapting)
+    def get_state(self) -> dict[str, Any]:
+        """All that was learnt and all that waits, in types that a state file holds."""
+        fitted = self.carried.rows > 0
+        return {
+            "carried": asdict(self.carried),
+            "model": self.model.get_state() if fitted else {},
+            "alarm": self.alarm.get_state() if self.alarm.started else {},
+            "innovations": self.innovations.get_state() if fitted else {},
+            "clock": self.clock.get_state(),
+        }
+
+    def set_state(self, state: dict[str, Any]) -> None:
+        """Go on from a state that `get_state` gave.
+
+        Parameters
+        ----------
+        state : dict
+            Of a monitor with the same model and options.
+        """
+        self.carried = Carried(**state["carried"])
+        self.clock.set_state(state.get("clock", {}))
+        if self.carried.rows:
+            self.model.set_state(state["model"])
+            self.innovations.set_state(state["innovations"])
+        if self.carried.adapting:
+            self._adapt(self.carried.adapting)
+        if state["alarm"]:
+            self.alarm.set_state(state["alarm"])
 
     def _record(self, kind: str, row: int) -> Record:
         """The head of a record of one of the last rows."""

@@ -6,7 +6,7 @@ import os
 
 import pytest
 
-from whsklearn.cli.stream_out import Out, OutputLost
+from whsklearn.streaming.records import Out, OutputLost
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no /dev/full")

@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from whsklearn.cli.stream_loop import Record
+from whsklearn.streaming.monitor import Record
 
 KINDS = ("estimate", "prediction", "alarm", "change", "bad_row")
 BUFFERED = 1 << 16  # bytes

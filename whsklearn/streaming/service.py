@@ -1,28 +1,27 @@
-"""A stream as a job: its source, its records, its checkpoint and its run in MLflow, apart from the command line."""
+"""A stream as a service: its source, its records, its checkpoint, its signals and its run in MLflow."""
 
 from __future__ import annotations
 
 import contextlib
+import functools
 import signal
 import sys
+import threading
 import time
 from collections.abc import Callable
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import click
 from sklearn.base import clone
 
 from whsklearn.change import ChangeAlarm
-from whsklearn.cli.interruption import insisted
-from whsklearn.cli.job import root
-from whsklearn.cli.stream_files import alone, check_files, fingerprint
-from whsklearn.cli.stream_loop import Carried, Options, Record, Refused, Stream
-from whsklearn.cli.stream_out import Out
-from whsklearn.cli.stream_rows import CsvParser, FollowedFile, JsonParser, LineSource, PipedLines
 from whsklearn.logs.units import UNSTATED, unit_of
 from whsklearn.state import read_state, write_state
+from whsklearn.streaming.files import alone, check_files, fingerprint
+from whsklearn.streaming.interruption import insisted
+from whsklearn.streaming.monitor import Options, Record, Refused, StreamMonitor
+from whsklearn.streaming.records import Out
+from whsklearn.streaming.rows import CsvParser, FollowedFile, JsonParser, LineSource, PipedLines
 from whsklearn.tracking import BesideRun, estimator_params, open_tracker
 from whsklearn.tracking.beside import CLOSE_SECONDS, HURRIED_SECONDS
 
@@ -30,17 +29,47 @@ KIND = "stream"
 
 
 class Files(NamedTuple):
-    """What a stream reads and writes, and when."""
+    """What a stream reads and writes, and when.
 
-    source: str  # a path, or - for stdin
+    Attributes
+    ----------
+    source : str
+        A CSV file, or ``-`` for JSON lines on stdin.
+    out : Path or None
+        Where the records go; stdout if None.
+    kept : Path
+        The checkpoint, from which a stream that is started again goes on.
+    follow : bool
+        Wait for more at the end of the file.
+    fresh : bool
+        Begin anew even if there is a checkpoint.
+    checkpoint_seconds : float
+        Time between checkpoints (s).
+    stops_when_full : bool
+        End the stream when no checkpoint can be written; else it goes on without one.
+
+    References
+    ----------
+    Gray and Reuter 1993, Transaction Processing, Morgan Kaufmann, on checkpoints that are replaced in one step.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from whsklearn.streaming import Files
+    >>> Files("axis.csv", None, Path("axis.whs")).checkpoint_seconds
+    5.0
+    """
+
+    source: str
     out: Path | None
     kept: Path
-    follow: bool
-    fresh: bool
-    checkpoint_seconds: float
-    stops_when_full: bool
+    follow: bool = False
+    fresh: bool = False
+    checkpoint_seconds: float = 5.0
+    stops_when_full: bool = False
 
 
+Say = Callable[[str], None]
 GRACE_SECONDS = 1.0  # for the rows in hand once a stop is asked for: whoever asks waits for no longer than 2 s
 
 
@@ -52,11 +81,14 @@ class Stopper:
     """SIGTERM and SIGINT ask for a stop after the rows in hand; a second one stops at once.
 
     Rows that take long, the first ones above all, which wait for compilers, are given up after `GRACE_SECONDS`.
+    Python hands signals to the main thread only, so in any other thread nothing is changed.
     """
 
     def __init__(self) -> None:
         self.by = ""
-        self._before = {s: signal.signal(s, self._ask) for s in (signal.SIGTERM, signal.SIGINT)}
+        self._main = threading.current_thread() is threading.main_thread()
+        wanted = (signal.SIGTERM, signal.SIGINT) if self._main else ()
+        self._before: dict[int, Any] = {s: signal.signal(s, self._ask) for s in wanted}
 
     def _ask(self, number: int, frame: Any) -> None:
         self._put_back()
@@ -70,7 +102,7 @@ class Stopper:
 
     def restore(self) -> None:
         """Put back the handlers that were there."""
-        if hasattr(signal, "setitimer"):
+        if self._main and hasattr(signal, "setitimer"):
             signal.setitimer(signal.ITIMER_REAL, 0.0)
         self._put_back()
 
@@ -79,10 +111,60 @@ class Stopper:
             signal.signal(number, handler)
 
 
+_to_stderr: Say = functools.partial(print, file=sys.stderr)
+
+
 def run_stream(
-    model: Any, columns: list[str], options: Options, files: Files, alarm: ChangeAlarm, *, track: bool
+    model: Any,
+    columns: list[str],
+    files: Files,
+    options: Options | None = None,
+    alarm: ChangeAlarm | None = None,
+    *,
+    root: Path | None = None,
+    say: Say = _to_stderr,
 ) -> None:
-    """Feed the model from the source until that ends or a signal comes; goes on where a checkpoint stands."""
+    r"""Feed a model from a source until that ends or a signal comes; it goes on where a checkpoint stands.
+
+    Parameters
+    ----------
+    model : estimator
+        A recursive estimator of this package; it is fitted in place.
+    columns : list of str
+        The columns to read: the time if rows have one (``options.timed``), the inputs, the output.
+    files : Files
+        What is read and written.
+    options : Options, optional
+        What is done with the rows.
+    alarm : ChangeAlarm, optional
+        What watches the innovations.
+    root : Path, optional
+        The folder that holds ``mlruns/``; without one nothing is recorded in MLflow.
+    say : callable
+        Takes each sentence for whoever watches; stderr by default.
+
+    Raises
+    ------
+    ValueError
+        If two of the files are one, the checkpoint is of another model, file or columns, or another stream holds it.
+    Refused
+        At the first bad row, if ``options.refuse``.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from whsklearn import RLSRegressor
+    >>> from whsklearn.streaming import Files, Options, run_stream
+    >>> folder = Path(tempfile.mkdtemp())
+    >>> _ = (folder / "log.csv").write_text("u,y\n" + "".join(f"{i % 7},{2 * (i % 7)}\n" for i in range(500)))
+    >>> files = Files(str(folder / "log.csv"), folder / "records.jsonl", folder / "log.whs")
+    >>> model = RLSRegressor()
+    >>> run_stream(model, ["u", "y"], files, Options(every=250), say=lambda sentence: None)
+    >>> len((folder / "records.jsonl").read_text().splitlines())
+    2
+    """
+    options, alarm = options or Options(), alarm or ChangeAlarm()
     source, kept = files.source, files.kept
     check_files(source, files.out, kept, files.fresh)
     with alone(kept, files.out):
@@ -92,27 +174,27 @@ def run_stream(
         _check_source(source, place)
         writer = Out(files.out, place["out"] if loaded else None, files.fresh)
         run = BesideRun(
-            lambda: open_tracker("stream", root=root(), enabled=track),
+            lambda: open_tracker("stream", root=root or Path.cwd(), enabled=root is not None),
             Path(source).name if source != "-" else "stdin",
             params=estimator_params(model) | {"source": source, "columns": ", ".join(map(_with_unit, columns))},
             tags={"resumed_from": place["run"]},
-            say=lambda sentence: click.echo(sentence, err=True),
+            say=say,
         )
         place["run"] = run.id
-        stream = Stream(model, alarm, options, _to(writer, run))
+        stream = StreamMonitor(model, alarm, options, _to(writer, run, say))
         if loaded:
-            _restore(stream, loaded)
-        keeper = Keeper(stream, files, place, writer)
+            stream.set_state(loaded)
+        keeper = Keeper(stream, files, place, writer, say)
         hurried = True
         try:
             with contextlib.closing(writer):
                 hurried = _run(stream, files, place, keeper)
         finally:
             if lost := run.close(HURRIED_SECONDS if hurried else CLOSE_SECONDS):
-                click.echo(f"{lost} sets of metrics did not reach the record in MLflow.", err=True)
+                say(f"{lost} sets of metrics did not reach the record in MLflow.")
 
 
-def _run(stream: Stream, files: Files, place: dict[str, Any], keeper: Keeper) -> bool:
+def _run(stream: StreamMonitor, files: Files, place: dict[str, Any], keeper: Keeper) -> bool:
     """Feed the stream until its source ends or a signal comes, then write the last checkpoint.
 
     A bad row that is refused ends it with a checkpoint before that row.  Any other error, and rows that are given up
@@ -120,7 +202,7 @@ def _run(stream: Stream, files: Files, place: dict[str, Any], keeper: Keeper) ->
     """
     began, rows = time.monotonic(), stream.carried.rows
     if rows:
-        click.echo(f"Going on after row {rows} from {files.kept}.", err=True)
+        keeper.say(f"Going on after row {rows} from {files.kept}.")
     stopper = Stopper()
     with contextlib.closing(_open(files.source, place, files.follow)) as lines:
         if not rows:  # from here on a crash at any instant knows where rows and records stood
@@ -132,31 +214,28 @@ def _run(stream: Stream, files: Files, place: dict[str, Any], keeper: Keeper) ->
             keeper.save(lines)
             raise
         except Late:
-            click.echo(
-                "The rows in hand take long and are given up; they are taken again from the checkpoint.", err=True
-            )
+            keeper.say("The rows in hand take long and are given up; they are taken again from the checkpoint.")
         else:
             stopper.restore()
             keeper.save(lines)
         finally:
             stopper.restore()
         if lines.left:
-            click.echo("The last line has no end; it is left until it is whole, or give --follow.", err=True)
+            keeper.say("The last line has no end; it is left until it is whole, or give --follow.")
     c, waiting = stream.carried, len(stream.clock.ahead) + len(stream.clock.back)
     if waiting:
-        click.echo(f"{waiting} rows after a leap of the clock wait for what comes after them.", err=True)
+        keeper.say(f"{waiting} rows after a leap of the clock wait for what comes after them.")
     taken, spent = c.rows - rows, time.monotonic() - began
-    click.echo(
+    keeper.say(
         f"{'Stopped by ' + stopper.by if stopper.by else 'The source ended'} after row {c.rows} "
         f"({taken} rows now, {taken / spent:.0f} rows/s, {c.bad} bad, {c.repeated} repeated, {c.alarms} alarms); "
-        f"{keeper.outlook(c.rows)}",
-        err=True,
+        f"{keeper.outlook(c.rows)}"
     )
     return bool(stopper.by)
 
 
 def _feed(
-    stream: Stream, files: Files, place: dict[str, Any], lines: LineSource, stopper: Stopper, keeper: Keeper
+    stream: StreamMonitor, files: Files, place: dict[str, Any], lines: LineSource, stopper: Stopper, keeper: Keeper
 ) -> None:
     """Blocks of lines to the stream, and a checkpoint every so many seconds."""
     parse = _parser(files.source, place)
@@ -164,7 +243,7 @@ def _feed(
     while not stopper.by and (block := lines.read()) is not None:
         if lines.restarted:
             lines.restarted, parse = False, None
-            click.echo(f"{files.source} was replaced or cut; reading it from its new beginning.", err=True)
+            keeper.say(f"{files.source} was replaced or cut; reading it from its new beginning.")
         if parse is None and block:
             place["header"] = block.pop(0).decode("utf-8", errors="replace")
             parse = _parser(files.source, place)
@@ -211,14 +290,14 @@ def _parser(source: str, place: dict[str, Any]) -> Callable[[bytes], list[float]
     return CsvParser(place["header"].encode(), place["columns"]) if place["header"] else None
 
 
-def _to(writer: Out, run: BesideRun) -> Callable[[Record], None]:
+def _to(writer: Out, run: BesideRun, say: Say) -> Callable[[Record], None]:
     """Where records go: all to the output, bad rows and alarms to the terminal, estimates and alarms to MLflow."""
 
     def emit(record: Record) -> None:
         writer(record)
         metrics = {}
         if record["kind"] == "bad_row":
-            click.echo(f"line {record['line']}: {record['reason']}; passed over.", err=True)
+            say(f"line {record['line']}: {record['reason']}; passed over.")
         elif record["kind"] == "estimate":
             metrics = {f"path/{k}": v for k, v in record["parameters"].items()}
             if record["innovation_rmse"] is not None:
@@ -226,7 +305,7 @@ def _to(writer: Out, run: BesideRun) -> Callable[[Record], None]:
         elif record["kind"] == "alarm":
             metrics = {"alarm" if record["cause"] == "change" else record["cause"]: 1.0}
             if record["cause"] != "change":
-                click.echo(f"line {record['line']}: alarm {record['cause']}: {record['reason']}.", err=True)
+                say(f"line {record['line']}: alarm {record['cause']}: {record['reason']}.")
         if metrics:
             run.log_metrics(metrics, step=record["row"])
 
@@ -236,8 +315,8 @@ def _to(writer: Out, run: BesideRun) -> Callable[[Record], None]:
 class Keeper:
     """Writes the checkpoint; a full disk ends the stream or leaves it without one, which is reported once."""
 
-    def __init__(self, stream: Stream, files: Files, place: dict[str, Any], writer: Out):
-        self.stream, self.files, self.place, self.writer = stream, files, place, writer
+    def __init__(self, stream: StreamMonitor, files: Files, place: dict[str, Any], writer: Out, say: Say = _to_stderr):
+        self.stream, self.files, self.place, self.writer, self.say = stream, files, place, writer, say
         self._failing = False
         self._rows: int | None = stream.carried.rows or None  # up to which a checkpoint is on the disk
 
@@ -257,15 +336,7 @@ class Keeper:
         stream, self.place["out"] = self.stream, self.writer.settle()
         self.place |= {"offset": lines.offset, "number": lines.number}
         self.place["fingerprint"] = fingerprint(self.files.source, lines.offset) if lines.file.seekable() else ""
-        fitted = stream.carried.rows > 0
-        state = {
-            "place": self.place,
-            "carried": asdict(stream.carried),
-            "model": stream.model.get_state() if fitted else {},
-            "alarm": stream.alarm.get_state() if stream.alarm.started else {},
-            "innovations": stream.innovations.get_state() if fitted else {},
-            "clock": stream.clock.get_state(),
-        }
+        state = {"place": self.place, **stream.get_state()}
         settled = clone(stream.model).set_params(forgetting=stream.forgetting)
         try:
             write_state(self.files.kept, KIND, {"estimator": settled, "alarm": stream.alarm}, state)
@@ -274,12 +345,12 @@ class Keeper:
             if self.files.stops_when_full:
                 raise OSError(f"{said}; make room and start again, nothing is lost.") from None
             if not self._failing:
-                click.echo(f"{said}; the stream goes on without it.", err=True)
+                self.say(f"{said}; the stream goes on without it.")
             self._failing = True
             return
         self._rows = stream.carried.rows
         if self._failing:
-            click.echo(f"The checkpoint {self.files.kept} is written again.", err=True)
+            self.say(f"The checkpoint {self.files.kept} is written again.")
         self._failing = False
 
 
@@ -310,10 +381,3 @@ def _with_unit(column: str) -> str:
     """
     unit = unit_of(column)
     return column if unit in UNSTATED else f"{column} in {unit}"
-
-
-def _restore(stream: Stream, state: dict[str, Any]) -> None:
-    """Put the stream where the checkpoint stands."""
-    stream.resume(Carried(**state["carried"]), state["model"], state["innovations"], state.get("clock", {}))
-    if state["alarm"]:
-        stream.alarm.set_state(state["alarm"])

@@ -7,7 +7,7 @@ import os
 
 import pytest
 
-from whsklearn.cli.stream_rows import LONGEST, BadRow, CsvParser, FollowedFile, JsonParser, LineSource
+from whsklearn.streaming.rows import LONGEST, BadRow, CsvParser, FollowedFile, JsonParser, LineSource
 
 
 def test_lines_keep_their_numbers_and_places_whatever_the_blocks(tmp_path):

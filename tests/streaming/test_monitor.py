@@ -5,7 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.cli.recorded_stream import QUICK, axis, carried, records, stream, write
+from tests.streaming.recorded_stream import QUICK, axis, carried, records, stream, write
+from whsklearn import RLSRegressor
+from whsklearn.change import ChangeAlarm
+from whsklearn.streaming import Options, Refused, StreamMonitor
+from whsklearn.streaming.rows import CsvParser
 
 BAD = {3: "0.02,1.0\n", 5: "0.04,x,1.0\n", 8: "0.05,1,1\n", 9: "0.08,nan,1\n", 11: "0.10,1,1e999\n", 12: "\n"}
 
@@ -72,3 +76,30 @@ def test_a_rise_of_friction_raises_the_alarm_and_is_named(tmp_path):
     assert change["changes"][0].startswith("coulomb rose")
     # the forgetting settles again, so the estimate is no noisier than one of the new regime alone
     assert records(tmp_path / "out.jsonl", "estimate")[-1]["parameters"]["coulomb"] == pytest.approx(0.84, abs=0.03)
+
+
+@pytest.mark.parametrize("refuse", [False, True])
+def test_rows_of_numbers_are_taken_as_lines_of_text_are(refuse):
+    u, y = axis(700, 4)
+    rows = np.column_stack([0.01 * np.arange(700), u, y])
+    rows[333, 1] = np.nan
+    seen = {}
+    for way in ("take", "feed"):
+        model, seen[way] = RLSRegressor(), []
+        options = Options(every=100, predictions=True, refuse=refuse, timed=True)
+        monitor = StreamMonitor(model, ChangeAlarm(), options, seen[way].append)
+        for at in range(0, 700, 70):
+            part = rows[at : at + 70]
+            try:
+                if way == "take":
+                    monitor.take(part, at + 1)
+                else:
+                    lines = [",".join(map(repr, row)).encode() for row in part.tolist()]
+                    monitor.feed(lines, CsvParser(b"t,u,y", ["t", "u", "y"]), at + 1)
+            except Refused:
+                assert refuse
+                assert monitor.taken == 333 - at
+                break
+    told = [repr([{k: v for k, v in r.items() if k != "reason"} for r in seen[way]]) for way in seen]  # NaN too
+    assert told[0] == told[1]
+    assert any(r["kind"] == "bad_row" for r in seen["take"]) is not refuse
