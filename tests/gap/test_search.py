@@ -200,8 +200,6 @@ def test_what_nameless_functions_show_together_shows_the_names_that_explain_a_sh
     assert {k.name: k.p_value for k in shown} == {"": 1e-6, "strong": 1e-6, "weak": 0.2}
     unsure = search._shown([look("", 0.02, 1.0), look("strong", 0.2, 0.9)])
     assert [k.p_value for k in unsure] == [0.02, 0.2]
-    known = search._shown([look("", 1e-6, 1.0), replace(look("a number", 0.2, 0.9), known=0.1)])
-    assert [k.p_value for k in known] == [1e-6, 0.1]  # the uncertainty of the model's numbers explains it
 
 
 def test_a_name_that_explains_as_much_is_a_rival_though_chance_might_explain_it():

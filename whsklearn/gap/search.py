@@ -255,15 +255,14 @@ class Search:
 
         What is missing is in the residual that the null records take their colour from, so that strong slow effects
         hide themselves, and each other.  That something is missing is then shown by the functions together, at the
-        same level; how sure a name is, is decided by what it leaves.  What the uncertainty of the model's own numbers
-        explains (`Look.known`) is no such effect.
+        same level; how sure a name is, is decided by what it leaves.
         """
         nameless = [k for k in looks if not k.name and k.p_value <= self.alpha]
 
         def p_of(k: Look) -> float:
             stands_for = (s for s in nameless if meet(s, k))
             most = max(stands_for, key=lambda s: s.size, default=None)
-            return max(most.p_value, k.known) if most is not None and k.size**2 >= LEAST_SHARE * most.size**2 else 1.0
+            return most.p_value if most is not None and k.size**2 >= LEAST_SHARE * most.size**2 else 1.0
 
         return [replace(k, p_value=min(k.p_value, p_of(k))) if k.name else k for k in looks]
 

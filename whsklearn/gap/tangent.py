@@ -87,9 +87,6 @@ class Look:
         See `whsklearn.gap.calibration.p_value`.
     swapped : bool
         Whether the gain is that of a regression the other way round (`whsklearn.gap.plants.servo_swapped`).
-    known : float
-        Probability that the uncertainty of the model's numbers alone, which were fitted to another record, gives as
-        much; 0 where there are none.
     """
 
     name: str
@@ -103,7 +100,6 @@ class Look:
     place: frozenset[str] = frozenset()
     degrees: float = 0.0
     swapped: bool = False
-    known: float = 0.0
 
     @property
     def score(self) -> float:

@@ -107,6 +107,8 @@ def test_friction_that_has_become_less_than_it_was_is_named_by_itself():
     found = GapFinder(empty.model).fit(record({"pitch": [Viscous(-0.05)]}, random_state=3))
     assert names(found)[:1] == ["viscous at pitch"]
     assert found.effects_[0].effect.magnitude == pytest.approx(-0.05, rel=0.2)
+    unsure = dataclasses.replace(empty.model, covariance=1e4 * empty.model.covariance)
+    assert not names(GapFinder(unsure).fit(record({"pitch": [Viscous(-0.05)]}, random_state=3)))
 
 
 def test_the_report_tells_every_joint(tmp_path):

@@ -32,7 +32,7 @@ from whsklearn.gap.plants.servo_model import Term
 from whsklearn.gap.plants.servo_objections import negative_damping, never_free, too_large
 from whsklearn.gap.record import SPLIT, held_out_blocks, rms
 from whsklearn.gap.search import meet
-from whsklearn.gap.tangent import Look, Tangent, with_p_values
+from whsklearn.gap.tangent import Look, Tangent
 from whsklearn.gap.values import Linearised
 from whsklearn.identification.arm_fit import suspicions, swapped
 from whsklearn.lags.rigid_body import RigidBodyLags
@@ -152,16 +152,20 @@ class ArmPlant(PlantDefaults):
         looks = [self.tangent.look(f) for f in (*families(view, rest), *nameless(view))]
         looks += [look_at_limit(view, k, self.tangent) for k in limits]
         found = [self._sized(look) for look in looks if look is not None]
-        self.looked = with_p_values([self._known(look, len(found)) for look in found])
+        self.looked = sorted((self._significant(look, len(found)) for look in found), key=lambda k: -k.score)
         return self.looked
 
-    def _known(self, look: Look, families: int) -> Look:
-        """The look beside what the uncertainty of numbers of another record alone gives, along one direction."""
-        n = len(self.own.null)
-        if not len(self.own.uncertain):
-            return look
-        gone = self.tangent.power * -np.expm1(-np.append(look.gain, look.null) / self.n_effective)
-        return replace(look, null=look.null[:n], known=p_value(gone[0], gone[1 + n :], families, 1.0))
+    def _significant(self, look: Look, families: int) -> Look:
+        """The look with its p-value, at least that beside what uncertain parameters of another record explain alone.
+
+        Their error is one draw along a few directions, so its gain has a longer tail than the Gumbel law has.
+        """
+        null, uncertain = np.split(look.null, [len(self.own.null)])
+        p = p_value(look.gain, null, families, look.degrees)
+        if uncertain.size:
+            gone = self.tangent.power * -np.expm1(-np.concatenate([[look.gain], look.null]) / self.n_effective)
+            p = max(p, p_value(gone[0], gone[1 + null.size :], families, 1.0))
+        return replace(look, null=null, p_value=p)
 
     def _sized(self, look: Look) -> Look:
         """The look with its size as a share of the drive of the joint where it is largest."""
