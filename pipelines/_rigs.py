@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from whsklearn.cli.comparison import Record
+from whsklearn.cli.comparison import ComparedRecord
 from whsklearn.cli.job import root
 from whsklearn.cli.records import longest, read
 from whsklearn.datasets import fetch_emps, fetch_kr300, load_turntable
@@ -24,8 +24,8 @@ class Task:
     """One input and one output of a rig: what to learn from, what to judge by, from which sample on."""
 
     title: str
-    train: Record
-    test: list[Record]
+    train: ComparedRecord
+    test: list[ComparedRecord]
     skip: int
     output: str
 
@@ -71,7 +71,7 @@ def _of_parts(rig: str, parts: dict[str, pd.DataFrame], columns: tuple[str, str,
         for name, frame in parts.items():
             moved = frame[position].to_numpy()
             y = frame[target].to_numpy() if target else _velocity(moved, RATE)
-            records.append(Record(f"{rig}-{name}", frame[[source]].to_numpy(), y))
+            records.append(ComparedRecord(f"{rig}-{name}", frame[[source]].to_numpy(), y))
         label = f"position in {unit}" if target == position else f"velocity in {unit}/s"
         tasks.append(Task(title, records[0], records[1:], int(RATE / 2), label))
     return tasks
@@ -109,7 +109,15 @@ def _split(name: str, reference: Any, drive: Any, position: Any, velocity: Any, 
         if u is not None:
             X, y = np.asarray(u, dtype=float)[:, None], np.asarray(y, dtype=float)
             cut = int(0.7 * y.size)
-            tasks.append(Task(title, Record(name, X[:cut], y[:cut]), [Record(f"{name}, last 30 %", X, y)], cut, label))
+            tasks.append(
+                Task(
+                    title,
+                    ComparedRecord(name, X[:cut], y[:cut]),
+                    [ComparedRecord(f"{name}, last 30 %", X, y)],
+                    cut,
+                    label,
+                )
+            )
     return tasks
 
 

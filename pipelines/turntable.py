@@ -15,7 +15,7 @@ import click
 from pipelines._rigs import Task, tasks_of
 from whsklearn import WienerHammersteinLags
 from whsklearn.cli.candidates import candidates
-from whsklearn.cli.comparison import Candidate, Outcome, by_name, compare, results_table, verdict
+from whsklearn.cli.comparison import ComparedModel, Outcome, by_name, compare, results_table, verdict
 from whsklearn.cli.job import job, say_where, tracker_for, wrapped
 from whsklearn.cli.linear import BestLinear
 from whsklearn.cli.records import orders_of
@@ -57,7 +57,7 @@ def main(**options: Any) -> None:
             names = ("MILS", "RMILS", "PEM") if options["batch"] else ("MILS", "RMILS")
             every = candidates(lags, p=options["p"], seed=options["seed"], published=start)
             found = [c for c in every if c.name in names]
-            found.append(Candidate("best ARX or OE", BestLinear(), "linear", stream=False))
+            found.append(ComparedModel("best ARX or OE", BestLinear(), "linear", stream=False))
             with parent.child(task.title, tags={"data": task.train.name}) as run:
                 outcomes = compared(task, found, lags, run, options["figures"])
             leader = min(by_name(outcomes, name="RMILS").values(), key=lambda o: o.indices["nmse"], default=None)
@@ -71,7 +71,7 @@ def main(**options: Any) -> None:
     say_where(tracker)
 
 
-def compared(task: Task, found: list[Candidate], lags: Any, run: Run, folder: str | None) -> list[Outcome]:
+def compared(task: Task, found: list[ComparedModel], lags: Any, run: Run, folder: str | None) -> list[Outcome]:
     """Compare the candidates on one task, print, draw, and check the excitation."""
     outcomes = compare(found, task.train, task.test, parent=run, skip=task.skip)
     text = results_table(outcomes, f"{task.title}, free run on {', '.join(r.name for r in task.test)}")

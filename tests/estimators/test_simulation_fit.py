@@ -17,7 +17,7 @@ from whsklearn.estimators._simulation_fit import (
     to_chain,
 )
 from whsklearn.lags.wiener_hammerstein import WienerHammersteinLags
-from whsklearn.recursion.batch.simulation_error import Chain, run
+from whsklearn.recursion.batch.simulation_error import FittedChain, run
 from whsklearn.recursion.batch.simulation_search import record
 
 RNG = np.random.default_rng(5)
@@ -32,7 +32,7 @@ def example(law, gain=(2.0, -0.7)):
     """A stable chain of orders 2, 2, 2, 2 whose numerators do not begin with one."""
     b1 = gain[0] * np.array([[1.0, 0.4]])
     b2 = gain[1] * np.array([1.0, -0.3])
-    return Chain(b1, np.array([1.0, -0.9, 0.2]), b2, np.array([1.0, -0.5, 0.1]), law, RNG.normal(size=len(law)))
+    return FittedChain(b1, np.array([1.0, -0.9, 0.2]), b2, np.array([1.0, -0.5, 0.1]), law, RNG.normal(size=len(law)))
 
 
 def output(chain):

@@ -15,7 +15,7 @@ import pytest
 from whsklearn import InverseDynamicsLags, MILSRegressor, RLSRegressor, RMILSRegressor, WienerHammersteinLags
 from whsklearn.checks import state_difference
 from whsklearn.datasets import make_wiener_hammerstein
-from whsklearn.recursion.memory.first_block import motion
+from whsklearn.recursion.memory.first_block import increment_rms
 
 # a record of a dynamic system stands in for rows here
 pytestmark = pytest.mark.filterwarnings("ignore:X has one column")
@@ -153,7 +153,7 @@ def test_an_interrupt_in_a_long_kernel_arrives_as_one():
     """It is pending when the kernel's answer is boxed, which made a SystemError of it."""
     theta, dims = np.array([0.5, -0.5]), np.array([2, 1, 1, 1, 0])
     u, restart = np.ones((3_000_000, 1)), np.zeros(3_000_000, dtype=np.bool_)
-    motion(theta, dims, u[:2], restart[:2])  # compiled, or from the cache
+    increment_rms(theta, dims, u[:2], restart[:2])  # compiled, or from the cache
 
     def ring(number, frame):
         raise KeyboardInterrupt
@@ -161,7 +161,7 @@ def test_an_interrupt_in_a_long_kernel_arrives_as_one():
     def ask():
         signal.setitimer(signal.ITIMER_REAL, 0.005)
         while True:
-            motion(theta, dims, u, restart)
+            increment_rms(theta, dims, u, restart)
 
     before = signal.signal(signal.SIGALRM, ring)
     try:

@@ -13,7 +13,7 @@ from whsklearn import (
     RMILSRegressor,
     WienerHammersteinLags,
 )
-from whsklearn.cli.comparison import Candidate
+from whsklearn.cli.comparison import ComparedModel
 
 PUBLISHED: dict[str, Any] = {
     "gradient": "pseudolinear",
@@ -29,22 +29,24 @@ def candidates(
     seed: int = 0,
     evolution: bool = False,
     published: dict[str, Any] | None = None,
-) -> list[Candidate]:
+) -> list[ComparedModel]:
     """Both readings of RLS, MILS and RMILS, the gradient scheme, and the batch fit as the yardstick."""
     old: dict[str, Any] = {**PUBLISHED, **(published or {})}
     common: dict[str, Any] = {"lags": lags, "random_state": seed}
     found = [
-        Candidate("RLS", RLSRegressor(**common, **old), "pseudolinear"),
-        Candidate("MILS", MILSRegressor(**common, p=p, **old), "pseudolinear"),
-        Candidate("RMILS", RMILSRegressor(**common, p=p, **old), "pseudolinear"),
-        Candidate("gradient", MultiInnovationGradientRegressor(lags=lags, p=p, theta0=old["theta0"]), "pseudolinear"),
-        Candidate("RLS", RLSRegressor(**common), "full"),
-        Candidate("MILS", MILSRegressor(**common, p=p), "full"),
-        Candidate("RMILS", RMILSRegressor(**common, p=p), "full"),
-        Candidate("PEM", PEMRegressor(**common), "batch", stream=False),
+        ComparedModel("RLS", RLSRegressor(**common, **old), "pseudolinear"),
+        ComparedModel("MILS", MILSRegressor(**common, p=p, **old), "pseudolinear"),
+        ComparedModel("RMILS", RMILSRegressor(**common, p=p, **old), "pseudolinear"),
+        ComparedModel(
+            "gradient", MultiInnovationGradientRegressor(lags=lags, p=p, theta0=old["theta0"]), "pseudolinear"
+        ),
+        ComparedModel("RLS", RLSRegressor(**common), "full"),
+        ComparedModel("MILS", MILSRegressor(**common, p=p), "full"),
+        ComparedModel("RMILS", RMILSRegressor(**common, p=p), "full"),
+        ComparedModel("PEM", PEMRegressor(**common), "batch", stream=False),
     ]
     if evolution:
         found.append(
-            Candidate("differential evolution", DifferentialEvolutionRegressor(**common), "batch", stream=False)
+            ComparedModel("differential evolution", DifferentialEvolutionRegressor(**common), "batch", stream=False)
         )
     return found

@@ -25,14 +25,14 @@ WARM_UP = 600  # samples: beyond the 480 at which a stream's first models take o
 
 
 @dataclass(frozen=True)
-class Record:
+class ComparedRecord:
     """An input of shape (n, 1) and an output of shape (n,), with a name; the segment of each sample after holes.
 
     ``column`` is the name of the input in its log, empty where there is none.
 
     Examples
     --------
-    >>> record = Record("sine", X=np.zeros((100, 1)), y=np.zeros(100))
+    >>> record = ComparedRecord("sine", X=np.zeros((100, 1)), y=np.zeros(100))
     >>> record.name, record.X.shape, record.y.shape
     ('sine', (100, 1), (100,))
     """
@@ -54,7 +54,7 @@ class Record:
 
 
 @dataclass(frozen=True)
-class Candidate:
+class ComparedModel:
     """An estimator to be compared.
 
     Attributes
@@ -71,7 +71,7 @@ class Candidate:
     Examples
     --------
     >>> from whsklearn import PEMRegressor
-    >>> Candidate("PEM", PEMRegressor(), stream=False).reading
+    >>> ComparedModel("PEM", PEMRegressor(), stream=False).reading
     '-'
     """
 
@@ -87,7 +87,7 @@ class Outcome:
 
     Attributes
     ----------
-    candidate : Candidate
+    candidate : ComparedModel
     seconds : float
         Of its fit.
     indices : dict
@@ -103,12 +103,12 @@ class Outcome:
     Examples
     --------
     >>> from whsklearn import PEMRegressor
-    >>> outcome = Outcome(Candidate("PEM", PEMRegressor()), failure="The record is too short.")
+    >>> outcome = Outcome(ComparedModel("PEM", PEMRegressor()), failure="The record is too short.")
     >>> outcome.failure or f"NMSE {outcome.indices['nmse']:.3f}"
     'The record is too short.'
     """
 
-    candidate: Candidate
+    candidate: ComparedModel
     seconds: float = 0.0
     indices: dict[str, float] = field(default_factory=dict)
     fitted: Any = None
@@ -118,9 +118,9 @@ class Outcome:
 
 
 def compare(
-    candidates: Sequence[Candidate],
-    train: Record,
-    test: Sequence[Record],
+    candidates: Sequence[ComparedModel],
+    train: ComparedRecord,
+    test: Sequence[ComparedRecord],
     *,
     parent: Run,
     theta: NDArray[np.float64] | None = None,
@@ -152,7 +152,7 @@ def compare(
     return outcomes
 
 
-def compile_once(candidates: Sequence[Candidate], train: Record) -> None:
+def compile_once(candidates: Sequence[ComparedModel], train: ComparedRecord) -> None:
     """Fit every candidate to a few samples, so that no estimator's seconds hold the compilation of its kernels.
 
     A machine's first run compiles for some tens of seconds and keeps the result; later runs pass through in one.
@@ -168,8 +168,8 @@ def compile_once(candidates: Sequence[Candidate], train: Record) -> None:
 
 def _fit_and_score(
     outcome: Outcome,
-    train: Record,
-    test: Sequence[Record],
+    train: ComparedRecord,
+    test: Sequence[ComparedRecord],
     theta: NDArray[np.float64] | None,
     skip: int,
 ) -> None:
@@ -191,7 +191,7 @@ def _fit_and_score(
             outcome.paths = parameter_paths(model, train.X, train.y, every=every)
 
 
-def _record(outcome: Outcome, run: Run, train: Record) -> None:
+def _record(outcome: Outcome, run: Run, train: ComparedRecord) -> None:
     """Params, metrics, paths and model of one candidate."""
     fitted = outcome.fitted
     run.log_params(estimator_params(fitted))

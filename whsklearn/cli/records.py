@@ -12,7 +12,7 @@ import click
 if TYPE_CHECKING:
     from sklearn.utils import Bunch
 
-    from whsklearn.cli.comparison import Record
+    from whsklearn.cli.comparison import ComparedRecord
     from whsklearn.logs.source import Source
 
 _QUIET = ("LOG005", "LOG006", "LOG007")  # in the report; on the terminal they would be said of nearly every log
@@ -266,11 +266,11 @@ def _cut(log: Bunch, rows: Any) -> Bunch:
     return type(log)(**{k: v[rows] if k in _SIGNALS and v is not None else v for k, v in log.items()})
 
 
-def record_of(options: dict[str, Any]) -> Record:
+def record_of(options: dict[str, Any]) -> ComparedRecord:
     """The record that the options of `log_options` name; of a position its velocity, as `identify` fits it."""
     import numpy as np
 
-    from whsklearn.cli.comparison import Record
+    from whsklearn.cli.comparison import ComparedRecord
     from whsklearn.identification.view import view
     from whsklearn.logs.errors import LogError
     from whsklearn.logs.roles import by_number
@@ -299,7 +299,7 @@ def record_of(options: dict[str, Any]) -> Record:
         )
     segment = np.repeat(np.arange(seen.bounds.size - 1), np.diff(seen.bounds))
     groups = segment if seen.starts else None
-    return Record(Path(log.name).stem, seen.u[:, None], seen.target, groups, log.columns["drive"])
+    return ComparedRecord(Path(log.name).stem, seen.u[:, None], seen.target, groups, log.columns["drive"])
 
 
 def orders_of(text: str) -> dict[str, Any]:

@@ -15,7 +15,7 @@ from whsklearn.cli.job import job, say_where, tracker_for
 from whsklearn.cli.records import orders_of
 
 if TYPE_CHECKING:
-    from whsklearn.cli.comparison import Outcome, Record
+    from whsklearn.cli.comparison import ComparedRecord, Outcome
     from whsklearn.tracking import Run
 
 SNR_DB = 7.462  # the article's 7.4620, read as dB
@@ -53,21 +53,26 @@ def main(**options: Any) -> None:
     say_where(tracker)
 
 
-def simulated_records(samples: int, snr: float, seed: int) -> tuple[Record, list[Record], Any]:
+def simulated_records(samples: int, snr: float, seed: int) -> tuple[ComparedRecord, list[ComparedRecord], Any]:
     """Example 5.1: a noisy record to learn from, noise-free ones to judge by, and the truth."""
-    from whsklearn.cli.comparison import Record
+    from whsklearn.cli.comparison import ComparedRecord
     from whsklearn.datasets import make_wiener_hammerstein
 
     X, y, truth = make_wiener_hammerstein(samples, snr_db=snr, random_state=seed, return_truth=True)
     fresh = []
     for i in range(VALIDATION_RECORDS):
         record = make_wiener_hammerstein(samples, snr_db=None, random_state=10_000 + VALIDATION_RECORDS * seed + i)
-        fresh.append(Record(f"validation {i + 1}", *record))
-    return Record("example-5.1", X, y), fresh, truth
+        fresh.append(ComparedRecord(f"validation {i + 1}", *record))
+    return ComparedRecord("example-5.1", X, y), fresh, truth
 
 
 def draw(
-    outcomes: list[Outcome], train: Record, test: list[Record], truth: Any, parent: Run, folder: str | None
+    outcomes: list[Outcome],
+    train: ComparedRecord,
+    test: list[ComparedRecord],
+    truth: Any,
+    parent: Run,
+    folder: str | None,
 ) -> None:
     """Fig. 2, Fig. 3 and the validation pictures, kept with the run and, on request, in a folder."""
     import matplotlib.pyplot as plt

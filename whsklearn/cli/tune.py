@@ -18,7 +18,7 @@ from whsklearn.cli.job import job, say_where, table, tracker_for, wrapped
 from whsklearn.cli.records import log_options, note, orders_of, record_of
 
 if TYPE_CHECKING:
-    from whsklearn.cli.comparison import Record
+    from whsklearn.cli.comparison import ComparedRecord
 
 MEAN = 1.0  # the NMSE of a model that only knows the mean of the output
 
@@ -91,7 +91,7 @@ def main(**options: Any) -> None:
 
 
 @contextlib.contextmanager
-def segments_known(record: Record) -> Iterator[None]:
+def segments_known(record: ComparedRecord) -> Iterator[None]:
     """Let scikit-learn hand the segments of a record to ``fit``, as `with_segments` asks for."""
     from sklearn import config_context
 
@@ -99,7 +99,7 @@ def segments_known(record: Record) -> Iterator[None]:
         yield
 
 
-def with_segments(estimator: Any, record: Record) -> tuple[Any, dict[str, Any]]:
+def with_segments(estimator: Any, record: ComparedRecord) -> tuple[Any, dict[str, Any]]:
     """The estimator, asking for the segments where there are several, and what a search is given besides X and y.
 
     A fold that is judged runs on over a hole: an error for as long as the system remembers, the same for every setting.
@@ -109,7 +109,7 @@ def with_segments(estimator: Any, record: Record) -> tuple[Any, dict[str, Any]]:
     return estimator.set_fit_request(groups=True), {"groups": record.groups}
 
 
-def what_is_better(search: Any, record: Record, champion: Callable[[], Any]) -> str:
+def what_is_better(search: Any, record: ComparedRecord, champion: Callable[[], Any]) -> str:
     """A sentence if the mean of the output, or the settings of the champion, do better on the folds; else empty."""
     import numpy as np
     from sklearn.base import clone
@@ -141,12 +141,12 @@ def what_is_better(search: Any, record: Record, champion: Callable[[], Any]) -> 
     return ""
 
 
-def example(samples: int, seed: int) -> Record:
+def example(samples: int, seed: int) -> ComparedRecord:
     """Example 5.1 as a record."""
-    from whsklearn.cli.comparison import Record
+    from whsklearn.cli.comparison import ComparedRecord
     from whsklearn.datasets import make_wiener_hammerstein
 
-    return Record("example-5.1", *make_wiener_hammerstein(samples, snr_db=7.462, random_state=seed))
+    return ComparedRecord("example-5.1", *make_wiener_hammerstein(samples, snr_db=7.462, random_state=seed))
 
 
 def grid_of(options: dict[str, Any]) -> list[dict[str, list[Any]]]:
@@ -187,7 +187,9 @@ def count(options: dict[str, Any], grid: list[dict[str, list[Any]]]) -> int:
     return min(options["candidates"], whole) if options["kind"] == "random" else whole
 
 
-def build_search(options: dict[str, Any], estimator: Any, grid: list[dict[str, list[Any]]], record: Record) -> Any:
+def build_search(
+    options: dict[str, Any], estimator: Any, grid: list[dict[str, list[Any]]], record: ComparedRecord
+) -> Any:
     """The search, its folds and its scores: the free run, without its first samples after each restart."""
     import numpy as np
     from sklearn.base import clone
@@ -228,7 +230,7 @@ def varied_names(grid: list[dict[str, list[Any]]]) -> list[str]:
     return [k for k, v in values.items() if len(v) > 1]
 
 
-def run_search(search: Any, record: Record, parent: Any, total: int, varied: list[str]) -> None:
+def run_search(search: Any, record: ComparedRecord, parent: Any, total: int, varied: list[str]) -> None:
     """Fit, and record each chunk of candidates as it comes in.
 
     What a search finds is its record: without one it ends, and tells what it has.

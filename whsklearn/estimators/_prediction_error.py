@@ -9,7 +9,7 @@ import numpy as np
 from whsklearn.effects import FrictionLaw, Power, Viscous
 from whsklearn.effects.terms import CONSTANT, HINGE, NATURAL_SPLINE, POWER
 from whsklearn.estimators import _model as wh
-from whsklearn.recursion.memory.first_block import motion
+from whsklearn.recursion.memory.first_block import increment_rms
 from whsklearn.recursion.memory.starts import least_squares_start, random_start, term_scales
 from whsklearn.recursion.rows.predictor import record_errors
 from whsklearn.systems.stability import is_stable
@@ -57,9 +57,9 @@ class PredictionError:
         weight = self.b.stop
         return np.concatenate([found[:weight], np.zeros(len(s.law)), found[weight + 1 :]])
 
-    def motion(self, theta: Array) -> float:
+    def increment_rms(self, theta: Array) -> float:
         """Root mean square of dx, never zero."""
-        return max(float(motion(theta, self.kernel[0], self.u, self.restart)), 1e-12)
+        return max(float(increment_rms(theta, self.kernel[0], self.u, self.restart)), 1e-12)
 
     def residuals(self, theta: Array, kappa: float) -> Array:
         """One-step prediction errors; large where L1 is unstable, so that the step is refused."""
@@ -84,7 +84,7 @@ class PredictionError:
         best = np.inf, theta
         method = "lm" if self.y.size >= theta.size else "trf"  # MINPACK needs as many residuals as parameters
         for relative in ladder:
-            kappa = relative / self.motion(theta)
+            kappa = relative / self.increment_rms(theta)
             theta = least_squares(
                 self.residuals, theta, self.jacobian, method=method, x_scale="jac", max_nfev=40, args=(kappa,)
             ).x
@@ -95,7 +95,7 @@ class PredictionError:
 
     def inverse_information(self, theta: Array) -> Array:
         """(J'J)^-1 at the sharpness of `INFERENCE`; NaN for parameters that move no residual."""
-        rows = self.jacobian(theta, INFERENCE / self.motion(theta))
+        rows = self.jacobian(theta, INFERENCE / self.increment_rms(theta))
         norms = np.linalg.norm(rows, axis=0)
         unseen = norms < 1e-100  # whose squares would be zero
         scale = np.where(unseen, 1.0, norms)

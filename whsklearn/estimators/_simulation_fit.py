@@ -11,8 +11,8 @@ from whsklearn.effects import FrictionLaw, Hinge, NaturalSpline, Power, StaticEf
 from whsklearn.estimators import _model as wh
 from whsklearn.lags.wiener_hammerstein import WienerHammersteinLags
 from whsklearn.recursion.batch.block_split import Orders
-from whsklearn.recursion.batch.simulation_error import Chain, Fitted, refine, sensitivities
-from whsklearn.recursion.batch.simulation_search import UNKNOWN, Structure, record, search
+from whsklearn.recursion.batch.simulation_error import Fitted, FittedChain, refine, sensitivities
+from whsklearn.recursion.batch.simulation_search import UNKNOWN, SearchedOrders, record, search
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -40,13 +40,13 @@ def scale_free(law: FrictionLaw) -> bool:
     return all(isinstance(t, (Power, Hinge, NaturalSpline)) for t in law.terms)
 
 
-def structures_for(lags: WienerHammersteinLags) -> tuple[Structure, ...]:
+def structures_for(lags: WienerHammersteinLags) -> tuple[SearchedOrders, ...]:
     """The structures to search among, given the orders."""
     na, nb, nc, nd = (int(n) for n in lags.dims()[:4])
     poles, zeros = nb + nd, na + nc - 2
     surplus = max(poles - LARGEST_LINEAR, zeros - LARGEST_LINEAR, 0)
     orders = [(max(poles - k, 0), max(zeros - k, 0)) for k in range(surplus, max(poles, zeros) + 1)]
-    return (Structure(tuple(dict.fromkeys(orders)), Orders(na - 1, nb, nc - 1, nd), exact=True),)
+    return (SearchedOrders(tuple(dict.fromkeys(orders)), Orders(na - 1, nb, nc - 1, nd), exact=True),)
 
 
 def law_of(lags: WienerHammersteinLags | None) -> FrictionLaw:
@@ -107,7 +107,7 @@ def described(fitted: Fitted, data: IOData, delays: tuple[int, ...], *, normed: 
     return SimulationFit(lags, natural, covariance, fitted.cost, fitted.cost / max(count - natural.size, 1))
 
 
-def natural_of(chain: Chain) -> tuple[Array, NDArray[np.int64]]:
+def natural_of(chain: FittedChain) -> tuple[Array, NDArray[np.int64]]:
     """The natural vector of a monic chain, and the position of each of its sensitivities."""
     m, na = chain.b1.shape
     nb, nc, nd = chain.a1.size - 1, chain.b2.size, chain.a2.size - 1
@@ -117,17 +117,17 @@ def natural_of(chain: Chain) -> tuple[Array, NDArray[np.int64]]:
     return np.concatenate([chain.linear_part, chain.weights])[at], at
 
 
-def to_chain(natural: Array, dims: NDArray[np.int64], n_inputs: int, law: FrictionLaw) -> Chain:
+def to_chain(natural: Array, dims: NDArray[np.int64], n_inputs: int, law: FrictionLaw) -> FittedChain:
     """The chain of a natural vector; poles outside the unit circle are moved inside."""
     na, nb, nc, _, nw = (int(i) for i in dims)
     a, b, w, c, d = np.split(natural, np.cumsum([na - 1, nb, nw, nc - 1]))
     one = np.ones(1)
     b1 = np.ascontiguousarray(np.concatenate([one, a]).reshape(-1, n_inputs).T)
     a1, a2 = (np.concatenate([one, wh.inside(v)]) for v in (b, d))
-    return Chain(b1, a1, np.concatenate([one, c]), a2, law, w.copy())
+    return FittedChain(b1, a1, np.concatenate([one, c]), a2, law, w.copy())
 
 
-def monic(chain: Chain) -> Chain:
+def monic(chain: FittedChain) -> FittedChain:
     """The same chain with b1[0] = b2[0] = 1: x is in the paper's unit, and all gain is in the law."""
     first, second = _away_from_zero(chain.b1), _away_from_zero(chain.b2)
     law, weights = rescaled(chain.law, chain.weights, first)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 State = dict[str, Any]  # all that has been learnt, by name
 
 
-class Stream(Protocol):
+class Learner(Protocol):
     """What an estimator requires of its way of learning; `Undo` learns rows again through it."""
 
     def initial(self) -> State:

@@ -15,7 +15,7 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from whsklearn.estimators._stream import State, Stream
+    from whsklearn.estimators._stream import Learner, State
 
     Array = NDArray[np.float64]
 
@@ -102,7 +102,7 @@ class Undo:
         """Forget the copy, because the state is about to change other than by rows."""
         self._of = None
 
-    def restored(self, stream: Stream) -> State:
+    def restored(self, stream: Learner) -> State:
         """The state before the call, in new arrays; further interrupts wait, as one is already being handled."""
         while True:
             try:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from whsklearn.estimators._model import Structure
-    from whsklearn.recursion.batch.simulation_error import Chain
+    from whsklearn.recursion.batch.simulation_error import FittedChain
 
     Array = NDArray[np.float64]
 
@@ -233,7 +233,7 @@ class StreamingPEMRegressor(ChainRegressor):
         state.update(theta=natural_of(chain)[0], information=information, lags=lags)
         state["loss"] = state["loss"] + [loss, float(data.counts.sum())]
 
-    def _chain(self, answer: dict[str, Any], m: int) -> Chain:
+    def _chain(self, answer: dict[str, Any], m: int) -> FittedChain:
         lags = WienerHammersteinLags(**answer["lags"])
         dims = lags.dims()
         dims[0] *= m

@@ -13,7 +13,7 @@ from whsklearn.effects.signs import smooth_sign
 from whsklearn.export.languages import Language
 from whsklearn.export.specialise import Specialiser
 from whsklearn.export.statements import Memory, OneOf, Symbol
-from whsklearn.systems._servo_drive import Chain, chain_of, effective
+from whsklearn.systems._servo_drive import DriveStage, chain_of, effective
 from whsklearn.systems._servo_kernel import lattice_of
 from whsklearn.systems._servo_step import Body, body_of, fine_step
 from whsklearn.systems._servo_torques import Ends, arranged, load_sum, motor_sum, read
@@ -112,7 +112,7 @@ def axis_code(
     """
     plant = pack(axis)
     law = _arranged(plant.codes, plant.p, axis)
-    body, chain = Body(*map(float, body_of(plant))), Chain(*map(float, chain_of(plant)))
+    body, chain = Body(*map(float, body_of(plant))), DriveStage(*map(float, chain_of(plant)))
     two = body.share > 0.0
     lattice = float(lattice_of(plant)[0])
     dt = 1.0 / axis.sample_rate

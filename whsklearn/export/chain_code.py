@@ -22,7 +22,7 @@ from whsklearn.systems.chain_ports import added, driven, sensed, transmitted
 
 
 @dataclass(frozen=True)
-class Chain:
+class CodedChain:
     """x = b1/f1 u, v = law(x, dx), y = b2/f2 v + offset, summed up times dt where the output is a position.
 
     Polynomials in the delay, from the direct path on; f1 and f2 begin with 1; no law: v = x.  Effects stand at the
@@ -136,7 +136,9 @@ def _first(z):  # type: ignore[no-untyped-def]
     return z[0]
 
 
-def chain_code(chain: Chain, language: Language, state: Any, *, drive: str = "drive", out: float = 1.0) -> ChainCode:
+def chain_code(
+    chain: CodedChain, language: Language, state: Any, *, drive: str = "drive", out: float = 1.0
+) -> ChainCode:
     """Specialise a chain to its numbers; ``state`` and ``out`` as for `axis_code`, ``drive`` the input's variable."""
     work = Specialiser(language)
     states: dict[str, int] = {}

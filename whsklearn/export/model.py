@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from whsklearn.effects import Effect
-from whsklearn.export.chain_code import Chain
+from whsklearn.export.chain_code import CodedChain
 from whsklearn.export.losses import Loss
 from whsklearn.logs.units import UNKNOWN, UNSTATED, factor_of, respelled
 from whsklearn.systems.servo import ServoAxis
@@ -24,7 +24,7 @@ class Exported:
     Attributes
     ----------
     axis : ServoAxis or None
-    chain : Chain or None
+    chain : CodedChain or None
         One of the two.
     units : dict of str to str
         Of the columns that code takes and gives, ``input`` and ``output``; empty where unknown. The numbers are in SI.
@@ -33,7 +33,7 @@ class Exported:
     """
 
     axis: ServoAxis | None = None
-    chain: Chain | None = None
+    chain: CodedChain | None = None
     units: dict[str, str] = field(default_factory=dict)
     logged: str = "position"
 
@@ -113,7 +113,7 @@ def as_exported(model: Any) -> Exported:
         return Exported(axis=model, units={"input": "Nm", "output": "rad"}, logged="position")
     if isinstance(model, WienerHammersteinSystem):
         b1, f1, b2, f2 = model.polynomials
-        return Exported(chain=Chain(b1, f1, model.law, b2, f2, model.dt, effects=model.effects), logged="output")
+        return Exported(chain=CodedChain(b1, f1, model.law, b2, f2, model.dt, effects=model.effects), logged="output")
     stated = dict(getattr(model, "units", {}))
     units = {k: stated[k] for k in ("input", "output") if stated.get(k, UNKNOWN) not in UNSTATED}
     logged = str(getattr(model, "logged", "output"))
@@ -124,12 +124,14 @@ def as_exported(model: Any) -> Exported:
     if kind == "wiener-hammerstein":
         blocks = [np.array(v, dtype=float) for v in (model.b1, model.f1, model.b2, model.f2)]
         effects = tuple(model.effects)
-        chain = Chain(blocks[0], blocks[1], model.law, blocks[2], blocks[3], model.dt, 0.0, integrates, effects)
+        chain = CodedChain(blocks[0], blocks[1], model.law, blocks[2], blocks[3], model.dt, 0.0, integrates, effects)
         return Exported(chain=chain, units=units, logged=logged)
     if kind in ("arx", "output_error"):
         b, f, one = np.array(model.numerator, float), np.array(model.denominator, float), np.ones(1)
         return Exported(
-            chain=Chain(b, f, None, one, one, model.dt, float(model.offset), integrates), units=units, logged=logged
+            chain=CodedChain(b, f, None, one, one, model.dt, float(model.offset), integrates),
+            units=units,
+            logged=logged,
         )
     raise ValueError(
         f"{type(model).__name__} cannot be exported; give a model file, a ServoAxis or a WienerHammersteinSystem."

@@ -1,6 +1,6 @@
 """Close the gap: find where simulation and measurement disagree, name what is missing, add it and prove the result."""
 
-from whsklearn.gap.data_check import Problem
+from whsklearn.gap.data_check import DataProblem
 from whsklearn.gap.diagnosis import VERDICTS, CandidateLine, Diagnosis, LearnedTorques, NamedEffect
 from whsklearn.gap.finder import GapFinder
 from whsklearn.gap.localisation import Place
@@ -11,11 +11,11 @@ __all__ = [
     "VERDICTS",
     "CandidateLine",
     "Curve",
+    "DataProblem",
     "Diagnosis",
     "GapFinder",
     "LearnedTorques",
     "NamedEffect",
     "Place",
-    "Problem",
     "ServoRecord",
 ]

@@ -11,7 +11,7 @@ from whsklearn.gap.record import ServoRecord
 
 
 @dataclass(frozen=True)
-class Problem:
+class DataProblem:
     """A problem found in the data.
 
     Attributes
@@ -29,9 +29,9 @@ class Problem:
 
     Examples
     --------
-    >>> from whsklearn.gap import Problem
-    >>> Problem("data-limit", "The drive stands at its limit.", "It is used; saturation is one of the effects.", False)
-    Problem(code='data-limit', ...fatal=False)
+    >>> from whsklearn.gap import DataProblem
+    >>> DataProblem("data-limit", "The drive stands at its limit.", "Saturation is one of the effects.", False)
+    DataProblem(code='data-limit', ...fatal=False)
     """
 
     code: str
@@ -40,7 +40,7 @@ class Problem:
     fatal: bool = True
 
 
-def check_servo(record: ServoRecord) -> list[Problem]:
+def check_servo(record: ServoRecord) -> list[DataProblem]:
     """Problems of a servo log, the fatal ones first.
 
     Examples
@@ -57,22 +57,22 @@ def check_servo(record: ServoRecord) -> list[Problem]:
     return sorted(out, key=lambda p: not p.fatal)
 
 
-def _shape_problems(r: ServoRecord) -> list[Problem]:
+def _shape_problems(r: ServoRecord) -> list[DataProblem]:
     n = len(r)
     bad = [name for name in ("time", "drive", "position") if not np.all(np.isfinite(getattr(r, name)))]
     if bad:
         text = f"Column for {', '.join(bad)} holds values that are missing or not finite; repair or cut them."
-        return [Problem("data-not-finite", "Missing values", text)]
+        return [DataProblem("data-not-finite", "Missing values", text)]
     if n > 1 and np.any(np.diff(r.time) <= 0):
         text = "Time does not increase; sort the log, or pass one experiment at a time."
-        return [Problem("data-time-order", "Time runs backwards", text)]
+        return [DataProblem("data-time-order", "Time runs backwards", text)]
     if n < rules.FEWEST_SAMPLES or r.time[-1] - r.time[0] < rules.SHORTEST_RECORD:
         span = r.time[-1] - r.time[0] if n else 0.0
         text = (
             f"{n} samples over {span:.1f} s; at least {rules.FEWEST_SAMPLES} samples and {rules.SHORTEST_RECORD:.0f} s "
             "are needed. Log longer."
         )
-        return [Problem("data-too-short", "Record too short", text)]
+        return [DataProblem("data-too-short", "Record too short", text)]
     steps = np.delete(np.diff(r.time), np.array(r.starts, dtype=int) - 1)
     typical = float(np.median(steps))
     longest = int(np.argmax(steps))
@@ -81,23 +81,25 @@ def _shape_problems(r: ServoRecord) -> list[Problem]:
             f"{1e3 * steps[longest]:.3g} ms pass after {r.time[longest]:.6g} s where {1e3 * typical:.3g} ms are usual: "
             "samples are missing. Read the file by load_log, which mends or cuts, or pass one unbroken part."
         )
-        return [Problem("data-uneven-time", "A hole in time", text)]
+        return [DataProblem("data-uneven-time", "A hole in time", text)]
     if np.mean(np.abs(steps - typical) > rules.UNEVEN_STEP * typical) > rules.UNEVEN:
         text = f"More than 1 % of the steps differ by half from the typical {1e3 * typical:.3g} ms; resample evenly."
-        return [Problem("data-uneven-time", "Uneven sampling", text)]
+        return [DataProblem("data-uneven-time", "Uneven sampling", text)]
     if typical > rules.SLOWEST_SAMPLING:
         text = f"One sample every {typical:.3g} s; an axis needs at least 20 a second. Is the time column in seconds?"
-        return [Problem("data-time-unit", "Sampling too slow", text)]
+        return [DataProblem("data-time-unit", "Sampling too slow", text)]
     return []
 
 
-def _motion_problems(r: ServoRecord) -> list[Problem]:
+def _motion_problems(r: ServoRecord) -> list[DataProblem]:
     travel = np.ptp(r.position)
     if travel == 0 or np.mean(np.abs(np.diff(r.position)) > 0) < rules.MOVING:
         text = "The position does not change; pick the measured position, or a record in which the axis moves."
-        return [Problem("data-not-moving", "The axis does not move", text)]
+        return [DataProblem("data-not-moving", "The axis does not move", text)]
     if np.ptp(r.drive) == 0:
-        return [Problem("data-no-drive", "The drive is constant", "The drive column never changes; pick the drive.")]
+        return [
+            DataProblem("data-no-drive", "The drive is constant", "The drive column never changes; pick the drive.")
+        ]
     changes = np.count_nonzero(np.diff(r.drive))
     if changes < rules.FEWEST_CHANGES:
         text = (
@@ -105,11 +107,11 @@ def _motion_problems(r: ServoRecord) -> list[Problem]:
             "this is a step test, log a richer motion as well: a step cannot tell effects apart. If the drive is in "
             "another column, name that one."
         )
-        return [Problem("data-no-drive", "The drive hardly changes", text)]
+        return [DataProblem("data-no-drive", "The drive hardly changes", text)]
     return []
 
 
-def _value_problems(r: ServoRecord) -> list[Problem]:
+def _value_problems(r: ServoRecord) -> list[DataProblem]:
     out = []
     share = flat_share(r.drive)
     if share > rules.FLAT:
@@ -117,7 +119,7 @@ def _value_problems(r: ServoRecord) -> list[Problem]:
             f"The drive stands at its extreme for {100 * share:.0f} % of the record. If that is the limit of the "
             "amplifier, the log is as it should be; if the logger cut it off, log with a wider range."
         )
-        out.append(Problem("data-drive-at-limit", "The drive reaches a limit", text, fatal=False))
+        out.append(DataProblem("data-drive-at-limit", "The drive reaches a limit", text, fatal=False))
     share = flat_share(r.position)
     if share > rules.FLAT:
         cut = cut_at_speed(r.position, r.dt)
@@ -127,7 +129,7 @@ def _value_problems(r: ServoRecord) -> list[Problem]:
             "is not clipped." if cut else ": the axis rests there, or lies on a stop."
         )  # fmt: skip
         title = "The position is clipped" if cut else "The position rests at its extreme"
-        out.append(Problem("data-clipped-position" if cut else "data-rest-at-extreme", title, text, fatal=cut))
+        out.append(DataProblem("data-clipped-position" if cut else "data-rest-at-extreme", title, text, fatal=cut))
     jumps = np.abs(r.by_piece(lambda x: np.diff(x, 2), r.position))
     scale = np.quantile(jumps, 0.999) + 1e-300
     spikes = int(np.sum(jumps > rules.SPIKE * scale))
@@ -135,7 +137,7 @@ def _value_problems(r: ServoRecord) -> list[Problem]:
         text = (
             f"{spikes} samples of the position jump far beyond the rest: outliers or a wrapped angle. Unwrap or repair."
         )
-        out.append(Problem("data-spikes", "Jumps in the position", text))
+        out.append(DataProblem("data-spikes", "Jumps in the position", text))
     return out
 
 

@@ -96,7 +96,7 @@ class Plant(Protocol):
     horizon_unit: str
 
     def check(self) -> list[Any]:
-        """Problems of the data (`whsklearn.gap.data_check.Problem`), called before anything else."""
+        """Problems of the data (`whsklearn.gap.data_check.DataProblem`), called before anything else."""
 
     def base(self, rng: np.random.Generator) -> Any:
         """The base model, fitted."""

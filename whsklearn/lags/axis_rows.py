@@ -64,7 +64,7 @@ def stack_columns(terms: tuple[Effect, ...], moved: Motion, drive: Array, time: 
     return np.column_stack([moved.acceleration, *(t.columns(signals) for t in terms)])
 
 
-class Stream(NamedTuple):
+class RowState(NamedTuple):
     """State of a causal transformer: the last samples of position, drive and torque, and the number seen so far."""
 
     path: Array
@@ -73,18 +73,18 @@ class Stream(NamedTuple):
     seen: int
 
 
-AT_START = Stream(np.empty(0), np.empty(0), np.empty(0), 0)
+AT_START = RowState(np.empty(0), np.empty(0), np.empty(0), 0)
 
 
 def advance(
-    stream: Stream,
+    stream: RowState,
     path: Array,
     drive: Array,
     target: Array,
     terms: tuple[Effect, ...],
     kernels: Array,
     sample_rate: float,
-) -> tuple[Array, Array, Stream]:
+) -> tuple[Array, Array, RowState]:
     """Columns and delayed torque of the next piece, zeros in the warm-up, and the stream after it."""
     delay = kernels.shape[1] // 2
     moved, past = causal_motion(path, stream.path, kernels)
@@ -93,7 +93,7 @@ def advance(
     time = (stream.seen - delay + np.arange(len(path))) / sample_rate
     phi = stack_columns(terms, moved, force, time)
     phi[: max(2 * delay - stream.seen, 0)] = 0.0
-    return phi, late, Stream(past, past_drive, past_torque, stream.seen + len(path))
+    return phi, late, RowState(past, past_drive, past_torque, stream.seen + len(path))
 
 
 def checked_torque(y: ArrayLike, n: int) -> Array:

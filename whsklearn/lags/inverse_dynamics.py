@@ -20,7 +20,7 @@ from whsklearn.filtering.streams import causal_delay, causal_kernels, causal_mot
 from whsklearn.lags.axis_rows import (
     AT_START,
     DRIVEN,
-    Stream,
+    RowState,
     checked_torque,
     column_names,
     effect_terms,
@@ -346,7 +346,7 @@ class InverseDynamicsLags(MotionStream, TransformerMixin, BaseEstimator):
             )
         return np.zeros(len(X))
 
-    def _columns(self, X: Array, drive: Array, target: Array, groups: ArrayLike | None) -> tuple[Array, Stream]:
+    def _columns(self, X: Array, drive: Array, target: Array, groups: ArrayLike | None) -> tuple[Array, RowState]:
         """Columns of every record, each from a clean start, and the stream at the end of the last."""
         stream = AT_START
         pieces = []

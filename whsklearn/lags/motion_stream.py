@@ -9,7 +9,7 @@ from sklearn.utils.validation import check_is_fitted, validate_data
 
 from whsklearn.effects import PreslidingHysteresis
 from whsklearn.filtering.streams import causal_motion
-from whsklearn.lags.axis_rows import AT_START, Stream, advance, effect_terms, runs
+from whsklearn.lags.axis_rows import AT_START, RowState, advance, effect_terms, runs
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 class MotionStream:
     """Methods of a causal `InverseDynamicsLags`, which provides the attributes declared here."""
 
-    _stream: Stream
+    _stream: RowState
     _kernels: Array
     _drive: Any
     _settle: Any
@@ -79,13 +79,13 @@ class MotionStream:
         ValueError
             If the state is of another kind.
         """
-        if not isinstance(state, dict) or not {"n_features_in", "cutoff", *Stream._fields} <= state.keys():
+        if not isinstance(state, dict) or not {"n_features_in", "cutoff", *RowState._fields} <= state.keys():
             raise ValueError("This is no state of an InverseDynamicsLags; give what get_state() returned.")
         path, drive, torque = (np.array(state[name], dtype=float) for name in ("path", "drive", "torque"))
         self._settle()
         self.n_features_in_ = int(state["n_features_in"])
         self.cutoff_ = float(state["cutoff"])
-        self._stream = Stream(path, drive, torque, int(state["seen"]))
+        self._stream = RowState(path, drive, torque, int(state["seen"]))
         return self
 
     def _go_on(
@@ -102,7 +102,7 @@ class MotionStream:
         phis, lates, warms = zip(*out, strict=True)
         return np.concatenate(phis), np.concatenate(lates), np.concatenate(warms)
 
-    def _advance(self, stream: Stream, path: Array, drive: Array, target: Array) -> tuple[Array, Array, Stream]:
+    def _advance(self, stream: RowState, path: Array, drive: Array, target: Array) -> tuple[Array, Array, RowState]:
         """Columns and delayed torque of the next piece, zeros in the warm-up, and the stream after it."""
         return advance(stream, path, drive, target, self.terms_, self._kernels, self.sample_rate)
 

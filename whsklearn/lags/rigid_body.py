@@ -51,7 +51,7 @@ DRAWN = 200
 NOISY = 5.0  # times the velocity's noise: a joint whose rms speed is less does not move
 
 
-class Stream(NamedTuple):
+class ArmRowState(NamedTuple):
     """State of a causal transformer: the last samples of position and drive, and the number seen so far."""
 
     path: Any
@@ -152,7 +152,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
     """
 
     multi_output = True
-    _stream: Stream
+    _stream: ArmRowState
 
     def __init__(
         self,
@@ -355,13 +355,16 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         ValueError
             If the state is of another kind.
         """
-        if not isinstance(state, dict) or not {"n_features_in", "cutoff", "weights", *Stream._fields} <= state.keys():
+        if (
+            not isinstance(state, dict)
+            or not {"n_features_in", "cutoff", "weights", *ArmRowState._fields} <= state.keys()
+        ):
             raise ValueError("This is no state of RigidBodyLags; give what get_state() returned.")
         self._settle()
         self.n_features_in_, self.cutoff_ = int(state["n_features_in"]), float(state["cutoff"])
         self.weights_ = np.array(state["weights"], dtype=float)
         path, drive = (np.array(state[name], dtype=float) for name in ("path", "drive"))
-        self._stream = Stream(path, drive, int(state["seen"]))
+        self._stream = ArmRowState(path, drive, int(state["seen"]))
         return self
 
     # -- answers ----------------------------------------------------------------------------
@@ -478,8 +481,8 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
     def _all_terms(self) -> list[Any]:
         return [t for _, terms in self._axes.values() for t in terms]
 
-    def _at_start(self) -> Stream:
-        return Stream(np.empty((0, self.arm_.n_joints)), np.empty((0, self.arm_.n_joints)), 0)
+    def _at_start(self) -> ArmRowState:
+        return ArmRowState(np.empty((0, self.arm_.n_joints)), np.empty((0, self.arm_.n_joints)), 0)
 
     def _structural_base(self) -> BaseParameters:
         """The base parameters: which columns no motion at all can separate from those before them."""
@@ -574,8 +577,8 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         return 1.0 / np.maximum(out, smallest)
 
     def _advance(
-        self, stream: Stream, X: Array, drive: Array, target: Array | None = None
-    ) -> tuple[Array, Array, Stream]:
+        self, stream: ArmRowState, X: Array, drive: Array, target: Array | None = None
+    ) -> tuple[Array, Array, ArmRowState]:
         """Columns and delayed drives of the next piece of a stream, and the stream after it."""
         n = self.arm_.n_joints
         target = drive if target is None else target
@@ -586,7 +589,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         time = (stream.seen - self.delay_ + np.arange(len(X))) / self.sample_rate
         phi = self._columns(moved, drives, time)
         phi[: max(self.warmup_ - stream.seen, 0)] = 0.0
-        after = Stream(
+        after = ArmRowState(
             np.column_stack([p[1] for p in parts]), np.column_stack([d[1] for d in late]), stream.seen + len(X)
         )
         return phi, drives, after

@@ -41,7 +41,7 @@ class Links(NamedTuple):
     gravity: Any
 
 
-class Work(NamedTuple):
+class Scratch(NamedTuple):
     """Room for one instant: rotation (3, 3), `motion` (n, 9), `jacobian` (n, n, 6) and ten factors (10,)."""
 
     rotation: Any
@@ -53,7 +53,7 @@ class Work(NamedTuple):
 @part
 def room(n):
     """Room for an arm of n joints."""
-    return Work(np.zeros((3, 3)), np.zeros((n, N_MOTION)), np.zeros((n, n, 6)), np.zeros(N_BODY))
+    return Scratch(np.zeros((3, 3)), np.zeros((n, N_MOTION)), np.zeros((n, n, 6)), np.zeros(N_BODY))
 
 
 @part

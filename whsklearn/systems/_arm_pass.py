@@ -16,7 +16,7 @@ from whsklearn._numba import njit, part
 from whsklearn.effects.equations import AHEAD, N_STATES, quantized
 from whsklearn.effects.signs import smooth_sign
 from whsklearn.systems._arm_kernels import move, pay, room, weigh
-from whsklearn.systems._servo_drive import Chain, chain_of, effective, held, hold_weights
+from whsklearn.systems._servo_drive import DriveStage, chain_of, effective, held, hold_weights
 from whsklearn.systems._servo_kernel import control, lattice_of
 from whsklearn.systems._servo_torques import (
     Ends,
@@ -172,6 +172,6 @@ def run(out, links, inertial, joints, course, state):
             for j in range(n):
                 before = 0.0 if course.closed else out[DRIVE, j, 0]
                 asked = held(out[DRIVE, j], k + first[j, i], weight[j, i], before)
-                c = Chain(chain[j, 0], chain[j, 1], chain[j, 2], chain[j, 3], chain[j, 4])
+                c = DriveStage(chain[j, 0], chain[j, 1], chain[j, 2], chain[j, 3], chain[j, 4])
                 u[j], lag[j, 0], lag[j, 1] = effective(c, asked, lag[j, 0], lag[j, 1], h)
             fine_step(links, inertial, joints, ends, z, state, u, t + i * h, h, space)

@@ -13,7 +13,7 @@ from whsklearn.effects.equations import dead_zone, lagged, saturation
 from whsklearn.systems._servo_torques import DELAY, LAG, LIMIT
 
 
-class Chain(NamedTuple):
+class DriveStage(NamedTuple):
     """What lies before the motor: delay (s), two lags (s), width of the dead zone, limit."""
 
     delay: Any
@@ -38,7 +38,7 @@ def chain_of(plant):
             width += plant.p[i, 0]
         elif code == codes.SATURATION:
             limit = min(limit, plant.p[i, 0])
-    return Chain(delay, plant.parts[LAG], second, width, limit)
+    return DriveStage(delay, plant.parts[LAG], second, width, limit)
 
 
 @part

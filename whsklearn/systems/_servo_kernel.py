@@ -41,7 +41,7 @@ DRIVE, MEASURED, POSITION, VELOCITY, TORQUE, LOAD, LOAD_VELOCITY = range(N_SIGNA
 _FOLDED = 0.5  # share of the sign lost above which the encoder falls where the position rises from below zero
 
 
-class Signals(NamedTuple):
+class PassInputs(NamedTuple):
     """What a pass is given: arrays of n samples.
 
     ``reference`` (3, n): position asked for and its two derivatives; ``noise`` on the encoder and ``disturbance``

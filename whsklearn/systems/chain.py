@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 FAR = 1e30  # to which signals are held, so that an unstable trial ends in large errors and not in NaN
 
 
-class Chain(NamedTuple):
+class PackedChain(NamedTuple):
     """What a record passes through, but for the parameters theta.
 
     Attributes

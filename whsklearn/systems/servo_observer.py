@@ -23,7 +23,7 @@ from whsklearn.systems._servo_kernel import (
     TORQUE,
     VELOCITY,
     How,
-    Signals,
+    PassInputs,
     run,
     torque_along,
 )
@@ -107,7 +107,7 @@ def follow(plant: Plant, drive: Array, measured: Array, how: How, *, start: tupl
     position, velocity = (measured[0, 0], measured[1, 0]) if start is None else start
     out = np.empty((N_SIGNALS, drive.size))
     out[DRIVE] = drive
-    signals = Signals(np.zeros((3, 1)), _NOTHING, _NOTHING, measured)
+    signals = PassInputs(np.zeros((3, 1)), _NOTHING, _NOTHING, measured)
     run(out, plant, _NO_CONTROLLER, signals, how, np.array([position, velocity, position, velocity], dtype=float))
     return out
 

@@ -203,7 +203,7 @@ def run(
     out = np.zeros((kernel.N_SIGNALS, n))
     if e.drive is not None:
         out[0] = e.drive
-    signals = kernel.Signals(e.reference, noise, e.disturbance, e.measured)
+    signals = kernel.PassInputs(e.reference, noise, e.disturbance, e.measured)
     how = kernel.How(1.0 / sample_rate, substeps, closed, int(e.every), linear=e.linear and not closed)
     kernel.run(out, plant, controller.row, signals, how, e.initial)
     return Bunch(

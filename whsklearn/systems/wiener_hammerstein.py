@@ -9,7 +9,7 @@ import numpy as np
 from sklearn.utils import Bunch
 
 from whsklearn.effects import Effect, FrictionLaw, StaticEffect, Viscous, as_law
-from whsklearn.systems.chain import Chain, packed, run
+from whsklearn.systems.chain import PackedChain, packed, run
 from whsklearn.systems.stability import is_stable
 
 if TYPE_CHECKING:
@@ -141,7 +141,7 @@ class WienerHammersteinSystem:
         if noise.size != u.size:
             raise ValueError(f"d has {noise.size} samples and u has {u.size}; expected equal lengths.")
         dims = np.array([self.a.size, self.b.size, self.c.size, self.d.size, len(self.law)], dtype=np.int64)
-        chain = Chain(dims, self.law.codes, self.law.shapes, np.inf, self.dt)
+        chain = PackedChain(dims, self.law.codes, self.law.shapes, np.inf, self.dt)
         theta = np.concatenate([self.a[1:], self.b, self.law.weights, self.c[1:], self.d])
         later = np.zeros(self.direct)  # the pass has a delay in each block: it runs on, and what comes early is cut off
         u, noise = np.concatenate([u, later]), np.concatenate([later, noise])

@@ -11,7 +11,7 @@ import pytest
 from tests.own_effect import Magnet
 from whsklearn.effects import Scales
 from whsklearn.effects import base as registry
-from whsklearn.gap.plants.servo_candidates import Signals, candidate, catalogue, usable
+from whsklearn.gap.plants.servo_candidates import TypicalMotion, candidate, catalogue, usable
 
 SCALES = Scales(torque=0.5, peak=1.4, speed=2.0, reach=2.5, centre=0.3, duration=40.0, inertia=0.05, resonance=90.0)
 LINEAR = [c for c in catalogue() if c.linear and c.cls.port != "output"]
@@ -39,7 +39,7 @@ def test_an_effect_of_ones_own_is_a_candidate(magnet):
 
 @pytest.mark.parametrize("kind", LINEAR, ids=lambda c: c.label)
 def test_at_its_size_unit_an_effect_is_as_large_as_the_drive(kind):
-    signals, unit = Signals(SCALES), kind.size_unit(SCALES)
+    signals, unit = TypicalMotion(SCALES), kind.size_unit(SCALES)
     tops = [unit * np.abs(kind.unit_columns(s, signals)).max() for s in kind.starts(SCALES)]
     assert max(tops) >= SCALES.torque * (1 - 1e-9), "no start asks for more"
     assert min(t for t in tops if t > 0.01 * max(tops)) == pytest.approx(SCALES.torque)

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from whsklearn.gap.plants.servo_candidates import catalogue
-from whsklearn.gap.plants.servo_columns import Signals, effect_columns
+from whsklearn.gap.plants.servo_columns import ColumnSignals, effect_columns
 from whsklearn.gap.plants.servo_model import Term
 
 RNG = np.random.default_rng(3)
 TIME = np.arange(400) * 0.01
 ANGLE = 1.2 * np.sin(2.1 * TIME) + 0.3 * np.sin(7.0 * TIME)
-MOTION = Signals(TIME, ANGLE, np.gradient(ANGLE, TIME), RNG.normal(size=400), RNG.normal(size=400))
+MOTION = ColumnSignals(TIME, ANGLE, np.gradient(ANGLE, TIME), RNG.normal(size=400), RNG.normal(size=400))
 SHAPES = {"order": 5.0, "frequency": 2.0, "time": 1.7}
 LINEAR = [c for c in catalogue() if c.linear and c.cls.port == "torque" and not c.cls.later]
 

@@ -15,7 +15,7 @@ from whsklearn.gap.plants import inverse_dynamics as ols
 from whsklearn.gap.plants.servo_candidates import candidate
 from whsklearn.gap.plants.servo_model import Term
 from whsklearn.gap.plants.servo_objections import too_large
-from whsklearn.gap.plants.servo_start import motion, start_of
+from whsklearn.gap.plants.servo_start import filtered_motion, start_of
 from whsklearn.gap.proof import closure
 from whsklearn.gap.record import ServoRecord
 from whsklearn.systems import ServoAxis
@@ -114,9 +114,9 @@ def test_block_solutions_are_those_of_least_squares():
 @pytest.mark.parametrize("rate", [50.0, 1000.0, 10_000.0])
 def test_smoothed_motion_has_no_phantom_spring(rate):
     t = np.arange(int(4 * rate)) / rate
-    _, _, a = motion(np.full(t.size, 100.0), 1 / rate, min(8.0, 0.04 * rate))
+    _, _, a = filtered_motion(np.full(t.size, 100.0), 1 / rate, min(8.0, 0.04 * rate))
     assert np.abs(a).max() < 1e-6
-    _, _, a = motion(0.5 * t**2, 1 / rate, min(8.0, 0.04 * rate))
+    _, _, a = filtered_motion(0.5 * t**2, 1 / rate, min(8.0, 0.04 * rate))
     assert a[t.size // 3 : -t.size // 3] == pytest.approx(1.0, abs=1e-6)
 
 

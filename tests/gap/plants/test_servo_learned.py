@@ -15,7 +15,7 @@ from whsklearn.gap import GapFinder
 from whsklearn.gap.filters import CUTOFF_SIGMA, filtered, gaussian_derivatives
 from whsklearn.gap.plants.servo import ServoPlant
 from whsklearn.gap.plants.servo_candidates import catalogue
-from whsklearn.gap.plants.servo_columns import Signals
+from whsklearn.gap.plants.servo_columns import ColumnSignals
 from whsklearn.gap.plants.servo_learned import thinned
 from whsklearn.gap.proof import prove
 from whsklearn.gap.record import ServoRecord
@@ -85,7 +85,7 @@ def test_a_thinned_record_looks_the_same_behind_the_filter():
     view = SimpleNamespace(every=60, g=gaussian_derivatives(CUTOFF_SIGMA / (2 * np.pi * cutoff), dt)[0])
     t = np.arange(40_000) * dt
     q = 1.3 * np.sin(2.1 * t)
-    s, kernel, every = thinned(view, Signals(t, q, np.gradient(q, dt), t, t, 100.0))
+    s, kernel, every = thinned(view, ColumnSignals(t, q, np.gradient(q, dt), t, t, 100.0))
     assert s.time.size < t.size / 10
     whole, thin = (LearnedTorque(1.0, 0.4, 0.05).value(position=x) for x in (q, s.position))
     np.testing.assert_allclose(filtered(thin, kernel, every), filtered(whole, view.g, view.every), atol=2e-3)

@@ -1,4 +1,4 @@
-"""The start of a servo diagnosis: scales as the record has them, derivatives of the motion, room between the blocks."""
+"""The start of a servo diagnosis: scales as the record has them, filtered derivatives, room between blocks."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 from tests.gap.plants.example_servo import INERTIA, RATE, TIME, opened, record_of
 from whsklearn.datasets import make_servo_log
 from whsklearn.effects import InputDelay
-from whsklearn.gap.plants.servo_start import base_model, best_view, drive_lead, earlier, motion, start_of
+from whsklearn.gap.plants.servo_start import base_model, best_view, drive_lead, earlier, filtered_motion, start_of
 from whsklearn.gap.record import ServoRecord
 
 
@@ -22,7 +22,7 @@ def views():
 @pytest.mark.parametrize("centre", [0.0, 1e5])
 def test_derivatives_of_a_wave_are_its_own_wherever_the_encoder_counts_from(centre):
     w = 3.0
-    q, v, a = motion(centre + np.sin(w * TIME), 1.0 / RATE, 20.0)
+    q, v, a = filtered_motion(centre + np.sin(w * TIME), 1.0 / RATE, 20.0)
     inside = slice(200, -200)
     np.testing.assert_allclose(q[inside] - centre, np.sin(w * TIME)[inside], atol=2e-3)
     np.testing.assert_allclose(v[inside], w * np.cos(w * TIME)[inside], atol=w * 2e-3)

@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 
 from whsklearn.effects import as_law
 from whsklearn.recursion.batch.missing_dynamics import missing_poles, with_pole
-from whsklearn.recursion.batch.simulation_error import Chain, refine, run
+from whsklearn.recursion.batch.simulation_error import FittedChain, refine, run
 from whsklearn.recursion.batch.simulation_search import record
 
 A1, A2 = np.array([1.0, -1.2, 0.5]), np.poly([0.8 + 0.4j, 0.8 - 0.4j]).real
@@ -17,7 +17,7 @@ LAW = as_law("cubic_spline")
 
 def chain(a1, a2, b1=(1.0, 0.4), b2=(1.0, -0.3)):
     pad = [np.append(b, np.zeros(a.size - len(b))) for b, a in ((b1, a1), (b2, a2))]
-    return Chain(pad[0][None, :], a1, pad[1], a2, LAW, LAW.weights)
+    return FittedChain(pad[0][None, :], a1, pad[1], a2, LAW, LAW.weights)
 
 
 def answered(truth, seed, noise=0.05, n=2500):

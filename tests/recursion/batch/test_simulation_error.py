@@ -10,7 +10,7 @@ from whsklearn.effects import Coulomb, FrictionLaw, Tanh, Viscous, cubic_spline_
 from whsklearn.recursion.batch.best_linear import IOData, best_linear
 from whsklearn.recursion.batch.block_split import Orders, divisions, padded
 from whsklearn.recursion.batch.linear_filter import delayed_rows, filter_rows
-from whsklearn.recursion.batch.simulation_error import Chain, refine, run, sensitivities, solve_law
+from whsklearn.recursion.batch.simulation_error import FittedChain, refine, run, sensitivities, solve_law
 from whsklearn.recursion.batch.structure_choice import squared_error
 
 RNG = np.random.default_rng(0)
@@ -40,7 +40,7 @@ def test_filters_are_scipys_and_restart():
 def test_sensitivities_are_the_derivatives(law):
     u = RNG.standard_normal((2, 400))
     one = np.ones(1)
-    chain = Chain(
+    chain = FittedChain(
         np.array([[1.0, 0.3], [0.2, -0.1]]), np.r_[one, -0.6], np.r_[one, 0.4], np.r_[one, -0.3, 0.1], law, law.weights
     )
     data = data_of(u, np.zeros(400), BOUNDS)
@@ -69,7 +69,7 @@ def test_the_best_linear_model_of_a_linear_system_is_the_system():
 def test_dry_friction_on_dx_is_refined_with_its_scale_held():
     law = FrictionLaw([Viscous(0.3), Coulomb(0.8)])
     one, u = np.ones(1), RNG.standard_normal((1, 800))
-    true = Chain(np.array([[1.0, 0.4]]), np.r_[one, -0.5], one, np.r_[one, -0.3], law, law.weights)
+    true = FittedChain(np.array([[1.0, 0.4]]), np.r_[one, -0.5], one, np.r_[one, -0.3], law, law.weights)
     data = data_of(u, run(true, data_of(u, np.zeros(800), [0, 800])).y, [0, 800])
     near = true._replace(a1=np.r_[one, -0.4], a2=np.r_[one, -0.2])
     fitted = refine(near, data, 40, free=False)
@@ -83,7 +83,7 @@ def test_a_refinement_never_ends_above_its_start():
     x = lfilter([1.0, 0.5], [1.0, -0.6], u)
     y = lfilter([1.0, 0.3], [1.0, -0.4], np.abs(x))
     law = cubic_spline_law([-4.0, -0.03, -0.02, 0.0, 0.02, 0.03, 4.0], [4.0, 0.03, 0.02, 0.0, 0.02, 0.03, 4.0])
-    chain = Chain(
+    chain = FittedChain(
         np.array([[1.0, 0.5]]), np.array([1.0, -0.6]), np.array([1.0, 0.3]), np.array([1.0, -0.4]), law, law.weights
     )
     data = data_of(u, y, [0, 1500])

@@ -7,8 +7,8 @@ import pytest
 from scipy.signal import lfilter
 
 from whsklearn.effects import FrictionLaw, Power, as_law
-from whsklearn.recursion.batch.simulation_error import Chain, Fitted, run
-from whsklearn.recursion.batch.simulation_search import Structure, best_in_turn, record, search, square
+from whsklearn.recursion.batch.simulation_error import Fitted, FittedChain, run
+from whsklearn.recursion.batch.simulation_search import SearchedOrders, best_in_turn, record, search, square
 
 RNG = np.random.default_rng(0)
 
@@ -19,7 +19,7 @@ def test_a_chain_is_found_from_the_record_alone(shape):
     clean = lfilter([1.0, 0.4], [1.0, -0.5], shape(lfilter([0.5, 0.2], [1.0, -0.6], u)))
     y = clean + 0.02 * np.std(clean) * RNG.standard_normal(2000)
     data = record(u[:, None], y, np.arange(2000) == 0)
-    found = search(data, as_law("cubic_spline"), (Structure(((2, 2),), square(1)),))
+    found = search(data, as_law("cubic_spline"), (SearchedOrders(((2, 2),), square(1)),))
     error = (clean - run(found.chain, data).y)[data.counts]
     assert np.std(error) < 0.015 * np.std(clean)
     assert found.chain.stable
@@ -30,7 +30,7 @@ def test_every_way_to_divide_the_poles_goes_on_before_a_second_of_any():
 
     def candidate(n1, n2, cost):
         a1, a2 = (np.append(1.0, np.zeros(n)) for n in (n1, n2))
-        return Fitted(Chain(np.ones((1, 1)), a1, np.ones(1), a2, law, np.ones(1)), np.zeros(1), cost)
+        return Fitted(FittedChain(np.ones((1, 1)), a1, np.ones(1), a2, law, np.ones(1)), np.zeros(1), cost)
 
     pool = [candidate(3, 5, c) for c in (1.0, 1.1, 1.2)] + [candidate(3, 3, 2.0), candidate(3, 3, 2.5)]
     kept = best_in_turn(pool, 3)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from whsklearn.effects import FrictionLaw, Power
-from whsklearn.recursion.batch.simulation_error import Chain, Fitted
+from whsklearn.recursion.batch.simulation_error import Fitted, FittedChain
 from whsklearn.recursion.batch.simulation_search import record
 from whsklearn.recursion.batch.structure_choice import simplest
 
@@ -18,7 +18,7 @@ def gain(k, error, extra=0):
     """y = k u, with surplus zeros that do nothing, and the error that it is said to have left in the fit."""
     one = np.ones(1)
     return Fitted(
-        Chain(np.append(k, np.zeros(extra))[None, :], one, one, one, LINEAR, one), error, float(error @ error)
+        FittedChain(np.append(k, np.zeros(extra))[None, :], one, one, one, LINEAR, one), error, float(error @ error)
     )
 
 

@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 
 from whsklearn.effects import as_law
 from whsklearn.recursion.batch import wrong_minimum
-from whsklearn.recursion.batch.simulation_error import Chain, refine
+from whsklearn.recursion.batch.simulation_error import FittedChain, refine
 from whsklearn.recursion.batch.simulation_search import record
 from whsklearn.recursion.batch.wrong_minimum import improved
 
@@ -28,7 +28,7 @@ def saturated(noise=0.05, n=3000, b1=B1, b2=B2):
 
 
 def start(b1, a1, b2, a2):
-    return Chain(b1[None, :], a1, b2, a2, LAW, LAW.weights)
+    return FittedChain(b1[None, :], a1, b2, a2, LAW, LAW.weights)
 
 
 @pytest.mark.parametrize(

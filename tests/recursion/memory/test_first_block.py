@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from whsklearn.recursion.memory.first_block import KNOWN, first_block, motion
+from whsklearn.recursion.memory.first_block import KNOWN, first_block, increment_rms
 
 DIMS = np.array([3, 2, 1, 1, 1])
 THETA = np.array([0.4, -0.2, -1.1, 0.5, 9.0, 9.0, 9.0])  # (a, b), and what L1 has no use for
@@ -24,7 +24,7 @@ def test_it_is_the_filter_from_rest_in_each_experiment():
     x = filtered(THETA[:2], THETA[2:4])
     dx = x - np.where(RESTART, 0.0, np.roll(x, 1))
     np.testing.assert_allclose(signals, [x, dx], atol=1e-12)
-    assert size == motion(THETA, DIMS, U, RESTART) == pytest.approx(np.sqrt(np.mean(dx**2)))
+    assert size == increment_rms(THETA, DIMS, U, RESTART) == pytest.approx(np.sqrt(np.mean(dx**2)))
 
 
 def test_two_inputs_have_a_numerator_each_over_one_denominator():

@@ -20,7 +20,7 @@ from whsklearn.effects import (
 )
 from whsklearn.effects.law import polynomial_law, smooth_law
 from whsklearn.effects.static import Hinge, Power, Tanh, TanhDifference
-from whsklearn.recursion.memory.first_block import motion
+from whsklearn.recursion.memory.first_block import increment_rms
 from whsklearn.recursion.memory.starts import random_stable, regressors
 from whsklearn.recursion.rows.predictor import (
     ROWS,
@@ -123,7 +123,7 @@ def test_with_l1_fixed_the_prediction_is_linear_in_the_products_and_d():
     law = LAWS["all"]
     dims, theta, u, y, restart = problem((2, 2, 3, 2), law, n_inputs=2)
     na, nb, nc, nd, nw = dims
-    kappa = 0.5 / motion(theta, dims, u, restart)
+    kappa = 0.5 / increment_rms(theta, dims, u, restart)
     rows = regressors(theta, (dims, law.codes, law.shapes), u, y, restart)
     assert rows.shape == (y.size, nc * nw + nd)
     w = theta[na - 1 + nb : na - 1 + nb + nw]

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from whsklearn.effects import ContactStop, InputOffset
 from whsklearn.gap.calibration import p_value
-from whsklearn.gap.data_check import Problem
+from whsklearn.gap.data_check import DataProblem
 from whsklearn.gap.filters import whiteness
 from whsklearn.gap.localisation import spectra
 from whsklearn.gap.plant import PlantDefaults
@@ -90,7 +90,7 @@ class ArmPlant(PlantDefaults):
         self.own_units: dict[str, str] = {}
 
     # --- the base model ----------------------------------------------------------------------
-    def check(self) -> list[Problem]:
+    def check(self) -> list[DataProblem]:
         """Check for degrees, mA, a wrong order of the columns, and joints that do not move."""
         from whsklearn.models.files import as_arm
 
@@ -100,11 +100,11 @@ class ArmPlant(PlantDefaults):
             try:
                 self.view = ArmView(self.lags, q, u, self.given, self.covariance)
             except ValueError as error:
-                return [Problem("data-arm", "The log cannot be used", str(error))]
+                return [DataProblem("data-arm", "The log cannot be used", str(error))]
         v = self.view
         texts = [str(w.message) for w in said if w.category is UserWarning]
         texts += [*suspicions(arm, q, u), *swapped(arm.joints, v.phi, v.target, v.keep)]
-        return [Problem("data-arm", "The columns of the log may be wrong", text, fatal=False) for text in texts]
+        return [DataProblem("data-arm", "The columns of the log may be wrong", text, fatal=False) for text in texts]
 
     def base(self, rng: np.random.Generator) -> ArmState:
         """The rigid arm with its law, fitted; or the given arm with only the offsets fitted."""

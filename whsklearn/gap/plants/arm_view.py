@@ -22,7 +22,7 @@ from whsklearn.filtering.encoder import encoder_noise
 from whsklearn.gap.calibration import coloured, n_effective, smoothed_power
 from whsklearn.gap.evidence import MAD
 from whsklearn.gap.plants.arm_terms import AtJoint, JointInertia, JointTerm, Load, Weight
-from whsklearn.gap.plants.servo_columns import Signals
+from whsklearn.gap.plants.servo_columns import ColumnSignals
 from whsklearn.gap.plants.servo_inverse import later, reaching
 from whsklearn.gap.record import lattice, rms
 from whsklearn.lags.rigid_body import RigidBodyLags
@@ -149,11 +149,11 @@ class ArmView:
             inertia=max(rms(u) / max(rms(a), 1e-9), 1e-9),
         )  # fmt: skip
 
-    def signals(self, kind: AtJoint, moved: Motion | None = None, torque: Array | None = None) -> Signals:
+    def signals(self, kind: AtJoint, moved: Motion | None = None, torque: Array | None = None) -> ColumnSignals:
         """The motion along a joint or a sum of joints; its drive is the torque that the model predicts."""
         d = np.array(kind.direction)
         q, v, a = (x @ d for x in (self.moved if moved is None else moved))
-        return Signals(self.time, q, v, a, (self.torque if torque is None else torque) @ d)
+        return ColumnSignals(self.time, q, v, a, (self.torque if torque is None else torque) @ d)
 
     # -- columns ------------------------------------------------------------------------------
     def columns(self, kind: AtJoint, shape: tuple[float, ...]) -> Array:

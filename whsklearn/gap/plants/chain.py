@@ -10,7 +10,7 @@ import numpy as np
 from whsklearn.effects import Quantization, get_effect
 from whsklearn.estimators import _model as wh
 from whsklearn.gap.calibration import p_value
-from whsklearn.gap.data_check import Problem
+from whsklearn.gap.data_check import DataProblem
 from whsklearn.gap.diagnosis import NamedEffect
 from whsklearn.gap.plant import PlantDefaults
 from whsklearn.gap.plants import chain_model as cm
@@ -94,7 +94,7 @@ class ChainPlant(PlantDefaults):
         self._parts: dict[tuple[int, bool], tuple[ChainModel, ChainModel]] = {}
         self._seen: dict[int, tuple[ChainModel, Seen]] = {}
 
-    def check(self) -> list[Problem]:
+    def check(self) -> list[DataProblem]:
         """See `whsklearn.gap.plants.chain_record.check_chain`."""
         return readings.check_chain(self.u, self.y)
 

@@ -22,7 +22,7 @@ from whsklearn.effects.terms import law_values
 from whsklearn.gap.plants.chain_candidates import Sizes, Term
 from whsklearn.gap.record import rms
 from whsklearn.recursion.batch.best_linear import stabilised
-from whsklearn.systems.chain import Chain, Ports, run
+from whsklearn.systems.chain import PackedChain, Ports, run
 
 Array = NDArray[np.float64]
 
@@ -57,9 +57,9 @@ class Record:
         ends = np.cumsum([na - 1, nb, nw, nc - 1, nd])
         return tuple(slice(int(e - k), int(e)) for e, k in zip(ends, (na - 1, nb, nw, nc - 1, nd), strict=True))  # type: ignore[return-value]
 
-    def chain(self, kappa: float) -> Chain:
+    def chain(self, kappa: float) -> PackedChain:
         """All but theta and effects, as the compiled pass takes it."""
-        return Chain(self.dims, self.law.codes, self.law.shapes, kappa, self.dt)
+        return PackedChain(self.dims, self.law.codes, self.law.shapes, kappa, self.dt)
 
     def with_output(self, y: Array) -> Record:
         """The same with other readings."""

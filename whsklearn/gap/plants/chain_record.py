@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from whsklearn.gap.data_check import Problem, flat_share
+from whsklearn.gap.data_check import DataProblem, flat_share
 from whsklearn.gap.localisation import spectra
 from whsklearn.gap.plants.chain_model import AR_ORDER, SKIP, ChainModel, Record, clipped, left, simulate, variance_of
 from whsklearn.gap.record import lattice, rms
@@ -33,7 +33,7 @@ LAGS = 20  # of the test of whiteness
 WINDOW = 200  # samples of the overlay
 
 
-def check_chain(u: Array, y: Array) -> list[Problem]:
+def check_chain(u: Array, y: Array) -> list[DataProblem]:
     """Problems of a record, all of them fatal.
 
     Examples
@@ -45,16 +45,16 @@ def check_chain(u: Array, y: Array) -> list[Problem]:
     bad = [name for name, x in (("input", u), ("output", y)) if not np.all(np.isfinite(x))]
     if bad:
         text = f"The {' and the '.join(bad)} holds values that are missing or not finite; repair or cut them."
-        return [Problem("data-not-finite", "Missing values", text)]
+        return [DataProblem("data-not-finite", "Missing values", text)]
     if u.size < FEWEST:
         text = f"{u.size} samples; at least {FEWEST} are needed to tell an effect from noise. Log longer."
-        return [Problem("data-too-short", "Record too short", text)]
+        return [DataProblem("data-too-short", "Record too short", text)]
     if np.ptp(u) == 0 or np.mean(np.diff(u) == 0) > STANDING:
         text = "The input is constant or changes in fewer than 2 % of the samples; pick the input that was applied."
-        return [Problem("data-no-drive", "The input does not change", text)]
+        return [DataProblem("data-no-drive", "The input does not change", text)]
     if np.ptp(y) == 0 or np.mean(np.diff(y) == 0) > STANDING:
         text = "The output is constant or changes in fewer than 2 % of the samples; pick the measured output."
-        return [Problem("data-not-moving", "The output does not change", text)]
+        return [DataProblem("data-not-moving", "The output does not change", text)]
     out = []
     share = flat_share(y)
     if share > CLIPPED and np.unique(y).size > LEVELS:
@@ -62,12 +62,12 @@ def check_chain(u: Array, y: Array) -> list[Problem]:
             f"The output stands at its extreme for {100 * share:.0f} % of the record. Either the log clips it, or the "
             "plant stops there, as a tank that overflows. No chain of this kind does: pass the part before it."
         )
-        out.append(Problem("data-clipped-position", "The output stops at its extreme", text))
+        out.append(DataProblem("data-clipped-position", "The output stops at its extreme", text))
     jumps = np.abs(y - np.median(y))
     spikes = int(np.sum(jumps > FAR * (np.quantile(jumps, 0.99) + 1e-300)))
     if spikes:
         text = f"{spikes} samples of the output lie far beyond the rest; repair the outliers."
-        out.append(Problem("data-spikes", "Outliers in the output", text))
+        out.append(DataProblem("data-spikes", "Outliers in the output", text))
     return out
 
 

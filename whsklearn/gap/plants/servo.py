@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from whsklearn.effects import get_effect
 from whsklearn.gap.calibration import gain
-from whsklearn.gap.data_check import Problem, check_servo
+from whsklearn.gap.data_check import DataProblem, check_servo
 from whsklearn.gap.diagnosis import NamedEffect
 from whsklearn.gap.evidence import QUIET
 from whsklearn.gap.filters import whiteness
@@ -78,7 +78,7 @@ class ServoPlant(PlantDefaults):
         self._folded: tuple[ObserverView, AxisModel] | None = None
         self.lead = 0.0
 
-    def check(self) -> list[Problem]:
+    def check(self) -> list[DataProblem]:
         """See `whsklearn.gap.data_check.check_servo`."""
         return check_servo(self.record)
 

@@ -26,7 +26,7 @@ SEEN = 0.01  # of an effect's largest value over its starts: a start at which it
 N_POINTS = 2001  # of the motion on which an effect's largest value is taken: a thousandth of the travel apart
 
 
-class Signals:
+class TypicalMotion:
     """A motion of one record's scales on which every effect shows: seven swings and a bit over the travel, so
     that no two pass the same places; shape (n,) each.
     """
@@ -145,7 +145,7 @@ class Candidate:
         """Whether its columns hold the drive, which they could then explain by itself: asked of the equation."""
         if self.linear == 0:
             return self.cls.column_kind != "none"
-        signals, scales = Signals(Scales()), Scales()
+        signals, scales = TypicalMotion(Scales()), Scales()
         shape = self.starts(scales)[0]
         with_drive = self.unit_columns(shape, signals)
         signals.drive = np.zeros(N_POINTS)
@@ -156,7 +156,7 @@ class Candidate:
         """Whether it is a torque of the position alone, whatever came before, of a shape that no scan has to find."""
         if self.cls.port != "torque" or self.linear == 0 or self.scanned:
             return False
-        signals, scales = Signals(Scales()), Scales()
+        signals, scales = TypicalMotion(Scales()), Scales()
         shape = self.starts(scales)[0]
         moving = self.unit_columns(shape, signals)
         signals.velocity, signals.acceleration = -0.5 * signals.velocity, -signals.acceleration
@@ -235,7 +235,7 @@ def _size_unit(candidate: Candidate, scales: Scales) -> float:
     whole = 0.01 * scales.reach if candidate.cls.port == "output" else scales.torque
     if candidate.linear == 0:
         return whole
-    signals = Signals(scales)
+    signals = TypicalMotion(scales)
     tops = np.array([np.abs(candidate.unit_columns(s, signals)).max() for s in candidate.starts(scales)])
     seen = tops[tops > SEEN * tops.max()]
     return float(whole / seen.min()) if seen.size else whole

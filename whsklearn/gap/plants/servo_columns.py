@@ -11,7 +11,7 @@ from whsklearn.gap.plants.servo_candidates import Candidate
 Array = NDArray[Any]
 
 
-class Signals(NamedTuple):
+class ColumnSignals(NamedTuple):
     """What an effect's columns are made of, shape (n,) each.
 
     ``drive`` is the torque that the model predicts wherever an effect acts on the drive: the measured one would let
@@ -26,6 +26,6 @@ class Signals(NamedTuple):
     kappa: float | None = None
 
 
-def effect_columns(kind: Candidate, shape: tuple[float, ...], signals: Signals) -> Array:
+def effect_columns(kind: Candidate, shape: tuple[float, ...], signals: ColumnSignals) -> Array:
     """Torque a unit of size at this shape, shape (n, 1) or (n, 2) for a cosine and a sine."""
     return kind.unit_columns(shape, signals)

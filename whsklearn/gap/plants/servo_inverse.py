@@ -26,7 +26,7 @@ from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants import servo_stop as stop
 from whsklearn.gap.plants import servo_two_mass as two_mass
 from whsklearn.gap.plants.servo_candidates import TWO_MASS
-from whsklearn.gap.plants.servo_columns import Signals, effect_columns
+from whsklearn.gap.plants.servo_columns import ColumnSignals, effect_columns
 from whsklearn.gap.plants.servo_model import AxisModel, Term
 from whsklearn.gap.plants.servo_objections import unphysical
 from whsklearn.gap.plants.servo_surrogate import surrogate_record
@@ -38,7 +38,7 @@ PER_CUTOFF = 5.0  # samples a period of the cut-off that decimation keeps
 KEPT = 40  # columns remembered: a polish moves one shape and leaves the others
 
 
-def reaching(t: Term, u: Array, motion: Signals, dt: float) -> Array:
+def reaching(t: Term, u: Array, motion: ColumnSignals, dt: float) -> Array:
     """What an effect of the drive as a whole lets through: less at a limit or around zero, late by a delay or a lag."""
     if t.kind.cls.column_kind == "at_size":
         return u - np.asarray(t.effect.contribution(motion._replace(drive=u)))
@@ -86,7 +86,7 @@ class InverseView:
             lambda x: tuple(filtered(x, kernel, 1) for kernel in fine), y - centre, fine[0].size // 2
         )
         self.time = record.clock
-        self.motion = Signals(self.time, q + centre, v, a, u)
+        self.motion = ColumnSignals(self.time, q + centre, v, a, u)
         self.slowest = max(rules.NOISY * self.noise * float(np.linalg.norm(fine[1])), rules.SLOW * scene.speed)
         self.motion = self.motion._replace(kappa=2.0 / self.slowest)
         self.acceleration = filtered(y - centre, g2, self.every)

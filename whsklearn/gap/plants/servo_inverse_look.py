@@ -28,7 +28,7 @@ POLISH = 4  # rounds over the shape numbers, the step shrunk to 0.55 in each to 
 HIGHEST = 160.0  # periods a turn
 
 
-class Base:
+class ProjectedBase:
     """The model's own columns projected out of what is left."""
 
     def __init__(self, view: Any, model: AxisModel, beside: AxisModel | None = None):
@@ -73,12 +73,12 @@ def has_form(c: Candidate) -> bool:
     return c.linear > 0 or c.transforms or c.code in TWO_MASS
 
 
-def term_gain(view: Any, base: Base, term: Term) -> float:
+def term_gain(view: Any, base: ProjectedBase, term: Term) -> float:
     """Gain of one term at its shape."""
     return base.gain(view.term_columns(base.model, term, base.torque)[view.at])
 
 
-def scan_orders(view: Any, base: Base, kind: Candidate, without: Collection[float] = ()) -> list[float]:
+def scan_orders(view: Any, base: ProjectedBase, kind: Candidate, without: Collection[float] = ()) -> list[float]:
     """The best whole order but those ``without``, and the best of all, on the decimated motion.
 
     A wave is damped by exp(-(k v s)^2 / 2).
@@ -100,7 +100,7 @@ def scan_orders(view: Any, base: Base, kind: Candidate, without: Collection[floa
     return [first] if gains[best] < rules.WHOLE_ORDER * gains[first] else [best, first]
 
 
-def wave_gains(view: Any, base: Base, kind: Candidate, values: Array) -> Array:
+def wave_gains(view: Any, base: ProjectedBase, kind: Candidate, values: Array) -> Array:
     """Share of what is left that a wave of each order explains beyond the model.
 
     What stands before the wave (the sign of the velocity, the torque) is the effect's own column at order zero.
@@ -120,7 +120,7 @@ def wave_gains(view: Any, base: Base, kind: Candidate, values: Array) -> Array:
     return out
 
 
-def pair_gains(base: Base, c: Array, s: Array) -> Array:
+def pair_gains(base: ProjectedBase, c: Array, s: Array) -> Array:
     """Gain of every pair of columns (c_i, s_i) beyond the base."""
     c, s = base.open(c), base.open(s)
     c = c - base.q @ (base.q.T @ c)
@@ -239,7 +239,7 @@ def widened(view: Any, model: AxisModel) -> CandidateFit | None:
 
 def next_order(view: Any, model: AxisModel, kind: Candidate) -> AxisModel | None:
     """The model with the best further order of a family; beside whole orders only whole ones belong to it."""
-    base = Base(view, model)
+    base = ProjectedBase(view, model)
     present = {round(t.q[2], 2) for t in model.terms if t.kind == kind}
     whole = all(o.is_integer() for o in present)
     apart = ONE_PERIOD / view.scene.reach  # closer ones are one wave with an envelope

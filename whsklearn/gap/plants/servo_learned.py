@@ -25,7 +25,7 @@ from whsklearn.gap.filters import filtered
 from whsklearn.gap.plants import inverse_dynamics as ols
 from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants.servo_candidates import TWO_MASS, Candidate
-from whsklearn.gap.plants.servo_columns import Signals
+from whsklearn.gap.plants.servo_columns import ColumnSignals
 from whsklearn.gap.plants.servo_model import AxisModel, Term
 from whsklearn.gap.values import Curve, Learned
 
@@ -117,7 +117,7 @@ def learn(view: Any, model: AxisModel) -> Learned | None:
     if any(t.kind.code in TWO_MASS for t in model.terms):
         return None
     torque = view.torque(model)
-    problem = Problem(view, model, torque)
+    problem = CurveProblem(view, model, torque)
     found: list[Fit] = []
     while len(found) < MOST_CURVES:
         open_forms = [f for f in forms(view, torque) if f not in [g.form for g in found]]
@@ -130,7 +130,7 @@ def learn(view: Any, model: AxisModel) -> Learned | None:
             break
         chosen = next(f for f in fits if problem.gain(f.error) > gain - LEAST_MARGIN)  # the simplest of the best
         found.append(chosen)
-        problem = Problem(view, model, torque, tuple(found))
+        problem = CurveProblem(view, model, torque, tuple(found))
     if not found:
         return None
     heights = heights_of(found)
@@ -138,7 +138,7 @@ def learn(view: Any, model: AxisModel) -> Learned | None:
     return Learned(with_curves(view, model, found, heights), curves)
 
 
-class Problem:
+class CurveProblem:
     """Penalised least squares of one record: the base model's friction and effects, and the curves found so far."""
 
     def __init__(self, view: Any, model: AxisModel, torque: Array | None, curves: tuple[Fit, ...] = ()):
@@ -229,14 +229,14 @@ class Problem:
         return Fit(form, centres, width, new, own, numbers, covariance, min(errors), self.inertia, self.timing)
 
 
-def thinned(view: Any, s: Signals) -> tuple[Signals, Array, int]:
+def thinned(view: Any, s: ColumnSignals) -> tuple[ColumnSignals, Array, int]:
     """(signals, Gaussian, samples between judged ones) at the lowest rate that the view's filter leaves unharmed."""
     step = max(d for d in range(1, view.every + 1) if view.every % d == 0 and (d == 1 or view.every // d >= PER_SAMPLE))
     half = view.g.size // 2
     kernel = view.g[half % step :: step]
     kernel = kernel * (view.g.sum() / kernel.sum())
     time, position, velocity, acceleration, drive = (np.ascontiguousarray(x[::step]) for x in s[:5])
-    thin = Signals(time, position, velocity, acceleration, drive, s.kappa)
+    thin = ColumnSignals(time, position, velocity, acceleration, drive, s.kappa)
     return thin, kernel, view.every // step
 
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from whsklearn.gap.calibration import coloured, n_effective, smoothed_power
 from whsklearn.gap.plants import servo_evidence as rules
-from whsklearn.gap.plants.servo_columns import Signals as Motion
+from whsklearn.gap.plants.servo_columns import ColumnSignals as Motion
 from whsklearn.gap.plants.servo_model import AxisModel
 from whsklearn.gap.plants.servo_surrogate import run_by_piece
 from whsklearn.systems._servo_kernel import DRIVE, MEASURED, How

@@ -25,7 +25,7 @@ HIGHEST_CUTOFF, LOWEST_CUTOFF = 0.08, 2.0  # of the sampling rate; Hz: where the
 FIRST_CUTOFF = 8.0  # Hz, for the first guess of the inertia: above any reference, below most noise
 
 
-def motion(position: Array, dt: float, cutoff: float) -> tuple[Array, Array, Array]:
+def filtered_motion(position: Array, dt: float, cutoff: float) -> tuple[Array, Array, Array]:
     """Position, velocity and acceleration of a segment behind one Gaussian of the cut-off (Hz), shape (n,) each."""
     g, g1, g2 = gaussian_derivatives(CUTOFF_SIGMA / (2 * np.pi * cutoff), dt)
     half = g.size // 2
@@ -75,7 +75,7 @@ def start_of(record: ServoRecord, law: tuple[str, ...], goal: float) -> tuple[In
     """
     dt, y = record.dt, record.position
     first = min(FIRST_CUTOFF, 0.04 / dt)
-    q, v, a = record.smoothed(lambda x: motion(x, dt, first), y, round(1.0 / (first * dt)))
+    q, v, a = record.smoothed(lambda x: filtered_motion(x, dt, first), y, round(1.0 / (first * dt)))
     torque = rms(record.drive)
     scene = Scales(
         torque=torque,

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from whsklearn.gap.plants.servo_columns import Signals as Motion
+from whsklearn.gap.plants.servo_columns import ColumnSignals as Motion
 from whsklearn.gap.plants.servo_model import AxisModel
-from whsklearn.systems._servo_kernel import DRIVE, MEASURED, N_SIGNALS, How, Signals, run
+from whsklearn.systems._servo_kernel import DRIVE, MEASURED, N_SIGNALS, How, PassInputs, run
 from whsklearn.systems._servo_torques import DELAY, RESOLUTION
 
 Array = NDArray[Any]
@@ -62,7 +62,7 @@ def run_by_piece(
     for s, t in record.pieces:
         part, path = np.zeros((N_SIGNALS, s.stop - s.start)), np.array([x[s] for x in reference])
         q, v = path[:2, 0]
-        signals = Signals(path, noise[s], np.zeros(0), np.zeros((2, 1)))
+        signals = PassInputs(path, noise[s], np.zeros(0), np.zeros((2, 1)))
         run(part, plant, controller, signals, how._replace(start=t), np.array([q, v, q, v]))
         out[:, s] = part
     return out

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from whsklearn.effects import effect_names, get_effect
 from whsklearn.gap.calibration import gain, n_effective, p_value
-from whsklearn.gap.data_check import Problem, check_servo
+from whsklearn.gap.data_check import DataProblem, check_servo
 from whsklearn.gap.filters import autoregression, whiten, whiteness
 from whsklearn.gap.plant import PlantDefaults
 from whsklearn.gap.plants.simulator_families import Seen, accelerations, slopes
@@ -73,7 +73,7 @@ class SimulatorPlant(PlantDefaults):
         self._shapes: dict[str, list[Any]] | None = None
 
     # --- models ---------------------------------------------------------------------------
-    def check(self) -> list[Problem]:
+    def check(self) -> list[DataProblem]:
         """See `whsklearn.gap.data_check.check_servo`."""
         return check_servo(self.record)
 

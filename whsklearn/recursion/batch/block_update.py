@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from whsklearn.recursion.batch.best_linear import IOData, damped_step
-from whsklearn.recursion.batch.simulation_error import Chain, orthonormal, run, sensitivities
+from whsklearn.recursion.batch.simulation_error import FittedChain, orthonormal, run, sensitivities
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -30,12 +30,12 @@ class Coordinates(NamedTuple):
     held: NDArray[np.int64]
 
     @classmethod
-    def of(cls, chain: Chain, data: IOData) -> Coordinates:
+    def of(cls, chain: FittedChain, data: IOData) -> Coordinates:
         """Choose a basis in which the law's columns on this record are orthonormal; b1[0] and b2[0] are held."""
         basis = orthonormal(run(chain, data).columns[:, data.counts])
         return cls(basis, np.array([0, chain.b1.size + chain.a1.size - 1]))
 
-    def rows(self, chain: Chain, data: IOData) -> tuple[Array, Array]:
+    def rows(self, chain: FittedChain, data: IOData) -> tuple[Array, Array]:
         """The error on the samples that count, and its sensitivities with the sign of dy."""
         y, rows = sensitivities(chain, data)
         n = chain.linear_part.size
@@ -43,24 +43,26 @@ class Coordinates(NamedTuple):
         rows[self.held] = 0.0
         return (data.y - y) * data.scale, rows
 
-    def moved(self, chain: Chain, step: Array) -> Chain:
+    def moved(self, chain: FittedChain, step: Array) -> FittedChain:
         """The chain after a step of theta."""
         n = chain.linear_part.size
         return chain.moved(step[:n])._replace(weights=chain.weights + step[n:] @ self.basis)
 
 
-def information_of(chain: Chain, data: IOData, at: Coordinates) -> Array:
+def information_of(chain: FittedChain, data: IOData, at: Coordinates) -> Array:
     """J'J of a record."""
     rows = at.rows(chain, data)[1]
     return rows @ rows.T
 
 
-def block_update(chain: Chain, information: Array, data: IOData, at: Coordinates) -> tuple[Chain, Array, float]:
+def block_update(
+    chain: FittedChain, information: Array, data: IOData, at: Coordinates
+) -> tuple[FittedChain, Array, float]:
     """The chain after a block.
 
     Parameters
     ----------
-    chain : Chain
+    chain : FittedChain
         The estimate so far.
     information : ndarray of shape (p, p)
         R.
@@ -71,7 +73,7 @@ def block_update(chain: Chain, information: Array, data: IOData, at: Coordinates
 
     Returns
     -------
-    chain : Chain
+    chain : FittedChain
     information : ndarray of shape (p, p)
     loss : float
         Sum of squared errors of the block before the update.

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.linalg import orth
 
 from whsklearn.recursion.batch.linear_filter import delayed_rows, filter_rows
-from whsklearn.recursion.batch.simulation_error import Chain, Fitted, run, sensitivities
+from whsklearn.recursion.batch.simulation_error import Fitted, FittedChain, run, sensitivities
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -33,7 +33,7 @@ class Promise(NamedTuple):
     """How far the sum of squares would fall, to first order, and the chain with the pole and a zero on it."""
 
     gain: float
-    chain: Chain
+    chain: FittedChain
 
 
 def denominators() -> list[Array]:
@@ -80,7 +80,7 @@ def missing_poles(fitted: Fitted, data: IOData, largest: int, kept: int) -> list
     return sorted(best, key=lambda p: -p.gain)
 
 
-def with_pole(chain: Chain, block: int, a: Array) -> Chain:
+def with_pole(chain: FittedChain, block: int, a: Array) -> FittedChain:
     """The same chain with the poles of ``a``, and zeros on top of them, in its first (0) or second (1) block."""
     if block == 0:
         return chain._replace(b1=np.array([np.convolve(b, a) for b in chain.b1]), a1=np.convolve(chain.a1, a))

@@ -29,7 +29,7 @@ DEARER = 1.05  # factor by which placing the knots again may raise the cost for 
 SHARPNESS = 100.0  # of a smoothed sign, kappa rms(dx); at the end 1 sample in 80 is within its transition
 
 
-class Chain(NamedTuple):
+class FittedChain(NamedTuple):
     """The chain's numbers: numerators beginning with the direct path, denominators with their leading 1.
 
     ``b1`` has one row per input, shape (m, n); all inputs share a1.
@@ -47,7 +47,7 @@ class Chain(NamedTuple):
         """b1, a1[1:], b2, a2[1:] in one vector."""
         return np.concatenate([self.b1.ravel(), self.a1[1:], self.b2, self.a2[1:]])
 
-    def moved(self, step: Array) -> Chain:
+    def moved(self, step: Array) -> FittedChain:
         """The chain after a step of its linear part."""
         cuts = np.cumsum([self.b1.size, self.a1.size - 1, self.b2.size])
         b1, a1, b2, a2 = np.split(step, cuts)
@@ -64,7 +64,7 @@ class Chain(NamedTuple):
         return all(is_stable(np.ascontiguousarray(a[1:]), EDGE) for a in (self.a1, self.a2))
 
 
-class Signals(NamedTuple):
+class ChainSignals(NamedTuple):
     """The signals of a run: x, v, y, the law's columns (k, n) and its slopes by x and by dx."""
 
     x: Array
@@ -78,7 +78,7 @@ class Signals(NamedTuple):
 class Fitted(NamedTuple):
     """A chain, its error on the samples that count (zero elsewhere), and the sum of squares of that error."""
 
-    chain: Chain
+    chain: FittedChain
     error: Array
     cost: float
 
@@ -88,7 +88,7 @@ class Fitted(NamedTuple):
         return self.chain.linear_part.size + len(self.chain.law) - 2
 
 
-def before_law(chain: Chain, data: IOData) -> Array:
+def before_law(chain: FittedChain, data: IOData) -> Array:
     """x, which enters the law, of shape (n,)."""
     x = np.zeros(data.y.size)
     for b, u in zip(chain.b1, data.u, strict=True):
@@ -96,16 +96,16 @@ def before_law(chain: Chain, data: IOData) -> Array:
     return x
 
 
-def run(chain: Chain, data: IOData) -> Signals:
+def run(chain: FittedChain, data: IOData) -> ChainSignals:
     """Simulate the chain from rest."""
     x = before_law(chain, data)
     rows = law_columns(chain.law.codes, chain.law.shapes, chain.weights, x, data.bounds, _kappa(x, data))
     columns, by_x, by_dx = rows[:-2], rows[-2], rows[-1]
     v = chain.weights @ columns
-    return Signals(x, v, filter_rows(chain.b2, chain.a2, v[None, :], data.bounds)[0], columns, by_x, by_dx)
+    return ChainSignals(x, v, filter_rows(chain.b2, chain.a2, v[None, :], data.bounds)[0], columns, by_x, by_dx)
 
 
-def solve_law(chain: Chain, data: IOData) -> Fitted:
+def solve_law(chain: FittedChain, data: IOData) -> Fitted:
     """The same blocks with the best weights of the law, by linear least squares."""
     x = before_law(chain, data)
     if not np.isfinite(x).all():
@@ -120,7 +120,7 @@ def solve_law(chain: Chain, data: IOData) -> Fitted:
     return Fitted(chain._replace(weights=weights @ basis), error, cost if np.isfinite(cost) else np.inf)
 
 
-def sensitivities(chain: Chain, data: IOData) -> tuple[Array, Array]:
+def sensitivities(chain: FittedChain, data: IOData) -> tuple[Array, Array]:
     """(y, its derivatives by b1, a1[1:], b2, a2[1:] and the weights, one row each)."""
     s = run(chain, data)
     one = np.ones(1)
@@ -149,12 +149,12 @@ def sensitivities(chain: Chain, data: IOData) -> tuple[Array, Array]:
     return s.y, rows
 
 
-def refine(chain: Chain, data: IOData, iterations: int, *, free: bool = True) -> Fitted:
+def refine(chain: FittedChain, data: IOData, iterations: int, *, free: bool = True) -> Fitted:
     """Levenberg-Marquardt on the free-run error; steps to a pole beyond radius 0.9999 are rejected.
 
     Parameters
     ----------
-    chain : Chain
+    chain : FittedChain
         The starting point; its weights may be arbitrary.
     data : IOData
         The record.
@@ -203,7 +203,7 @@ def _with_unit_scale(information: Array) -> Array:
     return information
 
 
-def normalised(chain: Chain, data: IOData) -> Chain:
+def normalised(chain: FittedChain, data: IOData) -> FittedChain:
     """Scale x to unit deviation and b2 to unit length, and place knots for x; the weights must be solved for again."""
     x = before_law(chain, data)[data.counts]
     scale = float(np.std(x))

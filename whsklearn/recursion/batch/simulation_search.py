@@ -14,7 +14,7 @@ from whsklearn.effects import FrictionLaw
 from whsklearn.effects.knots import spline_terms, static_terms
 from whsklearn.recursion.batch.best_linear import IOData, Ratio, best_linear
 from whsklearn.recursion.batch.block_split import Orders, divisions, padded
-from whsklearn.recursion.batch.simulation_error import Chain, Fitted, refine, solve_law
+from whsklearn.recursion.batch.simulation_error import Fitted, FittedChain, refine, solve_law
 from whsklearn.recursion.batch.structure_choice import simplest, squared_error
 from whsklearn.recursion.batch.wrong_minimum import improved
 
@@ -29,7 +29,7 @@ FINE_KNOTS, FINE_FROM = 20, 3_000  # a finer law if there are many samples
 HOLDOUT = 0.25
 
 
-class Structure(NamedTuple):
+class SearchedOrders(NamedTuple):
     """Orders of the linear model, and the least (or, if ``exact``, the only) orders of the blocks.
 
     ``linear`` holds pairs (poles, zeros).  If ``exact``, they are tried in turn until two have a division that fits,
@@ -49,7 +49,7 @@ def square(n: int) -> Orders:
 # Padding to 3 poles lets a 2 + 3 division of a linear model of the wrong order still reach 3 + 3.  All 8 segments of
 # the benchmark converge with it, 5 without it.  Systems of lower order do not need the surplus, so those are tried too.
 UNKNOWN = tuple(
-    Structure(tuple((n, n) for n in orders), square(least))
+    SearchedOrders(tuple((n, n) for n in orders), square(least))
     for orders, least in (((2,), 1), ((3, 4), 2), ((4, 5, 6, 7), 3))
 )
 
@@ -69,7 +69,7 @@ def record(
     return IOData(np.ascontiguousarray(u.T), np.ascontiguousarray(y), bounds, counts, root)
 
 
-def search(data: IOData, law: FrictionLaw, structures: tuple[Structure, ...] = UNKNOWN) -> Fitted:
+def search(data: IOData, law: FrictionLaw, structures: tuple[SearchedOrders, ...] = UNKNOWN) -> Fitted:
     """The chain with the least free-run error; held-out data decide between structures.
 
     Parameters
@@ -78,7 +78,7 @@ def search(data: IOData, law: FrictionLaw, structures: tuple[Structure, ...] = U
         The record.
     law : FrictionLaw
         A law in x; its knots are placed again.
-    structures : tuple of Structure
+    structures : tuple of SearchedOrders
         Simplest first.  If there are several, the blocks may grow beyond them, and a polynomial replaces the law if
         held-out data cannot distinguish the two.
     """
@@ -94,7 +94,7 @@ def search(data: IOData, law: FrictionLaw, structures: tuple[Structure, ...] = U
     return finish(chosen.chain, data)
 
 
-def halving(data: IOData, law: FrictionLaw, structure: Structure) -> Fitted:
+def halving(data: IOData, law: FrictionLaw, structure: SearchedOrders) -> Fitted:
     """The best of many divisions, by longer and longer refinements of fewer and fewer, the last on `LONG` samples."""
     pool = starts(data, law, structure)
     for iterations, samples, kept in RUNGS:
@@ -115,7 +115,7 @@ def best_in_turn(pool: list[Fitted], kept: int) -> list[Fitted]:
     return [f for _, _, f in sorted(ranked, key=lambda r: r[:2])[:kept]]
 
 
-def starts(data: IOData, law: FrictionLaw, structure: Structure) -> list[Fitted]:
+def starts(data: IOData, law: FrictionLaw, structure: SearchedOrders) -> list[Fitted]:
     """The best divisions of the best linear model of each order, each with its best weights of the law."""
     short, out = data.head(SHORT), []
     centred = data.head(LINEAR)
@@ -127,7 +127,7 @@ def starts(data: IOData, law: FrictionLaw, structure: Structure) -> list[Fitted]
         found = []
         for first, second in ways:
             first, second = _at_least(first, second, structure)
-            chain = Chain(first.b[None, :], first.a, second.b, second.a, law, law.weights)
+            chain = FittedChain(first.b[None, :], first.a, second.b, second.a, law, law.weights)
             found.append(refine(chain, short, 0))
         out += sorted(found, key=lambda f: f.cost)[:KEPT]
         tried += bool(found)
@@ -136,7 +136,7 @@ def starts(data: IOData, law: FrictionLaw, structure: Structure) -> list[Fitted]
     return out
 
 
-def finish(chain: Chain, data: IOData) -> Fitted:
+def finish(chain: FittedChain, data: IOData) -> Fitted:
     """Refine on all samples, with a finer law if there are many."""
     fitted = refine(chain, data.head(2 * LONG), 20)
     if data.y.size >= FINE_FROM and chain.law.labels[2:3] == ("natural_spline1",):
@@ -148,7 +148,7 @@ def finish(chain: Chain, data: IOData) -> Fitted:
     return solve_law(fitted.chain, data)
 
 
-def _at_least(first: Ratio, second: Ratio, structure: Structure) -> tuple[Ratio, Ratio]:
+def _at_least(first: Ratio, second: Ratio, structure: SearchedOrders) -> tuple[Ratio, Ratio]:
     """Both blocks padded to the orders that the structure requires."""
     o = structure.blocks
     if structure.exact:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.stats import chi2
 
-from whsklearn.recursion.batch.simulation_error import Chain, Fitted, run
+from whsklearn.recursion.batch.simulation_error import Fitted, FittedChain, run
 
 if TYPE_CHECKING:
     from whsklearn.recursion.batch.best_linear import IOData
@@ -17,7 +17,7 @@ BATCHES, DEVIATIONS = 60, 2.0  # and its error exceeds the best by at most two s
 CHANCE = 1e-3  # probability that useless parameters gain so much on the data of the fit
 
 
-def squared_error(chain: Chain, data: IOData) -> float:
+def squared_error(chain: FittedChain, data: IOData) -> float:
     """Sum of squared free-run errors over the samples that count."""
     error = (data.y - run(chain, data).y) * data.scale
     total = float(error @ error)

@@ -23,7 +23,7 @@ LARGEST = 1e30  # bound of x, so that a diverging free run stays finite
 KNOWN = np.zeros((0, 0))  # stands for the covariance of a block whose parameters are exact
 
 
-def motion(theta: Array, dims: NDArray[np.int64], u: Array, restart: Bools) -> float:
+def increment_rms(theta: Array, dims: NDArray[np.int64], u: Array, restart: Bools) -> float:
     """Root mean square of dx = x(t) - x(t-1), which sets the scale of kappa."""
     return first_block(theta, dims, u, restart, KNOWN)[1]
 
@@ -44,7 +44,7 @@ def first_block(theta: Array, dims: NDArray[np.int64], u: Array, restart: Bools,
     Returns
     -------
     signals : ndarray of shape (3, n), or (2, n) without a covariance
-    motion : float
+    increment_rms : float
         Root mean square of dx.
     """
     signals = np.empty((3 if len(spread) else 2, len(u)))
@@ -53,7 +53,7 @@ def first_block(theta: Array, dims: NDArray[np.int64], u: Array, restart: Bools,
 
 @njit(error_model="numpy", short=True)
 def _fill(out, theta, dims, u, restart, spread):
-    """Write the signals into ``out``; return the motion."""
+    """Write the signals into ``out``; return the rms of dx."""
     na, nb, n1 = dims[0], dims[1], spread.shape[0]
     b = theta[na - 1 : na - 1 + nb]
     power = 0.0

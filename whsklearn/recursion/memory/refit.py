@@ -9,7 +9,7 @@ import numpy as np
 
 from whsklearn._numba import njit
 from whsklearn.recursion.memory.cost import AT, BUDGET, COST, HUGE, PHASE, SPENT, UNBOUNDED, Memory, Work, new_work
-from whsklearn.recursion.memory.first_block import motion
+from whsklearn.recursion.memory.first_block import increment_rms
 from whsklearn.recursion.memory.gauss_newton import Prior, refine_part
 from whsklearn.recursion.memory.starts import (
     least_squares_steps,
@@ -274,7 +274,7 @@ class Refit:
         for relative in steps:
             if work.at[SPENT] >= self.limit:
                 break
-            kappa = relative / max(motion(theta, r.dims, *self.latest), 1e-12)
+            kappa = relative / max(increment_rms(theta, r.dims, *self.latest), 1e-12)
             work.at[BUDGET] -= COST_OF_RUNG if self._is_hurried else COST_OF_RARE_RUNG
             information, before = np.zeros((n, n)), np.zeros(n_state)
             yield from refined(kappa, self.iterations, information, before)
@@ -288,7 +288,7 @@ class Refit:
         if best is None:
             return None
         yield
-        moves = max(motion(best.theta, r.dims, *self.latest), 1e-12)
+        moves = max(increment_rms(best.theta, r.dims, *self.latest), 1e-12)
         theta = best.theta.copy()
         if not state["blocks"] and self.size < r.memory:
             yield from refined(INFERENCE / moves, 0, best.information, np.empty(n_state))
@@ -395,7 +395,7 @@ def _number(left: Array, weight: Array) -> float:
 
 def inference_sharpness(theta: Array, r: Settings, u: Array, restart: NDArray[np.bool_]) -> float:
     """Sharpness at which the information of a long record is taken: error of the true sign, slope of a smooth one."""
-    return -LONG_INFERENCE / max(float(motion(theta, r.dims, u, restart)), 1e-12)
+    return -LONG_INFERENCE / max(float(increment_rms(theta, r.dims, u, restart)), 1e-12)
 
 
 def left_of_prior(state: State, fill: int) -> float:

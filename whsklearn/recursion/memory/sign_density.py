@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 RADIUS = 0.999  # largest radius of the poles of L1
 
 
-class Problem(NamedTuple):
+class SignProblem(NamedTuple):
     """Arguments of `log_density`: the signs of `linearised.Signs`, and each row that they enter, once.
 
     Attributes
@@ -67,21 +67,21 @@ class Problem(NamedTuple):
     metric: Array
 
 
-def posed(matrix: Array, theta: Array, dims: NDArray[np.int64], count: float, signs: Signs) -> Problem:
+def posed(matrix: Array, theta: Array, dims: NDArray[np.int64], count: float, signs: Signs) -> SignProblem:
     """Build the problem of these signs; two of them may enter the same row."""
     at, index = np.unique(signs.at.ravel(), return_inverse=True)
     index = index.reshape(signs.at.shape)
     rows = np.zeros((at.size, theta.size + 1))
     rows[index.ravel()] = signs.rows.reshape(-1, theta.size + 1)
     n1 = signs.gradient.shape[1]
-    return Problem(
+    return SignProblem(
         matrix, theta, dims, float(count), signs.dx, signs.sign, signs.scale, np.ascontiguousarray(signs.gradient),
         np.ascontiguousarray(signs.curvature), np.ascontiguousarray(signs.height), rows,
         np.where(signs.at < 0, -1, index), np.zeros(signs.dx.size), np.zeros((n1, n1)),
     )  # fmt: skip
 
 
-def by_reach(p: Problem, covariance: Array) -> Problem:
+def by_reach(p: SignProblem, covariance: Array) -> SignProblem:
     """The same problem with its signs in order of reach, so that most particles check only a few of 500.
 
     ``covariance`` is that of (a, b).  With its root L, a step delta of length r changes dx by at most

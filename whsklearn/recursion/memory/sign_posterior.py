@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from whsklearn._numba import njit, part
-from whsklearn.recursion.memory.sign_density import Problem, by_reach, log_density
+from whsklearn.recursion.memory.sign_density import SignProblem, by_reach, log_density
 from whsklearn.recursion.memory.steps import in_one
 from whsklearn.recursion.rows.covariance import factors_of_inverse, times
 
@@ -63,12 +63,12 @@ def frozen_steps(matrix: Array, theta: Array, count: float) -> Generator[None, N
     return Gaussian(theta + step, squares / (count - n) * inverse)
 
 
-def sample(problem: Problem, start: Gaussian, rng: np.random.Generator, *, rough: bool = False) -> Gaussian | None:
+def sample(problem: SignProblem, start: Gaussian, rng: np.random.Generator, *, rough: bool = False) -> Gaussian | None:
     """Mean and covariance over the signs in doubt; None if the particles did not reach the posterior.
 
     Parameters
     ----------
-    problem : Problem
+    problem : SignProblem
     start : Gaussian
         As returned by `frozen`.
     rng : numpy.random.Generator
@@ -122,7 +122,7 @@ class Swarm(NamedTuple):
     touched: NDArray[np.int64]
 
 
-def new_swarm(first: Array, p: Problem) -> Swarm:
+def new_swarm(first: Array, p: SignProblem) -> Swarm:
     """Particles at ``first`` whose densities have not been computed yet."""
     count, n1 = first.shape
     n, rows = p.theta.size, p.rows.shape[0]
@@ -134,7 +134,12 @@ def new_swarm(first: Array, p: Problem) -> Swarm:
 
 
 def tempered(
-    problem: Problem, swarm: Swarm, centre: Array, precision: Array, rng: np.random.Generator, sweeps: tuple[int, int]
+    problem: SignProblem,
+    swarm: Swarm,
+    centre: Array,
+    precision: Array,
+    rng: np.random.Generator,
+    sweeps: tuple[int, int],
 ) -> tuple[Array, Array] | None:
     """Temper and move the particles, in place; return mean and covariance over the last sweeps, or None on failure."""
     move(problem, swarm, centre, precision, np.zeros((PARTICLES, 4)), 0.0, -1)
@@ -158,7 +163,7 @@ def tempered(
     return None
 
 
-def rest_covariance(problem: Problem, swarm: Swarm) -> Array:
+def rest_covariance(problem: SignProblem, swarm: Swarm) -> Array:
     """Covariance of r given phi: the mean of sigma^2 H^-1 over the particles."""
     half = np.linalg.inv(swarm.low)
     variance = swarm.numbers[:, 1] / (max(problem.count - problem.theta.size, 1.0) * len(half))
