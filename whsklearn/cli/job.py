@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from whsklearn._interruption import insisted
 from whsklearn.cli import WIDTH
-from whsklearn.streaming.interruption import insisted
 
 if TYPE_CHECKING:
     from whsklearn.tracking import Tracker

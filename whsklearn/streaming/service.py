@@ -14,11 +14,11 @@ from typing import Any, NamedTuple
 
 from sklearn.base import clone
 
+from whsklearn._interruption import insisted
 from whsklearn.change import ChangeAlarm
 from whsklearn.logs.units import UNSTATED, unit_of
 from whsklearn.state import read_state, write_state
 from whsklearn.streaming.files import alone, check_files, fingerprint
-from whsklearn.streaming.interruption import insisted
 from whsklearn.streaming.monitor import Options, Record, Refused, StreamMonitor
 from whsklearn.streaming.records import Out
 from whsklearn.streaming.rows import CsvParser, FollowedFile, JsonParser, LineSource, PipedLines

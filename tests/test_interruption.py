@@ -11,8 +11,8 @@ import time
 import pytest
 from click.testing import CliRunner
 
+from whsklearn._interruption import insisted
 from whsklearn.cli.job import job
-from whsklearn.streaming.interruption import insisted
 
 callback = ctypes.CFUNCTYPE(None)
 
