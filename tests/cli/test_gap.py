@@ -82,7 +82,7 @@ def test_every_long_segment_of_a_log_counts(log, tmp_path):
         (["--columns", "0,1,2,3,4"], 1, "expected two"),
         (["--unit", "position"], 1, "expected ROLE=UNIT"),
         (["--law", "sticky"], 1, "'sticky'"),
-        (["--law", "cogging"], 1, "cannot stand in the base law"),
+        (["--law", "cogging"], 1, "cannot be part of the base law"),
     ],
 )
 def test_errors_are_one_sentence(log, tmp_path, arguments, status, message):

@@ -1,8 +1,8 @@
-"""What a base chain is made of: its law from a name, knots where its x is, and whether orders and law are too small.
+"""The law of a base chain: made from a name, with knots placed for x, and a check of whether orders and law suffice.
 
-A pole too few or a curve where the law has a line also follows the input, and the nearest effect of the catalogue would
-pass for it: where the base model with one and two more poles and zeros in each block, or with kinks in x and dx beside
-its law, says more than the effects that were found, that is what is said.
+The error of a missing pole, or of a straight law in place of a curve, also follows the input, and the nearest effect of
+the catalogue would be named for it.  So the base model is also fitted with one and two more poles and zeros in each
+block, and with kinks in x and dx beside its law.  If that explains more than the effects found, the report says so.
 """
 
 from __future__ import annotations
@@ -21,24 +21,24 @@ from whsklearn.gap.plants.chain_model import HARD, SHARPEST, ChainModel, Record,
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-DEGREE, KNOTS = 3, 8  # where the name gives none
-# shares of the samples between which knots lie: beyond, the curve is a line, and samples that bend away from it pass
-# for outliers of the capped fit; still further out a segment has too few samples for a slope
+DEGREE, KNOTS = 3, 8  # unless the name gives a number
+# Shares of the samples between which knots are placed.  Beyond them the curve is a straight line, and the capped fit
+# treats samples that bend away from it as outliers; still further out a segment has too few samples for a slope.
 REACH = (0.005, 0.995)
 EXTRA = (1, 2)  # poles and zeros added to each block
-SPOKEN_OF = 0.2  # share of the mean square that orders, or a law, must take off to be put down to them
+SPOKEN_OF = 0.2  # share of the mean square that orders, or a law, must explain to be mentioned as the cause
 
 
 @dataclass(frozen=True)
 class LawChoice:
-    """What a law is made of before the data say where its knots are.
+    """A law before its knots are placed by the data.
 
     Attributes
     ----------
     terms : tuple of StaticEffect
-        Those without knots.
+        The terms without knots.
     n_knots : int
-        Kinks of a piecewise-linear curve in x; 0 for none.
+        Number of kinks of a piecewise-linear curve in x; 0 for none.
     """
 
     terms: tuple[StaticEffect, ...]
@@ -46,11 +46,11 @@ class LawChoice:
 
     @property
     def has_knots(self) -> bool:
-        """Whether the law needs an x to be complete."""
+        """Whether the law needs x to place its knots."""
         return self.n_knots > 0
 
     def first(self) -> FrictionLaw:
-        """The law itself, or a cubic polynomial in the place of a curve with knots: it fits from any start."""
+        """The law itself, or a cubic polynomial instead of a curve with knots, as it can be fitted from any start."""
         return FrictionLaw([*self.terms, *_powers(DEGREE)] if self.has_knots else self.terms)
 
     def placed(self, x: NDArray[np.float64]) -> FrictionLaw:
@@ -60,7 +60,7 @@ class LawChoice:
 
 
 def law_choice(law: str | FrictionLaw | None) -> LawChoice:
-    """A base law from names joined by commas: those of effects, and the curves in x.
+    """A base law from names separated by commas: names of effects and of curves in x.
 
     ``linear`` is x, ``polynomial`` x, x^2, x^3 (``polynomial:5`` up to x^5), ``piecewise_linear`` a curve with 8 kinks
     at the quantiles of x (``piecewise_linear:12`` with 12), ``offset`` a constant.
@@ -68,7 +68,7 @@ def law_choice(law: str | FrictionLaw | None) -> LawChoice:
     Raises
     ------
     ValueError
-        If a name is not known, or a number behind a colon is none.
+        If a name is not known, or no number follows a colon.
 
     Examples
     --------
@@ -84,7 +84,7 @@ def law_choice(law: str | FrictionLaw | None) -> LawChoice:
     for part in (p.strip() for p in law.split(",")):
         name, _, number = part.partition(":")
         if number and (not number.isdigit() or not 1 <= int(number) <= 40):
-            raise ValueError(f"The law has {part!r}; expected a number from 1 to 40 behind the colon.")
+            raise ValueError(f"The law has {part!r}; expected a number from 1 to 40 after the colon.")
         if name == "linear":
             terms.append(Power(1.0, 1.0))
         elif name == "offset":
@@ -110,7 +110,7 @@ def _powers(degree: int) -> list[StaticEffect]:
 
 
 def with_knots(s: Record, m: ChainModel, choice: LawChoice) -> tuple[Record, list[ChainModel]]:
-    """(record, [model]) whose law has its knots at the quantiles of the model's x, fitted."""
+    """(record, [fitted model]) with the knots of the law at the quantiles of the model's x."""
     law = choice.placed(simulate(s, m)[0])
     dims = s.dims.copy()
     dims[4] = len(law)
@@ -121,7 +121,7 @@ def with_knots(s: Record, m: ChainModel, choice: LawChoice) -> tuple[Record, lis
 
 
 def raised(s: Record, m: ChainModel, more: int) -> tuple[Record, ChainModel]:
-    """(record, model) with ``more`` further numbers, all zero, in a, b, c and d: the same model of a higher order."""
+    """(record, model) with ``more`` additional zeros in a, b, c and d: the same model with a higher order."""
     a, b, w, c, d = (m.theta[part] for part in s.blocks)
     zero = np.zeros(more)
     theta = np.concatenate([a, zero, b, zero, w, c, zero, d, zero])
@@ -130,7 +130,7 @@ def raised(s: Record, m: ChainModel, more: int) -> tuple[Record, ChainModel]:
 
 
 def freed(s: Record, m: ChainModel) -> tuple[Record, ChainModel]:
-    """(record, model) with kinks in x, of weight zero, and a cubic beside its law."""
+    """(record, model) with kinks in x, all of weight zero, and a cubic beside its law."""
     x = simulate(s, m)[0]
     kinks = [Hinge(0.0, float(k)) for k in np.quantile(x, np.linspace(*REACH, KNOTS))]
     law = FrictionLaw([*s.law.terms, *(Power(0.0, float(k)) for k in range(1, DEGREE + 1)), *kinks])
@@ -142,11 +142,11 @@ def freed(s: Record, m: ChainModel) -> tuple[Record, ChainModel]:
 
 
 def falls_short(s: Record, base: ChainModel, model: ChainModel) -> str:
-    """Sentence on what orders or law of the base model lack; empty where no larger ones say more than the effects.
+    """Sentence on what the orders or law of the base model lack; empty if larger ones explain no more than the effects.
 
-    Both are explanations of one record, so they are weighed as such: by n ln of what they leave, which the noise floor
-    under both makes neither smaller nor larger, less ln n for each number that one has and the other has not (Schwarz
-    1978, Annals of Statistics 6(2), 461-464).
+    Both explain the same record, so they are compared by n ln of the mean square residual, in which a common noise
+    floor has no effect, with a penalty of ln n for each additional number (Schwarz 1978, Annals of Statistics 6(2),
+    461-464).
     """
 
     def fitted(pair: tuple[Record, ChainModel]) -> tuple[Record, ChainModel, float]:
@@ -171,7 +171,7 @@ def falls_short(s: Record, base: ChainModel, model: ChainModel) -> str:
     if by_orders > SPOKEN_OF:
         before, after = (",".join(str(int(n)) for n in o[:4]) for o in (s.dims, orders[0].dims))
         parts.append(
-            f"linear dynamics are left: more poles and zeros alone take {100 * by_orders:.0f} % off the mean square "
+            f"linear dynamics are missing: more poles and zeros alone take {100 * by_orders:.0f} % off the mean square "
             f"of the error (orders {before} were given; try {after})"
         )
     if by_law > SPOKEN_OF:

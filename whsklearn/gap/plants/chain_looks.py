@@ -1,8 +1,8 @@
 """The look at a chain: every candidate at every shape as a column of the free run, in the record and in own records.
 
-A column is what a small effect (one of its size, where that is a shape) does to the whitened free run, under a sign
-soft enough to have a slope.  The null rows are what the model leaves of records that it made itself, refitted as the
-record was: the world is exact, for a chain is simulated from its input alone.
+A column is the change of the whitened free run by a small effect (by one of its actual size if the size is a shape),
+under a sign soft enough to have a slope.  The null rows are the residuals of records that the model made itself, after
+a refit like that of the record.  These null worlds are exact, because a chain is simulated from its input alone.
 """
 
 from __future__ import annotations
@@ -25,20 +25,20 @@ from whsklearn.gap.tangent import Family, Look, Tangent, with_p_values
 
 Array = NDArray[np.float64]
 
-N_NULL = 15  # own records: the moments of a Gumbel law to a quarter
+N_NULL = 15  # own records; they give the moments of a Gumbel law to within a quarter
 SLOPED = 30.0  # kappa times rms dx at which a sign has a slope
-VERY_SOFT = 8.0  # the same at which an eighth of rms dx is still told
-SMALL = 1e-6  # of v's size: what is linear is tried with it
-WRONG_SIDE = 6.0  # deviations beyond which a sample is on the wrong side of a sign; of 1e8 Gaussian ones none is
+VERY_SOFT = 8.0  # the same for a sign that still resolves an eighth of rms dx
+SMALL = 1e-6  # of the size of v: a linear effect is tried at this size
+WRONG_SIDE = 6.0  # deviations beyond which a sample is on the wrong side of a sign; none of 1e8 Gaussian samples is
 N_HILLS = 8  # of a nameless function, between the quantiles of its signal
 N_TIMES = 12  # hills over the record
-N_LAGS = 6  # of a nameless memory of the input
-N_TONES = 3  # lines of each row's spectrum that are tried
+N_LAGS = 6  # of a nameless dependence on past inputs
+N_TONES = 3  # lines of the spectrum of each row that are tried
 
 
 @dataclass
 class Scene:
-    """A record under a fitted model: what all families share."""
+    """A record under a fitted model, with everything that all families share."""
 
     record: Record
     model: ChainModel
@@ -50,16 +50,16 @@ class Scene:
 
     @classmethod
     def of(cls, s: Record, m: ChainModel, sharpness: float = SLOPED) -> Scene:
-        """At the sharpness at which columns are taken."""
+        """The scene at the sharpness at which columns are computed."""
         kappa = sharpness / cm.rms_dx(s, m)
         return cls(s, m, cm.sizes(s, m), kappa, *cm.simulate(s, m, kappa))
 
     def seen(self, change: Array) -> Array:
-        """A change of y_hat as the errors see it, over the samples that count."""
+        """The change of the errors due to a change of y_hat, at the samples that count."""
         return cm.whiten(np.clip(np.nan_to_num(change), -1e12, 1e12), self.model.ar)[self.record.fit]
 
     def columns(self, kind: Candidate, shapes: list[tuple[float, ...]]) -> Array:
-        """Of one candidate at some shapes; (n, s, 1 or 2)."""
+        """Columns of one candidate at several shapes, shape (n, s, 1 or 2)."""
         size = SMALL * self.sizes.v if kind.linear else 1.0
         sizes_of = size * np.eye(kind.linear) if kind.linear else np.zeros((1, 0))
         grown = [self.model.plus(Term(kind, (*q, *shape))) for shape in shapes for q in sizes_of]
@@ -67,7 +67,7 @@ class Scene:
         return self.seen(change.T).reshape(-1, len(shapes), len(sizes_of))
 
     def blocks(self, kind: Candidate, tangent: Tangent) -> Iterator[tuple[Any, Array, float]]:
-        """Every shape of a candidate."""
+        """All shapes of a candidate with their columns."""
         shapes = tones(self, kind, tangent) if kind.scan == "time" else kind.shapes(self.sizes)
         if shapes:
             yield shapes, self.columns(kind, shapes), 1.0
@@ -112,7 +112,7 @@ def hills(signal: Array, n: int = N_HILLS) -> Array:
 
 
 def nameless(scene: Scene) -> Iterator[Array]:
-    """Columns of generic functions at every port, one kind after the other; (n, k) each."""
+    """Columns of generic functions at every port, one kind after the other; shape (n, k) each."""
     s, m = scene.record, scene.model
     u, x, v = s.u, scene.x, scene.v
     dx = np.diff(x, prepend=0.0)
@@ -146,15 +146,15 @@ def nameless(scene: Scene) -> Iterator[Array]:
 
 @dataclass(frozen=True)
 class Seen:
-    """What a look tells of a model.
+    """The result of a look at a model.
 
     Attributes
     ----------
     looks : list of Look
     share : float
-        Of the mean square of what is left, that functions without a name take beyond what they take of own records.
+        Share of the mean square residual that nameless functions explain, beyond their share in own records.
     p_value : float
-        The smallest of all looks: that nothing is missing.
+        The smallest p-value of all looks, for the hypothesis that nothing is missing.
     """
 
     looks: list[Look]
@@ -163,7 +163,7 @@ class Seen:
 
 
 def own_errors(s: Record, m: ChainModel, rng: np.random.Generator) -> Array:
-    """What the model leaves of records that it made itself, refitted at the same sharpness; (m, n)."""
+    """Residuals of records that the model made itself, refitted at the same sharpness; shape (m, n)."""
     rows = []
     for _ in range(N_NULL):
         other = cm.made(s, m, rng)
@@ -172,7 +172,7 @@ def own_errors(s: Record, m: ChainModel, rng: np.random.Generator) -> Array:
 
 
 def look(s: Record, m: ChainModel, rng: np.random.Generator) -> Seen:
-    """Every candidate and every nameless function beside the model's own numbers."""
+    """Look at every candidate and every nameless function beside the model's own numbers."""
     scene = Scene.of(s, m)
     e, null = cm.left(s, m)[s.fit], own_errors(s, m, rng)
     plane = cm.sensitivities(s, m, scene.kappa)[s.fit]
@@ -195,9 +195,10 @@ def look(s: Record, m: ChainModel, rng: np.random.Generator) -> Seen:
 
 
 def softly(s: Record, m: ChainModel) -> list[Look]:
-    """Every candidate under so soft a sign that a sample on the wrong side shows by how far; without a null.
+    """Look at every candidate under a very soft sign, without a null.
 
-    What softness itself does, the derivative by its sharpness, counts as the model's own.
+    The sign is so soft that the error of a sample on the wrong side shows by how far it is off.  The derivative by the
+    sharpness, which is the effect of the softness itself, is treated as a column of the model.
     """
     m = climb(s, m, VERY_SOFT, 6, robust=False)
     scene = Scene.of(s, m, VERY_SOFT)
@@ -214,18 +215,18 @@ def _block(columns: Array) -> Family:
 
 
 def kinds(s: Record, m: ChainModel) -> list[Candidate]:
-    """The catalogue but for what a chain has once: a play, a limit, a delay at its port."""
+    """The catalogue without what the chain has and can have only once: play, a limit, or a delay at its port."""
     once = {(t.kind.code) for t in m.terms if t.kind.linear == 0 or not t.kind.cls.repeats}
     return [k for k in catalogue(s.law) if k.code not in once]
 
 
 def reversals(e: Array, null: Array) -> Look:
-    """How many samples are on the wrong side of a sign, in the record and in own ones: a small play shows so."""
+    """Compare the number of samples on the wrong side of a sign in the record and in own ones; small play shows so."""
     counts = np.array([np.sum(np.abs(r) > WRONG_SIDE * np.sqrt(cm.variance_of(r))) for r in (e, *null)], dtype=float)
     excess = max(counts[0] - float(counts[1:].mean()), 0.0)
     return Look("", counts[0], counts[1:], None, 1, float(np.sqrt(excess * cm.CAP * cm.variance_of(e) / e.size)))
 
 
 def gained(s: Record, before: ChainModel, after: ChainModel) -> float:
-    """g of one model over another."""
+    """The gain g of one model over another."""
     return gain(cm.deviance(cm.left(s, before)[s.fit]), cm.deviance(cm.left(s, after)[s.fit]), float(s.fit.sum()))

@@ -1,8 +1,8 @@
 """The model under diagnosis: two linear blocks, a law, effects, and the colour of the noise.
 
-All errors are of the free run from u alone, e = A(q) (y - y_hat): A is an autoregression of what is left, so that
-e is white where only noise is left, wherever the noise enters.  A sample on the wrong side of a reversal is an outlier
-of the height of the sign, and counts no more than `CAP`.
+All errors are those of the free run from u alone, e = A(q) (y - y_hat).  A is an autoregression of the residual, so e
+is white if only noise is left, wherever the noise enters.  A sample on the wrong side of a reversal is an outlier of
+the height of the sign and counts no more than `CAP`.
 """
 
 from __future__ import annotations
@@ -26,19 +26,19 @@ from whsklearn.systems.chain import PackedChain, Ports, run
 
 Array = NDArray[np.float64]
 
-SKIP = 40  # samples at the start of a record, before which the state is not known
-AR_ORDER = 6  # two of L2's denominator, through which equation noise passes, and some of its own
-LONGEST_COLOUR = 0.95  # modulus of A's roots at the most: nearer to one A would take a tone, or an offset, for noise
-CAP = 16.0  # what a sample can cost at the most, in variances
-HELD_TO = 4.0  # robust deviations to which an error is held: of 1e5 Gaussian ones six are beyond
-MAD = 1.4826  # deviation of a Gaussian over its median absolute one
-SHARPEST = 1000.0  # kappa times rms dx, of a fit's last rung: one sample in a thousand sees that it is no sign
-HARD = (100.0, 300.0, SHARPEST)  # rungs from where a sign is found on to the sign itself
+SKIP = 40  # samples at the start of a record that do not count, because the state before them is not known
+AR_ORDER = 6  # two for the denominator of L2, through which equation noise passes, and some for the noise itself
+LONGEST_COLOUR = 0.95  # largest modulus of A's roots; closer to one, A would treat a tone or an offset as noise
+CAP = 16.0  # largest cost of a sample, in variances
+HELD_TO = 4.0  # robust deviations at which an error is clipped; six of 1e5 Gaussian ones are larger
+MAD = 1.4826  # standard deviation of a Gaussian over its median absolute deviation
+SHARPEST = 1000.0  # kappa times rms dx on the last rung of a fit: only one sample in a thousand differs from a sign
+HARD = (100.0, 300.0, SHARPEST)  # rungs from the first resolved sign up to the sign itself
 
 
 @dataclass(frozen=True)
 class Record:
-    """u and y of shape (n,), orders and law: what stays the same through a diagnosis.
+    """Everything that stays the same through a diagnosis: u and y of shape (n,), the orders and the law.
 
     ``fit`` marks the samples whose errors count.
     """
@@ -52,23 +52,23 @@ class Record:
 
     @property
     def blocks(self) -> tuple[slice, slice, slice, slice, slice]:
-        """Where a, b, the weights, c and d lie in theta."""
+        """Slices of a, b, the weights, c and d in theta."""
         na, nb, nc, nd, nw = (int(i) for i in self.dims)
         ends = np.cumsum([na - 1, nb, nw, nc - 1, nd])
         return tuple(slice(int(e - k), int(e)) for e, k in zip(ends, (na - 1, nb, nw, nc - 1, nd), strict=True))  # type: ignore[return-value]
 
     def chain(self, kappa: float) -> PackedChain:
-        """All but theta and effects, as the compiled pass takes it."""
+        """Everything but theta and effects, in the form that the compiled pass takes."""
         return PackedChain(self.dims, self.law.codes, self.law.shapes, kappa, self.dt)
 
     def with_output(self, y: Array) -> Record:
-        """The same with other readings."""
+        """The same record with other readings."""
         return dataclasses.replace(self, y=np.ascontiguousarray(y))
 
 
 @dataclass(frozen=True)
 class ChainModel:
-    """theta = [a[1:], b, weights of the law, c[1:], d], effects, and the colour A of what is left."""
+    """theta = [a[1:], b, weights of the law, c[1:], d], effects, and the colour A of the residual."""
 
     theta: Array
     terms: tuple[Term, ...] = ()
@@ -76,15 +76,15 @@ class ChainModel:
     n_base: int = 0
 
     def plus(self, term: Term) -> ChainModel:
-        """With one effect more."""
+        """The model with one more effect."""
         return dataclasses.replace(self, terms=(*self.terms, term))
 
     def without(self, i: int) -> ChainModel:
-        """With one effect less."""
+        """The model without effect ``i``."""
         return self.with_terms(self.terms[:i] + self.terms[i + 1 :])
 
     def with_terms(self, terms: tuple[Term, ...]) -> ChainModel:
-        """With these effects."""
+        """The model with these effects."""
         return dataclasses.replace(self, terms=terms)
 
     @property
@@ -94,7 +94,7 @@ class ChainModel:
 
 
 def ports(terms: tuple[Term, ...]) -> Ports | None:
-    """The effects as the compiled pass takes them."""
+    """The effects in the form that the compiled pass takes."""
     if not terms:
         return None
     rows = np.array([t.row() for t in terms])
@@ -106,7 +106,7 @@ def ports(terms: tuple[Term, ...]) -> Ports | None:
 
 
 def simulate(s: Record, m: ChainModel, kappa: float = np.inf, u: Array | None = None) -> tuple[Array, Array, Array]:
-    """x, v and y_hat of the free run, each of shape (n,); ``kappa`` times dx is what the sign's tanh sees."""
+    """x, v and y_hat of the free run, each of shape (n,); the sign of dx is tanh(kappa dx)."""
     u = s.u if u is None else u
     n = u.size
     x, v, y = np.empty(n), np.empty(n), np.empty(n)
@@ -178,9 +178,9 @@ def sizes(s: Record, m: ChainModel) -> Sizes:
     )  # fmt: skip
 
 
-# --- what is left, robustly ---------------------------------------------------------------------
+# --- the residual, robustly ----------------------------------------------------------------------
 def variance_of(e: Array) -> float:
-    """Variance of the sound errors: of a Gaussian over a low floor, by expectation-maximisation."""
+    """Variance of the errors without outliers: a Gaussian over a low floor, by expectation-maximisation."""
     variance, floor = float(np.mean(e**2)) + 1e-300, np.exp(-0.5 * CAP)
     for _ in range(20):
         g = np.exp(-0.5 * e**2 / variance)
@@ -194,7 +194,7 @@ def variance_of(e: Array) -> float:
 
 
 def capped(z: Array) -> Array:
-    """Cost of squared errors z in variances: z itself where it is small, no more than `CAP`."""
+    """Cost of squared errors z, in variances: z itself if it is small, at most `CAP`."""
     floor = np.exp(-0.5 * CAP)
     return np.asarray(-2.0 * np.log((np.exp(-0.5 * z) + floor) / (1.0 + floor)))
 
@@ -206,19 +206,19 @@ def deviance(e: Array) -> float:
 
 
 def held(e: Array) -> Array:
-    """The errors, held to four robust deviations, so that their squares sum to `deviance`."""
+    """The errors, clipped at four robust deviations and scaled so that their squares sum to `deviance`."""
     out = clipped(e)
     return out * float(np.sqrt(deviance(e) / max(float(out @ out), 1e-300)))
 
 
 def clipped(e: Array) -> Array:
-    """The errors held to `HELD_TO` robust deviations."""
+    """The errors clipped at `HELD_TO` robust deviations."""
     limit = HELD_TO * MAD * float(np.median(np.abs(e))) + 1e-300
     return np.clip(e, -limit, limit)
 
 
 def colour(r: Array) -> Array:
-    """An autoregression of what a model leaves, without its outliers; shape (`AR_ORDER`,)."""
+    """An autoregression of the residual of a model without its outliers; shape (`AR_ORDER`,)."""
     ar = np.zeros(AR_ORDER)
     for _ in range(3):
         sound = lfilter([1.0], np.concatenate([[1.0], ar]), clipped(whiten(r, ar)))
@@ -232,7 +232,7 @@ def response(ar: Array, n: int) -> Array:
 
 
 def loudness(ar: Array) -> float:
-    """Rms at the output of white noise of size one that has passed 1 / A."""
+    """Rms of unit white noise after 1 / A."""
     return float(np.sqrt(np.sum(response(ar, 400) ** 2)))
 
 
@@ -251,12 +251,12 @@ def burg(x: Array) -> Array:
 
 # --- the free numbers as one vector --------------------------------------------------------------
 def slots(m: ChainModel) -> list[tuple[int, int]]:
-    """(effect, number) of every number of an effect that a fit moves."""
+    """(effect, number) of every parameter of an effect that a fit moves."""
     return [(i, j) for i, t in enumerate(m.terms) for j in t.kind.free]
 
 
 def to_vector(m: ChainModel) -> Array:
-    """theta, then the effects' free numbers: logarithms where they are moved in ratios."""
+    """theta, then the free numbers of the effects, as logarithms if they are varied by ratios."""
     extra = [np.log(m.terms[i].q[j]) if m.terms[i].kind.ratios(j) else m.terms[i].q[j] for i, j in slots(m)]
     return np.concatenate([m.theta, extra])
 
@@ -283,7 +283,7 @@ def bounds(m: ChainModel, z: Sizes) -> tuple[Array, Array]:
 def sensitivities(s: Record, m: ChainModel, kappa: float) -> Array:
     """Derivatives of A(q) (y - y_hat) by the vector of `to_vector`; shape (n, p).
 
-    Exact for the law's weights, c and d where nothing acts on the reading; forward differences for the rest.
+    They are exact for the law's weights, c and d if nothing acts on the reading; the others are forward differences.
     """
     x, v, y = simulate(s, m, kappa)
     vector, p = to_vector(m), m.theta.size
@@ -308,7 +308,7 @@ def sensitivities(s: Record, m: ChainModel, kappa: float) -> Array:
 
 
 def stable(s: Record, m: ChainModel) -> ChainModel:
-    """The model with poles drawn inside the unit circle, which the library's system asks for."""
+    """The model with its poles moved inside the unit circle, as the library's system requires."""
     theta = m.theta.copy()
     _, b, _, _, d = s.blocks
     for part in (b, d):
@@ -317,11 +317,11 @@ def stable(s: Record, m: ChainModel) -> ChainModel:
 
 
 def made(s: Record, m: ChainModel, rng: np.random.Generator) -> Record:
-    """A record that the model made of the same input, with Gaussian noise of the colour and size of what it leaves."""
+    """A record that the model makes from the same input, with Gaussian noise of the colour and size of its residual."""
     sigma = np.sqrt(variance_of(left(s, m)[SKIP:]))
     noise = lfilter([1.0], np.concatenate([[1.0], m.ar]), sigma * rng.standard_normal(s.u.size + 200))[200:]
     y = free_run(s, m) + np.asarray(noise)
-    # readings that are never negative have lost the sign of their noise too
+    # readings that are never negative have also lost the sign of their noise
     inside = any(t.kind.folds for t in m.terms) and float(s.y.min()) >= 0.0
     return s.with_output(np.abs(y) if inside else y)
 

@@ -1,4 +1,4 @@
-"""The record itself: whether it can be used, the grid of its readings, and what the page draws from it."""
+"""The record itself: whether it can be used, the grid of its readings, and the pictures of the page."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ if TYPE_CHECKING:
 
 # --- what a record must have (`tests/gap/plants/test_chain_record.py`) -----------------------------
 
-FEWEST = 400  # samples: some twenty numbers are fitted to 60 % of them
-STANDING = 0.98  # share of samples that may repeat the one before: a record held longer shows a constant
-# Share of samples at an extreme above which the output is clipped, and the distinct values without which it is a
-# signal of a few levels and not a clipped one.
+FEWEST = 400  # samples: about twenty numbers are fitted to 60 % of them
+STANDING = 0.98  # share of samples that may repeat the one before; a signal that repeats more often is constant
+# Share of samples at an extreme above which the output is clipped, and the number of distinct values below which it is
+# a signal with a few levels and not a clipped one.
 CLIPPED, LEVELS = 0.02, 50
-FAR = 40.0  # multiple of the 0.99 quantile of the distance from the median: beyond is an outlier of the file
-COARSE_READING = 0.003  # share of the output's rms in rounding errors: a finer grid is a converter's, and no effect
-ROUNDING = 0.15  # share of the errors' mean square that rounding must make up to be told
+FAR = 40.0  # multiple of the 0.99 quantile of the distance from the median; samples beyond are outliers of the file
+COARSE_READING = 0.003  # rms of rounding errors as a share of the output's: a finer grid is that of a normal converter
+ROUNDING = 0.15  # share of the errors' mean square that rounding must make up to be mentioned
 
-LAGS = 20  # of the test of whiteness
+LAGS = 20  # of the whiteness test
 WINDOW = 200  # samples of the overlay
 
 
 def check_chain(u: Array, y: Array) -> list[DataProblem]:
-    """Problems of a record, all of them fatal.
+    """Problems of a record; all of them are fatal.
 
     Examples
     --------
@@ -44,10 +44,10 @@ def check_chain(u: Array, y: Array) -> list[DataProblem]:
     """
     bad = [name for name, x in (("input", u), ("output", y)) if not np.all(np.isfinite(x))]
     if bad:
-        text = f"The {' and the '.join(bad)} holds values that are missing or not finite; repair or cut them."
+        text = f"The {' and the '.join(bad)} holds values that are missing or not finite; repair or remove them."
         return [DataProblem("data-not-finite", "Missing values", text)]
     if u.size < FEWEST:
-        text = f"{u.size} samples; at least {FEWEST} are needed to tell an effect from noise. Log longer."
+        text = f"{u.size} samples; at least {FEWEST} are needed to distinguish an effect from noise. Log longer."
         return [DataProblem("data-too-short", "Record too short", text)]
     if np.ptp(u) == 0 or np.mean(np.diff(u) == 0) > STANDING:
         text = "The input is constant or changes in fewer than 2 % of the samples; pick the input that was applied."
@@ -59,20 +59,20 @@ def check_chain(u: Array, y: Array) -> list[DataProblem]:
     share = flat_share(y)
     if share > CLIPPED and np.unique(y).size > LEVELS:
         text = (
-            f"The output stands at its extreme for {100 * share:.0f} % of the record. Either the log clips it, or the "
-            "plant stops there, as a tank that overflows. No chain of this kind does: pass the part before it."
+            f"The output is at its extreme for {100 * share:.0f} % of the record. Either the log clips it, or the "
+            "plant stops there, like a tank that overflows. A chain of this kind does not: pass the part before it."
         )
         out.append(DataProblem("data-clipped-position", "The output stops at its extreme", text))
     jumps = np.abs(y - np.median(y))
     spikes = int(np.sum(jumps > FAR * (np.quantile(jumps, 0.99) + 1e-300)))
     if spikes:
-        text = f"{spikes} samples of the output lie far beyond the rest; repair the outliers."
+        text = f"{spikes} samples of the output are far away from all others; repair the outliers."
         out.append(DataProblem("data-spikes", "Outliers in the output", text))
     return out
 
 
 def coarse_grid(s: Record, m: ChainModel) -> float:
-    """Step of the grid on which the readings lie, if rounding is a good part of what is left; 0 otherwise."""
+    """Step of the grid of the readings if rounding is a considerable part of the residual, otherwise 0."""
     step = lattice(s.y)
     if not step or step / math.sqrt(12.0) < COARSE_READING * rms(s.y):
         return 0.0
@@ -81,7 +81,7 @@ def coarse_grid(s: Record, m: ChainModel) -> float:
 
 
 def axes(s: Record, m: ChainModel, units: tuple[str, str]) -> dict[str, tuple[Array, str]]:
-    """The signals that the gap may follow, one sample late as L2 is."""
+    """The signals that the gap may follow, delayed by one sample like the output of L2."""
     x, _, y_hat = simulate(s, m)
     dx = np.diff(x, prepend=x[:1])
     out: dict[str, tuple[Any, str]] = {"time": (np.arange(s.u.size) * s.dt, "s" if s.dt != 1.0 else "samples")}
@@ -91,17 +91,17 @@ def axes(s: Record, m: ChainModel, units: tuple[str, str]) -> dict[str, tuple[Ar
 
 
 def residual_tests(s: Record, base: ChainModel, model: ChainModel) -> list[dict[str, Any]]:
-    """Ljung-Box of the whitened errors, outliers held, before and after."""
+    """Ljung-Box test of the whitened errors with outliers clipped, before and after."""
     out = []
     for word, m in (("before", base), ("after", model)):
         w = whiteness_test(clipped(left(s, m)[s.fit]), LAGS, AR_ORDER)
-        out.append({"test": f"Ljung-Box, {LAGS} lags, outliers held, {word}", "statistic": w.statistic,
+        out.append({"test": f"Ljung-Box, {LAGS} lags, outliers clipped, {word}", "statistic": w.statistic,
                     "p_value": w.p_value, "largest": float(np.abs(w.r).max()), "band": w.band})  # fmt: skip
     return out
 
 
 def pictures(s: Record, base: ChainModel, model: ChainModel, unit: float) -> dict[str, Any]:
-    """Measured output, the gap over time, its spectra by frequency and by order of x."""
+    """Measured output, the gap over time, and its spectra by frequency and by order of x."""
     time = np.arange(s.u.size) * s.dt
     x = simulate(s, base)[0]
     before, after = (unit * clipped(left(s, m)) for m in (base, model))

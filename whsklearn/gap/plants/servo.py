@@ -1,6 +1,6 @@
 """A servo axis as a plant: drive in, position out. The controller need not be known.
 
-Inverse dynamics on the measured motion finds what is missing, free runs prove it.
+Inverse dynamics on the measured motion finds the missing effects; free runs prove them.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ OVER_LITTLE_TRAVEL = {"input_offset": ("gravity_imbalance",), "asymmetric_coulom
 
 
 class ServoPlant(PlantDefaults):
-    """A rigid axis whose drive and position are logged.
+    """A rigid axis with logged drive and position.
 
     Parameters
     ----------
@@ -59,9 +59,9 @@ class ServoPlant(PlantDefaults):
     law : tuple of str
         Friction terms of the base model.
     given_model : object
-        What is handed back if nothing can be diagnosed.
+        The model to return if nothing can be diagnosed.
     tolerance : float
-        Smallest effect worth a name, rms as a share of the rms drive.
+        Smallest effect worth a name: its rms as a share of the rms drive.
     """
 
     inverse: InverseView
@@ -97,23 +97,23 @@ class ServoPlant(PlantDefaults):
         return base
 
     def _open(self, record: ServoRecord) -> AxisModel:
-        """Both views of a record, and its base model."""
+        """Set up both views of a record; return its base model."""
         self.record = record
         self.inverse, base = start_of(record, self.law, self.tolerance)
         self.observer = observer_view(record, base.scene, self.inverse.start, tolerance=self.tolerance).coarsened(base)
         return base
 
     def surrogate(self, model: AxisModel, rng: np.random.Generator) -> ServoPlant:
-        """The plant of a record that the model itself made in the same experiment."""
+        """The plant of a record that the model itself makes in the same experiment."""
         view = self.observer.surrogate(model, rng)
         other = ServoPlant(view.record, self.law, None, self.tolerance)
         other.observer = view
         return other
 
     def settle(self, model: AxisModel) -> AxisModel:
-        """The numbers for simulation: as found, corrected by own records, or refitted along the run: what runs best.
+        """Choose the numbers with the best free run: as found, corrected by own records, or refitted along the run.
 
-        The horizon of the proof is settled first, and is the one they are compared at: over a longer one, at which no
+        The horizon of the proof is chosen first, and they are compared at that horizon.  Over a longer one, at which no
         model of this record can be simulated, a pendulum without inertia had the smaller drift (XL330 10h28m24).
         """
         self.headline, self.horizons = self._horizons(model)
@@ -125,9 +125,9 @@ class ServoPlant(PlantDefaults):
         return min(tried, key=lambda m: servo_free_run.train_error(self.observer, m, self.headline))
 
     def _from_load(self, model: AxisModel) -> list[AxisModel]:
-        """The model with its transmission seen from the load, fitted along the run; none where the fit leaves it out.
+        """The model with its transmission seen from the load, fitted along the run; empty if the fit drops it.
 
-        Inverse dynamics takes the measured motion for the motor's, and its form from the load's side is a first order.
+        Inverse dynamics takes the measured motion to be the motor's; its form for the load side is only first order.
         """
         i = next(i for i, t in enumerate(model.terms) if t.kind.code in TWO_MASS)
         rest = self.observer.fit(model.without(i))
@@ -139,8 +139,8 @@ class ServoPlant(PlantDefaults):
     def runs_worse(self, before: AxisModel, after: AxisModel) -> bool:
         """Whether a limit, a lag or a gain makes the free run worse.
 
-        Taking nearly all of the drive it "explains" a target that it has made small, with next to no inertia.  What
-        adds to the drive leaves the target as it is, and what it explains is explained.
+        If it takes away nearly all of the drive, it "explains" a target that it has itself made small, with almost no
+        inertia.  An effect that adds to the drive does not change the target, so what it explains is really explained.
         """
         kind = after.terms[-1].kind
         if not (kind.transforms or kind.driven) or not self._weighs(before):
@@ -152,29 +152,29 @@ class ServoPlant(PlantDefaults):
         return not new < old
 
     def _weighs(self, model: AxisModel) -> bool:
-        """Whether the inertia takes a share of the drive that is worth a name; without it a run shows nothing."""
+        """Whether the inertia takes a considerable share of the drive; otherwise a free run shows nothing."""
         acceleration = np.gradient(self.inverse.motion.velocity, self.inverse.scene.dt)
         return model.inertia * rms(acceleration) > self.tolerance * self.scale
 
     def remains(self, model: AxisModel, nameless: float) -> float:
-        """Rms of what still follows the motion without a name, given what inverse dynamics saw of it.
+        """Rms of the unnamed part that still follows the motion, given the value from inverse dynamics.
 
-        Nothing beside a play, whose knocks come a sample early or late: torque for an instant, and no path.  From the
-        load's side inverse dynamics does not see the model at all.
+        It is zero beside play, whose impacts come a sample early or late: a torque for an instant, but no path.  It is
+        also zero on the load side, where inverse dynamics cannot evaluate the model.
         """
         return 0.0 if model.has_play or model.load_side else nameless
 
     def _horizons(self, model: AxisModel) -> tuple[float, tuple[float, ...]]:
-        """(headline, all) horizons at which this model can be simulated at all (`servo_free_run.predictable`)."""
+        """(headline, all) horizons at which this model can be simulated (`servo_free_run.predictable`)."""
         made = self.surrogate(model, np.random.default_rng(0))
         longest = servo_free_run.horizon_of(model, model.scene, self.tolerance)
         headline = servo_free_run.predictable(made.observer, model, longest)
         return headline, (headline / 5.0, headline, 4.0 * headline)
 
     def learn(self, model: AxisModel) -> Learned | None:
-        """Curves of the inverse view; the age of the drive is that with which the free run is best on fitted samples.
+        """Learn curves in the inverse view; the age of the drive is the one with the best free run on fitted samples.
 
-        Inverse dynamics counts half a sample of age for the hold, which a simulation does by itself.
+        Inverse dynamics counts half a sample of age for the hold, which a simulation includes anyway.
         """
         if self.inverse.quiet(model, self.tolerance * self.scale):
             return None
@@ -201,7 +201,7 @@ class ServoPlant(PlantDefaults):
         return tuple(dict.fromkeys([*aliases(name), *(a for a in also if self.units[1] == "rad")]))
 
     def linearised(self, model: AxisModel) -> Linearised:
-        """Of what inverse dynamics leaves."""
+        """Residual and derivatives of inverse dynamics."""
         return self.inverse.linearised(model)
 
     def as_given(self, base: AxisModel) -> tuple[ServoPlant, AxisModel]:
@@ -215,14 +215,14 @@ class ServoPlant(PlantDefaults):
 
     # --- the search ---------------------------------------------------------------------------
     def looks(self, model: AxisModel, rng: np.random.Generator, beside: AxisModel | None = None) -> list[Any]:
-        """Every candidate on top of the model, which is ``beside`` without one effect; in its own records too."""
+        """Look at every candidate on top of the model, which is ``beside`` without one effect; also in own records."""
         self.own, self.corrected = servo_own.own(self.inverse, model, rng)
         self.inverse.artefact = self.own.mean
         self.n_effective = self.own.n_effective
         return with_p_values(servo_families.looks(self.inverse, self.inverse.fit(model), self.own, beside))
 
     def fitted_gain(self, model: AxisModel, grown: AxisModel, look: Any) -> tuple[float, float]:
-        """(gain, size) of a fitted effect, in the direction of regression in which it was seen."""
+        """(gain, size) of a fitted effect, in the direction of regression in which it was found."""
         if not look.swapped:
             return super().fitted_gain(model, grown, look)
         before = self.errors(model)
@@ -230,7 +230,7 @@ class ServoPlant(PlantDefaults):
         return g, max(self.size(before, self.errors(grown)), self.rms(before) * float(np.sqrt(share)))
 
     def refine(self, model: AxisModel, look: Any) -> AxisModel:
-        """The candidate with its shape polished, sizes solved; numbers that a first look holds free if that pays."""
+        """The candidate with its shape polished and sizes solved for; held numbers are freed if that pays."""
         grown = polished(self.inverse, model, look.start)
         for other, n_numbers in self._wider(model, grown, look.start):
             before, after = (rms(self.inverse.gap(m)) ** 2 for m in (grown, other))
@@ -239,7 +239,7 @@ class ServoPlant(PlantDefaults):
         return grown
 
     def _wider(self, model: AxisModel, grown: AxisModel, start: Any) -> Iterator[tuple[AxisModel, int]]:
-        """The model with numbers free that a first look holds: later ones of an effect, an order that was whole."""
+        """The model with numbers freed that a first look holds: later ones of an effect, or an order that was whole."""
         wider = widened(self.inverse, grown)
         if wider is not None:
             yield wider.model, wider.look.n_numbers
@@ -247,7 +247,7 @@ class ServoPlant(PlantDefaults):
             yield polished(self.inverse, model, start.with_slot(2, start.q[2] * (1.0 + 1e-6))), 1
 
     def family(self, model: AxisModel) -> Iterator[AxisModel]:
-        """The model with one more order of its last term's family, and one more, while each earns its place."""
+        """The model with one more order of its last term's family at a time, as long as each is justified."""
         last = model.terms[-1]
         if not (last.kind.repeats and last.kind.scanned == "position"):
             return
@@ -267,7 +267,7 @@ class ServoPlant(PlantDefaults):
         return self.inverse.fit(model)
 
     def settled(self, model: AxisModel) -> AxisModel:
-        """The model as the filter that its gap allows sees it, shapes polished without the artefacts of that filter.
+        """The model fitted behind the filter that its gap allows, with shapes polished without the filter's artefacts.
 
         A drive that was logged after it had acted is moved back first.
         """
@@ -280,7 +280,7 @@ class ServoPlant(PlantDefaults):
         if not 1.0 / rules.WIDER < other.cutoff / self.inverse.cutoff < rules.WIDER:
             self.inverse = other
         model = self.inverse.fit(model)
-        if model.added:  # fitted beside the artefacts of the model before it, a Stribeck curve comes out too wide
+        if model.added:  # with the artefacts of the previous model, the fit of a Stribeck curve is too wide
             own, _ = servo_own.own(self.inverse, model, np.random.default_rng(0))
             self.inverse.artefact = own.mean
             model = looking_settled(self.inverse, self.inverse.fit(model))
@@ -289,10 +289,10 @@ class ServoPlant(PlantDefaults):
         return model
 
     def _along_the_run(self, model: AxisModel) -> AxisModel:
-        """The model with the numbers that it has along its own run, where inverse dynamics too leaves less with them.
+        """The model with numbers fitted along its own run, if they also reduce the residual of inverse dynamics.
 
-        A strong effect changes how long the axis sticks, and shapes fitted beside the artefacts of a model without it
-        may end in another valley.
+        A strong effect changes how long the axis sticks.  Shapes fitted with the artefacts of a model without it may
+        end in another valley.
         """
         view, before = self.inverse, self.rms(self.errors(model))
         other = self.observer.fit(model)
@@ -305,11 +305,11 @@ class ServoPlant(PlantDefaults):
         return model
 
     def demand(self, model: AxisModel) -> float:
-        """Least share of the rms left that a further effect must explain: most of it beside a play."""
+        """Smallest share of the rms residual that a further effect must explain; beside play, most of it."""
         return self.inverse.demand(model)
 
     def errors(self, model: AxisModel) -> Array:
-        """What the model leaves at the judged samples."""
+        """Residual of the model at the judged samples."""
         return self.inverse.gap(model)
 
     def rms(self, errors: Array) -> float:
@@ -317,7 +317,7 @@ class ServoPlant(PlantDefaults):
         return rms(errors)
 
     def objection(self, model: AxisModel, index: int) -> str:
-        """What physics forbids."""
+        """The physical objection to an effect, or nothing."""
         return self.inverse.objection(model, index)
 
     # --- proof --------------------------------------------------------------------------------
@@ -330,11 +330,11 @@ class ServoPlant(PlantDefaults):
         return self.observer.record.position, servo_free_run.held_out(self.observer)
 
     def figures(self, base: AxisModel, model: AxisModel) -> tuple[float, float, float]:
-        """(gap before, after, floor) of inverse dynamics, in the unit of the drive: what an engineer would compute.
+        """(gap before, gap after, floor) of inverse dynamics in the unit of the drive, as an engineer would compute it.
 
-        What filters and noise leave of the model's own records is taken off.
+        The residual of the model's own records, due to filters and noise, is subtracted.
         """
-        if model.load_side:  # that would need the motor's motion, which nobody measured: the observer tells them
+        if model.load_side:  # that needs the motor's motion, which was not measured: the observer gives them
             seen = self.observer
             return seen.rms(seen.gap(base)), seen.rms(seen.gap(model)), seen.floor(model)
         view = self.inverse
@@ -358,7 +358,7 @@ class ServoPlant(PlantDefaults):
         return {k: (v, x[view.at]) for (k, v), x in named}, view.gap(model), view.step
 
     def residual_tests(self, base: AxisModel, model: AxisModel) -> list[dict[str, Any]]:
-        """Whiteness of what is left, before and after."""
+        """Whiteness of the residual, before and after."""
         self.observer.weigh(0.0)
         return [
             whiteness(self.observer.whitened(self.observer.gap(m), on="all"), name)
@@ -366,13 +366,13 @@ class ServoPlant(PlantDefaults):
         ]
 
     def parameters(self, model: AxisModel) -> dict[str, float]:
-        """The base model's numbers."""
+        """The numbers of the base model."""
         rows = {"inertia": model.inertia}
         rows |= {t.name: t.q[0] for t in model.terms[: model.n_base]}
         return rows | {"age of the drive (samples)": model.timing}
 
     def parameter_units(self, model: AxisModel) -> dict[str, str]:
-        """In the SI symbols of drive and position; inertia by its own name where the drive is a torque or a force."""
+        """Units in SI symbols of drive and position; inertia has its own unit if the drive is a torque or a force."""
         drive, position = self.units
         units = {t.name: next(iter(t.effect.quantities.values())).unit for t in model.terms[: model.n_base]}
         spelled = {k: u.replace("Nm", drive).replace("rad", position) for k, u in units.items()}
@@ -383,7 +383,7 @@ class ServoPlant(PlantDefaults):
         view, skipped = self.observer, self.inverse.skipped
         notes = []
         if skipped:
-            notes.append(f"{max(skipped[0], 0.0):.3g} to {skipped[1]:.3g} s follow a different law and were left out.")
+            notes.append(f"{max(skipped[0], 0.0):.3g} to {skipped[1]:.3g} s follow a different law and were not used.")
         if self.lead:
             notes.append(
                 f"The drive was logged about {1e3 * self.lead:.0f} ms after it had acted, and is used that much "
@@ -394,12 +394,12 @@ class ServoPlant(PlantDefaults):
             f"Position noise {self.record.told(view.noise, self.units[1])} (from sixth differences); the gap is seen "
             f"up to {view.filter.cutoff:.1f} Hz, where that noise makes {100 * view.floor() / self.scale:.2f} % "
             "of the rms drive.",
-            "The drive is replayed and the model held near the measurement by an observer, so no controller is needed.",
+            "The drive is replayed and an observer holds the model near the measurement, so no controller is needed.",
             SPLIT,
         ]
 
     def pictures(self, base: AxisModel, model: AxisModel) -> dict[str, Any]:
-        """Series that the page draws."""
+        """The series that the page draws."""
         runs = {
             "before": servo_free_run.free_run(self.observer, base, self.headline),
             "after": servo_free_run.free_run(self.observer, model, self.headline),
@@ -423,7 +423,7 @@ class ServoPlant(PlantDefaults):
 
 
 def servo_plant(model: Any, log: Any, *, law: str | None, tolerance: float, columns: dict[str, Any]) -> ServoPlant:
-    """The plant of a log; ``model`` is ``"servo"`` or a `ServoAxis`, whose law is then the base model's."""
+    """The plant of a log; ``model`` is ``"servo"`` or a `ServoAxis`, whose law becomes that of the base model."""
     given = None if isinstance(model, str) else model
     if given is not None and law is None:
         law = ",".join(t.name for t in given.law.terms)
@@ -439,5 +439,5 @@ def law_names(law: str | None, default: str) -> tuple[str, ...]:
         raise ValueError("The friction law is empty; name at least one term, such as viscous.")
     for name in names:
         if candidate(name).linear != 1:
-            raise ValueError(f"{name!r} cannot stand in the base law of an axis; expected friction such as coulomb.")
+            raise ValueError(f"{name!r} cannot be part of the base law of an axis; expected friction such as coulomb.")
     return names

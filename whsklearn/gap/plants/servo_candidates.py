@@ -1,8 +1,8 @@
-"""What an axis may be missing: every effect that is defined, the library's and a user's, as a search takes it.
+"""Effects that an axis may be missing: all defined ones, the library's and the user's, in the form of a search.
 
-An effect says itself where its numbers lie, where a search begins, which of them only a fine grid finds, without
-what it is not asked for (`whsklearn.effects.base`).  A `Candidate` is one effect in one variant of its text fields,
-seen from one side of a transmission; nothing here knows an effect by name but those that no torque shows.
+An effect itself defines the ranges of its numbers, where a search begins, which of them only a fine grid finds, and
+which other effect it requires (`whsklearn.effects.base`).  A `Candidate` is one effect in one variant of its text
+fields, seen from one side of a transmission.  No effect is known by name here except those that no torque shows.
 """
 
 from __future__ import annotations
@@ -19,16 +19,17 @@ from whsklearn.effects.base import shapes_of
 
 Array = NDArray[Any]
 
-# Read off the record itself (a lattice, a folded sign), or the same as another zero or another slope of the reference:
+# Read directly from the record (a grid, a folded sign), or the same as another zero or another slope of the reference:
 # no torque is missing where one of these is.
 UNSEEN = ("quantization", "sensor_rectification", "output_offset", "output_drift")
-SEEN = 0.01  # of an effect's largest value over its starts: a start at which it shows less is beside the travel
-N_POINTS = 2001  # of the motion on which an effect's largest value is taken: a thousandth of the travel apart
+SEEN = 0.01  # of an effect's largest value over its starts: a start at which it shows less is outside the travel
+N_POINTS = 2001  # of the motion on which an effect's largest value is found: a thousandth of the travel apart
 
 
 class TypicalMotion:
-    """A motion of one record's scales on which every effect shows: seven swings and a bit over the travel, so
-    that no two pass the same places; shape (n,) each.
+    """A motion with the scales of one record on which every effect shows; shape (n,) each.
+
+    It swings slightly more than seven times over the travel, so that no two swings pass the same positions.
     """
 
     def __init__(self, scales: Scales):
@@ -49,11 +50,11 @@ class Candidate:
     cls : type
         The effect.
     choice : tuple of (str, str)
-        What its text fields are.
+        Its text fields.
     on_load : bool
-        Whether the encoder sits behind the transmission.
+        Whether the encoder is behind the transmission.
     whole : bool
-        Whether the numbers are free that an effect gets later (`Effect.later`).
+        Whether the numbers that are freed later (`Effect.later`) are free.
     """
 
     cls: type[Effect]
@@ -73,12 +74,12 @@ class Candidate:
 
     @cached_property
     def code(self) -> int:
-        """What compiled kernels call it."""
+        """Its code in the compiled kernels."""
         return int(self.cls(**self.options).code)
 
     @cached_property
     def linear(self) -> int:
-        """How many leading numbers the torque is linear in: 1, 2 (cosine and sine), or 0."""
+        """Number of leading parameters in which the torque is linear: 1, 2 (cosine and sine), or 0."""
         return self.cls.linear()
 
     @cached_property
@@ -99,7 +100,7 @@ class Candidate:
 
     @cached_property
     def scanned(self) -> str:
-        """How a fine grid finds the one number that starts would miss: ``position``, ``time``, ``step``; or empty."""
+        """Which fine grid finds the one number that starts would miss: ``position``, ``time``, ``step``, or empty."""
         field = self.cls.scanned()
         return self.cls.quantities[field].scan if field else ""
 
@@ -110,7 +111,7 @@ class Candidate:
 
     @property
     def elementary(self) -> bool:
-        """Whether it is so common that it goes first where several effects are missing."""
+        """Whether it is so common that it is preferred if several effects are missing."""
         return self.cls.elementary
 
     @property
@@ -120,29 +121,29 @@ class Candidate:
 
     @cached_property
     def parent(self) -> str:
-        """The effect without which it is not asked for."""
+        """The effect that must be present before it is tried."""
         return self.cls.parent_of(**self.options)
 
     @property
     def finest(self) -> float:
-        """Largest step (s) at which its simulation is right."""
+        """Largest step (s) at which its simulation is accurate."""
         return self.cls.finest
 
     @cached_property
     def held(self) -> tuple[int, ...]:
-        """Shape numbers, counted behind the linear ones, that keep their start."""
+        """Shape numbers, counted after the linear ones, that keep their start values."""
         held = (*self.cls.held, *(() if self.whole else self.cls.later))
         return tuple(i for i, f in enumerate(self.fields[self.linear :]) if f in held)
 
     @cached_property
     def later(self) -> tuple[int, ...]:
-        """Shape numbers, counted behind the linear ones, that are set free once the effect is taken."""
+        """Shape numbers, counted after the linear ones, that are freed once the effect is chosen."""
         late = () if self.whole else self.cls.later
         return tuple(i for i, f in enumerate(self.fields[self.linear :]) if f in late)
 
     @cached_property
     def driven(self) -> bool:
-        """Whether its columns hold the drive, which they could then explain by itself: asked of the equation."""
+        """Whether its columns contain the drive, which they could then explain by itself; tested on the equation."""
         if self.linear == 0:
             return self.cls.column_kind != "none"
         signals, scales = TypicalMotion(Scales()), Scales()
@@ -153,7 +154,7 @@ class Candidate:
 
     @cached_property
     def of_place(self) -> bool:
-        """Whether it is a torque of the position alone, whatever came before, of a shape that no scan has to find."""
+        """Whether its torque depends on the present position alone, with a shape that no scan has to find."""
         if self.cls.port != "torque" or self.linear == 0 or self.scanned:
             return False
         signals, scales = TypicalMotion(Scales()), Scales()
@@ -166,16 +167,16 @@ class Candidate:
 
     @property
     def transforms(self) -> bool:
-        """Whether it changes the drive as a whole, and has no size but its shape: a limit, a dead zone, a delay."""
+        """Whether it transforms the whole drive and has no size but its shape: a limit, a dead zone, a delay."""
         return self.cls.port == "input" and self.linear == 0
 
     @property
     def delays(self) -> bool:
-        """Whether that is by time alone, as an age of the drive would."""
+        """Whether it only delays the drive, as an age of the drive would."""
         return self.transforms and self.cls.column_kind == "first_order"
 
     def ratios(self, shape: int) -> bool:
-        """Whether a shape number is moved in ratios."""
+        """Whether a shape number is varied by ratios."""
         q = self.cls.quantities[self.fields[self.linear + shape]]
         return q.log or q.low > 0.0 or bool(q.scan)
 
@@ -191,11 +192,11 @@ class Candidate:
         return _ranged(self, scales)
 
     def starts(self, scales: Scales) -> list[tuple[float, ...]]:
-        """Shape numbers from which a search of one record begins."""
+        """Shape numbers from which the search on one record begins."""
         return self.cls.starts(scales)
 
     def opened(self, q: tuple[float, ...], scales: Scales) -> list[tuple[Candidate, tuple[float, ...]]]:
-        """The candidate with its later numbers free, and its row with each of their starts."""
+        """The candidate with its later numbers freed, and its parameters with each of their starts."""
         kind, at = replace(self, whole=True), [self.linear + i for i in self.later]
         rows = []
         for start in self.cls.later_starts(scales) if at else []:
@@ -206,13 +207,13 @@ class Candidate:
         return rows
 
     def spread(self, shape: int, scales: Scales) -> float:
-        """A typical change of a shape number that is not moved in ratios."""
+        """A typical change of a shape number that is not varied by ratios."""
         q = self.cls.quantities[self.fields[self.linear + shape]]
         unit, _ = scales.of(q.unit, q.scale)
         return max(unit if unit is not None else (q.high - q.low) / 6.0, 1e-6)
 
     def size_unit(self, scales: Scales) -> float:
-        """The size at which the effect is at its largest as large as the rms drive (or a hundredth of the travel)."""
+        """The size at which the effect's largest value equals the rms drive (or a hundredth of the travel)."""
         return _size_unit(self, scales)
 
     def effect(self, q: Array) -> Any:
@@ -220,7 +221,7 @@ class Candidate:
         return self.cls.from_row(q, **self.options)
 
     def unit_columns(self, shape: tuple[float, ...], signals: Any) -> Array:
-        """Torque (or reading) a unit of each linear number, shape (n, linear), by the effect's own equation."""
+        """Torque (or reading) per unit of each linear number, shape (n, linear), by the effect's own equation."""
         effect = self.cls(**self.options)
         return np.column_stack([effect.along((*unit, *shape), signals) for unit in np.eye(self.linear)])
 
@@ -242,7 +243,7 @@ def _size_unit(candidate: Candidate, scales: Scales) -> float:
 
 
 def catalogue() -> tuple[Candidate, ...]:
-    """Every effect that is defined and that a missing torque can show, in all variants.
+    """Every defined effect that a missing torque can show, in all variants.
 
     Examples
     --------
@@ -254,7 +255,7 @@ def catalogue() -> tuple[Candidate, ...]:
 
 
 def variants(cls: type[Effect]) -> tuple[Candidate, ...]:
-    """One candidate for every choice of the text fields, and either side of what splits the inertia."""
+    """One candidate for every choice of the text fields, and for either side if it splits the inertia."""
     sides = (False, True) if cls.port == "block" else (False,)
     return tuple(Candidate(cls, tuple(v.items()), side) for side in sides for v in cls.variants())
 
@@ -265,18 +266,18 @@ def candidate(name: str) -> Candidate:
     Raises
     ------
     ValueError
-        If there is no such effect, or no missing torque can show it.
+        If there is no such effect, or if no missing torque can show it.
     """
     if name not in effect_names() or name in UNSEEN:
         known = ", ".join(sorted(n for n in effect_names() if n not in UNSEEN))
-        raise ValueError(f"{name!r} cannot stand in the law of an axis; expected one of {known}.")
+        raise ValueError(f"{name!r} cannot be part of the law of an axis; expected one of {known}.")
     return variants(get_effect(name))[0]
 
 
 def aliases(name: str) -> tuple[str, ...]:
-    """Names that no record of drive and position can tell from ``name``.
+    """Names that no record of drive and position can distinguish from ``name``.
 
-    What is the same to first order only (a delay and a lag) is told apart by simulation.
+    Effects that are the same only to first order (a delay and a lag) are distinguished by simulation.
     """
     cls = get_effect(name)
     return () if cls.column_kind == "first_order" else cls.aliases
@@ -286,8 +287,10 @@ TWO_MASS = frozenset((codes.BACKLASH, codes.FLEXIBLE_COUPLING))
 
 
 def usable(present: list[Candidate]) -> tuple[Candidate, ...]:
-    """Candidates that a model with those ``present`` may still get: one that splits the inertia at the most, one of
-    a name unless it repeats, what modifies another effect only beside that one, and nothing that one present says.
+    """Candidates that may be added to a model with those ``present``.
+
+    At most one splits the inertia, a name occurs once unless it repeats, an effect that modifies another one requires
+    it, and nothing is added that a present effect already describes.
     """
     names = {p.name for p in present}
     said = {name for p in present for name in p.cls.covers}

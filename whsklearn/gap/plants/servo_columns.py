@@ -12,10 +12,10 @@ Array = NDArray[Any]
 
 
 class ColumnSignals(NamedTuple):
-    """What an effect's columns are made of, shape (n,) each.
+    """The signals from which an effect's columns are computed, shape (n,) each.
 
-    ``drive`` is the torque that the model predicts wherever an effect acts on the drive: the measured one would let
-    such an effect explain the drive by itself.  ``kappa`` (s/rad) softens sign(v) to tanh(kappa v); None: the sign.
+    If an effect acts on the drive, ``drive`` is the torque that the model predicts; with the measured one the effect
+    could explain the drive by itself.  ``kappa`` (s/rad) softens sign(v) to tanh(kappa v); None keeps the sign.
     """
 
     time: Array
@@ -27,5 +27,5 @@ class ColumnSignals(NamedTuple):
 
 
 def effect_columns(kind: Candidate, shape: tuple[float, ...], signals: ColumnSignals) -> Array:
-    """Torque a unit of size at this shape, shape (n, 1) or (n, 2) for a cosine and a sine."""
+    """Torque per unit of size at this shape, shape (n, 1), or (n, 2) for a cosine and a sine."""
     return kind.unit_columns(shape, signals)
