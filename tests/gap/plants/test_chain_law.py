@@ -111,6 +111,6 @@ def test_a_pole_too_few_is_told_and_an_effect_is_not_taken_for_it():
     s = Record(u, y, 1.0, np.array([2, 1, 1, 2, len(law)]), law, np.arange(u.size) >= 40)
     base = minima(s, base_starts(s, np.random.default_rng(0)))[0]
     said = laws.falls_short(s, base, base)
-    assert "linear dynamics are left" in said
+    assert "linear dynamics are missing" in said
     assert "orders 2,1,1,2 were given" in said
     assert laws.falls_short(PLAIN, coloured(PLAIN, TRUE), coloured(PLAIN, TRUE)) == ""
