@@ -48,7 +48,7 @@ def test_a_simulator_that_gives_another_length_is_told_so():
         def simulate(self, record):
             return np.zeros(3)
 
-    with pytest.raises(ValueError, match="one value a sample"):
+    with pytest.raises(ValueError, match="one value per sample"):
         SimulatorFit(None, RECORD, TRAIN).error(Short())
 
 

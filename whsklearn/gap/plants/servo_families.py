@@ -1,4 +1,4 @@
-"""Every candidate of an axis as a family of torque columns behind the view's filters: what the look scans."""
+"""Every candidate of an axis as a family of torque columns behind the view's filters, for the look to scan."""
 
 from __future__ import annotations
 
@@ -26,13 +26,16 @@ from whsklearn.gap.search import HALF
 from whsklearn.gap.tangent import Family, Look, Tangent
 
 Array = NDArray[Any]
-AT_ONCE = 64  # shapes of one product
+AT_ONCE = 64  # shapes in one matrix product
 N_AGES = 24
 Blocks = Iterator[tuple[Any, Array, Array | float]]
 
 
 class Scene:
-    """One view under one model: what all families of it share; the torque that ``beside`` predicts, if it does not."""
+    """One view under one model, with everything that all families share.
+
+    The torque is the model's; if that is not good enough, it is the torque of ``beside``.
+    """
 
     def __init__(self, view: Any, model: AxisModel, beside: AxisModel | None = None):
         self.view, self.model = view, model
@@ -46,20 +49,21 @@ class Scene:
         self.sigma = CUTOFF_SIGMA / (2 * np.pi * view.cutoff)
 
     def columns(self, term: Term) -> Array:
-        """Of one term at its shape, shape (n, 1, k)."""
+        """Columns of one term at its shape, shape (n, 1, k)."""
         return self.view.term_columns(self.model, term, self.torque)[self.at][:, None, :]
 
     def transformed(self, changed: Array) -> tuple[Array, float]:
-        """(what is missing if ``changed`` is what reaches the axis, shape (n, 1, 1), its share of the drive's rms)."""
+        """The residual if ``changed`` reaches the axis, shape (n, 1, 1), and its share of the rms drive."""
         lost = self.view.blur(self.view.record.drive - changed)[self.at]
         before = self.view.drive[self.at]
         return lost[:, None, None], self.view.rms(before - lost) / max(self.view.rms(before), 1e-300)
 
 
 def looks(view: Any, model: AxisModel, own: Own, beside: AxisModel | None = None) -> list[Look]:
-    """Every candidate, and nameless functions of the motion, beside the model's own columns.
+    """Look at every candidate, and at nameless functions of the motion, beside the model's own columns.
 
-    What multiplies the torque is tried too where only ``beside``, which has an effect more, predicts it well enough.
+    Effects that multiply the torque are tried too if only ``beside``, which has one more effect, predicts it well
+    enough.
     """
     scene = Scene(view, model, beside)
     _, x, target, sizes, free = view.solved(model)
@@ -75,7 +79,7 @@ def looks(view: Any, model: AxisModel, own: Own, beside: AxisModel | None = None
         for f, of_place in families(scene)
     ]
     out += [timed.look(f) for f in nameless(scene, (x @ sizes)[view.at])]
-    if view.age(model) > rules.LATEST * view.scene.dt:  # then the age is no nuisance but the question
+    if view.age(model) > rules.LATEST * view.scene.dt:  # then the age is not a nuisance but a candidate
         plain = Tangent(left, own.null, numbers, own.n_effective, away)
         late = (kind for kind in inverse_kinds(model) if kind.delays)
         out += [plain.look(family(scene, kind)) for kind in late]
@@ -91,10 +95,10 @@ def looks(view: Any, model: AxisModel, own: Own, beside: AxisModel | None = None
 
 
 def better(look: Look | None, other: Look | None, n: float, left: float) -> Look | None:
-    """Of one family asked both ways round, the first, unless it is blind to more than half of what the other sees.
+    """Of two looks at one family, by both regressions, the first, unless it misses more than half of the other's.
 
-    Families are compared by what they explain of the drive, of rms ``left``; the size of one that is seen the other
-    way round is the same share of it as of the acceleration, of ``n`` independent samples.
+    Families are compared by what they explain of the drive's residual, of rms ``left``.  The size of a family found by
+    the other regression is the same share of it as of the acceleration, with ``n`` independent samples.
     """
     if look is None or other is None:
         return look
@@ -103,7 +107,7 @@ def better(look: Look | None, other: Look | None, n: float, left: float) -> Look
 
 
 def families(scene: Scene) -> Iterator[tuple[Family, bool]]:
-    """Those that have columns, or a limit of the drive; whether it is a force of the place."""
+    """Families that have columns or limit the drive, each with whether it is a force of the position alone."""
     for kind in inverse_kinds(scene.model):
         if kind in stop.KINDS or kind.delays:
             continue
@@ -145,9 +149,9 @@ def family(scene: Scene, kind: Candidate) -> Family:
 
 
 def couplings(scene: Scene, kind: Candidate) -> Blocks:
-    """A load on the motor's motion, over antiresonances and widths of a play."""
+    """A load driven by the motor's motion, over antiresonances and widths of play."""
     play = kind.code == k.BACKLASH
-    if kind.on_load:  # one column: neither a frequency nor a width changes its shape
+    if kind.on_load:  # one column, because neither a frequency nor a width changes its shape
         hz = scene.view.scene.resonance
         term = two_mass.start(scene.model, kind, scene.view.scene.reach / 50.0, hz, 0.15 if play else 0.05)
         yield [term], scene.columns(term), 1.0
@@ -160,7 +164,7 @@ def couplings(scene: Scene, kind: Candidate) -> Blocks:
 
 
 def limits(scene: Scene, kind: Candidate) -> Blocks:
-    """What a limit or a dead zone takes off the drive; enough must be left to tell the axis by."""
+    """What a limit or a dead zone removes from the drive; enough must remain to fit the axis."""
     u, signals = scene.view.record.drive, scene.view.motion
     for width in np.geomspace(*kind.ranged(scene.view.scene)[0], N_LIMITS):
         changed = reaching(Term(kind, (float(width),)), u, signals, scene.view.scene.dt)
@@ -172,7 +176,7 @@ def limits(scene: Scene, kind: Candidate) -> Blocks:
 
 
 def ages(scene: Scene, kind: Candidate) -> Blocks:
-    """The drive later by every age beyond bookkeeping."""
+    """The drive delayed by every age beyond bookkeeping."""
     dt, u = scene.view.scene.dt, scene.view.record.drive
     book, _ = scene.transformed(later(k.INPUT_DELAY, u, rules.LATEST * dt, dt))
     for age in np.geomspace(rules.LATEST * dt, max(rules.OLDEST, 10 * rules.LATEST * dt), N_AGES):
@@ -181,7 +185,7 @@ def ages(scene: Scene, kind: Candidate) -> Blocks:
 
 
 def orders(scene: Scene, kind: Candidate) -> Blocks:
-    """Whole orders, then all; a wave is damped by exp(-(k v s)^2 / 2) behind the Gaussian."""
+    """Whole orders, then all orders; the Gaussian damps a wave by exp(-(k v s)^2 / 2)."""
     view = scene.view
     low = kind.ranged(view.scene)[0][0]
     speed = max(float(np.median(np.abs(view.motion.velocity))), 1e-9)
@@ -224,7 +228,7 @@ def tones(scene: Scene, kind: Candidate, tangent: Tangent) -> Blocks:
 
 
 def nameless(scene: Scene, torque: Array) -> Iterator[Family]:
-    """Functions of position, speed, time and the torque that the model asks for, each kind a family without a name."""
+    """Functions of position, speed, time and the model's torque; each kind is a family without a name."""
 
     def all_at_once(columns: Array) -> Family:
         return Family("", lambda _: iter([([()], columns, 1.0)]), lambda *_: None, columns.shape[2])

@@ -1,8 +1,8 @@
 """Free runs of a servo model along the log, restarted at a horizon.
 
-Every restart takes position and velocity from the smoothed measurement, by the same rule for every model, so
-what differs between before and after is the model alone.  The twist of a coupling, which nobody measured, is that
-of the model as it was held near the record until then.
+Every restart takes position and velocity from the smoothed measurement, by the same rule for every model, so that only
+the model differs between before and after.  The twist of a coupling, which is not measured, is that of the model held
+near the record up to the restart.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from whsklearn.gap.plants.servo_model import AxisModel
 from whsklearn.gap.record import held_out_blocks, rms
 
 Array = NDArray[Any]
-WINDOWS = (0.08, 0.04, 0.02, 0.01, 0.005)  # s, of the smoother that gives a run its start
+WINDOWS = (0.08, 0.04, 0.02, 0.01, 0.005)  # s, of the smoother that gives the start of a run
 
 
 def smoothed(position: Array, dt: float, width: int) -> tuple[Array, Array]:
@@ -29,11 +29,12 @@ def smoothed(position: Array, dt: float, width: int) -> tuple[Array, Array]:
 
 
 def smoothing_width(position: Array, dt: float, noise: float) -> int:
-    """The widest window, in samples, that takes no more off the velocity than noise does.
+    """The widest window, in samples, that changes the velocity by no more than noise does.
 
-    A narrow window's velocity differs from a wide one's by its own noise, known from the window's weights, and by what
-    the wide one smooths away; the wide one goes while that is the smaller part (the rule of Lepski 1991 for a choice
-    of bandwidth).  A motor that cogs at 70 Hz under a stiff loop would else start every run a radian a second wrong.
+    The velocity of a narrow window differs from that of a wide one by its own noise, known from the window's weights,
+    and by the motion that the wide one smooths away.  The wide one is used while the second part is smaller (Lepski's
+    rule of 1991 for choosing a bandwidth).  Otherwise, with a motor that cogs at 70 Hz under a stiff loop, every run
+    would start with an error of a radian per second.
     """
     from scipy.signal import savgol_coeffs
 
@@ -47,11 +48,11 @@ def smoothing_width(position: Array, dt: float, noise: float) -> int:
 
 
 def restart_states(view: Any, model: AxisModel) -> tuple[tuple[Array, Array], Array]:
-    """((angle, velocity), twist of the coupling with its rate) from which a run starts at any sample.
+    """((angle, velocity), twist of the coupling with its rate) from which a run starts, at every sample.
 
-    The measurement smoothed, plus what sensor and smoothing take off the same model's own motion while it is held
-    near the record: the knocks of a play are faster than any smoother that keeps the noise out.  A model that cannot be
-    held near the record has no say in where it starts.
+    The state is the smoothed measurement plus whatever sensor and smoothing remove from the model's own motion while
+    it is held near the record, because the impacts of play are faster than any smoother that suppresses the noise.  A
+    model that cannot be held near the record does not affect its start.
     """
     dt = view.scene.dt
     width = smoothing_width(view.record.position, dt, view.noise)
@@ -69,10 +70,11 @@ def restart_states(view: Any, model: AxisModel) -> tuple[tuple[Array, Array], Ar
 
 
 def horizon_of(model: AxisModel, scene: Any, tolerance: float) -> float:
-    """The longest horizon in s, 0.5 at the most, over which a torque not worth a name leaves a run near the path.
+    """The longest horizon in s, at most 0.5, over which a torque not worth a name keeps a run near the path.
 
-    ``tolerance`` of the rms drive pushes an axis off by tau h^2 / (2 J) or, where viscous friction holds it, tau h / B;
-    the path over h is v h long.  Friction of a motor is never known better, so a longer run shows drift only.
+    ``tolerance`` of the rms drive displaces an axis by tau h^2 / (2 J) or, if viscous friction dominates, by tau h /
+    B; the path over h has the length v h.  The friction of a motor is never known better, so a longer run shows only
+    drift.
     """
     viscous = sum(t.q[0] for t in model.terms if t.name == "viscous")
     error = tolerance * scene.torque
@@ -86,7 +88,7 @@ def horizon_of(model: AxisModel, scene: Any, tolerance: float) -> float:
 def predictable(surrogate: Any, model: AxisModel, longest: float) -> float:
     """The longest horizon up to ``longest`` (s) over which the model predicts a record that it made itself.
 
-    Where a motion runs over unstable places (a motor that cogs under a soft drive tips from tooth to tooth), the noise
+    If a motion passes unstable positions (a motor that cogs under a soft drive tips from tooth to tooth), the noise
     of a restart grows until a run shows nothing, whatever the model.
     """
     horizons = [longest, *(h for h in rules.SHORTER_RUNS if 10 * model.scene.dt <= h < longest)]
@@ -120,13 +122,13 @@ def held_out(view: Any) -> NDArray[np.bool_]:
 
 
 def misfit(view: Any, model: AxisModel) -> float:
-    """Mean square of the innovation, finite for a model that runs away."""
+    """Mean square of the innovation; finite even for a model that diverges."""
     e = view.record.position - view.follow(model)[0]
     return float(np.mean(np.clip(np.nan_to_num(e, nan=1e6), -1e6, 1e6) ** 2))
 
 
 def train_error(view: Any, model: AxisModel, horizon: float) -> float:
-    """Rms of the free run over the samples that are not held out, infinite where it diverges."""
+    """Rms error of the free run over the samples that are not held out; infinite if it diverges."""
     fitted = ~held_out(view)
     e = (view.record.position - free_run(view, model, horizon))[fitted]
     return rms(e) if np.all(np.isfinite(e)) else float("inf")

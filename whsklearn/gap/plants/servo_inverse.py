@@ -1,10 +1,10 @@
 """The robust view of a servo axis: inverse dynamics on the measured motion, cross-validated over ten blocks.
 
-torque = J a + sum of effects holds on the measured motion however much is missing, so it finds large effects that
-the observer view no longer shows.  Every column is blurred as the drive is: G tau(q, v), not tau(G q, G v).
-Timing is always a nuisance column, the derivative of the predicted torque; effects of the drive act on the torque
-that the model predicts, or they would explain the drive by itself.  Effects that change the drive as a whole (delay,
-lag, dead zone) have no honest column: they are left to the observer; a limit changes the target instead.
+torque = J a + sum of effects holds on the measured motion however much is missing, so it finds large effects that the
+observer view no longer shows.  Every column is blurred like the drive: G tau(q, v), not tau(G q, G v).  Timing is
+always a nuisance column, the derivative of the predicted torque.  Effects of the drive act on the torque that the
+model predicts, or they would explain the drive by itself.  Effects that transform the whole drive (delay, lag, dead
+zone) have no valid column and are left to the observer; a limit changes the target instead.
 """
 
 from __future__ import annotations
@@ -34,19 +34,19 @@ from whsklearn.gap.record import ServoRecord, lattice, noise_level, rms
 from whsklearn.gap.values import Linearised
 
 Array = NDArray[Any]
-PER_CUTOFF = 5.0  # samples a period of the cut-off that decimation keeps
-KEPT = 40  # columns remembered: a polish moves one shape and leaves the others
+PER_CUTOFF = 5.0  # samples per period of the cut-off that decimation keeps
+KEPT = 40  # columns cached, because a polish moves one shape and not the others
 
 
 def reaching(t: Term, u: Array, motion: ColumnSignals, dt: float) -> Array:
-    """What an effect of the drive as a whole lets through: less at a limit or around zero, late by a delay or a lag."""
+    """The drive after an effect that transforms it: reduced at a limit or around zero, late by a delay or a lag."""
     if t.kind.cls.column_kind == "at_size":
         return u - np.asarray(t.effect.contribution(motion._replace(drive=u)))
     return later(t.kind.code, u, t.q[0], dt)
 
 
 def later(code: int, u: Array, age: float, dt: float) -> Array:
-    """A drive that reaches the axis late: delayed, or through a first-order lag."""
+    """A drive that reaches the axis late, delayed or through a first-order lag."""
     if code == codes.INPUT_DELAY:
         t = np.arange(u.size) * dt
         return np.interp(t - age, t, u)
@@ -62,11 +62,11 @@ class InverseView:
     record : ServoRecord
     scene : Scales
     cutoff : float
-        Of the Gaussian, Hz.
+        Cut-off of the Gaussian, Hz.
     start : tuple of ndarray
-        Smoothed position and velocity, from which a surrogate starts.
+        Smoothed position and velocity from which a surrogate starts.
     skipped : tuple of float, optional
-        (from, to) in s of a segment that follows another law than the rest of the record.
+        (from, to) in s of a segment that follows a different law from the rest of the record.
     """
 
     def __init__(
@@ -96,12 +96,12 @@ class InverseView:
         self.block = (np.arange(self.at.size) * ols.N_BLOCKS // self.at.size).astype(np.intp)
         self.step = self.every * dt
         self.n_effective = self.at.size * min(1.0, 2 * cutoff * self.step)
-        self.artefact: Array | None = None  # what a model's own record leaves here, at the judged samples
+        self.artefact: Array | None = None  # residual of a model's own record in this view, at the judged samples
         self._floors: dict[Any, float] = {}
         self._columns: dict[Any, Array] = {}
 
     def _usable(self, sigma: float) -> NDArray[np.bool_]:
-        """Decimated samples away from the ends and from rests longer than two sigma, where friction is open."""
+        """Decimated samples away from the ends and from rests longer than two sigma, where friction is undetermined."""
         dt, n = self.scene.dt, len(self.record)
         still = np.abs(self.motion.velocity) < self.slowest
         edges = np.flatnonzero(np.diff(np.concatenate([[0], still.astype(np.int8), [0]])))
@@ -118,7 +118,7 @@ class InverseView:
         return out if out.sum() >= rules.FEWEST_A_BLOCK * ols.N_BLOCKS else ~holes[:: self.every]
 
     def rms(self, gap: Array) -> float:
-        """Over the judged samples."""
+        """Rms over the judged samples."""
         return rms(gap)
 
     def quiet(self, model: AxisModel, least: float) -> bool:
@@ -126,7 +126,7 @@ class InverseView:
         return self.rms(self.gap(model)) ** 2 <= (QUIET * self.floor(model)) ** 2 + least**2
 
     def bare(self) -> InverseView:
-        """The view without the artefacts taken off."""
+        """The view without subtracting the artefacts."""
         if self.artefact is None:
             return self
         other = copy(self)
@@ -134,20 +134,20 @@ class InverseView:
         return other
 
     def beside(self, record: ServoRecord) -> InverseView:
-        """The same view, judged at the same samples, of another record of the same experiment."""
+        """The same view of another record of the same experiment, judged at the same samples."""
         other = InverseView(record, self.scene, self.cutoff, self.start, self.skipped)
         other.usable, other.at, other.block, other.n_effective = self.usable, self.at, self.block, self.n_effective
         other.slowest, other.motion = self.slowest, other.motion._replace(kappa=self.motion.kappa)
         return other
 
     def spread(self, left: Array) -> Array:
-        """What is left at the judged samples, at every sample of the record; zero where nothing is judged."""
+        """Spread the residual at the judged samples to all samples of the record; zero where nothing is judged."""
         whole = np.zeros(self.usable.size)
         whole[self.at] = left
         return np.interp(self.time, self.time[:: self.every], whole)
 
     def age(self, model: AxisModel) -> float:
-        """Age of the drive (s), however old: the size of the column of timing."""
+        """Age of the drive (s), without limit: the size of the timing column."""
         x, _ = self.columns(model, self.torque(model) if self._driven(model) else None)
         target, share = self.target(model)
         rate = ols.slope(x @ self.sizes(model), self.step)
@@ -156,11 +156,11 @@ class InverseView:
 
     # --- columns ---------------------------------------------------------------------------
     def blur(self, x: Array) -> Array:
-        """Behind the Gaussian, filtered."""
+        """The signal filtered by the Gaussian."""
         return filtered(x, self.g, self.every)
 
     def columns(self, model: AxisModel, torque: Array | None = None) -> tuple[Array, NDArray[np.bool_]]:
-        """(columns of inertia and every linear number of the terms, which of them are positive)."""
+        """(columns of inertia and of every linear number of the terms, mask of those that must be positive)."""
         parts, positive = [self.acceleration], [True]
         for t in model.terms:
             c = self.term_columns(model, t, torque)
@@ -179,13 +179,13 @@ class InverseView:
         key = (t.kind.label, t.q[t.kind.linear :])
         columns = self._columns.get(key)
         if columns is None:
-            if len(self._columns) > KEPT:  # all at once: two threads may take derivatives side by side
+            if len(self._columns) > KEPT:  # all at once, because two threads may compute derivatives in parallel
                 self._columns = {}
             columns = self._columns[key] = self._new_columns(model, t, torque)
         return columns
 
     def _new_columns(self, model: AxisModel, t: Term, torque: Array | None) -> Array:
-        if t.kind.cls.port == "output":  # J a and B v are taken off a reading that is ahead by the error
+        if t.kind.cls.port == "output":  # J a and B v are computed from a reading that is ahead by the error
             waves = effect_columns(t.kind, t.q[t.kind.linear :], self.motion)
             _, _, g2 = gaussian_derivatives(CUTOFF_SIGMA / (2 * np.pi * self.cutoff), self.scene.dt)
             return -model.inertia * filtered(waves, g2, self.every)
@@ -196,9 +196,9 @@ class InverseView:
     def solved(
         self, model: AxisModel, *, any_age: bool = False
     ) -> tuple[AxisModel, Array, Array, Array, NDArray[np.bool_]]:
-        """(model with its sizes, columns with timing last, target, sizes, columns in force), at the model's shapes.
+        """(model with its sizes, columns with timing last, target, sizes, mask of columns used), at the model's shapes.
 
-        With ``any_age`` the drive may be as old as any logger's; else, beyond bookkeeping, it is a delay.
+        With ``any_age`` the drive may be as old as in any logger; otherwise an age beyond bookkeeping is a delay.
         """
         torque = self.torque(model) if self._driven(model) else None
         x, positive = self.columns(model, torque)
@@ -212,7 +212,7 @@ class InverseView:
         sizes, free = self._sizes(np.column_stack([open_x, rate]), target, np.append(positive, False), away)
         latest = rules.OLDEST if any_age else rules.LATEST * self.scene.dt
         timing = float(np.clip(sizes[-1], -rules.OLDEST, latest))
-        # u(t - T) = m is u = m + T m' + T^2 m'' / 2: without the second order a lag looks like a delay
+        # u(t - T) = m means u = m + T m' + T^2 m'' / 2; without the second order a lag looks like a delay
         target = target - 0.5 * timing**2 * ols.slope(rate, self.step)
         if timing == sizes[-1]:
             columns = np.column_stack([x, rate])
@@ -225,10 +225,10 @@ class InverseView:
         return self.with_sizes(model, np.append(sizes[: x.shape[1]], timing)), columns, target, sizes, free
 
     def target(self, model: AxisModel) -> tuple[Array, float]:
-        """(drive that reaches the axis, rms of the logged drive over its own).
+        """(drive that reaches the axis, rms of the logged drive over that of this drive).
 
-        A limit has no column: it takes the drive's peaks away, and with them whatever a model leaves of the peaks. So
-        what is left is compared as a share of the drive that there is.
+        A limit has no column: it removes the peaks of the drive and with them the residual of the model at the peaks.
+        Residuals are therefore compared as shares of the drive that reaches the axis.
         """
         u = self.record.drive
         for t in model.terms:
@@ -242,14 +242,14 @@ class InverseView:
     def _sizes(
         self, x: Array, target: Array, positive: NDArray[np.bool_], away: Array | None
     ) -> tuple[Array, NDArray[np.bool_]]:
-        """Least squares on the judged samples that no stop touches."""
+        """Least squares on the judged samples without contact at a stop."""
         x, target = x[self.at], target[self.at]
         if away is not None:
             x, target = x * away[:, None], target * away
         return ols.solve(ols.blocks_of(x, target, self.block), self.at.size, positive)
 
     def with_sizes(self, model: AxisModel, sizes: Array) -> AxisModel:
-        """The model with inertia, linear numbers and timing as solved."""
+        """The model with the solved inertia, linear numbers and timing."""
         if any(t.kind.code in TWO_MASS for t in model.terms):
             return two_mass.with_sizes(self, model, sizes)
         terms, i = [], 1
@@ -261,7 +261,7 @@ class InverseView:
         return dataclasses.replace(model, inertia=inertia, timing=timing, terms=tuple(terms))
 
     def torque(self, model: AxisModel) -> Array | None:
-        """Torque that the model predicts, at full rate; None while it leaves too much to stand for the drive."""
+        """Torque that the model predicts, at full rate; None if its residual is too large to replace the drive."""
         x, _ = self.columns(model, self.record.drive)
         sizes = self.sizes(model)
         predicted = x @ sizes
@@ -277,17 +277,17 @@ class InverseView:
         return np.array([model.inertia, *(n for t in model.terms for n in t.q[: t.kind.linear])])
 
     def fit(self, model: AxisModel) -> AxisModel:
-        """The sizes solved at the model's shapes."""
+        """The model with its sizes solved for at its shapes."""
         once = self.solved(model)[0]
         return self.solved(once)[0] if self._driven(model) else once
 
     def _driven(self, model: AxisModel) -> bool:
-        """Whether columns depend on the numbers of the model itself."""
+        """Whether any columns depend on the model's own numbers."""
         return any(self._depends(t) for t in model.terms)
 
     @staticmethod
     def _depends(t: Term) -> bool:
-        """Whether a term's columns hold the predicted torque, or the inertia (an error of the reading)."""
+        """Whether a term's columns contain the predicted torque, or the inertia (an error of the reading)."""
         return t.kind.driven or t.kind.cls.port == "output" or t.kind.on_load
 
     def gap(self, model: AxisModel, *, any_age: bool = False) -> Array:
@@ -297,15 +297,15 @@ class InverseView:
         return stop.outside(left[self.at], stop.away(self, model))
 
     def with_pushes(self, model: AxisModel) -> Array:
-        """The same, but of a stop's push only what spring and damper give is taken off."""
+        """The same residual, but of the push of a stop only the part of spring and damper is subtracted."""
         _, x, target, sizes, _ = self.solved(model)
         return (target - x @ sizes)[self.at]
 
     def floor(self, model: AxisModel) -> float:
-        """Gap of the model's own record under the same view.
+        """Gap of the model's own record in the same view.
 
-        A model without an inertia to speak of shakes under its own controller: where its record leaves more than noise
-        may make behind any filter, the encoder's noise through inertia and filter is the floor.
+        A model with almost no inertia shakes under its own controller.  If its record leaves more than noise can cause
+        behind any filter, the floor is the encoder noise through inertia and filter instead.
         """
         key = tuple((t.kind.label, t.q) for t in model.terms)
         if key not in self._floors:
@@ -318,11 +318,11 @@ class InverseView:
         return self._floors[key]
 
     def surrogate(self, model: AxisModel, rng: np.random.Generator) -> InverseView:
-        """The view of a record that the model itself made in the same experiment."""
+        """The view of a record that the model itself makes in the same experiment."""
         return InverseView(surrogate_record(self, model, rng), self.scene, self.cutoff, self.start, self.skipped)
 
     def cross_validated(self, model: AxisModel) -> Array:
-        """Errors of every judged sample predicted by the fit to the other blocks."""
+        """Error of every judged sample under the fit to the other blocks."""
         _, x, target, _, free = self.solved(model)
         x, target, away = stop.without_pushes(model, x[self.at]), target[self.at], stop.away(self, model)
         rows = (x, target) if away is None else (x * away[:, None], target * away)
@@ -333,25 +333,26 @@ class InverseView:
         """What is wrong with the sign or the range of a term's numbers; empty if nothing."""
         t = model.terms[index]
         if t.kind.code == codes.SATURATION and t.q[0] > 0.0 and self.below_limit(t.q[0]) < model.vector().size:
-            return "the drive would stand at it nearly all the time, and its sign alone tells too little of the axis"
+            return "the drive would be at it nearly all the time, and its sign alone shows too little of the axis"
         if t.kind.linear and t.kind.code not in TWO_MASS:
             torque = self.torque(model) if self._depends(t) else None
             own = self.term_columns(model, t, torque)[self.at] @ np.array(t.q[: t.kind.linear])
             if self.rms(own) > rules.AGAINST * self.scene.torque:
-                return "it would be a hundred times the drive, and stand against another number of the model"
+                return "it would be a hundred times the drive and only cancel another number of the model"
         return unphysical(self.record, model, index)
 
     def below_limit(self, limit: float) -> float:
-        """Independent samples at which the drive is below a limit: elsewhere it is a constant, whatever the axis asks.
+        """Number of independent samples at which the drive is below a limit; elsewhere it is constant.
 
-        A limit so low that they are fewer than the model's numbers leaves a square wave, which friction explains
-        whatever is missing (a pendulum of XL330: at the limit for 98.7 % of the time; true limits reach 60 %).
+        If the limit is so low that there are fewer of them than numbers of the model, the drive becomes a square wave,
+        which friction explains whatever is missing (a pendulum of XL330: at the limit for 98.7 % of the time; true
+        limits reach 60 %).
         """
         below = np.abs(self.record.drive[:: self.every][self.at]) < limit
         return self.n_effective * float(np.mean(below))
 
     def demand(self, model: AxisModel) -> float:
-        """Beside a play a further effect must explain most of what is left."""
+        """Share of the residual that a further effect must explain: most of it beside play."""
         return rules.BESIDE_A_PLAY if model.has_play else 0.0
 
     def seen(self, model: AxisModel) -> tuple[Array, Array, Array, NDArray[np.bool_], NDArray[np.bool_]]:
@@ -363,9 +364,9 @@ class InverseView:
 
     # --- candidates ---------------------------------------------------------------------------
     def linearised(self, model: AxisModel) -> Linearised:
-        """Residual and derivatives in all free numbers, scaled to the independent samples.
+        """Residual and derivatives by all free numbers, scaled to the number of independent samples.
 
-        The residual is linear in the sizes, and their derivatives are the columns: differences would cost a record of
+        The residual is linear in the sizes, so their derivatives are the columns.  Differences would cost a new set of
         columns each, and learned curves have dozens of sizes.
         """
         factor = np.sqrt(self.n_effective / self.at.size)
@@ -382,7 +383,7 @@ class InverseView:
         x, (low, high) = model.vector(), model.bounds()
         r = residual(x)
         sizes, first = np.zeros(x.size, dtype=np.intp), 1 + np.cumsum([0, *(t.kind.linear for t in model.terms)])
-        if not any(t.kind.code in TWO_MASS for t in model.terms):  # they split the inertia, and are not linear
+        if not any(t.kind.code in TWO_MASS for t in model.terms):  # they split the inertia and are not linear
             sizes[2:] = [first[i] + j if j < model.terms[i].kind.linear else 0 for i, j, _ in model.free()]
         rest = np.flatnonzero(sizes == 0)
 

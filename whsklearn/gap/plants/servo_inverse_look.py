@@ -1,4 +1,4 @@
-"""Candidates in the inverse view: the best start of each, its shape polished, further orders of a family."""
+"""Candidates in the inverse view: the best start of each, the polish of its shape, further orders of a family."""
 
 from __future__ import annotations
 
@@ -22,14 +22,16 @@ Array = NDArray[Any]
 GAPS = (0.002, 0.004, 0.009, 0.018, 0.037, 0.075, 0.15)  # rad
 CONTACTS = (6.0, 12.0, 25.0, 60.0)  # Hz, of the antiresonance in contact
 ANTIRESONANCES = np.geomspace(0.8, 65.0, 20)  # Hz
-N_LIMITS = 40  # of the drive over the plausible range: an eighth apart
-POLISH = 4  # rounds over the shape numbers, the step shrunk to 0.55 in each to a tenth of the start's spacing, and a
-# parabola through the last three: a spring of twice the drive off by a tenth leaves more than its neighbours explain
-HIGHEST = 160.0  # periods a turn
+N_LIMITS = 40  # of the drive over the plausible range, an eighth apart
+# Rounds over the shape numbers.  The step shrinks by 0.55 in each, to a tenth of the spacing of the starts, and a
+# parabola goes through the last three: a spring of twice the drive, off by a tenth, leaves more than its neighbours
+# explain.
+POLISH = 4
+HIGHEST = 160.0  # periods per turn
 
 
 class ProjectedBase:
-    """The model's own columns projected out of what is left."""
+    """The residual with the model's own columns projected out."""
 
     def __init__(self, view: Any, model: AxisModel, beside: AxisModel | None = None):
         self.model = model
@@ -45,13 +47,13 @@ class ProjectedBase:
         self.power = float(self.left @ self.left)
 
     def open(self, x: Array) -> Array:
-        """Zero at samples that a stop of the model touches."""
+        """Set samples to zero at which a stop of the model is in contact."""
         if self.away is None:
             return x
         return x * (self.away if x.ndim == 1 else self.away[:, None])
 
     def gain(self, columns: Array) -> float:
-        """Share of what is left that the columns explain beyond the model's own."""
+        """Share of the residual that the columns explain in addition to the model's own."""
         columns = self.open(columns)
         z = columns - self.q @ (self.q.T @ columns)
         norm = np.linalg.norm(z, axis=0)
@@ -69,7 +71,7 @@ def inverse_kinds(model: AxisModel) -> tuple[Candidate, ...]:
 
 
 def has_form(c: Candidate) -> bool:
-    """Whether inverse dynamics of the motor's side shows a candidate."""
+    """Whether inverse dynamics of the motor side shows a candidate."""
     return c.linear > 0 or c.transforms or c.code in TWO_MASS
 
 
@@ -79,7 +81,7 @@ def term_gain(view: Any, base: ProjectedBase, term: Term) -> float:
 
 
 def scan_orders(view: Any, base: ProjectedBase, kind: Candidate, without: Collection[float] = ()) -> list[float]:
-    """The best whole order but those ``without``, and the best of all, on the decimated motion.
+    """The best whole order except those ``without``, and the best of all orders, on the decimated motion.
 
     A wave is damped by exp(-(k v s)^2 / 2).
     """
@@ -101,9 +103,9 @@ def scan_orders(view: Any, base: ProjectedBase, kind: Candidate, without: Collec
 
 
 def wave_gains(view: Any, base: ProjectedBase, kind: Candidate, values: Array) -> Array:
-    """Share of what is left that a wave of each order explains beyond the model.
+    """Share of the residual that a wave of each order explains in addition to the model.
 
-    What stands before the wave (the sign of the velocity, the torque) is the effect's own column at order zero.
+    The factor of the wave (the sign of the velocity, the torque) is the effect's own column at order zero.
     """
     if not kind.paired:
         return np.array([term_gain(view, base, Term(kind, (0.0, order))) for order in values])
@@ -121,7 +123,7 @@ def wave_gains(view: Any, base: ProjectedBase, kind: Candidate, values: Array) -
 
 
 def pair_gains(base: ProjectedBase, c: Array, s: Array) -> Array:
-    """Gain of every pair of columns (c_i, s_i) beyond the base."""
+    """Gain of every pair of columns (c_i, s_i) over the base."""
     c, s = base.open(c), base.open(s)
     c = c - base.q @ (base.q.T @ c)
     s = s - base.q @ (base.q.T @ s)
@@ -133,7 +135,7 @@ def pair_gains(base: ProjectedBase, c: Array, s: Array) -> Array:
 
 
 def polished(view: Any, model: AxisModel, term: Term) -> AxisModel:
-    """The model with the term, its free shape numbers moved downhill one at a time, sizes solved."""
+    """The model with the term; its free shape numbers are moved downhill one at a time and the sizes solved for."""
     if term.kind in stop.KINDS:
         return stop.settled(view, model, term)
     grown = downhill(view, view.fit(model.with_term(term)), len(model.terms))
@@ -143,7 +145,7 @@ def polished(view: Any, model: AxisModel, term: Term) -> AxisModel:
 def settled(view: Any, model: AxisModel) -> AxisModel:
     """The model with the shapes of its effects polished again beside the last one.
 
-    Alone, a spring's place of rest makes up for what was missing beside it.
+    Without that one, the rest position of a spring compensates for whatever was missing.
     """
     for i in range(model.n_base, len(model.terms)):
         kind = model.terms[i].kind
@@ -153,7 +155,7 @@ def settled(view: Any, model: AxisModel) -> AxisModel:
 
 
 def downhill(view: Any, grown: AxisModel, i: int) -> AxisModel:
-    """The model with the free shape numbers of its term ``i`` moved downhill one at a time, sizes solved."""
+    """The model with the free shape numbers of term ``i`` moved downhill one at a time and the sizes solved for."""
     term = grown.terms[i]
     free = [(j, log) for of, j, log in grown.free() if of == i and j >= term.kind.linear]
     if term.kind.scanned == "position" and float(term.q[2]).is_integer():
@@ -165,7 +167,7 @@ def downhill(view: Any, grown: AxisModel, i: int) -> AxisModel:
     for j, log in free:
         widths[j] = 0.35 if log else 0.3 * view.scene.reach
         if term.kind.code == k.SATURATION:
-            widths[j] = 0.12  # a limit's spacing; a tenth of a percent too low leaves its own trace
+            widths[j] = 0.12  # the spacing of limits; one that is 0.1 % too low leaves a trace of its own
         elif term.kind.scanned == "position":
             widths[j] = np.log1p(0.2 / (view.scene.reach * term.q[j]))
         elif term.kind.scanned == "time":
@@ -193,7 +195,7 @@ def downhill(view: Any, grown: AxisModel, i: int) -> AxisModel:
                     grown, cost = other, c
                     widths[j] *= 1.6
                     break
-            else:  # between the two: the vertex of the parabola through the three powers
+            else:  # between the two, at the vertex of the parabola through the three powers
                 below, above = (c**2 - cost**2 for c in sides)
                 if below + above > 0.0:
                     c, other = at(j, log, x + 0.5 * width * (below - above) / (below + above))
@@ -204,9 +206,9 @@ def downhill(view: Any, grown: AxisModel, i: int) -> AxisModel:
 
 
 def jointly(view: Any, grown: AxisModel, i: int) -> AxisModel:
-    """The model with the free shape numbers of its term ``i`` fitted together, sizes solved at each step.
+    """The model with the free shape numbers of term ``i`` fitted together; the sizes are solved for at each step.
 
-    Distance and damping of bristles trade against each other: one at a time they end halfway down.
+    Distance and damping of bristles trade against each other; moved one at a time, they stop halfway down.
     """
     first = grown.terms[i].kind.linear
     free = [(n, j, log) for n, (of, j, log) in enumerate(grown.free(), 2) if of == i and j >= first]
@@ -227,7 +229,7 @@ def jointly(view: Any, grown: AxisModel, i: int) -> AxisModel:
 
 
 def widened(view: Any, model: AxisModel) -> CandidateFit | None:
-    """The last term with its later numbers free, from the best of their starts."""
+    """The last term with its later numbers freed, from the best of their starts."""
     last = model.terms[-1]
     rows = last.kind.opened(last.q, view.scene)
     if not rows:
@@ -238,11 +240,11 @@ def widened(view: Any, model: AxisModel) -> CandidateFit | None:
 
 
 def next_order(view: Any, model: AxisModel, kind: Candidate) -> AxisModel | None:
-    """The model with the best further order of a family; beside whole orders only whole ones belong to it."""
+    """The model with the best further order of a family; only whole orders can join whole ones."""
     base = ProjectedBase(view, model)
     present = {round(t.q[2], 2) for t in model.terms if t.kind == kind}
     whole = all(o.is_integer() for o in present)
-    apart = ONE_PERIOD / view.scene.reach  # closer ones are one wave with an envelope
+    apart = ONE_PERIOD / view.scene.reach  # closer orders are one wave with an envelope
     orders = [
         o for o in scan_orders(view, base, kind, present)
         if (o.is_integer() or not whole) and all(abs(o - p) > apart for p in present)

@@ -1,11 +1,11 @@
-"""What follows the motion and has no name, learned: a sparse sum of splines over one or two signals.
+"""Learn what follows the motion without having a name, as a sparse sum of splines over one or two signals.
 
-In the inverse view drive = J a + sum of terms + sum of curves is linear in the curves' heights. A curve is a row of
-cubic B-splines whose second differences are penalised (Eilers, Marx 1996, Stat. Sci. 11(2), 89-121); base model and
-curve are solved together, and how smooth it is, over which signals, and whether there is one at all is decided by
-cross-validation over ten blocks of the record. Simple symmetric forms go first: a function of the angle, a brake that
-depends on speed and is the same both ways, friction and damping that depend on the angle; a free function of the
-velocity or of the drive only where those leave more.
+In the inverse view drive = J a + sum of terms + sum of curves is linear in the heights of the curves. A curve is a row
+of cubic B-splines with a penalty on second differences (Eilers, Marx 1996, Stat. Sci. 11(2), 89-121). The base model
+and the curve are solved together. Cross-validation over ten blocks of the record decides how smooth the curve is, over
+which signals it goes, and whether there is one at all. Simple symmetric forms come first: a function of the angle, a
+brake that depends on speed and is the same in both directions, and friction and damping that depend on the angle. A
+free function of the velocity or of the drive is used only if those leave a larger residual.
 """
 
 from __future__ import annotations
@@ -30,18 +30,18 @@ from whsklearn.gap.plants.servo_model import AxisModel, Term
 from whsklearn.gap.values import Curve, Learned
 
 Array = NDArray[Any]
-KNOTS = (16, 48, 120)  # hills over the range of a signal: half a percent of the travel is the finest place
+KNOTS = (16, 48, 120)  # hills over the range of a signal; the finest are half a percent of the travel wide
 PENALTIES = np.geomspace(1e-5, 1.0, 6)  # of second differences, as a share of the columns' power
 # Gain of a learned curve, cross-validated: 25 kept every true first effect and no false one on 15 real logs and 21
 # blind ones.
 LEAST_GAIN = 25.0
-PER_SAMPLE = 4  # samples kept for each judged one: 20 a period of the view's cut-off
-RIDGE = 1e-4  # the same, of the heights themselves: what a term of the base model can say is left to that term
-TURNS = 1.5  # turns of travel from which on the angle in the turn is a signal of its own
+PER_SAMPLE = 4  # samples kept for each judged one: 20 per period of the view's cut-off
+RIDGE = 1e-4  # the same for the heights themselves, so that the base model explains whatever it can
+TURNS = 1.5  # turns of travel above which the angle within a turn is a signal of its own
 
 
 class Form(NamedTuple):
-    """One kind of curve: what `LearnedTorque.over` calls it, its signals, period and the range of the hills."""
+    """One kind of curve: its name in `LearnedTorque.over`, its signals, its period and the range of the hills."""
 
     over: str
     period: float
@@ -50,36 +50,36 @@ class Form(NamedTuple):
 
     @property
     def kind(self) -> Candidate:
-        """The hill as a candidate."""
+        """The candidate that one hill is."""
         return Candidate(LearnedTorque, (("over", self.over),))
 
     @property
     def knots(self) -> tuple[int, ...]:
-        """How many hills are tried: places may be narrow, speeds and drives are not."""
+        """Numbers of hills to try: effects of position may be narrow, those of speed and drive are not."""
         return KNOTS if self.over.startswith("position") else KNOTS[:-1]
 
     @property
     def signals(self) -> tuple[str, ...]:
-        """Names of the signals for a person."""
+        """Names of the signals in plain words."""
         first, *second = self.over.split(" and ")
         return ("angle in the turn" if self.period else first, *second)
 
 
 class Fit(NamedTuple):
-    """A curve solved beside the base model and the curves before it.
+    """A curve solved together with the base model and the curves before it.
 
     Attributes
     ----------
     columns, penalty : ndarray of shape (n, k), (k, k)
-        Of its k hills.
+        Columns and penalty of its k hills.
     numbers : ndarray
-        Of all columns: the terms' linear numbers, the heights of the curves before, its own.
+        Weights of all columns: the linear numbers of the terms, the heights of earlier curves, its own heights.
     covariance : ndarray of shape (k, k)
-        Of its heights.
+        Covariance of its heights.
     error : float
         Cross-validated sum of squares.
     inertia, timing : float
-        Of the model without the curve; timing in samples.
+        Inertia and timing of the model without the curve; timing in samples.
     """
 
     form: Form
@@ -99,7 +99,7 @@ def forms(view: Any, torque: Array | None) -> list[Form]:
     s = view.motion
     low, high = (float(x) for x in np.quantile(s.position, [0.0, 1.0]))
     places = [(0.0, low, high)]
-    if high - low > TURNS * 2 * np.pi:  # what comes back every turn needs a turn's hills only
+    if high - low > TURNS * 2 * np.pi:  # a function that repeats every turn needs the hills of one turn only
         places.insert(0, (2 * np.pi, 0.0, 2 * np.pi))
     fast = float(np.quantile(np.abs(s.velocity), 0.999))
     out = [Form("speed", 0.0, 0.0, fast)]
@@ -113,7 +113,7 @@ def forms(view: Any, torque: Array | None) -> list[Form]:
 
 
 def learn(view: Any, model: AxisModel) -> Learned | None:
-    """The model with what it still lacks as learned curves, or None where cross-validation earns none."""
+    """The model with learned curves for whatever it still lacks, or None if cross-validation supports none."""
     if any(t.kind.code in TWO_MASS for t in model.terms):
         return None
     torque = view.torque(model)
@@ -139,14 +139,14 @@ def learn(view: Any, model: AxisModel) -> Learned | None:
 
 
 class CurveProblem:
-    """Penalised least squares of one record: the base model's friction and effects, and the curves found so far."""
+    """Penalised least squares of one record: friction and effects of the base model, and the curves found so far."""
 
     def __init__(self, view: Any, model: AxisModel, torque: Array | None, curves: tuple[Fit, ...] = ()):
         self.view, self.model, self.torque, self.curves = view, model, torque, curves
         fitted, full, target, sizes, _ = view.solved(model)
         x, positive = view.columns(model, torque)
         self.inertia, self.timing, p = float(sizes[0]), fitted.timing, x.shape[1]
-        # a curve over the position of a motion that repeats can stand for inertia and timing, so these are held
+        # a curve over the position of a periodic motion can replace inertia and timing, so these are held
         self.target = (target - full[:, p:] @ sizes[p:] - x[:, 0] * self.inertia)[view.at]
         self.base, self.positive = x[view.at, 1:], positive[1:]
         self.seen = thinned(view, view.motion if torque is None else view.motion._replace(drive=torque))
@@ -154,16 +154,16 @@ class CurveProblem:
         self.error = curves[-1].error if curves else self.cross_validated(self.base, self._penalty(nothing))
 
     def _penalty(self, new: Array) -> Array:
-        """Quadratic form on [base, curves before, the new curve's heights]."""
+        """Quadratic form of [base, earlier curves, heights of the new curve]."""
         base = ols.RIDGE * self.target.size * np.diag(np.mean(self.base**2, axis=0))
         return block_diag(base, *(c.penalty for c in self.curves), new)
 
     def columns(self, new: Array) -> Array:
-        """Base, curves before and new hills side by side."""
+        """Columns of the base, the earlier curves and the new hills, side by side."""
         return np.column_stack([self.base, *(c.columns for c in self.curves), new])
 
     def solved(self, z: Array, penalty: Array) -> tuple[Array, NDArray[np.bool_]]:
-        """Numbers of all columns, those that must be positive left out where they are not."""
+        """Weights of all columns; columns that must be positive but are not are dropped."""
         free = np.ones(z.shape[1], dtype=bool)
         gram, right = z.T @ z + penalty, z.T @ self.target
         numbers = np.zeros(z.shape[1])
@@ -185,13 +185,13 @@ class CurveProblem:
         for b in np.unique(self.view.block):
             part = self.view.block == b
             zb, yb = z[part], self.target[part]
-            # a hill that only this block saw has nothing to be told by
+            # a hill that only this block reaches cannot be determined by the others
             left = yb - zb @ np.linalg.lstsq(gram - zb.T @ zb, right - zb.T @ yb, rcond=None)[0]
             total += float(left @ left)
         return total
 
     def gain(self, error: float) -> float:
-        """n_eff ln(CV before / CV after), as every candidate of this view is weighed."""
+        """n_eff ln(CV before / CV after), as for every candidate of this view."""
         return float(self.view.n_effective * np.log(self.error / max(error, 1e-300)))
 
     def hills(self, form: Form, n: int) -> tuple[Array, Array, float]:
@@ -204,13 +204,13 @@ class CurveProblem:
             centres = form.low + width * np.arange(-1, n + 1)
         s, kernel, every = self.seen
         columns = np.empty((self.view.at.size, centres.size))
-        for i, c in enumerate(centres):  # one at a time: a record of 100 s at 10 kHz has a million samples
+        for i, c in enumerate(centres):  # one at a time, because a record of 100 s at 10 kHz has a million samples
             raw = form.kind.unit_columns((float(c), width, form.period), s)[:, 0]
             columns[:, i] = filtered(raw, kernel, every)[self.view.at]
         return columns, centres, width
 
     def fitted(self, form: Form, n: int) -> Fit | None:
-        """The curve of a form at its best smoothness; None where the record does not reach its hills."""
+        """The curve of a form at its best smoothness; None if the record does not reach its hills."""
         new, centres, width = self.hills(form, n)
         seen = np.sqrt(np.mean(new**2, axis=0))
         if seen.max() <= 0.0 or not np.all(np.isfinite(new)):
@@ -230,7 +230,7 @@ class CurveProblem:
 
 
 def thinned(view: Any, s: ColumnSignals) -> tuple[ColumnSignals, Array, int]:
-    """(signals, Gaussian, samples between judged ones) at the lowest rate that the view's filter leaves unharmed."""
+    """(signals, Gaussian, samples between judged ones) at the lowest rate that the view's filter allows."""
     step = max(d for d in range(1, view.every + 1) if view.every % d == 0 and (d == 1 or view.every // d >= PER_SAMPLE))
     half = view.g.size // 2
     kernel = view.g[half % step :: step]
@@ -241,7 +241,7 @@ def thinned(view: Any, s: ColumnSignals) -> tuple[ColumnSignals, Array, int]:
 
 
 def second_differences(k: int, periodic: bool) -> Array:
-    """D'D of the second differences of k heights, round the turn where they are periodic; shape (k, k)."""
+    """D'D of the second differences of k heights, across the turn if they are periodic; shape (k, k)."""
     eye = np.eye(k)
     d = np.roll(eye, 1, axis=1) - 2 * eye + np.roll(eye, -1, axis=1)
     d = d if periodic else d[1:-1]
@@ -249,14 +249,14 @@ def second_differences(k: int, periodic: bool) -> Array:
 
 
 def heights_of(fits: list[Fit]) -> list[Array]:
-    """The hills' heights of every curve, as solved together with the last one."""
+    """The heights of the hills of every curve, solved together with the last one."""
     numbers = fits[-1].numbers
     ends = numbers.size - np.cumsum([0, *(f.centres.size for f in fits[::-1])])[::-1]
     return [numbers[a:b] for a, b in pairwise(ends)]
 
 
 def with_curves(view: Any, model: AxisModel, fits: list[Fit], heights: list[Array]) -> AxisModel:
-    """The model with its own numbers as solved beside the curves, and the curves' hills as terms."""
+    """The model with its own numbers as solved beside the curves, and with the hills of the curves as terms."""
     last = fits[-1]
     own = last.numbers[: last.numbers.size - sum(h.size for h in heights)]
     model = view.with_sizes(model, np.array([last.inertia, *own, last.timing * view.scene.dt]))
@@ -269,7 +269,7 @@ def with_curves(view: Any, model: AxisModel, fits: list[Fit], heights: list[Arra
 
 
 def curve_of(fit: Fit, weights: Array, n: int = 200) -> Curve:
-    """The curve on a grid, with two standard deviations either side."""
+    """The curve on a grid, with two standard deviations on either side."""
     x = np.linspace(fit.form.low, fit.form.high, n)
     d = x[:, None] - fit.centres[None, :]
     if fit.form.period:

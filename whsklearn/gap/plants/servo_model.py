@@ -1,4 +1,4 @@
-"""An axis that can be refitted: inertia, timing and a list of terms, as one vector of free numbers."""
+"""An axis that can be refitted: inertia, timing and a list of terms as one vector of free numbers."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ from whsklearn.systems.servo_observer import (
 )
 
 Array = NDArray[Any]
-WIDEST = 5.0  # times the inertia of the inverse dynamics either way: fits that left it by more had run away
-LARGEST = 10.0  # times the rms drive that one effect may ask for: larger ones only cancel each other
-LONGEST_STEP = 1.001e-3  # s of a fine step; the thousandth more takes the rounding of 1 / 1000
-FASTEST_COUPLING = 90.0  # Hz, the fastest one that is looked for, for which `Effect.finest` of a transmission holds
+WIDEST = 5.0  # factor around the inertia of the inverse dynamics; fits further away had diverged
+LARGEST = 10.0  # largest effect in multiples of the rms drive; larger ones only cancel each other
+LONGEST_STEP = 1.001e-3  # s of a fine step; the extra thousandth allows for the rounding of 1 / 1000
+FASTEST_COUPLING = 90.0  # Hz of the fastest coupling searched for; `Effect.finest` of a transmission is made for it
 TIMING_LIMIT = 1.0  # samples; less than one is bookkeeping, not physics
 
 
@@ -38,23 +38,23 @@ class Term(FittedTerm):
     """A candidate (`whsklearn.gap.plants.servo_candidates.Candidate`) with its numbers."""
 
     def with_slot(self, i: int, value: float) -> Term:
-        """The same with one number changed."""
+        """The same term with one number changed."""
         return replace(self, q=(*self.q[:i], float(value), *self.q[i + 1 :]))
 
 
 @dataclass(frozen=True)
 class AxisModel:
-    """J a = u - sum of terms, with the drive ``timing`` samples old when it acts."""
+    """J a = u - sum of terms, where the drive is ``timing`` samples old when it acts."""
 
     inertia: float
     timing: float
     terms: tuple[Term, ...]
     scene: Scales
     n_base: int = 0  # leading terms that are the base model's
-    step: float = LONGEST_STEP  # s, the largest fine step; a view may have found a longer one to be as good
+    step: float = LONGEST_STEP  # s, the largest fine step; a view may have found that a longer one is as good
 
     def with_term(self, term: Term) -> AxisModel:
-        """The model with one effect more."""
+        """The model with one more effect."""
         return replace(self, terms=(*self.terms, term))
 
     def without(self, index: int) -> AxisModel:
@@ -71,7 +71,7 @@ class AxisModel:
         return self.terms[self.n_base :]
 
     def at_the_end(self, index: int) -> str:
-        """Whether the first shape number of a term has run to the end of its range; empty if not."""
+        """A sentence if the first shape number of a term is at the end of its range; empty if not."""
         kind, (low, high) = self.terms[index].kind, self.bounds()
         for value, a, b, (i, j, _) in zip(self.vector()[2:], low[2:], high[2:], self.free(), strict=True):
             if i == index and j == kind.linear and j < kind.n_slots:
@@ -81,17 +81,17 @@ class AxisModel:
 
     @property
     def load_side(self) -> bool:
-        """Whether the encoder sits behind the coupling."""
+        """Whether the encoder is behind the coupling."""
         return any(t.kind.on_load for t in self.terms)
 
     @property
     def has_play(self) -> bool:
-        """Whether there is backlash in the chain, whose impacts make every cost a rough one."""
+        """Whether the model has backlash, whose impacts make every cost function rough."""
         return any(t.kind.code == k.BACKLASH for t in self.terms)
 
     # --- one vector of free numbers -------------------------------------------------------
     def free(self) -> list[tuple[int, int, bool]]:
-        """(term, slot, whether its logarithm is free) of every free number after J and timing."""
+        """(term, slot, whether its logarithm is used) of every free number after J and timing."""
         out = []
         for i, t in enumerate(self.terms):
             for j in range(t.kind.n_slots):
@@ -118,7 +118,7 @@ class AxisModel:
             kind = self.terms[i].kind
             shape = j - kind.linear
             if shape < 0:
-                # dry and viscous friction take energy out: a base law that gives some is a runaway fit
+                # dry and viscous friction dissipate energy; a base law that supplies some comes from a diverging fit
                 most = LARGEST * kind.size_unit(self.scene)
                 low.append(0.0 if kind.positive and i < self.n_base else -most)
                 high.append(most)
@@ -138,8 +138,8 @@ class AxisModel:
     def steps(self) -> Array:
         """Increments for numerical derivatives, about 0.3 % of the torque each.
 
-        With play in the chain they are ten times as wide: the cost is a valley with ripples, one for every impact
-        that comes a sample sooner or later, and a narrow difference sees the ripples only.
+        With play they are ten times as wide: the cost is a valley with ripples, one for every impact that comes a
+        sample earlier or later, and a narrow difference sees only the ripples.
         """
         s = self.scene
         out = [0.003, 0.05]
@@ -158,7 +158,7 @@ class AxisModel:
 
     # --- running -------------------------------------------------------------------------
     def plant(self) -> Plant:
-        """Codes and numbers as the compiled pass takes them."""
+        """Codes and numbers in the form that the compiled pass takes."""
         own = list(dict.fromkeys(t.kind.cls for t in self.terms if t.kind.code >= k.USER_TORQUE))
         p = np.zeros((len(self.terms), k.N_NUMBERS))
         for row, t in zip(p, self.terms, strict=True):
@@ -170,10 +170,11 @@ class AxisModel:
 
     @property
     def longest_step(self) -> float:
-        """Largest fine step (s) at which a run is right.
+        """Largest fine step (s) at which a run is accurate.
 
-        A coupling needs so many steps a period, and no record shows one much faster than its scales say: at 50 Hz of
-        sampling a period of 100 ms in steps of an eighth of a millisecond took eight times as long and no other digits.
+        A coupling needs a number of steps per period, and no record shows one much faster than its scales allow.  At a
+        sampling rate of 50 Hz, a period of 100 ms in steps of an eighth of a millisecond took eight times as long and
+        gave the same digits.
         """
         slower = max(1.0, FASTEST_COUPLING / self.scene.resonance)
         finest = (1.001 * t.kind.finest * (slower if t.kind.cls.port == "block" else 1.0) for t in self.terms)
@@ -192,7 +193,7 @@ class AxisModel:
     ) -> tuple[Array, Array, Array, Array]:
         """Predicted position, angle, velocity and twist (see `whsklearn.systems.servo_observer.follow`).
 
-        Every one of the ``pieces``, samples and the time of the first of them, starts anew.
+        Each of the ``pieces``, given by its samples and the time of the first one, starts anew.
         """
         if len(pieces) > 1:
             known = twist is not None and len(twist) > 0
@@ -213,8 +214,8 @@ class AxisModel:
         how = How(dt, substeps, every=reset_every, gains=gains, start=pieces[0][1] if pieces else 0.0)
         out = follow(self.plant(), drive, np.array(measured), how, start=(start[0][0], start[1][0]))
         twists = np.zeros((drive.size, 2))
-        if any(t.kind.cls.port == "block" for t in self.terms):  # one body has none, and most runs are of one
-            with np.errstate(invalid="ignore", over="ignore"):  # of a run that diverges; the caller looks at y_hat
+        if any(t.kind.cls.port == "block" for t in self.terms):  # a single body has no twist, and most runs are of one
+            with np.errstate(invalid="ignore", over="ignore"):  # a run may diverge; the caller checks y_hat
                 np.subtract(out[POSITION], out[LOAD], out=twists[:, 0])
                 np.subtract(out[VELOCITY], out[LOAD_VELOCITY], out=twists[:, 1])
         return out[MEASURED], out[POSITION], out[VELOCITY], twists

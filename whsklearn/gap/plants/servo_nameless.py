@@ -1,4 +1,4 @@
-"""Nameless functions of position, speed, drive and time: what a gap follows that has no name."""
+"""Nameless functions of position, speed, drive and time, for a gap that no named effect describes."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[Any]
-HATS = (0.08, 0.03, 0.01)  # of the travel: a stop or a bump at one angle is narrower than any wave to order 12
+HATS = (0.08, 0.03, 0.01)  # of the travel: a stop or a bump at one angle is narrower than any wave up to order 12
 
 
 def generic_basis(scene: Any, angle: Array, v: Array, u: Array) -> list[Array]:
-    """Blocks of nameless columns, shape (n, k) each: by position, speed, drive, time and products."""
+    """Blocks of nameless columns, shape (n, k) each: functions of position, speed, drive and time, and products."""
     q = angle
     t = np.arange(q.size) / q.size
     q = (q - scene.centre) / scene.reach
@@ -32,7 +32,7 @@ def generic_basis(scene: Any, angle: Array, v: Array, u: Array) -> list[Array]:
 
 
 def hats(q: Array, width: float) -> Array:
-    """Piecewise linear functions of one place each over -1 to 1, shape (n, k); they sum to one.
+    """Piecewise linear functions, each around one position within -1 to 1, shape (n, k); they sum to one.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""What speaks against an effect of an axis: unphysical numbers, a wave off the shaft, a tone of the excitation."""
+"""Objections to an effect of an axis: unphysical numbers, a wave off the shaft, a tone of the excitation."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ Array = NDArray[Any]
 
 
 def unphysical(record: ServoRecord, model: AxisModel, index: int) -> str:
-    """What is wrong with the numbers of a term in either view of an axis; empty if nothing."""
+    """The physical objection to the numbers of a term, in either view of an axis; empty if there is none."""
     term = model.terms[index]
     q = term.q
     if term.name == "encoder_eccentricity" and float(np.hypot(q[0], q[1])) * q[2] > rules.STEEPEST_ERROR:
-        return "an encoder error so steep would let the reading stand still while the axis turns"
+        return "with such a steep encoder error the reading would stand still while the axis turns"
     if term.kind.positive and q[0] <= 0:
-        return f"its size would be {q[0]:.3g}, and a physical one is positive"
+        return f"its size would be {q[0]:.3g}, but a physical one is positive"
     return (
         model.at_the_end(index)
         or never_free(term.effect, record.position)
@@ -34,18 +34,18 @@ def unphysical(record: ServoRecord, model: AxisModel, index: int) -> str:
 
 
 def never_free(effect: Any, position: Array) -> str:
-    """Whether the axis lies in a stop all the time, which is then a spring; empty if not."""
+    """The objection that the axis is always in contact with a stop, which is then a spring; empty if it is not."""
     if not isinstance(effect, EndStop):
         return ""
     low, high = effect.ends
-    return "" if np.any((position > low) & (position < high)) else "the axis would never be clear of it: a spring"
+    return "" if np.any((position > low) & (position < high)) else "the axis would always touch it: a spring"
 
 
 def too_large(model: AxisModel, index: int) -> str:
-    """Whether an effect takes so much of the drive that it stands for the drive; empty if not."""
+    """The objection that an effect takes so much of the drive that it replaces the drive; empty if it does not."""
     t = model.terms[index]
     if t.kind.code == codes.CHANGE_GAIN and 1.0 + t.q[0] < rules.LEAST_GAIN_LEFT:
-        return f"it would leave {100 * (1.0 + t.q[0]):.1f} % of the drive's effect, and whatever is missing with it"
+        return f"it would leave {100 * (1.0 + t.q[0]):.1f} % of the drive's effect and hide whatever is missing"
     share = float(np.linalg.norm(t.q[:2])) if t.kind.linear == 2 else abs(float(t.q[0]))
     if share <= rules.LARGEST_SHARE.get(t.name, np.inf):
         return ""
@@ -53,7 +53,7 @@ def too_large(model: AxisModel, index: int) -> str:
 
 
 def negative_damping(model: AxisModel, index: int) -> str:
-    """Whether an asymmetry of the viscous friction is larger than that friction; empty if not.
+    """The objection that an asymmetry of the viscous friction is larger than that friction; empty if it is not.
 
     A record of one direction under a speed controller u = k (r - v) offers -k as such an asymmetry.
     """
@@ -65,10 +65,10 @@ def negative_damping(model: AxisModel, index: int) -> str:
 
 
 def off_shaft(model: AxisModel, index: int) -> str:
-    """Whether a wave has no place on the shaft on which the others have theirs; empty if it has.
+    """The objection that a wave cannot belong to the shaft of the other waves; empty if it can.
 
-    Over several turns, what sits on one shaft comes back every turn.  Fractional orders beside whole ones are a
-    tone in time seen at the mean speed (LAAS: 61.3 and 82.7, which a tone of the mains, 60.00 Hz, replaces).
+    Over several turns, an effect of one shaft repeats every turn.  Fractional orders beside whole ones are a tone in
+    time, seen at the mean speed (LAAS: 61.3 and 82.7, which a tone of the mains at 60.00 Hz replaces).
     """
 
     def wave(t: Term) -> float | None:
@@ -80,14 +80,14 @@ def off_shaft(model: AxisModel, index: int) -> str:
         return ""
     if not all(o.is_integer() for o in others):
         return ""
-    return "its order is no whole number, and it does not come back with every turn"
+    return "its order is not a whole number, so it does not repeat with every turn"
 
 
 def on_excitation_line(record: ServoRecord, term: Term) -> str:
-    """Whether a tone of a position servo without a logged drive sits on a line of its command; empty if not.
+    """The objection that a tone of a position servo without a logged drive is on a line of its command; empty if not.
 
-    There command minus position stands for the drive, so what the loop does besides leaves a leftover at every line
-    of the command, and a tone would explain it.  With a drive that was measured a tone on a line is a tone.
+    For such a servo, command minus position replaces the drive.  Everything else that the loop does leaves a residual
+    at every line of the command, which a tone would explain.  With a measured drive, a tone on a line is a tone.
     """
     if not record.is_following_error or record.reference is None or term.name != "disturbance_tone":
         return ""
@@ -98,4 +98,4 @@ def on_excitation_line(record: ServoRecord, term: Term) -> str:
     line, around = power[distance <= rules.LINE], power[(distance > 2 * rules.LINE) & (distance <= rules.AROUND)]
     if line.size == 0 or around.size == 0 or line.max() <= rules.STANDS_OUT * np.median(around):
         return ""
-    return "its frequency is a line of the reference, where wrong dynamics would leave a tone as well"
+    return "its frequency is a line of the reference, where wrong dynamics would cause a tone as well"

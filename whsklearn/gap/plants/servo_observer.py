@@ -1,8 +1,8 @@
 """The fine view of a servo axis: its model runs on the logged drive, held near the measurement by an observer.
 
-The trajectory is the model's own, so encoder noise stays out of the columns, and small effects are weighed
-accurately.  Where much is missing, the innovation no longer shows it (a wrong model carries the estimate along), and
-the inverse view goes first.
+The trajectory is the model's own, so the columns contain no encoder noise and small effects are measured accurately.
+If much is missing, the innovation no longer shows it, because a wrong model carries the estimate along; so the inverse
+view comes first.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from whsklearn.gap.values import Linearised
 
 Array = NDArray[Any]
 AR_ORDER = 12  # of the whitening polynomial
-SUBSTEPS = 4  # fine steps a sample, at least, that a step longer than `LONGEST_STEP` must leave
-STEP_ERROR = 0.01  # of the tolerance that a longer fine step may move the gap by: it decides nothing there
-LOST = 1e3  # times the travel or the speed of the record: a run beyond has diverged
+SUBSTEPS = 4  # fine steps per sample, at least, with a step longer than `LONGEST_STEP`
+STEP_ERROR = 0.01  # share of the tolerance by which a longer fine step may change the gap
+LOST = 1e3  # times the travel or the speed of the record: a run beyond that has diverged
 
 
 @dataclass
@@ -41,13 +41,13 @@ class ObserverView:
     step : float
         Largest fine step of a run (s), see `coarsened`.
     train, held : ndarray of bool, of int, shape (n_decimated,)
-        Training mask; number of the held-out block or -1.
+        Training mask; number of the held-out block, or -1.
     is_surrogate : bool
         Whether the model itself made the record.
     ar : ndarray
-        Whitening polynomial of the missing torque in force.
+        Current whitening polynomial of the missing torque.
     tolerance : float
-        Torque below which nothing is worth a name, share of the rms drive.
+        Torque below which nothing is worth a name, as a share of the rms drive.
     """
 
     record: ServoRecord
@@ -70,7 +70,7 @@ class ObserverView:
         return self.held_near(model)[:3]
 
     def held_near(self, model: AxisModel) -> tuple[Array, Array, Array, Array]:
-        """The same, and the twist of the coupling with its rate, shape (n, 2); a run that diverges is held finite."""
+        """The same with the twist of the coupling and its rate, shape (n, 2); a diverging run is kept finite."""
         r = self.record
         out = model.follow(r.drive, r.position, self.filter.gains, start=self.start, pieces=r.pieces)
         far = LOST * (self.scene.reach + abs(self.scene.centre)), LOST * self.scene.speed
@@ -82,26 +82,26 @@ class ObserverView:
         return held[0], held[1], held[2], np.clip(np.nan_to_num(out[3]), -far[1], far[1])
 
     def gap(self, model: AxisModel) -> Array:
-        """Torque that the model lacks, seen through the filter; shape (n_decimated,)."""
+        """Torque that the model lacks, filtered; shape (n_decimated,)."""
         y_hat, _, _ = self.follow(model)
         d = self.filter.torque(self.record.position - y_hat)
         return np.where(np.isfinite(d), np.clip(d, -1e6, 1e6), 1e6)
 
     def whitened(self, d: Array, *, on: str = "train") -> Array:
-        """Whitened samples of one part: ``train`` or ``held`` or ``all``."""
+        """Whitened samples of one part: ``train``, ``held`` or ``all``."""
         mask = {"train": self.train, "held": self.held >= 0, "all": self.usable}[on]
         return whiten(d, self.ar)[mask & self.usable]
 
     def residual(self, model: AxisModel) -> Array:
-        """What the fit minimises."""
+        """The residual that the fit minimises."""
         return self.whitened(self.gap(model))
 
     def floor(self, model: AxisModel | None = None) -> float:
-        """Rms of the missing torque that position noise alone gives."""
+        """Rms of the missing torque due to position noise alone."""
         return self.filter.noise_gain * self.noise
 
     def quiet_variance(self) -> float:
-        """Variance of whitened missing torque if only position noise were left."""
+        """Variance of the whitened missing torque if only position noise were left."""
         from scipy.signal import fftconvolve
 
         spread = np.zeros((self.ar.size - 1) * self.filter.every + 1)
@@ -109,14 +109,14 @@ class ObserverView:
         return float(self.noise**2 * np.sum(fftconvolve(self.filter.taps, spread) ** 2)) + 1e-300
 
     def rms(self, d: Array, on: str = "all") -> float:
-        """Rms of missing torque on one part."""
+        """Rms of the missing torque on one part."""
         mask = {"train": self.train, "held": self.held >= 0, "all": self.usable}[on] & self.usable
         return rms(d[mask])
 
     def weigh(self, gap: float) -> None:
         """Set the whitening to position noise plus white torque of the rms ``gap``.
 
-        Nothing of the gap itself enters but its size, so no tone and no slow drift is whitened away.
+        Only the size of the gap is used, so no tone and no slow drift is whitened away.
         """
         taps, every = self.filter.taps, self.filter.every
         full = np.concatenate([taps, np.zeros(AR_ORDER * every)])
@@ -125,17 +125,17 @@ class ObserverView:
         self.ar = solve_whitening(self.noise**2 * r, white)
 
     def tune_whitening(self, d: Array) -> None:
-        """Set the whitening to what the best model so far leaves over, ``d``."""
+        """Set the whitening to the residual ``d`` of the best model so far."""
         white = (0.25 * self.tolerance * self.scene.torque) ** 2
         self.ar = autoregression(d[self.usable], AR_ORDER, white)
 
     # --- the protocol of a view --------------------------------------------------------------
 
     def coarsened(self, model: AxisModel) -> ObserverView:
-        """The view with the longest fine step, a quarter of a sample at the most, that leaves the gap as it is.
+        """The view with the longest fine step, at most a quarter of a sample, that does not change the gap.
 
-        A record at 50 Hz needs no step of a millisecond where its axis is slow beside that (arm joints: 5 ms move the
-        gap by 5e-6 of the drive), and does where it is not (a jaw of 2 ms of mechanical time constant: 2e-3).
+        A record at 50 Hz does not need a step of a millisecond if its axis is slow (arm joints: 5 ms change the gap by
+        5e-6 of the drive), but does if it is fast (a jaw with a mechanical time constant of 2 ms: 2e-3).
         """
         step, longest = LONGEST_STEP, self.scene.dt / SUBSTEPS
         if 2.0 * step > longest:
@@ -159,7 +159,7 @@ class ObserverView:
         return model
 
     def surrogate(self, model: AxisModel, rng: np.random.Generator) -> ObserverView:
-        """The view of a record that the model itself made in the same experiment."""
+        """The view of a record that the model itself makes in the same experiment."""
         return dataclasses.replace(self, record=surrogate_record(self, model, rng), is_surrogate=True)
 
     def seen(self, model: AxisModel) -> tuple[Array, Array, Array, NDArray[np.bool_], NDArray[np.bool_]]:
@@ -179,7 +179,7 @@ class ObserverView:
 
     # --- fitting ---------------------------------------------------------------------------
     def fitted(self, model: AxisModel, *, max_iterations: int = 12, tolerance: float = 5e-4) -> tuple[AxisModel, Fit]:
-        """The model refitted to the training part, all free numbers together, under the weights in force."""
+        """The model refitted to the training part, all free numbers together, under the current weights."""
         fit = least_squares(
             lambda x: self.residual(model.with_vector(x)),
             model.vector(),

@@ -1,10 +1,10 @@
-"""An axis's own records: what the fitted model would have logged in the same experiment, and what a look leaves of it.
+"""An axis's own records: what the fitted model would have logged in the same experiment, and their residuals.
 
-The model runs in the experiment again: the logged drive without what the model leaves unexplained, and a soft loop
-around the measured path, so that it passes the same places at the same speeds and turns where the axis turned.
-Filters, quantization and timing leave the same traces in both records (two records of one model correlate by 0.99
-behind the filters), so their mean is taken off, and what is left of the real record is what the model lacks: on a log
-of 30 s with nothing missing 2.2 % of the drive before, 0.2 % after, of which 0.19 % are the encoder's noise.
+The model runs in the experiment again, with the logged drive minus its unexplained part and a soft loop around the
+measured path, so that it passes the same positions at the same speeds and turns where the axis turned.  Filters,
+quantization and timing leave the same traces in both records (two records of one model have a correlation of 0.99
+behind the filters).  Their mean is therefore subtracted, and the residual of the real record is what the model lacks:
+in a log of 30 s with nothing missing, 2.2 % of the drive before and 0.2 % after, of which 0.19 % is encoder noise.
 """
 
 from __future__ import annotations
@@ -25,28 +25,29 @@ from whsklearn.systems._servo_torques import DELAY, RESOLUTION
 
 Array = NDArray[Any]
 
-# Hz, of the soft loop: after a Stribeck curve is taken, 5 Hz leaves half of what 2 and 15 Hz leave (a slower loop lets
-# the axis stick longer than it did, a stiffer one takes the model's drive over)
+# Hz, of the soft loop: with a Stribeck curve in the model, 5 Hz leaves half as much as 2 and 15 Hz (a slower loop lets
+# the axis stick longer than it did, a stiffer one replaces the model's drive)
 LOOP = 5.0
-# rad that an old drive may lag at the loop's natural frequency: it crosses over at 1.5 of it with 65 degrees in hand.
+# Largest lag, in rad, of an old drive at the loop's natural frequency: the loop crosses over at 1.5 times that
+# frequency with a phase margin of 65 degrees.
 STEADY = 0.4
-LOST = 1.0  # half travels off the measured path: it is another experiment then
-N_RECORDS = 5  # whose mean is known to 0.45 of their own spread
-N_NULL = 60  # rows in which chance is looked at: the moments of a Gumbel law to an eighth
-FINE_STEP = 2.5e-4  # s, of an axis of one body: a quarter of the usual sample
+LOST = 1.0  # half travels away from the measured path, beyond which it is a different experiment
+N_RECORDS = 5  # own records; their mean is known to 0.45 of their spread
+N_NULL = 60  # null rows from which the effect of chance is taken: the moments of a Gumbel law to within an eighth
+FINE_STEP = 2.5e-4  # s, of an axis with one body: a quarter of the usual sample
 
 
 class Own(NamedTuple):
-    """What a model leaves of its own records behind the filters of a view.
+    """Residuals of a model on its own records, behind the filters of a view.
 
     Attributes
     ----------
     mean : ndarray of shape (n,)
         The artefacts.
     null : ndarray of shape (m, n)
-        What chance makes of a record in which nothing is missing, with the colour of what is not explained.
+        Residuals by chance of records in which nothing is missing, with the colour of the unexplained part.
     floor : float
-        Rms of what the encoder's noise leaves.
+        Rms residual due to encoder noise.
     n_effective : float
     """
 
@@ -57,14 +58,14 @@ class Own(NamedTuple):
 
 
 def own_record(view: Any, model: AxisModel, rng: np.random.Generator, feed: Array, delay: float) -> Any:
-    """The record that the model leaves in the experiment of ``view``.
+    """The record that the model makes in the experiment of ``view``.
 
     Parameters
     ----------
     feed : ndarray of shape (n,)
         Drive to which the loop adds.
     delay : float
-        Age of the drive in s where it acts; below zero the log has it late.
+        Age of the drive in s when it acts; it is negative if the drive was logged late.
     """
     record, dt = view.record, view.scene.dt
     old = abs(delay) + sum(float(t.q[0]) for t in model.terms if t.kind.delays)
@@ -82,7 +83,7 @@ def own_record(view: Any, model: AxisModel, rng: np.random.Generator, feed: Arra
     out = run_by_piece(record, plant, soft, how, (path, speed, feed), noise)
     drive, position = np.roll(out[DRIVE], late), out[MEASURED]
     if not np.all(np.isfinite(position)) or np.abs(position - path).max() > LOST * view.scene.reach:
-        # a model that runs away even under a controller: the torque that it asks for along the measured path
+        # for a model that diverges even under a controller: the torque that it needs along the measured path
         motion = Motion(record.clock, path, speed, np.gradient(speed, dt), record.drive)
         asked = (t.effect.contribution(motion) for t in model.terms if t.effect.port in ("torque", "input"))
         drive = model.inertia * motion.acceleration + sum(asked)
@@ -91,17 +92,18 @@ def own_record(view: Any, model: AxisModel, rng: np.random.Generator, feed: Arra
 
 
 def own(view: Any, model: AxisModel, rng: np.random.Generator) -> tuple[Own, AxisModel]:
-    """(what the model leaves of its own records, the model corrected by what the same fit makes of its own numbers).
+    """The residuals on the model's own records, and the model corrected by the bias of the same fit on them.
 
     The correction is that of indirect inference (Gourieroux, Monfort and Renault 1993, J. Applied Econometrics 8,
-    S85-S118): a fit behind filters that finds an inertia too large by 1 % in the model's own record does so in the log.
+    S85-S118): if a fit behind filters finds an inertia that is 1 % too large in the model's own record, it does so in
+    the log too.
     """
     bare = view.bare()
     left, true = bare.gap(model, any_age=True), model.vector()
-    timing = min(bare.age(model), rules.LATEST * view.scene.dt)  # beyond it is a delay, which this model lacks
-    # from the drive as logged: what is left at first holds the filters' artefacts, which the first own record shows
+    timing = min(bare.age(model), rules.LATEST * view.scene.dt)  # beyond that it is a delay, which this model lacks
+    # from the logged drive: the first residual contains the artefacts of the filters, which the first own record shows
     corrected, delay, feed = model, timing - view.scene.dt, view.record.drive
-    for _ in range(2):  # more of them run away where the drive has a limit, above which more of it changes nothing
+    for _ in range(2):  # with more passes they diverge if the drive has a limit, above which more drive changes nothing
         made = bare.beside(own_record(view, corrected, rng, feed, delay))
         fitted = made.fit(model)
         corrected = model.with_vector(np.clip(true + corrected.vector() - fitted.vector(), *model.bounds()))
@@ -118,5 +120,5 @@ def own(view: Any, model: AxisModel, rng: np.random.Generator) -> tuple[Own, Axi
     power = smoothed_power(rest)
     excess = np.maximum(power - np.mean([smoothed_power(a) for a in apart], axis=0), 0.0)
     null = np.array([apart[k % N_RECORDS] + coloured(excess, rest.size, rng) for k in range(N_NULL)])
-    spread = coloured(power, rest.size, np.random.default_rng(0))  # its n is that of the smoothed spectrum
+    spread = coloured(power, rest.size, np.random.default_rng(0))  # n is that of the smoothed spectrum
     return Own(mean, null, float(np.sqrt(np.mean(apart**2))), n_effective(spread, view.n_effective)), corrected

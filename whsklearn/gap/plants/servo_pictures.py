@@ -1,4 +1,4 @@
-"""Series of a servo diagnosis that the page draws."""
+"""The series of a servo diagnosis that the page draws."""
 
 from __future__ import annotations
 

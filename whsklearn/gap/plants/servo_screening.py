@@ -1,8 +1,8 @@
-"""Candidates against the gap: screen all by their signature, refit the promising ones in full.
+"""Screen all candidates by their signature and refit the promising ones in full.
 
-The signature of an effect is what the residual would show if a little of it were there, with the
-sensitivities of the model in force projected out.  The screen is linear and cheap; what passes
-is fitted jointly with everything else by simulation, so large effects are judged by what they do.
+The signature of an effect is the change of the residual due to a little of the effect, with the
+sensitivities of the current model projected out.  The screen is linear and cheap.  A candidate that
+passes is fitted jointly with everything else by simulation, so large effects are judged by what they do.
 """
 
 from __future__ import annotations
@@ -20,10 +20,11 @@ from whsklearn.gap.plants.servo_candidates import TWO_MASS, Candidate
 from whsklearn.gap.plants.servo_model import AxisModel, Term
 
 Array = NDArray[Any]
-# Gain that a name needs along the run, a sample, and between which: 200 at 2450 samples separates the least true (418)
-# from the best by chance (195) of the "blind" development set; below 40 the whitening of few samples is uncertain.
+# Gain per sample that a name needs along the run, and its limits: 200 at 2450 samples separates the smallest true gain
+# (418) from the largest by chance (195) in the "blind" development set; below 40 the whitening of few samples is
+# uncertain.
 PER_SAMPLE, BETWEEN = 200.0 / 2450.0, (40.0, 200.0)
-SMALL = 0.01  # share of the rms drive at which signatures are taken
+SMALL = 0.01  # share of the rms drive at which signatures are computed
 
 
 @dataclass
@@ -34,11 +35,11 @@ class Start:
     ----------
     kind : Candidate
     screened : float
-        Drop of the whitened sum of squares that the signature promises.
+        Decrease of the whitened sum of squares that the signature promises.
     visible : float
-        Share of the signature left after projection on the model's own sensitivities.
+        Share of the signature that remains after projecting out the model's own sensitivities.
     expected : float
-        Delta BIC that an effect of two percent of the rms drive would give in this record.
+        Delta BIC of an effect of two percent of the rms drive in this record.
     """
 
     kind: Candidate
@@ -51,12 +52,12 @@ class Start:
 
     @property
     def n_parameters(self) -> int:
-        """Numbers that the refit added, shape included."""
+        """Number of parameters that the refit adds, including the shape."""
         return self.kind.n_slots - len(self.kind.held)
 
 
 def _signature(view: Any, model: AxisModel, residual: Array, kind: Candidate, shape: tuple[float, ...]) -> Array:
-    """Columns of the whitened residual, one a linear slot, or the difference for a block."""
+    """Columns of the whitened residual: one per linear slot, or the difference for a block."""
     if kind.linear == 0:
         return (view.residual(model.with_term(Term(kind, shape))) - residual)[:, None]
     unit = SMALL * kind.size_unit(view.scene)
@@ -68,7 +69,7 @@ def _signature(view: Any, model: AxisModel, residual: Array, kind: Candidate, sh
 
 
 def _sensitivities(model: AxisModel, fit: Fit) -> Array:
-    """Derivatives of the residual by the model's own numbers; a pinned number explains nothing more."""
+    """Derivatives of the residual by the model's own numbers; a number at a bound explains nothing."""
     low, high = model.bounds()
     return fit.jacobian[:, (fit.x > low + 1e-6) & (fit.x < high - 1e-6)]
 
@@ -76,7 +77,7 @@ def _sensitivities(model: AxisModel, fit: Fit) -> Array:
 def _best_start(
     view: Any, model: AxisModel, residual: Array, base: Array, kind: Candidate, starts: list[tuple[float, ...]]
 ) -> Start:
-    """The start whose signature promises the largest drop beyond the model's own sensitivities ``base``."""
+    """The start whose signature promises the largest decrease beyond the model's own sensitivities ``base``."""
     q, _ = np.linalg.qr(base)
     best = Start(kind, -np.inf, 0.0)
     for shape in starts:
@@ -108,7 +109,7 @@ def refine(view: Any, model: AxisModel, start: Start, *, max_iterations: int = 1
         if _hopeless(view, model, fit):
             return first
         best, _ = _settle(view, first)
-        if best.has_play:  # the contact's frequency has ripples of its own
+        if best.has_play:  # the cost over the contact's frequency has ripples of its own
             others = [_settle(view, _contact_at(best, factor))[0] for factor in (0.8, 1.25)]
             best = min((best, *others), key=lambda m: view.rms(view.gap(m), "train"))
         return best
@@ -120,7 +121,7 @@ def refine(view: Any, model: AxisModel, start: Start, *, max_iterations: int = 1
 
 
 def refined_alone(view: Any, model: AxisModel, kind: Candidate) -> AxisModel:
-    """The model with one candidate from the best of its starts, nothing else looked at."""
+    """The model with one candidate from the best of its starts, without considering others."""
     view.weigh(view.rms(view.gap(model)))
     model, fit = view.fitted(model, max_iterations=4)
     start = _best_start(view, model, fit.residual, _sensitivities(model, fit), kind, kind.starts(view.scene))
@@ -128,9 +129,9 @@ def refined_alone(view: Any, model: AxisModel, kind: Candidate) -> AxisModel:
 
 
 def _hopeless(view: Any, model: AxisModel, fit: Fit) -> bool:
-    """Whether the first steps from all starts have earned less than half of what a name needs; same weights for both.
+    """Whether the first steps from all starts reach less than half the evidence for a name, with the same weights.
 
-    Settling takes ten times as long, and in a record that ends without a name it was most of the time.
+    Settling takes ten times as long, and in a record that ends without a name it took most of the time.
     """
     r = view.residual(model)
     earned = r.size * np.log(float(r @ r) / max(fit.cost, 1e-300))
@@ -138,7 +139,7 @@ def _hopeless(view: Any, model: AxisModel, fit: Fit) -> bool:
 
 
 def _settle(view: Any, model: AxisModel) -> tuple[AxisModel, Fit]:
-    """Fits in a row, each weighted for the gap that the one before left: a large gap's weights hide a small one."""
+    """Repeated fits, each weighted for the gap of the previous one: the weights of a large gap hide a small one."""
     gap = view.rms(view.gap(model), "all")
     for _ in range(3):
         view.weigh(gap)
@@ -150,7 +151,7 @@ def _settle(view: Any, model: AxisModel) -> tuple[AxisModel, Fit]:
 
 
 def _contact_at(model: AxisModel, factor: float) -> AxisModel:
-    """The model with its play's contact frequency moved, and its damping back at a usual one."""
+    """The model with another contact frequency of its play and the usual damping."""
     i = next(i for i, t in enumerate(model.terms) if t.kind.code == k.BACKLASH)
     term = model.terms[i]
     hz = min(factor * term.q[2], term.kind.ranged(model.scene)[1][1])
@@ -159,13 +160,13 @@ def _contact_at(model: AxisModel, factor: float) -> AxisModel:
 
 
 def settled_play(view: Any, model: AxisModel) -> AxisModel:
-    """The model with its play fitted anew, from its own contact frequency and from others: the cost has ripples."""
+    """The model with its play refitted from its own contact frequency and from others, because the cost has ripples."""
     fits = [_settle(view, m)[0] for m in (model, _contact_at(model, 0.8), _contact_at(model, 1.25))]
     return min(fits, key=lambda m: view.rms(view.gap(m), "train"))
 
 
 def _two_mass_variants(view: Any, start: Start) -> list[tuple[float, ...]]:
-    """Starts of other load shares (and contact frequencies), since the two trade against each other."""
+    """Starts with other load shares (and contact frequencies), because the two trade against each other."""
     q = start.start
     if start.kind.n_slots == 3:  # compliance, share, damping
         return [(q[0], share, q[2]) for share in (0.25, 0.45, 0.7)]
@@ -174,7 +175,7 @@ def _two_mass_variants(view: Any, start: Start) -> list[tuple[float, ...]]:
 
 
 def _locate_change(view: Any, model: AxisModel) -> AxisModel:
-    """The time of a change, looked for on the whole record, since one part alone holds it."""
+    """Find the time of a change on the whole record, because only one part contains it."""
     index = len(model.terms) - 1
     term = model.terms[index]
     span, best = 0.12 * view.scene.duration, term.q[1]

@@ -1,4 +1,4 @@
-"""Effects of the sensor that are read off the record itself: a coarse grid, a folded sign."""
+"""Effects of the sensor that are read directly from the record: a coarse grid, a folded sign."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from whsklearn.gap.record import rms
 
 
 def coarse_encoder(view: Any, base: Any) -> list[Any]:
-    """The quantization, if all positions lie on a grid that is the main noise and nothing else is missing.
+    """The quantization, if all positions are on a grid that is the main noise and nothing else is missing.
 
-    A log in counts states its grid; only one that is coarser than stated is an effect.
+    A log in counts states its grid; only a coarser one is an effect.
     """
     step = view.quantum
     if step < rules.COARSE_GRID * view.scene.reach or step / 12**0.5 < rules.GRID_NOISE * view.noise:
@@ -32,8 +32,8 @@ def coarse_encoder(view: Any, base: Any) -> list[Any]:
 def unfold(position: NDArray[np.float64], dt: float) -> NDArray[np.float64] | None:
     """The position whose absolute value was logged, or None if nothing looks folded.
 
-    A folded reading stays on one side and turns back at zero at speed: the slopes before and after are
-    opposite and equal, where a real turn would have come to rest.
+    A folded reading stays on one side and turns back at zero at speed: the slopes before and after are opposite and
+    equal.  At a real turn the axis would have come to rest.
     """
     span = float(np.ptp(position))
     if position.min() < -rules.FOLD_BELOW * span or position.min() > rules.FOLD_ABOVE * span:

@@ -1,4 +1,4 @@
-"""The start of a servo diagnosis: scales, the base model by inverse dynamics, the observer view around it."""
+"""The start of a servo diagnosis: scales, the base model by inverse dynamics, and the observer view around it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from whsklearn.gap.record import ServoRecord, held_out_blocks, lattice, noise_le
 from whsklearn.gap.search import HALF
 
 Array = NDArray[Any]
-HIGHEST_CUTOFF, LOWEST_CUTOFF = 0.08, 2.0  # of the sampling rate; Hz: where the search of the filter starts and ends
+HIGHEST_CUTOFF, LOWEST_CUTOFF = 0.08, 2.0  # share of the sampling rate; Hz: limits of the search for the filter
 FIRST_CUTOFF = 8.0  # Hz, for the first guess of the inertia: above any reference, below most noise
 
 
@@ -29,24 +29,24 @@ def filtered_motion(position: Array, dt: float, cutoff: float) -> tuple[Array, A
     """Position, velocity and acceleration of a segment behind one Gaussian of the cut-off (Hz), shape (n,) each."""
     g, g1, g2 = gaussian_derivatives(CUTOFF_SIGMA / (2 * np.pi * cutoff), dt)
     half = g.size // 2
-    centre = float(np.mean(position))  # what the kernels sum to is rounding, and it would multiply a large angle
+    centre = float(np.mean(position))  # the rounding error of the kernels' sums would multiply a large angle
     padded = np.pad(position - centre, half, mode="edge")
     q, v, a = (fftconvolve(padded, k, mode="valid") for k in (g, g1, g2))
     return q + centre, v, a
 
 
 def base_model(law: tuple[str, ...], scene: Scales) -> AxisModel:
-    """The base model's structure, with sizes yet to be solved."""
+    """The structure of the base model, whose sizes have not been solved for yet."""
     kinds = [candidate(name) for name in law]
     terms = tuple(Term(c, (*([0.0] * c.linear), *c.starts(scene)[0])) for c in kinds)
     return AxisModel(scene.inertia, 0.0, terms, scene, n_base=len(terms))
 
 
 def best_view(view: InverseView, model: AxisModel, goal: float) -> InverseView:
-    """The view behind the highest cut-off at which noise makes at most ``goal`` of the drive or a fifth of the gap.
+    """The view with the highest cut-off at which noise is at most ``goal`` of the drive or a fifth of the gap.
 
-    The gap is that of the same cut-off: cogging of order 72 at a turn a second lies at 72 Hz, and a gap seen below
-    10 Hz would not ask for a filter that lets it through.
+    The gap is that at the same cut-off: cogging of order 72 at one turn per second is at 72 Hz, and a gap seen below
+    10 Hz would not call for a filter that passes it.
     """
     dt, scene = view.record.dt, model.scene
     noise = max(noise_level(view.record.position), rules.GRID_AS_NOISE * lattice(view.record.position))
@@ -97,10 +97,10 @@ def start_of(record: ServoRecord, law: tuple[str, ...], goal: float) -> tuple[In
 
 
 def drive_lead(view: InverseView, model: AxisModel) -> int:
-    """Samples by which a drive was logged after it had acted; zero unless that explains half of what is left as logged.
+    """Number of samples by which a drive was logged after it had acted; zero unless that explains half of the residual.
 
-    The age of the drive that inverse dynamics finds falls short of the true one at first, so it is asked again until
-    it stays.  A drive that acts later than it was logged is a delay, and a question to the search.
+    The age of the drive that inverse dynamics finds is at first smaller than the true one, so it is computed repeatedly
+    until it does not change.  A drive that acts later than it was logged is a delay, which the search handles.
 
     Parameters
     ----------
@@ -122,7 +122,7 @@ def drive_lead(view: InverseView, model: AxisModel) -> int:
 
 
 def earlier(record: ServoRecord, samples: int) -> ServoRecord:
-    """The record with its drive so many samples earlier, the end of every segment held."""
+    """The record with its drive so many samples earlier; the last value of every segment is held."""
 
     def moved(u: Array) -> Array:
         return np.concatenate([u[samples:], np.full(min(samples, u.size), u[-1])])
@@ -139,7 +139,7 @@ def observer_view(
     ----------
     record : ServoRecord
     scene : Scales
-        With the inertia of the first fit.
+        Scales with the inertia of the first fit.
     start : tuple of ndarray
         Smoothed position and velocity.
     tolerance : float
@@ -154,7 +154,7 @@ def observer_view(
     guard = chosen.half_width
     edge = np.zeros(n, dtype=bool)
     change = np.flatnonzero(np.diff(number) != 0)
-    between = min(guard, n // 50)  # a held-out block is 8 % of the record, and half of it must be left to judge on
+    between = min(guard, n // 50)  # a held-out block is 8 % of the record, and half of it must remain for judging
     for c in change:
         edge[max(0, c - between) : c + between] = True
     usable = np.ones(n, dtype=bool)

@@ -1,10 +1,10 @@
-"""End stops in inverse dynamics: a few one-sided events that hold nearly all of what is left.
+"""End stops in inverse dynamics: a few one-sided events that contain nearly all of the residual.
 
-A rigid stop supplies whatever torque holds the axis, of one sign (Signorini's condition; Brogliato 1999, Nonsmooth
-Mechanics, ch. 1): while it is touched the drive says nothing of inertia and friction, and what is left says nothing
-against a stop as long as it pushes back, which `regions` asks of the events.  So the samples in contact are out of the
-fit and of the gap.  The spring and the damper of `whsklearn.effects.ContactStop` are fitted to the push afterwards:
-simulation needs them, the name does not.
+A rigid stop supplies whatever torque holds the axis, with one sign (Signorini's condition; Brogliato 1999, Nonsmooth
+Mechanics, ch. 1).  During contact the drive carries no information about inertia and friction, and the residual does
+not speak against a stop as long as it pushes back, which `regions` checks on the events.  The samples in contact are
+therefore excluded from the fit and from the gap.  The spring and the damper of `whsklearn.effects.ContactStop` are
+fitted to the push afterwards, because simulation needs them; naming does not.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from whsklearn.gap.values import Look
 Array = NDArray[Any]
 KINDS = variants(ContactStop)
 REWEIGHTINGS = 15
-AROUND = 3.5  # widths of the Gaussian by which a contact is blurred
-EDGE_STEP, EDGE_STEPS = 0.4, 7  # of the depth reached, shrunk to 0.6 in each: a hundredth in the end
+AROUND = 3.5  # widths of the Gaussian over which a contact is blurred
+EDGE_STEP, EDGE_STEPS = 0.4, 7  # of the depth reached; each step shrinks by 0.6, to a hundredth in the end
 RELAXATIONS = (0.0, 0.003, 0.01, 0.02, 0.04, 0.08, 0.15)  # s
 
 
 class Region(NamedTuple):
-    """One end of the travel: where its region begins, +1 (upper) or -1, and its share of the events' energy."""
+    """One end of the travel: the start of its region, +1 (upper) or -1, and its share of the events' energy."""
 
     edge: float
     side: int
@@ -39,7 +39,7 @@ class Region(NamedTuple):
 
 
 def robust(x: Array, y: Array) -> tuple[Array, float]:
-    """(what the columns leave of the target, its robust standard deviation) under Cauchy's weights."""
+    """(residual of the target, its robust standard deviation) under Cauchy's weights."""
     scale = np.linalg.norm(x, axis=0) + 1e-300
     w = np.ones(y.size)
     for _ in range(REWEIGHTINGS):
@@ -51,7 +51,7 @@ def robust(x: Array, y: Array) -> tuple[Array, float]:
 
 
 def regions(view: Any, model: AxisModel) -> list[Region]:
-    """The ends of the travel that are struck, by the events that a robust fit of the model leaves; none, one or two."""
+    """The ends of the travel that are struck, found by the events in the residual of a robust fit: none, one or two."""
     x, _ = view.columns(model, view.torque(model))
     at = view.at
     r, s = robust(x[at][:, np.any(x[at] != 0.0, axis=0)], view.drive[at])
@@ -81,7 +81,7 @@ def regions(view: Any, model: AxisModel) -> list[Region]:
 
 
 def start(kind: Any, found: list[Region]) -> Term | None:
-    """The term of this kind at the regions found, if they are its own."""
+    """The term of this kind at the regions found, if they fit it."""
     sides = {f.side: f.edge for f in found}
     want = {k.END_STOP: {1, -1}, k.END_STOP_UPPER: {1}, k.END_STOP_LOWER: {-1}}[kind.code]
     if set(sides) != want:
@@ -92,17 +92,17 @@ def start(kind: Any, found: list[Region]) -> Term | None:
 
 
 def holds(model: AxisModel) -> bool:
-    """Whether a stop found by its events is in the model."""
+    """Whether the model contains a stop that was found by its events."""
     return any(t.kind in KINDS for t in model.terms)
 
 
 def usable(model: AxisModel) -> tuple[Candidate, ...]:
-    """Stops that a model may still get."""
+    """Stops that may be added to a model."""
     return () if any(t.name == "end_stop" for t in model.terms) else KINDS
 
 
 def contact(view: Any, model: AxisModel) -> Array | None:
-    """+1 or -1 at judged samples that a stop of the model may push, 0 elsewhere, shape (n,); None without a stop."""
+    """+1 or -1 at judged samples where a stop of the model may push, 0 elsewhere, shape (n,); None without a stop."""
     stops = [t for t in model.terms if t.kind in KINDS]
     if not stops:
         return None
@@ -119,18 +119,18 @@ def contact(view: Any, model: AxisModel) -> Array | None:
 
 
 def away(view: Any, model: AxisModel) -> Array | None:
-    """One at judged samples that no stop of the model touches, zero at the others, shape (n,); None without a stop."""
+    """One at judged samples without contact at a stop, zero at the others, shape (n,); None without a stop."""
     touched = contact(view, model)
     return None if touched is None else (touched == 0.0).astype(float)
 
 
 def outside(left: Array, away: Array | None) -> Array:
-    """What is left of the samples that no stop touches; nothing of the others."""
+    """The residual at samples without contact at a stop, zero at the others."""
     return left if away is None else left * away
 
 
 def pushes(model: AxisModel, columns: Array) -> NDArray[np.bool_]:
-    """Which columns (that of inertia first) are a stop's."""
+    """Mask of the columns (that of inertia first) that belong to a stop."""
     out = [False]
     for t in model.terms:
         out += [t.kind in KINDS] * (1 if t.kind.code in TWO_MASS else t.kind.linear)
@@ -138,12 +138,12 @@ def pushes(model: AxisModel, columns: Array) -> NDArray[np.bool_]:
 
 
 def without_pushes(model: AxisModel, columns: Array) -> Array:
-    """The columns with those of stops at zero: outside the contact only the blur's tail is left of them."""
+    """The columns with those of stops set to zero: outside the contact only the tail of the blur is left of them."""
     return np.where(pushes(model, columns), 0.0, columns) if holds(model) else columns
 
 
 def stiffness(model: AxisModel, columns: Array, left: Array) -> Array:
-    """Sizes of the columns with every stop's stiffness from what the others leave; the others' are kept at zero."""
+    """Sizes of the columns: every stop's stiffness is fitted to the residual of the others, which are set to zero."""
     sizes = np.zeros(columns.shape[1])
     for i in np.flatnonzero(pushes(model, columns)):
         c = columns[:, i]
@@ -152,7 +152,7 @@ def stiffness(model: AxisModel, columns: Array, left: Array) -> Array:
 
 
 def settled(view: Any, model: AxisModel, term: Term) -> AxisModel:
-    """The model with the stop, its edge and relaxation moved downhill on what spring and damper leave of the push."""
+    """The model with the stop; edge and relaxation are moved downhill on the part of the push not yet explained."""
     q = view.motion.position[:: view.every][view.at]
     low, high = term.effect.ends
     beyond = max(float(q.max()) - high, low - float(q.min()), 1e-3 * view.scene.reach)
@@ -177,7 +177,7 @@ def settled(view: Any, model: AxisModel, term: Term) -> AxisModel:
 
 
 def look_of(view: Any, model: AxisModel, kind: Any, term: Term) -> Look:
-    """A stop as the engine ranks it: what it takes off costs one number an independent sample in contact."""
+    """A stop in the form that the engine ranks: its gain costs one number per independent sample in contact."""
     grown = view.fit(model.with_term(term))
     touched = contact(view, grown)
     assert touched is not None

@@ -1,14 +1,15 @@
-"""Inverse dynamics the other way round: what explains the acceleration, given the drive.
+"""Inverse dynamics in the other direction: what explains the acceleration, given the drive.
 
 u = J a + f is fitted by least squares of the drive.  That is right under a stiff controller, where the path is given
-and the drive answers whatever is missing.  Where the axis swings freely it is the other way round: the drive is given,
-the acceleration answers.  Then J a and a force of the place nearly cancel, the fit ends at an inertia near zero, and
-the force explains next to nothing of the small drive (three of six logs of a pendulum).  A regression of the
-acceleration on the drive,
+and the drive responds to whatever is missing.  If the axis swings freely it is the other way round: the drive is
+given and the acceleration responds.  Then J a and a force of the position nearly cancel, the fit ends at an inertia
+near zero, and the force explains hardly anything of the small drive (three of six logs of a pendulum).  A regression
+of the acceleration on the drive,
 
     a = (u - f) / J,
 
-sees the same force explain nearly all.  Both are one model, and a force of the place is asked both ways.
+shows that the same force explains nearly everything.  Both describe the same model, and a force of the position is
+tried in both directions.
 
 References
 ----------
@@ -33,14 +34,14 @@ Array = NDArray[Any]
 
 
 def regression(view: Any, model: AxisModel) -> tuple[Array, Array]:
-    """(acceleration, columns) at the judged samples: the drive, and every column of the model but the inertia's."""
+    """(acceleration, columns) at the judged samples; the columns are the drive and all of the model except inertia."""
     _, x, target, _, free = view.solved(model)
     columns = np.column_stack([target, stop.without_pushes(model, x)[:, 1:][:, free[1 : x.shape[1]]]])
     return x[view.at, 0], columns[view.at]
 
 
 def left(view: Any, model: AxisModel) -> Array:
-    """What the model leaves of the acceleration, shape (n,)."""
+    """Residual of the acceleration under the model, shape (n,)."""
     a, columns = regression(view, model)
     norm = np.linalg.norm(columns, axis=0)
     columns = columns[:, norm > 0.0] / norm[norm > 0.0]
@@ -48,10 +49,10 @@ def left(view: Any, model: AxisModel) -> Array:
 
 
 def tangent(view: Any, model: AxisModel, rng: np.random.Generator) -> Tangent:
-    """What the model leaves of the acceleration, beside noise of that colour.
+    """Residual of the acceleration under the model, with noise of its colour for comparison.
 
-    The artefacts of the filters are taken off the drive (`InverseView.artefact`); no record of the model's own is
-    made, since one that lacks the force does not swing.
+    The artefacts of the filters are subtracted from the drive (`InverseView.artefact`).  No record of the model itself
+    is made, because a model without the force does not swing.
     """
     rest = left(view, model)
     power = smoothed_power(rest)
@@ -61,7 +62,7 @@ def tangent(view: Any, model: AxisModel, rng: np.random.Generator) -> Tangent:
 
 
 def explained(view: Any, model: AxisModel, grown: AxisModel) -> tuple[float, float]:
-    """(gain, share of the power that goes) of the grown model, of the acceleration."""
+    """(gain, share of the residual power removed) of the grown model, for the acceleration."""
     before, after = left(view, model), left(view, grown)
     power = smoothed_power(before)
     n = n_effective(coloured(power, before.size, np.random.default_rng(0)), view.n_effective)

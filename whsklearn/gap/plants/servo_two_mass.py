@@ -1,11 +1,12 @@
 """Two masses in inverse dynamics, seen from either side.
 
 Encoder on the motor: the measured motion drives the load, a_L = w^2 dz_gap(q_M - q_L) + 2 zeta w (v_M - v_L), and the
-drive pays J_M a_M + J_L a_L: least squares splits the inertia.
+drive supplies J_M a_M + J_L a_L: least squares splits the inertia.
 
-Encoder on the load: the motor is ahead by the twist, J_L a_L / k, and pays J_M times its second derivative besides; a
-play is crossed when the transmitted torque m turns, which costs J_M gap / 2 times the second derivative of its sign.
-Inertia and share trade there: the share is half until a run of the model is fitted.
+Encoder on the load: the motor is ahead by the twist, J_L a_L / k, and needs J_M times its second derivative in
+addition.  Play is crossed when the transmitted torque m changes its sign, which takes J_M gap / 2 times the second
+derivative of that sign.  Inertia and share trade against each other there; the share is half until a run of the model
+is fitted.
 """
 
 from __future__ import annotations
@@ -23,16 +24,16 @@ from whsklearn.gap.filters import CUTOFF_SIGMA, filtered, gaussian_derivatives
 from whsklearn.gap.plants.servo_model import AxisModel, Term
 
 Array = NDArray[Any]
-STEPS = 8  # a period of the load on its spring; twice the damping ratio times as many, or a damper runs away
+STEPS = 8  # per period of the load on its spring; twice the damping ratio times as many, or the damper makes it diverge
 BOTH = (k.BACKLASH, k.FLEXIBLE_COUPLING)
 TURNS = (
-    0.1  # of the rms drive, over which a transmitted torque turns: within 0.06 to 0.15 of a prototype; not varied here
+    0.1  # of the rms drive, over which a transmitted torque changes sign: 0.06 to 0.15 in a prototype; not varied here
 )
 
 
 @njit(cache=True, nogil=True)
 def load_acceleration(position, velocity, gap, w, zeta, dt, substeps):
-    """Acceleration of a load that hangs on a measured motor by a spring with play, shape (n,)."""
+    """Acceleration of a load that is connected to a measured motor by a spring with play, shape (n,)."""
     n = position.size
     out = np.empty(n)
     q, v = position[0], velocity[0]
@@ -60,7 +61,7 @@ def load_acceleration(position, velocity, gap, w, zeta, dt, substeps):
 
 
 def contact(model: AxisModel, t: Term) -> tuple[float, float, float]:
-    """(gap, antiresonance w in rad/s, its damping ratio) of a term: the load on its spring with the motor held."""
+    """(play, antiresonance w in rad/s, its damping ratio) of a term: the load on its spring with the motor held."""
     if t.kind.code == k.BACKLASH:
         gap, share, hz, zeta = t.q[:4]
         w = 2 * np.pi * hz * np.sqrt(1 - share)
@@ -71,7 +72,7 @@ def contact(model: AxisModel, t: Term) -> tuple[float, float, float]:
 
 
 def from_load(view: Any, t: Term, torque: Array | None) -> Array:
-    """What the motor pays for being ahead of a measured load, a unit of J_M J_L / k or of J_M gap / 2; shape (n, 1)."""
+    """Drive of a motor that is ahead of a measured load, per unit of J_M J_L / k or of J_M gap / 2; shape (n, 1)."""
     _, _, g2 = gaussian_derivatives(CUTOFF_SIGMA / (2 * np.pi * view.cutoff), view.scene.dt)
     if t.kind.code == k.BACKLASH:
         m = view.record.drive if torque is None else torque
@@ -92,7 +93,7 @@ def columns(view: Any, model: AxisModel, t: Term, torque: Array | None = None) -
 
 
 def sizes(model: AxisModel) -> Array:
-    """Inertia of the motor, then the linear numbers of the terms, the load's inertia in the place of its term."""
+    """Inertia of the motor, then the linear numbers of the terms; the load's inertia is in the place of its term."""
     out = [model.inertia]
     for t in model.terms:
         if t.kind.code not in BOTH:
@@ -108,7 +109,7 @@ def sizes(model: AxisModel) -> Array:
 
 
 def seen_from_load(inertia: float, t: Term, size: float) -> Term:
-    """A term from the load's side with what the motor pays as solved, its share of the inertia kept."""
+    """A term seen from the load with the solved drive of the motor; its share of the inertia is kept."""
     share = t.q[1]
     if t.kind.code == k.BACKLASH:
         return dataclasses.replace(t, q=(2.0 * size / (inertia * (1 - share)), *t.q[1:]))
@@ -116,7 +117,7 @@ def seen_from_load(inertia: float, t: Term, size: float) -> Term:
 
 
 def with_sizes(view: Any, model: AxisModel, solved: Array) -> AxisModel:
-    """The model whose inertia is split as solved, the antiresonance kept."""
+    """The model with its inertia split as solved; the antiresonance is kept."""
     terms, i = [], 1
     motor, load = max(float(solved[0]), 1e-3 * view.scene.inertia), 0.0
     for t in model.terms:
@@ -143,7 +144,7 @@ def with_sizes(view: Any, model: AxisModel, solved: Array) -> AxisModel:
 
 
 def start(model: AxisModel, kind: Any, gap: float, hz: float, zeta: float) -> Term:
-    """A term of the kind with this antiresonance, half of the inertia behind it."""
+    """A term of the kind with this antiresonance and half of the inertia behind it."""
     share, w = 0.5, 2 * np.pi * hz
     held = zeta / np.sqrt(1 - share)
     if kind.code == k.BACKLASH:

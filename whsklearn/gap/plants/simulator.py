@@ -1,4 +1,4 @@
-"""A simulator of the user's own as a plant: it simulates, refits itself and takes an effect; the rest is here.
+"""A user's own simulator as a plant: it simulates, refits itself and accepts an effect; everything else is here.
 
 .. code-block:: python
 
@@ -6,9 +6,9 @@
         def simulate(self, record): ...           # predicted position, shape (n,)
         def refit(self, record, keep): ...        # a new simulator fitted to the samples where keep is True
         def with_effect(self, effect): ...        # a new simulator with an effect of the catalogue added
-        effects_to_try = [Cogging(1.0, 12.0)]     # optional; sizes do not matter, shapes are where a fit starts
-        shapes_to_try = (LuGre, ContactStop)      # optional; beside the catalogue, if with_effect can take them
-        whole_numbers = ("order",)                # optional; fields that it can hold as whole numbers only
+        effects_to_try = [Cogging(1.0, 12.0)]     # optional; sizes do not matter, shapes are the start of a fit
+        shapes_to_try = (LuGre, ContactStop)      # optional; besides the catalogue, if with_effect accepts them
+        whole_numbers = ("order",)                # optional; fields that must be whole numbers
 
 ``with_effect`` raises ValueError or NotImplementedError for an effect that the simulator cannot hold; the report then
 says that it was not tried.
@@ -41,20 +41,20 @@ from whsklearn.gap.values import Linearised
 
 Array = NDArray[Any]
 AR_ORDER = 12  # of the whitening polynomial
-FAR_ABOVE = 3.0  # multiple of the noise: its level is known from sixth differences, to some per cent
-GATE = 0.1  # p-value below which an effect is fitted, which takes seconds: above the usual levels
+FAR_ABOVE = 3.0  # multiple of the noise, whose level is known from sixth differences to within a few percent
+GATE = 0.1  # p-value below which an effect is fitted, which takes seconds, so it is above the usual levels
 
 
 class SimulatorPlant(PlantDefaults):
-    """A record under a simulator of three methods.
+    """A record under a simulator with three methods.
 
     Parameters
     ----------
     model : object
-        With simulate, refit and with_effect.
+        An object with simulate, refit and with_effect.
     record : ServoRecord
     tolerance : float
-        Smallest effect worth a name, rms of what it explains over ``scale``.
+        Smallest effect worth a name: the rms of the error that it explains over ``scale``.
     """
 
     whole = "motion"
@@ -90,14 +90,14 @@ class SimulatorPlant(PlantDefaults):
         return self.fits.build(model.terms) if model.terms else self.fits.build((), refit=False)
 
     def surrogate(self, model: SimulatorModel, rng: np.random.Generator) -> SimulatorPlant:
-        """The plant of a record that the model itself made, with white noise of the same size."""
+        """The plant of a record that the model itself makes, with white noise of the same size."""
         y = self.record.position - self.gap(model) + self.noise * rng.standard_normal(len(self.record))
         step = lattice(self.record.position)
         record = dataclasses.replace(self.record, position=np.round(y / step) * step if step else y)
         other = SimulatorPlant(self.given_model, record, tolerance=self.tolerance)
         other.fits = SimulatorFit(self.fits.core, record, self.train, self.given_model)
         other.noise = self.noise
-        other.motion, other._shapes = self.motion, self._shapes  # it differs by noise alone
+        other.motion, other._shapes = self.motion, self._shapes  # they differ only by noise
         return other
 
     # --- looking --------------------------------------------------------------------------
@@ -106,7 +106,7 @@ class SimulatorPlant(PlantDefaults):
         return self.fits.built(model).error
 
     def errors(self, model: SimulatorModel) -> Array:
-        """The same: those of held-out samples tell no less."""
+        """The same at all samples: held-out ones are as informative."""
         return self.gap(model)
 
     def settled(self, model: SimulatorModel) -> SimulatorModel:
@@ -114,9 +114,9 @@ class SimulatorPlant(PlantDefaults):
         return self.fits.built(model)
 
     def size(self, before: Array, after: Array) -> float:
-        """Rms of the error that is gone, or the same share of the acceleration if that is the larger one.
+        """Rms of the change of the error, or the same as a share of the acceleration if that is larger.
 
-        A torque at some hertz hardly moves the position of a free axis: a tone of 6 % of the drive moved it by 0.4 %
+        A torque at a few hertz hardly moves the position of a free axis: a tone of 6 % of the drive moved it by 0.4 %
         (`benchmarks.blind_simulator`, disturbance_tone 5002).
         """
         return max(super().size(before, after), self.scale * gone(self.motion, before, after, self.record))
@@ -128,7 +128,7 @@ class SimulatorPlant(PlantDefaults):
 
     @property
     def shapes(self) -> dict[str, list[Any]]:
-        """Every effect that the simulator takes, at every shape worth a look."""
+        """Every effect that the simulator accepts, at every shape worth a look."""
         if self._shapes is None:
             given = getattr(self.given_model, "effects_to_try", None)
             shapes = {} if given is not None else catalogue(self.record, self.motion.signals, self.further_shapes)
@@ -139,9 +139,9 @@ class SimulatorPlant(PlantDefaults):
         return {name: found for name, found in self._shapes.items() if name not in self.refused}
 
     def looks(self, model: SimulatorModel, rng: np.random.Generator, beside: Any = None) -> list[Look]:
-        """Every effect by the error's second derivative, common ones by simulation too; the likely ones fitted.
+        """Look at every effect by the error's second derivative, and at common ones by simulation too; fit likely ones.
 
-        They are fitted here, so that all are weighed by what the best of them leaves.
+        They are fitted here, so that all are compared under the residual of the best one.
         """
         model = self.fits.built(model)
         seen = Seen.of(self, model, rng)
@@ -157,13 +157,13 @@ class SimulatorPlant(PlantDefaults):
                 )
         looks, fitted = sorted(best.values(), key=lambda k: -k.score), 0
         before, strongest = self.errors(model), 0.0
-        # an error far above the noise hides a strong effect in records of its own spectrum: then fits are asked
+        # an error far above the noise hides a strong effect in records of its own spectrum; then effects are fitted
         far = rms(before) > FAR_ABOVE * self.noise and not any(k.p_value <= GATE for k in looks)
         for i, k in enumerate(looks):
             likely = k.p_value <= GATE or far
             if not likely or k.size < self.tolerance * self.scale or fitted == MOST_FITTED:
                 continue
-            if k.size**2 < WORTH_FITTING * strongest**2:  # both to first order, which says too little of all alike
+            if k.size**2 < WORTH_FITTING * strongest**2:  # both to first order, which underestimates all of them alike
                 continue
             grown = refine(self, model, k)
             fitted += 1
@@ -182,24 +182,24 @@ class SimulatorPlant(PlantDefaults):
         return looks + nameless
 
     def refine(self, model: SimulatorModel, look: Look) -> SimulatorModel:
-        """The model with the effect, fitted when it was looked for."""
+        """The model with the effect, which was fitted during the look."""
         return look.start if isinstance(look.start, SimulatorModel) else refine(self, self.fits.built(model), look)
 
     def leads(self, taken: Any, other: Any, rng: np.random.Generator) -> Array:
-        """None: records that a rival makes would cost nine joint fits; blocks of this one must do."""
+        """Nothing: records made by a rival would cost nine joint fits, so blocks of this record must suffice."""
         return np.zeros(0)
 
     def demand(self, model: SimulatorModel) -> float:
-        """No more than the tolerance."""
+        """Zero: an effect need only exceed the tolerance."""
         return 0.0
 
     def remains(self, model: SimulatorModel, nameless: float) -> float:
-        """Where something follows the motion, all of the error that noise does not explain."""
+        """The whole error that noise does not explain, if something follows the motion."""
         above = float(np.sqrt(max(self.rms(self.gap(model)) ** 2 - self.noise**2, 0.0)))
         return max(nameless, above) if nameless > 0.0 else 0.0
 
     def _leave_out_what_cannot_be_held(self) -> None:
-        """Ask the simulator for every effect once, so that none is ranked that it cannot take."""
+        """Try every effect once on the simulator, so that none is ranked that it cannot accept."""
         for name, shapes in (self._shapes or {}).items():
             try:
                 self.fits.core.with_effect(shapes[0])
@@ -217,11 +217,11 @@ class SimulatorPlant(PlantDefaults):
 
     @property
     def further_shapes(self) -> tuple[type[Any], ...]:
-        """Shapes that the simulator asks for beside those that have the names."""
+        """Shapes that the simulator requests besides the named ones."""
         return tuple(getattr(self.given_model, "shapes_to_try", ()))
 
     def tune(self, error: Array) -> None:
-        """The whitening: of the error's own colour, no finer than the noise."""
+        """Set the whitening to the colour of the error, but not below the noise."""
         self.ar = autoregression(error[self.train], AR_ORDER, self.noise**2)
 
     def weighed(self, error: Array) -> Array:
@@ -229,18 +229,18 @@ class SimulatorPlant(PlantDefaults):
         return whiten(error, self.ar)[self.train] if error.size else error[self.train]
 
     def objection(self, model: SimulatorModel, index: int) -> str:
-        """What is unphysical in an effect's size."""
+        """The physical objection to an effect's size, or nothing."""
         effect = model.terms[index].effect
         if effect.name in self.refused and not effect.magnitude:
             return f"the simulator cannot hold it: {self.refused[effect.name]}"
         quantity = effect.quantities[effect.size]
         if quantity.low >= 0.0 and effect.magnitude <= 0.0 and not effect.phased:
-            return f"its size would be {effect.magnitude:.3g}, and a physical one is positive"
+            return f"its size would be {effect.magnitude:.3g}, but a physical one is positive"
         return ""
 
     # --- proof and report -----------------------------------------------------------------
     def simulate(self, model: SimulatorModel, horizon: float) -> Array:
-        """The whole record, on which the model may not have been fitted (a surrogate's): it is not restarted."""
+        """The free run over the whole record, which may be a surrogate's; it is not restarted."""
         return self.record.position - self.fits.error(self.fits.built(model).simulator)
 
     def measured(self, *models: SimulatorModel) -> tuple[Array, NDArray[np.bool_]]:
@@ -252,10 +252,10 @@ class SimulatorPlant(PlantDefaults):
         return tuple(get_effect(name).aliases) if name in effect_names() else ()
 
     def linearised(self, model: SimulatorModel) -> Linearised:
-        """Of the whitened training residual by the numbers of all effects, and by the simulator's own if it has any.
+        """Whitened training residual and its derivatives by the numbers of all effects and of the simulator, if known.
 
-        Of a simulator that hides its numbers, the residual is freed of what they can do, and they get no errors.
-        ``rebuild`` simulates and refits nothing: standard errors draw a hundred of its models.
+        If a simulator hides its numbers, their influence is projected out of the residual and they get no standard
+        errors.  ``rebuild`` neither simulates nor refits, because standard errors draw a hundred of its models.
         """
         model = self.fits.built(model)
         self.tune(model.error)
@@ -271,12 +271,12 @@ class SimulatorPlant(PlantDefaults):
         return Linearised(x, -wide, wide, r, jac, lambda z: model.moved(z[:effects], z[effects:]))
 
     def parameters(self, model: SimulatorModel) -> dict[str, float]:
-        """The simulator's ``parameters``, if it tells them."""
+        """The simulator's ``parameters``, if it has them."""
         told = getattr(self.fits.built(model).simulator, "parameters", None)
         return {k: float(v) for k, v in told.items()} if isinstance(told, dict) else {}
 
     def parameter_units(self, model: SimulatorModel) -> dict[str, str]:
-        """The simulator's ``parameter_units``, if it tells them."""
+        """The simulator's ``parameter_units``, if it has them."""
         told = getattr(self.fits.built(model).simulator, "parameter_units", None)
         return dict(told) if isinstance(told, dict) else {}
 
@@ -298,7 +298,7 @@ class SimulatorPlant(PlantDefaults):
         return signals(self)
 
     def regressors(self, model: SimulatorModel) -> tuple[dict[str, tuple[float, Array]], Array, float]:
-        """The gain of the drive stands for the simulator's numbers, which are its own."""
+        """The gain of the drive, in place of the simulator's numbers, which are not known."""
         k = self.every
         return {"gain of the motion": (1.0, self.record.position[::k])}, self.gap_to_locate(model), self.record.dt * k
 
@@ -317,10 +317,10 @@ class SimulatorPlant(PlantDefaults):
             f"Position noise {self.record.told(self.noise, self.units[1])} (from sixth differences).",
             SPLIT,
         ]
-        return out + [f"The simulator could not take {name}: {why}" for name, why in self.refused.items()]
+        return out + [f"The simulator could not accept {name}: {why}" for name, why in self.refused.items()]
 
     def pictures(self, base: SimulatorModel, model: SimulatorModel) -> dict[str, Any]:
-        """Series that the page draws."""
+        """The series that the page draws."""
         return pictures(self, base, model)
 
     def system(self, model: SimulatorModel) -> Any:
@@ -329,13 +329,13 @@ class SimulatorPlant(PlantDefaults):
 
 
 def simulator_plant(model: Any, log: Any, *, tolerance: float, columns: dict[str, Any]) -> SimulatorPlant:
-    """The plant of a log under a simulator of the user's own."""
+    """The plant of a log under a user's own simulator."""
     record = log if isinstance(log, ServoRecord) else ServoRecord.from_frame(pd.DataFrame(log), **columns)
     return SimulatorPlant(model, record, tolerance=tolerance)
 
 
 def _scale(record: ServoRecord) -> float:
-    """Rms of the motion, or of the tracking error where a controller keeps the motion near a reference."""
+    """Rms of the motion, or of the tracking error if a controller keeps the motion near a reference."""
     if not len(record):
         return 0.0
     motion_rms = float(np.std(record.position))

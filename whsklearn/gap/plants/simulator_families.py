@@ -1,10 +1,11 @@
-"""Effects that a simulator may lack as columns: of its error's second derivative, and of the simulation itself.
+"""Columns of the effects that a simulator may lack, for its error's second derivative and for the simulation itself.
 
-The error is e = J^-1 of a missing torque, twice integrated, beside what friction, springs and controller answer to it;
-so e'' is regressed on e, e' and the motion (the simulator's own numbers may be off) and on one effect at a time, along
-the measured motion: any number of shapes for no simulation.  A law of few shapes is asked by simulation, too, one run a
-shape: a constant shows in no derivative of a closed loop, and not every simulator is a free mass.  A simulator's own
-records are exact, so what it leaves of them is noise: of the spectrum of its error, with random phases.
+The error is a missing torque over J, integrated twice, plus the response of friction, springs and controller to it.  So
+e'' is regressed on e, e' and the motion (the simulator's own numbers may be wrong) and on one effect at a time, along
+the measured motion; this takes no simulation for any number of shapes.  A law with few shapes is also tried by
+simulation, one run per shape, because a constant shows in no derivative of a closed loop and not every simulator is a
+free mass.  A simulator's own records are exact, so their residual is noise with the spectrum of its error and random
+phases.
 """
 
 from __future__ import annotations
@@ -26,17 +27,17 @@ from whsklearn.gap.tangent import Family, Look, Tangent
 
 Array = NDArray[np.float64]
 
-N_NULL = 15  # own records: the moments of a Gumbel law to a quarter
+N_NULL = 15  # own records; they give the moments of a Gumbel law to within a quarter
 STANDING_OUT = 2.0  # multiple of the noise's power up to which a line of the error counts as noise
-FEW_SHAPES = 8  # of an effect that is asked by simulation too: one run each
+FEW_SHAPES = 8  # of an effect that is also tried by simulation, one run each
 BLOCK = 64  # shapes whose columns are held at once
 BUMPS = 15  # hills of a nameless function of the position, and of the speed
-WAVES = 8  # of the position in its own unit, beside them
+WAVES = 8  # of the position in its own unit, in addition to them
 
 
 @dataclass(frozen=True)
 class Seen:
-    """A model's error and those of its own records, as looks take them."""
+    """The error of a model and those of its own records, in the form that looks take."""
 
     model: SimulatorModel
     error: Array
@@ -45,7 +46,7 @@ class Seen:
 
     @classmethod
     def of(cls, plant: Any, model: SimulatorModel, rng: np.random.Generator) -> Seen:
-        """Of a fitted model."""
+        """The errors of a fitted model."""
         power = smoothed_power(model.error)
         null = [coloured(power, model.error.size, rng) for _ in range(N_NULL)]
         position = plant.record.position - noise_of(model.error, plant.noise)
@@ -54,18 +55,18 @@ class Seen:
 
 
 def noise_of(error: Array, noise: float) -> Array:
-    """What of a simulation's error is noise of this rms: all lines that do not stand out of it (Wiener's filter).
+    """The part of a simulation's error that is noise of this rms: all lines that do not exceed it (Wiener filter).
 
-    Signals of a motion that hold the very noise that the error is would explain it: a sign at every reversal does.
+    Signals of a motion that contain the same noise as the error would explain it, like a sign at every reversal.
     """
-    there_and_back = np.concatenate([error, error[::-1]])  # no jump where the ends meet
+    there_and_back = np.concatenate([error, error[::-1]])  # no jump at the junction
     share = STANDING_OUT * noise**2 * there_and_back.size / np.maximum(smoothed_power(there_and_back), 1e-300)
     lines = np.fft.rfft(there_and_back) * np.minimum(share, 1.0)
     return np.asarray(np.fft.irfft(lines, there_and_back.size)[: error.size])
 
 
 def accelerations(plant: Any, seen: Seen) -> Iterator[Look]:
-    """Every effect at all its shapes, and nameless functions of the motion, in the error's second derivative."""
+    """Look at every effect at all shapes, and at nameless functions of the motion, in the error's second derivative."""
     m = seen.motion
     s, at = m.signals, m.usable
     mask = plant.train[:: m.every][at]
@@ -75,12 +76,12 @@ def accelerations(plant: Any, seen: Seen) -> Iterator[Look]:
         return m.seen(e, 2)[at][mask], np.column_stack([m.seen(e), m.seen(e, 1)])[at][mask]
 
     left, answers = parts(seen.error)
-    # an own record's answers are its own
+    # the responses of an own record are its own
     null = [free(target, np.column_stack([own, z])) for target, z in map(parts, seen.null)]
     plane = np.column_stack([own, answers])
     rest = free(left, plane)
     tangent = Tangent(left, np.array(null), plane, n_effective(rest))
-    # what repeats in time passes any loop as it is, and the error that it makes would explain it
+    # a signal that repeats in time passes any loop unchanged, and the error that it causes would explain it
     timed = Tangent(left, np.array([parts(e)[0] for e in seen.null]), own, n_effective(free(left, own)))
     share = plant.scale / max(acceleration(m, plant.record), 1e-300)
 
@@ -103,7 +104,7 @@ def accelerations(plant: Any, seen: Seen) -> Iterator[Look]:
 
 
 def slopes(plant: Any, seen: Seen) -> Iterator[Look]:
-    """Laws of few shapes, and effects without a column, by what a little of each does to the simulation."""
+    """Look at laws with few shapes and effects without a column, by how a little of each changes the simulation."""
     train = plant.train
     plane = plant.fits.tangent(seen.model)[train]
     left = seen.error[train]
@@ -132,7 +133,7 @@ def _simulated(name: str, shapes: list[Any], columns: list[Array]) -> Family:
 
 
 def _one(shape: Any, columns: Array) -> Any:
-    """The columns of one shape, as a family gives them."""
+    """The columns of one shape, in the form that a family returns."""
     return lambda _: iter([([shape], columns[:, None, :], 1.0)])
 
 
@@ -150,7 +151,7 @@ def _scanned(name: str, shapes: list[Any], column: Any) -> Family:
 
 
 def nameless(s: Any) -> Iterator[Array]:
-    """Functions without a name of position, of speed and direction, of the drive; (n, k) each."""
+    """Nameless functions of position, of speed and direction, and of the drive; shape (n, k) each."""
     q = (s.position - s.position.mean()) / (np.std(s.position) or 1.0)
     v = s.velocity / (2.0 * np.std(s.velocity) or 1.0)
     sign, u = np.tanh(s.kappa * s.velocity), s.drive / (np.std(s.drive) or 1.0)
@@ -163,7 +164,7 @@ def nameless(s: Any) -> Iterator[Array]:
 
 
 def free(target: Array, columns: Array) -> Array:
-    """What columns leave of a target by least squares."""
+    """Residual of a target after least squares on the columns."""
     scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
     q, _ = np.linalg.qr(columns / scale)
     return np.asarray(target - q @ (q.T @ target))

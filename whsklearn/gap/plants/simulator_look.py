@@ -1,4 +1,4 @@
-"""The measured motion as effects see it, and every shape of an effect that is worth a look."""
+"""The measured motion for the columns of effects, and every shape of an effect that is worth a look."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from whsklearn.gap.filters import CUTOFF_SIGMA, filtered, gaussian_derivatives
 from whsklearn.gap.record import noise_level, rms
 
 Array = NDArray[Any]
-HIGHEST = 25.0  # Hz; above, an encoder's noise is all there is in a second derivative
+HIGHEST = 25.0  # Hz; above it, a second derivative contains only encoder noise
 CENTRES = np.array([0.0, -0.5, 0.5, -1.0, 1.0, -1.5, 1.5])  # of a spring, in half strokes from the middle
-DEPTHS = np.array([0.003, 0.01, 0.03, 0.08])  # of half the travel, that a stop may give
+DEPTHS = np.array([0.003, 0.01, 0.03, 0.08])  # of half the travel, by which a stop may yield
 RELAXATIONS = (0.005, 0.02, 0.06)  # s, of a contact's damping
 
 
 @dataclass(frozen=True)
 class Motion:
-    """The measured motion as effects see it, and what the error is regressed on."""
+    """The measured motion for the columns of effects, and the signals on which the error is regressed."""
 
     signals: Any
     kernels: tuple[Array, Array, Array]
@@ -32,11 +32,11 @@ class Motion:
     _columns: dict[Effect, Array] = field(default_factory=dict, repr=False, compare=False)
 
     def seen(self, x: Array, derivative: int = 0) -> Array:
-        """A signal (n,) or (n, k) through the Gaussian or its derivative, decimated."""
+        """A signal, shape (n,) or (n, k), filtered by the Gaussian or its derivative and decimated."""
         return filtered(x, self.kernels[derivative], self.every)
 
     def seen_effect(self, effect: Effect) -> Array:
-        """An effect's columns, twice differentiated where they add to the reading; computed once."""
+        """An effect's columns, differentiated twice if they add to the reading; computed once."""
         if effect not in self._columns:
             columns = columns_of(effect, self.signals)
             self._columns[effect] = self.seen(columns, 2 if effect.port == "output" else 0)
@@ -72,15 +72,16 @@ def acceleration(m: Motion, record: Any) -> float:
 
 
 def gone(m: Motion, before: Array, after: Array, record: Any) -> float:
-    """Rms of the error's second derivative that is gone between two errors, as a share of the acceleration."""
+    """Rms change of the error's second derivative between two errors, as a share of the acceleration."""
     first, last = (rms(m.seen(e, 2)[m.usable]) for e in (before, after))
     return float(np.sqrt(max(first**2 - last**2, 0.0)) / max(acceleration(m, record), 1e-300))
 
 
 def sized_by_drive(m: Motion, effect: Effect, train: NDArray[np.bool_]) -> Effect:
-    """An effect at the size that the drive asks for on the measured motion, beside inertia, friction and a constant.
+    """An effect at the size that fits the drive along the measured motion, beside inertia, friction and a constant.
 
-    A large one that acts for instants, such as a stop, moves a simulation so far that its slopes there say nothing.
+    A large effect that acts only for instants, such as a stop, moves a simulation so far that slopes there mean
+    nothing.
     """
     s, at = m.signals, m.usable
     mask = train[:: m.every][at]
@@ -93,14 +94,14 @@ def sized_by_drive(m: Motion, effect: Effect, train: NDArray[np.bool_]) -> Effec
 
 
 def columns_of(effect: Effect, signals: Any) -> Array:
-    """An effect's columns; what is no column times a weight is one column at its size."""
+    """An effect's columns; an effect that is not a column times a weight gives one column at its size."""
     if effect.column_kind == "exact" and effect.size not in ("step",):
         return np.asarray(effect.resized(1.0).columns(signals), dtype=float)
     return np.asarray(effect.contribution(signals), dtype=float).reshape(-1, 1)
 
 
 def ladder(cls: type[Effect], record: Any, signals: Any) -> Iterator[Effect]:
-    """One effect at every shape that is worth a look in this record; one of a user's own at its own starts."""
+    """One effect at every shape that is worth a look in this record; a user's own effect at its own starts."""
     torque = rms(record.drive) or 1.0
     if cls.evaluate is not None:
         yield from from_starts(cls, record, signals)
@@ -122,7 +123,7 @@ def ladder(cls: type[Effect], record: Any, signals: Any) -> Iterator[Effect]:
 
 
 def _scales(record: Any, signals: Any) -> Scales:
-    """How large everything is in the record; of the inertia nothing is known here."""
+    """Scales of the record; the inertia is not known here."""
     return Scales(
         torque=rms(record.drive) or 1.0, peak=float(np.max(np.abs(record.drive))),
         speed=rms(signals.velocity) or 1.0, reach=0.5 * float(np.ptp(signals.position)) or 1.0,
@@ -132,7 +133,7 @@ def _scales(record: Any, signals: Any) -> Scales:
 
 
 def _sizes(cls: type[Effect], record: Any, torque: float) -> Array:
-    """Sizes at which the columns of an effect are looked at: one, unless they change with it."""
+    """Sizes at which an effect is looked at: one size, unless its columns change with it."""
     if cls.column_kind == "exact":
         return np.array([0.1 * torque])
     unit = cls.quantities[cls.size].unit
@@ -143,7 +144,7 @@ def _sizes(cls: type[Effect], record: Any, torque: float) -> Array:
 
 
 def _grid(field: str, unit: str, record: Any, signals: Any) -> Array:
-    """Values of a shape number, by its unit and the record's scales."""
+    """Values of a shape number, from its unit and the record's scales."""
     reach = 0.5 * float(np.ptp(signals.position)) or 1.0
     middle = float(np.mean([signals.position.min(), signals.position.max()]))
     speed = rms(signals.velocity) or 1.0
@@ -157,7 +158,7 @@ def _grid(field: str, unit: str, record: Any, signals: Any) -> Array:
         return np.array([30.0])
     if unit == "rad/s":
         return np.geomspace(0.03, 1.0, 8) * speed
-    if field == "centre":  # a spring rests anywhere within its travel, or beside it
+    if field == "centre":  # a spring may rest anywhere within the travel or outside it
         return middle + CENTRES * reach
     if field == "knot":
         return np.array([middle])
@@ -171,7 +172,7 @@ def _grid(field: str, unit: str, record: Any, signals: Any) -> Array:
 
 
 def catalogue(record: Any, signals: Any, further: tuple[type[Effect], ...] = ()) -> dict[str, list[Effect]]:
-    """Every effect of the catalogue that has columns, at every shape worth a look, and ``further`` shapes of them."""
+    """Every effect of the catalogue with columns, at every shape worth a look, and ``further`` shapes."""
     out: dict[str, list[Effect]] = {}
     for name in effect_names():
         cls = get_effect(name)
@@ -208,13 +209,13 @@ def whole(shapes: list[Effect], fields: tuple[str, ...]) -> list[Effect]:
 
 
 def from_starts(cls: type[Effect], record: Any, signals: Any) -> Iterator[Effect]:
-    """One effect at the starts that it gives itself."""
+    """One effect at the starts that it defines."""
     torque = rms(record.drive) or 1.0
     return (cls.from_row((0.1 * torque, *shape)) for shape in cls.starts(_scales(record, signals)))
 
 
 def stops(record: Any, signals: Any) -> Iterator[Effect]:
-    """Contacts at either end of the travel, or at both: a stop lies as far within the travel as it gives."""
+    """Contacts at either end of the travel, or at both: a stop is as far within the travel as it yields."""
     torque = rms(record.drive) or 1.0
     low, high = float(signals.position.min()), float(signals.position.max())
     for depth in DEPTHS * 0.5 * (high - low):

@@ -1,8 +1,8 @@
-"""A simulator of the user's own with effects: what the engine extends, and how its numbers are fitted.
+"""A user's own simulator with effects: the model that the engine extends, and how its numbers are fitted.
 
-The simulator refits itself; the numbers of an effect are ours.  They are found by Gauss-Newton on the error after a
-refit, whose derivatives are those without a refit, freed of what the simulator's own numbers can do (variable
-projection with a black box inside; Golub, Pereyra 2003, Inverse Problems 19(2), R1-R26).
+The simulator refits itself; the numbers of an effect are fitted here.  They are found by Gauss-Newton on the error
+after a refit.  Its derivatives are those without a refit, with the influence of the simulator's own numbers projected
+out (variable projection with a black box inside; Golub, Pereyra 2003, Inverse Problems 19(2), R1-R26).
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from whsklearn.effects import Effect
 
 Array = NDArray[Any]
 STEP = 1e-3  # of a logarithm
-PARTS = 6  # of the record that are left out in turn: one more than the numbers that a rigid axis usually has
-ITERATIONS = 10  # of Gauss-Newton; half of the effects stop after two
-LEAST_GAIN = 1e-3  # of the sum of squares, below which a step is the last one on these derivatives
-WORTH_SLOPES = 0.25  # of the sum of squares without the effect: one that leaves more is not worth new derivatives
-FARTHEST = 3.0  # times a shape number in one step: a contact's relaxation of 20 ms would else be half a second
+PARTS = 6  # of the record that are excluded in turn: one more than the usual number of parameters of a rigid axis
+ITERATIONS = 10  # of Gauss-Newton; half of the effects need only two
+LEAST_GAIN = 1e-3  # of the sum of squares: a step that gains less is the last one with these derivatives
+WORTH_SLOPES = 0.25  # of the sum of squares without the effect: with a larger residual, no new derivatives are computed
+FARTHEST = 3.0  # factor on a shape number in one step; a contact's relaxation of 20 ms would otherwise become 0.5 s
 SHORTER = (1.0, 0.3, 0.1)  # shares of a step that are tried
 
 
@@ -41,7 +41,7 @@ class EffectTerm:
 
     @property
     def phased(self) -> bool:
-        """Whether a cosine and a sine weight stand for size and phase."""
+        """Whether a cosine and a sine weight represent size and phase."""
         return self.effect.phased
 
     def vector(self) -> list[float]:
@@ -50,12 +50,12 @@ class EffectTerm:
         return [*map(float, size), *(float(getattr(self.effect, f)) for f in self.searched)]
 
     def with_vector(self, x: Array) -> EffectTerm:
-        """The term at other numbers.
+        """The term with other numbers.
 
         Raises
         ------
         ValueError
-            If the effect cannot have them.
+            If the effect does not accept them.
         """
         shape = {**self.effect.shape, **self.effect.options}
         shape |= dict(zip(self.searched, map(float, x[2 if self.phased else 1 :]), strict=True))
@@ -67,7 +67,7 @@ class EffectTerm:
         return dataclasses.replace(self, effect=effect)
 
     def held_in(self, step: Array) -> Array:
-        """A step in which no shape number that is never negative changes by more than a factor of three."""
+        """The step, limited so that no non-negative shape number changes by more than a factor of three."""
         out, first = step.copy(), step.size - len(self.searched)
         for i, f in enumerate(self.searched, first):
             x = float(getattr(self.effect, f))
@@ -94,7 +94,7 @@ class SimulatorModel:
     error : ndarray of shape (n,)
         Measured minus simulated position.
     n_base : int
-        No term is the base model's: the simulator holds that itself.
+        Always zero, because the simulator itself is the base model.
     """
 
     simulator: Any
@@ -104,7 +104,7 @@ class SimulatorModel:
 
     @property
     def has_play(self) -> bool:
-        """Nothing is known of what the simulator holds."""
+        """Always false, because the content of the simulator is not known."""
         return False
 
     def without(self, index: int) -> SimulatorModel:
@@ -112,11 +112,11 @@ class SimulatorModel:
         return self.with_terms((*self.terms[:index], *self.terms[index + 1 :]))
 
     def with_terms(self, terms: tuple[EffectTerm, ...]) -> SimulatorModel:
-        """The model with other terms, not built yet: an effect cannot be taken out of a simulator."""
+        """The model with other terms, not built yet, because an effect cannot be removed from a simulator."""
         return SimulatorModel(None, tuple(terms))
 
     def moved(self, x: Array, numbers: Array) -> SimulatorModel:
-        """The model at other numbers of its effects and of the simulator (none: as they are), not simulated."""
+        """The model with other numbers of its effects and of the simulator (unchanged if empty), not simulated."""
         ends = np.cumsum([0, *(len(t.vector()) for t in self.terms)])
         terms = (t.with_vector(x[a:b]) for t, a, b in zip(self.terms, ends[:-1], ends[1:], strict=True))
         return SimulatorModel(self.simulator.with_numbers(numbers) if numbers.size else self.simulator, tuple(terms))
@@ -124,7 +124,7 @@ class SimulatorModel:
 
 @dataclass
 class SimulatorFit:
-    """How a simulator is refitted and simulated on one record.
+    """Refits and simulates a simulator on one record.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ class SimulatorFit:
     record : ServoRecord
     train : ndarray of bool, shape (n,)
     given : object
-        The simulator as it came, not refitted.
+        The simulator as it was given, not refitted.
     """
 
     core: Any
@@ -150,12 +150,12 @@ class SimulatorFit:
         Raises
         ------
         ValueError
-            If the simulator gives another length.
+            If the simulator returns an array of another length.
         """
         y = np.asarray(simulator.simulate(self.record), dtype=float)
         if y.shape != self.record.position.shape:
             raise ValueError(
-                f"simulate gave shape {y.shape}, expected {self.record.position.shape}: one value a sample."
+                f"simulate gave shape {y.shape}, expected {self.record.position.shape}: one value per sample."
             )
         reach = 1e3 * float(np.ptp(self.record.position)) + 1e-300
         return self.record.position - np.clip(np.nan_to_num(y, nan=reach, posinf=reach, neginf=-reach), -reach, reach)
@@ -180,8 +180,8 @@ class SimulatorFit:
     def tangent(self, model: SimulatorModel) -> Array:
         """Directions in which the simulator's own numbers move its error, shape (n, k).
 
-        From its ``numbers`` where it has them; else from refits to parts of the training samples, whose differences
-        span the same space: every part is fitted a little differently.
+        They come from its ``numbers`` if it has them.  Otherwise they come from refits to parts of the training
+        samples, whose differences span the same space, because every part is fitted slightly differently.
         """
         if model.terms in self._tangents:
             return self._tangents[model.terms]
@@ -205,7 +205,7 @@ class SimulatorFit:
     def by_terms(self, model: SimulatorModel) -> Array:
         """Derivatives of the error by the numbers of the effects, shape (n, k).
 
-        At the simulator's own numbers where they can be set; else after a refit at every one of them.
+        The simulator's own numbers are held if they can be set; otherwise it is refitted for each derivative.
         """
         columns = []
         for i, t in enumerate(model.terms):
@@ -218,7 +218,7 @@ class SimulatorFit:
         return np.column_stack(columns) if columns else np.zeros((self.train.size, 0))
 
     def _at_numbers_of(self, model: SimulatorModel, terms: tuple[EffectTerm, ...]) -> SimulatorModel:
-        """The model with other terms, its simulator's own numbers kept, or else refitted."""
+        """The model with other terms; the simulator's own numbers are kept if possible, otherwise it is refitted."""
         if not hasattr(model.simulator, "with_numbers"):
             return self.build(terms)
         simulator = self.core
@@ -228,10 +228,10 @@ class SimulatorFit:
         return SimulatorModel(simulator, terms, self.error(simulator))
 
     def homes(self, model: SimulatorModel) -> list[SimulatorModel]:
-        """The model, and the same with the numbers that the simulator was given with.
+        """The model, and the same model with the numbers that the simulator was given with.
 
-        Where they cannot be set it is the simulator as it was given, with the model's effects: a refit of a model that
-        lacks something large may end so far away that a refit with it does not find back.
+        If these cannot be set, the second is the simulator as it was given with the model's effects.  A refit of a
+        model that lacks something large may end so far away that a refit with the effect does not find the way back.
         """
         if model.terms not in self._given:
             if hasattr(model.simulator, "with_numbers"):
@@ -244,18 +244,19 @@ class SimulatorFit:
         return [model, self._given[model.terms]]
 
     def begun(self, model: SimulatorModel, term: EffectTerm) -> SimulatorModel:
-        """The model with one term more, the simulator's own numbers kept where they can be, or else refitted."""
+        """The model with one more term; the simulator's own numbers are kept if possible, otherwise it is refitted."""
         return self._placed(model, term, self._vector(model, term))
 
     def grow(self, model: SimulatorModel, begin: SimulatorModel, weigh: Any, *, again: bool = False) -> SimulatorModel:
-        """The model ``begin``, which has one term more, at numbers found by Gauss-Newton beside the simulator's own.
+        """Fit ``begin``, which is ``model`` with one more term, by Gauss-Newton together with the simulator's numbers.
 
-        Derivatives are differences once, then follow the steps taken (Broyden 1965, Math. Comp. 19(92), 577-593): a
-        step costs one simulation.  They are taken anew where that ends at a model worth it.  ``weigh`` takes an error
-        (n,) or (n, k) to the weighted training residual; ``again`` if the derivatives by the simulator's own numbers
-        are to be those of ``begin`` from the first step on, not those of ``model``, which are known.
+        Derivatives are computed by differences once and then updated from the steps (Broyden 1965, Math. Comp.
+        19(92), 577-593), so a step costs one simulation.  They are computed again if the result is a model worth
+        it.  ``weigh`` turns an error, shape (n,) or (n, k), into the weighted training residual.  With ``again`` the
+        derivatives by the simulator's own numbers are those of ``begin`` from the first step on, and not the known
+        ones of ``model``.
         """
-        joint = hasattr(model.simulator, "with_numbers")  # then both move in one step, nothing is refitted in between
+        joint = hasattr(model.simulator, "with_numbers")  # then both are changed in one step without a refit in between
         best, first = begin, _square(weigh(model.error))
         slopes, fresh = self._slopes(model, best, weigh, again=again), again or not joint
         r = weigh(best.error)
@@ -283,14 +284,14 @@ class SimulatorFit:
         return best
 
     def refitted(self, model: SimulatorModel) -> SimulatorModel:
-        """The model after one refit more: many a ``refit`` stops after a few evaluations, long before its minimum."""
+        """The model after one more refit: many ``refit`` methods stop after a few evaluations, far from the minimum."""
         simulator = model.simulator.refit(self.record, self.train)
         return SimulatorModel(simulator, model.terms, self.error(simulator))
 
     def _stepped(
         self, model: SimulatorModel, best: SimulatorModel, step: Array, weigh: Any
     ) -> tuple[SimulatorModel | None, Array]:
-        """The first model along a step, shortened where need be, that is better, and the step taken."""
+        """The first better model along a step, shortened if necessary, and the step taken."""
         n, cost = len(best.terms[-1].vector()), _square(weigh(best.error))
         at = self._vector(best, best.terms[-1])
         step = np.concatenate([best.terms[-1].held_in(step[:n]), np.clip(step[n:], -1.0, 1.0)])
@@ -304,10 +305,10 @@ class SimulatorFit:
         return None, step
 
     def _slopes(self, model: SimulatorModel, best: SimulatorModel, weigh: Any, *, again: bool) -> Array:
-        """Derivatives of the weighted error by the numbers of the last term, and by the simulator's own if it has them.
+        """Derivatives of the weighted error by the numbers of the last term, and by the simulator's own if known.
 
-        Those by its own are the model's, which are known, unless ``again``.  Where the simulator refits itself those
-        of the term are freed of what it can do.
+        The latter are the known ones of ``model`` unless ``again``.  If the simulator refits itself, its influence is
+        projected out of the derivatives by the term's numbers.
         """
         term, x = best.terms[-1], np.array(best.terms[-1].vector())
         joint = hasattr(model.simulator, "with_numbers")
@@ -329,19 +330,19 @@ class SimulatorFit:
 
     @staticmethod
     def _freed(model: SimulatorModel) -> Any:
-        """The simulator as it stands, freed of its last effect by the opposite torque; what is no torque stays."""
+        """The simulator with its last effect cancelled by the opposite torque; an effect that is not a torque stays."""
         effect = model.terms[-1].effect
         if effect.column_kind != "exact":
             return model.simulator
         return model.simulator.with_effect(effect.resized(-effect.magnitude))
 
     def _vector(self, model: SimulatorModel, term: EffectTerm) -> Array:
-        """Numbers of a term, and those of the simulator if it has any."""
+        """The numbers of a term, and those of the simulator if it has any."""
         own = np.asarray(getattr(model.simulator, "numbers", ()), dtype=float)
         return np.concatenate([term.vector(), own if hasattr(model.simulator, "with_numbers") else []])
 
     def _placed(self, model: SimulatorModel, term: EffectTerm, z: Array) -> SimulatorModel:
-        """The model and the term at the numbers ``z``, the simulator at its own numbers there, or else refitted."""
+        """The model with the term at the numbers ``z``; the simulator takes its numbers from there or is refitted."""
         n = len(term.vector())
         term = term.with_vector(z[:n])
         own = model.simulator.with_effect(term.effect)
@@ -355,7 +356,7 @@ def _square(r: Array) -> float:
 
 
 def _spanned(columns: list[Array], n: int) -> Array:
-    """An orthonormal basis of the columns, without those that are rounding."""
+    """An orthonormal basis of the columns, without those that are rounding errors."""
     if not columns:
         return np.zeros((n, 0))
     u, values, _ = np.linalg.svd(np.column_stack(columns), full_matrices=False)

@@ -1,4 +1,4 @@
-"""Series of a simulator's diagnosis that the page draws."""
+"""The series of a simulator's diagnosis that the page draws."""
 
 from __future__ import annotations
 

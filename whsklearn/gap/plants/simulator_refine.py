@@ -1,4 +1,4 @@
-"""An effect fitted within a simulator of one's own: brought to its size first, then all its numbers together."""
+"""Fit an effect within a user's simulator: its size first, then all its numbers together."""
 
 from __future__ import annotations
 
@@ -11,15 +11,16 @@ from whsklearn.gap.plants.simulator_model import EffectTerm, SimulatorModel
 from whsklearn.gap.record import rms
 from whsklearn.gap.tangent import Look
 
-# Share of the error: an effect that leaves less is fitted again under the weights of what it leaves, since before the
-# weights hid the effect's own spectrum; a look that promised as much, and whose fit leaves more, is begun anew.
+# Share of the error.  An effect with a smaller residual is fitted again under the weights of that residual, because the
+# previous weights hid the effect's own spectrum.  If a look promised as much but the fit has a larger residual, the fit
+# is started anew.
 PROMISING = 0.5
-# Such fits at most, and the share of the error that the last one leaves: a stop takes three.
+# Number of such fits at most, and the share of the error that the last one may leave: a stop takes three.
 AGAIN, SETTLED = 4, 0.8
 
 
 def refine(plant: Any, model: SimulatorModel, look: Look) -> SimulatorModel:
-    """The effect added at its best numbers, the simulator refitted; the model as it is where it cannot be added."""
+    """The model with the effect at its best numbers and the simulator refitted; unchanged if it cannot be added."""
     model = plant.fits.built(model)
     plant.tune(model.error)
     best: SimulatorModel | None = None
@@ -41,7 +42,7 @@ def refine(plant: Any, model: SimulatorModel, look: Look) -> SimulatorModel:
     left = plant.left(model)
     if plant.left(best) < PROMISING * left:
         for _ in range(AGAIN):
-            plant.tune(best.error)  # weighed by what is left: before, the weights hid the effect's own spectrum
+            plant.tune(best.error)  # weighted by the residual; the previous weights hid the effect's own spectrum
             left, best = plant.left(best), plant.fits.grow(model, best, plant.weighed, again=True)
             if plant.left(best) > SETTLED * left:
                 break
@@ -51,8 +52,8 @@ def refine(plant: Any, model: SimulatorModel, look: Look) -> SimulatorModel:
 def grown(plant: Any, model: SimulatorModel, start: Any) -> SimulatorModel:
     """A start brought to its size, then all its numbers fitted.
 
-    From the simulator's refitted numbers, or from those that it was given with, whichever is better with the
-    effect: a refit without it may have bent them far to make up for it.
+    The fit begins from the simulator's refitted numbers or from those that it was given with, whichever is better with
+    the effect: a refit without it may have changed them greatly to compensate.
     """
     pairs = begins(plant, model, start)
     home, begin = min(pairs, key=lambda pair: plant.rms(plant.weighed(pair[1].error)))
@@ -60,17 +61,17 @@ def grown(plant: Any, model: SimulatorModel, start: Any) -> SimulatorModel:
 
 
 def anew(plant: Any, model: SimulatorModel, start: Any) -> SimulatorModel:
-    """The same, the simulator refitted beside the effect before anything moves together.
+    """The same, with the simulator refitted beside the effect before all numbers are fitted together.
 
-    Bristles in place of dry friction take inertia, damping and friction far from both beginnings, and steps along
-    the slopes there lead nowhere; the look has promised most of the gap all the same.
+    Bristles in place of dry friction move inertia, damping and friction far from both starts, and steps along the
+    slopes there lead nowhere, although the look has promised most of the gap.
     """
     refitted = (plant.fits.refitted(begin) for _, begin in begins(plant, model, start))
     return plant.fits.grow(model, min(refitted, key=plant.left), plant.weighed, again=True)
 
 
 def begins(plant: Any, model: SimulatorModel, start: Any) -> list[tuple[SimulatorModel, SimulatorModel]]:
-    """(home, home with the effect at the size that it asks for) for every home of the model."""
+    """(home, home with the effect at its estimated size) for every home of the model."""
     fixed = (*start.later, *plant.whole_fields)
     searched = tuple(f for f in start.shape_fields() if movable(f) and f not in fixed)
     out = []
@@ -81,7 +82,7 @@ def begins(plant: Any, model: SimulatorModel, start: Any) -> list[tuple[Simulato
 
 
 def sizes(plant: Any, home: SimulatorModel, start: Any) -> list[Any]:
-    """The effect as large as the simulation's slope asks for, and of a shape for instants as the drive does."""
+    """The effect at the size given by the simulation's slope and, if it acts only for instants, by the drive too."""
     if start.column_kind != "exact":
         return [start]
     effects = [sized(plant, home, start)]
@@ -92,7 +93,7 @@ def sizes(plant: Any, home: SimulatorModel, start: Any) -> list[Any]:
 
 
 def sized(plant: Any, model: SimulatorModel, start: Any) -> Any:
-    """The size (and phase) by the sensitivity of the simulated position to it."""
+    """The size (and phase) from the sensitivity of the simulated position to it."""
     slopes, shape = smallest(plant, model, start)
     own = plant.weighed(plant.fits.tangent(model))
     columns = np.column_stack([plant.weighed(slopes), own])
@@ -104,7 +105,7 @@ def smallest(plant: Any, model: SimulatorModel, start: Any) -> tuple[Any, dict[s
     """(derivatives of the error by the sizes of a small effect, shape (n, 1 or 2); its other numbers)."""
     torque = rms(plant.record.drive) or 1.0
     shape = {k: v for k, v in {**start.shape, **start.options}.items() if not (start.phased and k == "phase")}
-    if start.column_kind != "exact":  # it has no small size: what it does at its own
+    if start.column_kind != "exact":  # it has no small size, so its own size is used
         return (plant.fits.error(model.simulator.with_effect(start)) - model.error)[:, None], shape
     unit = float(np.sqrt(np.mean(np.square(columns_of(start, plant.motion.signals))))) or 1.0
     small = (0.01 * torque if start.port != "output" else 10.0 * plant.noise) / unit
