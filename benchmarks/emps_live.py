@@ -21,7 +21,7 @@ import numpy as np
 import pandas as pd
 
 from whsklearn.identification.view import derivative
-from whsklearn.recursion.batch.axis_free_run import AxisLog, fit_state, sensitivities
+from whsklearn.recursion.batch.axis_free_run import AxisLog, beside_the_states, sensitivities, settled
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -49,22 +49,10 @@ def windows(frame: pd.DataFrame, begins: ArrayLike, length: int) -> AxisLog:
     return AxisLog(u[take], q[take], counts, at, v[first], q[first], DT, np.empty(0), CENTRE, True)
 
 
-def settled(theta: np.ndarray, log: AxisLog) -> AxisLog:
-    """The log with the initial states that these parameters ask for."""
-    v0, q0 = fit_state(theta, log)
-    return log._replace(v0=v0, q0=q0)
-
-
 def misses(theta: np.ndarray, log: AxisLog) -> tuple[np.ndarray, np.ndarray]:
     """(error, derivatives by theta) past the start of each window, whose state follows theta there."""
     run, rows = sensitivities(theta, log)
-    rows = rows.copy()
-    for s, e in zip(log.bounds[:-1], log.bounds[1:], strict=True):
-        seen = log.counts[s:e]
-        by_state = rows[-2:, s:e]
-        follows = np.linalg.lstsq(by_state[:, seen].T, rows[:-2, s:e][:, seen].T, rcond=1e-9)[0]
-        rows[:-2, s:e] -= follows.T @ by_state
-    return (log.target - run)[~log.counts], rows[:-2][:, ~log.counts]
+    return (log.target - run)[~log.counts], beside_the_states(rows, log)[:, ~log.counts]
 
 
 def moved(theta: np.ndarray, log: AxisLog, directions: np.ndarray, prior: np.ndarray, variance: float) -> np.ndarray:

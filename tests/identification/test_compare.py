@@ -59,6 +59,16 @@ def test_an_output_that_does_not_follow_is_told():
     assert "next to nothing" in identify(u, y).reason
 
 
+def test_a_steady_rotation_follows_its_drive():
+    """What constant velocity predicts as well says nothing against the structures."""
+    u = 1.0 + 0.02 * np.sin(np.arange(290) / 9.0)
+    y = free_run(TRUTH, axis_log(u)._replace(of_position=True, v0=np.array([6.7])))
+    found = identify(u, y + 5e-3 * np.random.default_rng(0).standard_normal(290), dt=0.005, logged="position")
+    assert found.recommended.test["nmse"] < 1e-3
+    assert "does not follow" not in found.reason
+    assert "log changes of speed" in found.reason
+
+
 @pytest.mark.parametrize(
     ("u", "y", "message"),
     [

@@ -92,6 +92,8 @@ def main(**options: Any) -> None:
     told = wrapped(on_intervals(found))
     bad = worse_than_mean({found.recommended.name: found.recommended.test.get("nmse", 0.0)})
     click.echo(f"\n{comparison(found)}\n\n{wrapped(found.reason)}\n\n{numbers(found)}\n")
+    if found.on_drive:
+        click.echo(wrapped(found.on_drive))
     if bad:
         click.echo(wrapped(bad))
     click.echo(f"{told}\n\nThe page is {page}." if told else f"The page is {page}.")

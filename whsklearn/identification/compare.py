@@ -14,9 +14,18 @@ from whsklearn._numba import compiling_seconds
 from whsklearn._threads import one_blas_thread
 from whsklearn.identification.axis_fit import fit_free_law_axis, fit_hanging_axis, fit_rigid_axis, white
 from whsklearn.identification.chain_fit import fit_chain
+from whsklearn.identification.drive_lead import moved, skew
 from whsklearn.identification.linear_fit import fit_arx, fit_output_error
 from whsklearn.identification.view import View, held_out_from, smooth, view
-from whsklearn.identification.windows import horizons, lead, residual, whole_errors, window_errors
+from whsklearn.identification.windows import (
+    horizons,
+    lead,
+    mean_error,
+    residual,
+    rms_of,
+    whole_errors,
+    window_errors,
+)
 from whsklearn.logs.units import UNKNOWN, UNSTATED, factor_of
 from whsklearn.models import AxisModel, ChainModel
 
@@ -31,6 +40,9 @@ AS_GOOD = 1.075  # a simpler structure is taken within 7.5 % of the least error:
 AT_FLOOR = 1.3  # times the noise; no structure can be better, and that of thirty numbers takes most of the time
 ORDERS = (1, 2, 3, 4)
 CHAIN_FROM = 300  # samples, below which some thirty numbers of a chain cannot be estimated
+# Of the way in a window: a steady rotation that constant velocity predicts to that follows its drive, whatever the
+# structures add
+STEADY = 0.03
 EXPLAINS = 0.9  # of the trivial model's error; a best model above that says nothing about the record
 
 
@@ -152,6 +164,16 @@ class Identification:
         return f"{used} of {self.rows or used}" + (f" in {segments} segments" if segments > 1 else "")
 
     @property
+    def on_drive(self) -> str:
+        """What is to be said of the times of the drive; nothing where they are those of the output."""
+        samples = self.train.lead
+        if not samples:
+            return ""
+        when = f"{1e3 * abs(samples) * self.train.dt:.3g} ms {'after' if samples > 0 else 'before'} it acted"
+        way = "earlier" if samples > 0 else "later"
+        return f"The drive was logged {when}; all models are of the log with its drive {abs(samples)} samples {way}."
+
+    @property
     def model(self) -> IdentifiedModel:
         """The recommended model."""
         return self.recommended.model
@@ -221,6 +243,8 @@ def identify(
     units = {k: v for k, v in (units or {}).items() if v not in UNSTATED}
     drive, output = (factor_of(units.get(k, UNKNOWN)) for k in ("input", "output"))
     whole = replace(view(u, y, dt, logged, groups), si=(drive[0], output[0]))
+    lead_found = skew(whole.in_si)
+    whole = moved(whole, lead_found)
     cut = held_out_from(whole.y)
     fitting, held_out = whole.part(0, cut), whole.part(cut, whole.u.size)
     trivial = Compared("constant velocity" if whole.logged == "position" else "constant output", "trivial", {}, "-")
@@ -236,7 +260,7 @@ def identify(
             _score(_fitted(compared, fit, fitting, units), held_out)
         tried.append(compared)
     tried.sort(key=lambda c: (c.size, c.score))
-    chosen, reason = recommend(tried, trivial)
+    chosen, reason = recommend(tried, trivial, steady=_steady(trivial, held_out))
     fit_again = {c.name: f for c, f in candidates(cut, angle=angle)}[chosen.name]
     if progress:
         progress(f"{chosen.name}, on the whole record")
@@ -244,7 +268,7 @@ def identify(
     chosen.model = _with_drive_error(chosen.model, drive_error)
     if test is not None:
         cuts = test[2] if len(test) == 3 else None
-        judged = replace(view(test[0], test[1], dt, whole.logged, cuts), si=whole.si)
+        judged = moved(replace(view(test[0], test[1], dt, whole.logged, cuts), si=whole.si), lead_found)
     else:  # it begins in motion
         judged = held_out
         skip = max(skip, lead(judged.longest.u.size, dt))
@@ -279,8 +303,11 @@ def candidates(n: int, *, angle: bool) -> Iterator[tuple[Compared, Callable[[Vie
         yield Compared("Wiener-Hammerstein", "wiener-hammerstein", {}, "simulation"), fit_chain
 
 
-def recommend(tried: list[Compared], trivial: Compared) -> tuple[Compared, str]:
-    """The simplest within `AS_GOOD` of the best, and why; ``tried`` is sorted from the simplest on."""
+def recommend(tried: list[Compared], trivial: Compared, *, steady: bool = False) -> tuple[Compared, str]:
+    """The simplest within `AS_GOOD` of the best, and why; ``tried`` is sorted from the simplest on.
+
+    A record that the trivial model predicts as well says nothing against a structure where its motion is ``steady``.
+    """
     good = [c for c in tried if np.isfinite(c.score)]
     if not good:
         told = "; ".join(f"{c.name}: {c.failure or 'its free run does not stay finite'}" for c in tried)
@@ -295,9 +322,22 @@ def recommend(tried: list[Compared], trivial: Compared) -> tuple[Compared, str]:
         reason += f", the best of another kind ({rival.name}) {rival.score / trivial.score:.3g}"
     if chosen is not best:
         reason += f"; {best.name} is no better than {100 * (AS_GOOD - 1):.3g} % and has more parameters"
-    if ratio > EXPLAINS:
+    if ratio > EXPLAINS and steady:
+        reason += (
+            f"; the motion is so even that {trivial.name} predicts it as well, so the record says little of the "
+            "dynamics: log changes of speed"
+        )
+    elif ratio > EXPLAINS:
         reason += "; that is next to nothing, so the output does not follow this input by any of the structures"
     return chosen, reason + "."
+
+
+def _steady(trivial: Compared, log: View) -> bool:
+    """Whether a position goes on so evenly that constant velocity misses next to nothing of its way in any window."""
+    if log.logged != "position":
+        return False
+    way = {h: rms_of(log.y[h:] - log.y[:-h]) for h in trivial.windows}
+    return all(e < STEADY * way[h] for h, e in trivial.windows.items())
 
 
 def _fitted(compared: Compared, fit: Callable[[View], Any], log: View, units: dict[str, str]) -> Compared:
@@ -333,15 +373,14 @@ def _score(compared: Compared, log: View) -> None:
     longest = log.longest.u.size
     before = lead(longest, log.dt)
     lengths = horizons(longest - before, log.dt)
-    compared.windows = {h: _rms(window_errors(compared.model, log, h, before)) for h in lengths}
+    compared.windows = {h: rms_of(window_errors(compared.model, log, h, before)) for h in lengths}
     errors: list[float] = list(compared.windows.values())
     if compared.model is not None and log.logged != "position":
-        errors.append(_rms(whole_errors(compared.model, log, before)[0]))
+        errors.append(rms_of(whole_errors(compared.model, log, before)[0]))
     elif log.logged != "position":
         errors.append(float(np.std(log.y)))
     scale = float(np.fmax(log.floor, 1e-6 * np.std(log.y)))
-    ratios = [max(e, scale) / scale for e in errors]
-    compared.score = float(np.exp(np.mean(np.log(ratios)))) if np.isfinite(ratios).all() else np.inf
+    compared.score = mean_error(errors, log, scale) / scale if np.isfinite(errors).all() else np.inf
 
 
 def _indices(model: Any, log: View, skip: int) -> dict[str, float]:
@@ -354,10 +393,5 @@ def _indices(model: Any, log: View, skip: int) -> dict[str, float]:
     else:
         before = lead(log.longest.u.size, log.dt)
         error, known = (x[max(skip - before, 0) :] for x in whole_errors(model, log, before))
-    rmse = _rms(error)
+    rmse = rms_of(error)
     return {"nmse": rmse**2 / max(float(np.var(known)), 1e-300), "rmse": rmse} if np.isfinite(rmse) else {}
-
-
-def _rms(error: Array) -> float:
-    value = float(np.sqrt(np.mean(np.square(error)))) if np.isfinite(error).all() else np.inf
-    return value if np.isfinite(value) else np.inf

@@ -45,6 +45,7 @@ def document(found: Identification) -> dict[str, Any]:
         "models": [_entry(c) for c in found.models],
         "trivial": {"name": found.trivial.name, "windows": _windows(found.trivial, found)},
         "parameters": parameters(found),
+        "drive_lead_s": found.train.lead * found.train.dt,
         "residuals_white": found.white,
         "noise_floor_rmse": found.floor,
         "logged": found.train.logged,
@@ -123,6 +124,7 @@ def page(found: Identification) -> str:
         lengths=lengths,
         unit=found.model.units.get("output", ""),
         on_intervals=on_intervals(found),
+        on_drive=found.on_drive,
         seconds=[f"{h * found.train.dt:.3g} s" for h in lengths],
         number=number,
     )

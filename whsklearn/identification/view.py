@@ -41,6 +41,8 @@ class View:
         Factors that bring u and y to SI, in which the candidates are fitted.
     starts : tuple of int
         Where a segment begins after a hole or a restart, beside sample 0.
+    lead : int
+        Samples by which ``u`` is earlier than it was logged.
 
     References
     ----------
@@ -64,6 +66,7 @@ class View:
     logged: str
     si: tuple[float, float] = (1.0, 1.0)
     starts: tuple[int, ...] = ()
+    lead: int = 0
 
     @property
     def bounds(self) -> NDArray[np.int64]:

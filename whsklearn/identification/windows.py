@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from whsklearn.effects import GravityImbalance, SpeedHinge
-from whsklearn.identification.axis_fit import axis_log, sine_and_cosine
+from whsklearn.identification.axis_numbers import axis_residual, axis_theta
 from whsklearn.identification.view import smooth
 from whsklearn.models import AxisModel, ChainModel, LinearModel
 from whsklearn.recursion.batch.axis_free_run import AxisLog, fit_state, free_run
@@ -40,15 +39,20 @@ def lead(n: int, dt: float) -> int:
 
 def window_errors(model: Any, log: View, horizon: int, before: int) -> Array:
     """Output minus prediction over windows, (windows, horizon); an infinite one where the model runs away."""
-    spans = [(a + before, b - horizon) for a, b in itertools.pairwise(log.bounds.tolist()) if b - a >= before + horizon]
-    count = int(np.clip(sum((b - a) // horizon + 1 for a, b in spans), 1, MOST))
-    possible = np.concatenate([np.arange(a, b + 1) for a, b in spans])
-    begins = possible[np.linspace(0, possible.size - 1, count).astype(int)]
+    begins = _begins(log, horizon, before)
     if model is None:
         return np.array([_steady(log, s, horizon, before) for s in begins])
     if isinstance(model, AxisModel):
         return _axis_errors(model, log, begins, horizon, before)
     return _response_errors(model, log, begins, horizon, before)
+
+
+def _begins(log: View, horizon: int, before: int) -> NDArray[np.int64]:
+    """Where the windows of a length begin, spread over the segments that are long enough."""
+    spans = [(a + before, b - horizon) for a, b in itertools.pairwise(log.bounds.tolist()) if b - a >= before + horizon]
+    count = int(np.clip(sum((b - a) // horizon + 1 for a, b in spans), 1, MOST))
+    possible = np.concatenate([np.arange(a, b + 1) for a, b in spans])
+    return possible[np.linspace(0, possible.size - 1, count).astype(int)]
 
 
 def whole_errors(model: Any, log: View, before: int) -> tuple[Array, Array]:
@@ -71,23 +75,59 @@ def _steady(log: View, start: int, horizon: int, before: int) -> Array:
 
 
 def _axis_errors(model: AxisModel, log: View, begins: NDArray[np.int64], horizon: int, before: int) -> Array:
-    """State by Gauss-Newton over the lead; in the record's unit, while the model and its run are in SI."""
-    far, log = log.si[1], log.in_si
+    """In the record's unit, while the model and its run are in SI."""
     theta, knots, hangs = axis_theta(model)
-    span = before + horizon
-    take = (begins[:, None] - before + np.arange(span)).ravel()
-    at = np.arange(begins.size + 1) * span
-    counts = np.tile(np.arange(span) < before, begins.size)
-    position = model.logged == "position"
-    y = log.y[take]
-    first = y.reshape(-1, span)
-    slope = (first[:, min(before, 9)] - first[:, 0]) / (min(before, 9) * log.dt) if position else first[:, 0]
-    data = AxisLog(
-        log.u[take], y, counts, at, slope.copy(), first[:, 0].copy(), log.dt, knots, of_position=position, hangs=hangs
-    )
-    v0, q0 = fit_state(theta, data)
-    run = free_run(theta, data._replace(v0=v0, q0=q0))
-    return (y - run).reshape(-1, span)[:, before:] / far
+    logged = replace(log.in_si, logged=model.logged)
+    return _theta_errors(theta, knots, logged, begins, horizon, before, hangs=hangs) / log.si[1]
+
+
+def _theta_errors(
+    theta: Array, knots: Array, log: View, begins: NDArray[np.int64], horizon: int, before: int, *, hangs: bool
+) -> Array:
+    """State by Gauss-Newton over the lead, then the run on from there; (windows, horizon)."""
+    position = log.logged == "position"
+    lead_at, whole_at = ((begins[:, None] - before + np.arange(n)) for n in (before, before + horizon))
+    first = log.y[lead_at]
+    over = min(before - 1, 9)
+    slope = (first[:, over] - first[:, 0]) / (over * log.dt) if position else first[:, 0]
+
+    def pieces(at: NDArray[np.int64]) -> AxisLog:
+        flat, bounds = at.ravel(), np.arange(begins.size + 1) * at.shape[1]
+        return AxisLog(
+            log.u[flat], log.y[flat], np.ones(flat.size, dtype=bool), bounds, slope.copy(), first[:, 0].copy(), log.dt,
+            knots, of_position=position, hangs=hangs,
+        )  # fmt: skip
+
+    v0, q0 = fit_state(theta, pieces(lead_at))
+    run = free_run(theta, pieces(whole_at)._replace(v0=v0, q0=q0))
+    return (log.y[whole_at] - run.reshape(whole_at.shape))[:, before:]
+
+
+def axis_score(theta: Array, knots: Array, log: View, *, hangs: bool) -> float:
+    """Geometric mean of the errors over windows of all lengths, of a record in SI."""
+    longest = log.longest.u.size
+    before = lead(longest, log.dt)
+    rms = [
+        rms_of(_theta_errors(theta, knots, log, _begins(log, h, before), h, before, hangs=hangs))
+        for h in horizons(longest - before, log.dt)
+    ]
+    return mean_error(rms, log, 1e-6 * float(np.std(log.y)))
+
+
+def mean_error(rms: list[float], log: View, least: float) -> float:
+    """Geometric mean of errors, none below ``least``.
+
+    Once a run is further off than the output is from its mean, it is lost, and how far says nothing: where gravity
+    makes a position unstable a window of 5 s is lost with any model, and the shorter ones decide.
+    """
+    spread = float(np.std(log.y))
+    return float(np.exp(np.mean(np.log([min(max(e, least), spread) for e in rms]))))
+
+
+def rms_of(error: Array) -> float:
+    """Root mean square, infinite where the run is."""
+    value = float(np.sqrt(np.mean(np.square(error)))) if np.isfinite(error).all() else np.inf
+    return value if np.isfinite(value) else np.inf
 
 
 def residual(model: Any, log: View) -> Array:
@@ -95,20 +135,10 @@ def residual(model: Any, log: View) -> Array:
     si = log.in_si
     if isinstance(model, AxisModel):
         theta, knots, hangs = axis_theta(model)
-        return si.target - free_run(theta, axis_log(si, knots, hangs=hangs))
+        return axis_residual(theta, replace(si, logged=model.logged), knots, hangs=hangs)
     plain = replace(model, logged="output", units={})
     pieces = [si.target[a:b] - plain.simulate(si.u[a:b]) for a, b in itertools.pairwise(si.bounds)]
     return np.concatenate([e[min(SKIP, e.size // 10) :] for e in pieces])
-
-
-def axis_theta(model: AxisModel) -> tuple[Array, Array, bool]:
-    """The kernel's parameters of an axis that `axis_fit` made, its knots, and whether it hangs."""
-    p = model.parameters
-    hinges = [t for t in model.law.terms if isinstance(t, SpeedHinge)]
-    gravity = [e for e in model.effects if isinstance(e, GravityImbalance)]
-    forces = sine_and_cosine(gravity[0]) if gravity else (0.0, 0.0)
-    theta = [model.inertia, p["viscous"], p["coulomb"], model.effects[0].magnitude, *forces]
-    return np.array(theta + [t.magnitude for t in hinges]), np.array([t.knot for t in hinges]), bool(gravity)
 
 
 def _response_errors(

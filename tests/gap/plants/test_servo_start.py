@@ -10,7 +10,14 @@ import pytest
 from tests.gap.plants.example_servo import INERTIA, RATE, TIME, opened, record_of
 from whsklearn.datasets import make_servo_log
 from whsklearn.effects import InputDelay
-from whsklearn.gap.plants.servo_start import base_model, best_view, drive_lead, earlier, filtered_motion, start_of
+from whsklearn.gap.plants.servo_start import (
+    base_model,
+    best_view,
+    filtered_motion,
+    logged_late,
+    start_of,
+    with_earlier_drive,
+)
 from whsklearn.gap.record import ServoRecord
 
 
@@ -71,11 +78,13 @@ def test_a_drive_that_was_logged_late_is_found_and_moved(late):
     held = np.concatenate([np.full(late, record.drive[0]), record.drive[: record.drive.size - late]])
     logged = dataclasses.replace(record, drive=held)
     view, model = start_of(logged, ("viscous", "coulomb"), 0.004)
-    lead = drive_lead(view, model)
+    lead = logged_late(view, model)
     assert abs(lead - late) <= 1, "a sample is bookkeeping"
-    np.testing.assert_array_equal(earlier(logged, late).drive[: -late or None], record.drive[: -late or None])
+    np.testing.assert_array_equal(
+        with_earlier_drive(logged, late).drive[: -late or None], record.drive[: -late or None]
+    )
 
 
 def test_a_drive_that_acts_later_than_it_was_logged_is_a_question():
     record = ServoRecord.from_frame(make_servo_log([InputDelay(0.02)], duration=12.0, random_state=0))
-    assert drive_lead(*start_of(record, ("viscous", "coulomb"), 0.004)) == 0
+    assert logged_late(*start_of(record, ("viscous", "coulomb"), 0.004)) == 0

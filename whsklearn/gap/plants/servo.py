@@ -38,7 +38,7 @@ from whsklearn.gap.plants.servo_model import AxisModel
 from whsklearn.gap.plants.servo_observer import ObserverView
 from whsklearn.gap.plants.servo_pictures import pictures, signals
 from whsklearn.gap.plants.servo_sensors import coarse_encoder, unfold
-from whsklearn.gap.plants.servo_start import best_view, drive_lead, earlier, observer_view, start_of
+from whsklearn.gap.plants.servo_start import best_view, logged_late, observer_view, start_of, with_earlier_drive
 from whsklearn.gap.record import SPLIT, ServoRecord, rms
 from whsklearn.gap.tangent import with_p_values
 from whsklearn.gap.values import Learned, Linearised
@@ -271,10 +271,10 @@ class ServoPlant(PlantDefaults):
 
         A drive that was logged after it had acted is moved back first.
         """
-        late = drive_lead(self.inverse, model)
+        late = logged_late(self.inverse, model)
         if late:
             self.lead += late * self.record.dt
-            self._open(earlier(self.record, late))
+            self._open(with_earlier_drive(self.record, late))
         self.inverse.artefact = None
         other = best_view(self.inverse, model, self.tolerance)
         if not 1.0 / rules.WIDER < other.cutoff / self.inverse.cutoff < rules.WIDER:

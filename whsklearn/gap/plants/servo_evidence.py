@@ -9,6 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from whsklearn.gap.evidence import MAD as MAD  # for the modules of this plant
+from whsklearn.identification.drive_lead import LATEST as LATEST
+from whsklearn.identification.drive_lead import OLDEST as OLDEST
 
 # --- which view can be trusted ("real", "blind") --------------------------------------------------
 
@@ -34,15 +36,8 @@ DRIVE_NOISE = 2.5
 GRID_AS_NOISE = 0.2
 # Ratio to the previous cut-off that is worth a second pass of inverse dynamics.
 WIDER = 1.25
-# Largest age of the drive, in samples, that is bookkeeping: a drive held over a sample is half a sample old, and a
-# logger may add one sample.
-LATEST = 1.5
 # Gain per number above which numbers that a first look holds are freed: 2 ln(1 / alpha) at one percent.
 PAYS = 9.2
-# s: the oldest drive of a real log (pendulum rigs and arms reach -0.016 to 0.038 s)
-OLDEST = 0.06
-# Moves at most of a drive that was logged late: the first finds half of 16 ms, the third all of it.
-MOST_MOVES = 6
 
 # Judged samples for each block of cross-validation; with fewer, rests are used too: a record at rest has no others.
 FEWEST_A_BLOCK = 10

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn.effects import codes as k
-from whsklearn.gap.filters import CUTOFF_SIGMA
+from whsklearn.filtering.gaussian import CUTOFF_SIGMA
 from whsklearn.gap.plants import inverse_dynamics as ols
 from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants import servo_stop as stop

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from whsklearn.effects import Scales, codes
+from whsklearn.filtering.gaussian import CUTOFF_SIGMA, filtered, gaussian_derivatives
 from whsklearn.gap.evidence import QUIET
-from whsklearn.gap.filters import CUTOFF_SIGMA, filtered, gaussian_derivatives
 from whsklearn.gap.least_squares import jacobian
 from whsklearn.gap.plants import inverse_dynamics as ols
 from whsklearn.gap.plants import servo_evidence as rules

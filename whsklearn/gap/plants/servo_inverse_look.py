@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from whsklearn.effects import codes as k
 from whsklearn.effects.quantity import ONE_PERIOD
-from whsklearn.gap.filters import CUTOFF_SIGMA
+from whsklearn.filtering.gaussian import CUTOFF_SIGMA
 from whsklearn.gap.least_squares import least_squares
 from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants import servo_stop as stop

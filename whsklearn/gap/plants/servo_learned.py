@@ -20,8 +20,8 @@ from scipy.linalg import block_diag
 
 from whsklearn.effects import LearnedTorque
 from whsklearn.effects.equations import hill
+from whsklearn.filtering.gaussian import filtered
 from whsklearn.gap.evidence import LEARNED_SHARE, LEAST_MARGIN, MOST_CURVES
-from whsklearn.gap.filters import filtered
 from whsklearn.gap.plants import inverse_dynamics as ols
 from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants.servo_candidates import TWO_MASS, Candidate

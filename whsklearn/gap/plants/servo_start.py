@@ -10,15 +10,16 @@ from numpy.typing import NDArray
 from scipy.signal import fftconvolve
 
 from whsklearn.effects import Scales
+from whsklearn.filtering.gaussian import CUTOFF_SIGMA, gaussian_derivatives
 from whsklearn.gap.evidence import DEFAULT_TOLERANCE
-from whsklearn.gap.filters import CUTOFF_SIGMA, gaussian_derivatives, residual_filter
+from whsklearn.gap.filters import residual_filter
 from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants.servo_candidates import candidate
 from whsklearn.gap.plants.servo_inverse import InverseView
 from whsklearn.gap.plants.servo_model import FASTEST_COUPLING, AxisModel, Term
 from whsklearn.gap.plants.servo_observer import ObserverView
 from whsklearn.gap.record import ServoRecord, held_out_blocks, lattice, noise_level, rms
-from whsklearn.gap.search import HALF
+from whsklearn.identification.drive_lead import drive_lead, earlier
 
 Array = NDArray[Any]
 HIGHEST_CUTOFF, LOWEST_CUTOFF = 0.08, 2.0  # share of the sampling rate; Hz: limits of the search for the filter
@@ -96,38 +97,26 @@ def start_of(record: ServoRecord, law: tuple[str, ...], goal: float) -> tuple[In
     return view, view.fit(model)
 
 
-def drive_lead(view: InverseView, model: AxisModel) -> int:
-    """Number of samples by which a drive was logged after it had acted; zero unless that explains half of the residual.
+def logged_late(view: InverseView, model: AxisModel) -> int:
+    """Samples by which a drive was logged after it had acted, see `whsklearn.identification.drive_lead`.
 
-    The age of the drive that inverse dynamics finds is at first smaller than the true one, so it is computed repeatedly
-    until it does not change.  A drive that acts later than it was logged is a delay, which the search handles.
-
-    Parameters
-    ----------
-    view : InverseView
-    model : AxisModel
+    A drive that acts later than it was logged is a delay, which the search handles.
     """
-    seen, lead, dt = view.bare(), 0, view.scene.dt
-    left = seen.rms(seen.gap(model))
-    columns, target = seen.columns(model, seen.torque(model))[0][seen.at], seen.target(model)[0][seen.at]
-    as_logged = seen.rms(target - columns @ np.linalg.lstsq(columns, target, rcond=1e-10)[0])
-    for _ in range(rules.MOST_MOVES):
-        more = round(-seen.age(seen.fit(model)) / dt)
-        if more <= (0.0 if lead else rules.LATEST) or (lead + more) * dt > rules.OLDEST:
-            break
-        lead += more
-        seen = view.bare().beside(earlier(view.record, lead))
-        left = seen.rms(seen.gap(seen.fit(model)))
-    return lead if left**2 < HALF * as_logged**2 else 0
+    bare = view.bare()
+    columns, target = bare.columns(model, bare.torque(model))[0][bare.at], bare.target(model)[0][bare.at]
+    as_logged = bare.rms(target - columns @ np.linalg.lstsq(columns, target, rcond=1e-10)[0])
+
+    def look(lead: int) -> tuple[float, float]:
+        seen = bare.beside(with_earlier_drive(view.record, lead)) if lead else bare
+        fitted = seen.fit(model)
+        return seen.age(fitted), seen.rms(seen.gap(fitted))
+
+    return drive_lead(look, as_logged, view.scene.dt)
 
 
-def earlier(record: ServoRecord, samples: int) -> ServoRecord:
-    """The record with its drive so many samples earlier; the last value of every segment is held."""
-
-    def moved(u: Array) -> Array:
-        return np.concatenate([u[samples:], np.full(min(samples, u.size), u[-1])])
-
-    return dataclasses.replace(record, drive=record.by_piece(moved, record.drive))
+def with_earlier_drive(record: ServoRecord, samples: int) -> ServoRecord:
+    """The record with its drive so many samples earlier, the last value of every segment is held."""
+    return dataclasses.replace(record, drive=record.by_piece(lambda u: earlier(u, samples), record.drive))
 
 
 def observer_view(

@@ -20,7 +20,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from whsklearn.effects import codes as k
-from whsklearn.gap.filters import CUTOFF_SIGMA, filtered, gaussian_derivatives
+from whsklearn.filtering.gaussian import CUTOFF_SIGMA, filtered, gaussian_derivatives
 from whsklearn.gap.plants.servo_model import AxisModel, Term
 
 Array = NDArray[Any]

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn.effects import ContactStop, Coulomb, Effect, Scales, Viscous, effect_names, get_effect
-from whsklearn.gap.filters import CUTOFF_SIGMA, filtered, gaussian_derivatives
+from whsklearn.filtering.gaussian import CUTOFF_SIGMA, filtered, gaussian_derivatives
 from whsklearn.gap.record import noise_level, rms
 
 Array = NDArray[Any]

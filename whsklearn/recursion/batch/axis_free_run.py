@@ -129,6 +129,81 @@ def fit_axis(
     return AxisFit(theta, _covariance(rows[: theta.size] * log.counts, error, free), error, float(error @ error))
 
 
+def settled(theta: Array, log: AxisLog, passes: int = 8) -> AxisLog:
+    """The log with the states of its pieces that these parameters ask for."""
+    v0, q0 = fit_state(theta, log, passes)
+    return log._replace(v0=v0, q0=q0)
+
+
+def fit_pieces(theta: Array, log: AxisLog, free: NDArray[np.bool_], *, iterations: int = 25) -> AxisFit:
+    """Multiple shooting: theta, and v0 and q0 of every piece, by Levenberg-Marquardt on the errors of all pieces.
+
+    The states are eliminated: what they can explain of the sensitivities and of the error does not count for theta
+    (variable projection, Golub and Pereyra 1973).  Where gravity makes a free run unstable its error grows by e in
+    sqrt(J / G); a piece of a few times that still says something, a run of the whole record does not (Bock 1981).
+
+    Parameters
+    ----------
+    theta : ndarray of shape (p,)
+        Start.
+    log : AxisLog
+        The record in pieces.
+    free : ndarray of bool, shape (p,)
+        Which parameters move.
+    iterations : int, default=25
+        At most so many.
+
+    Returns
+    -------
+    AxisFit
+        Of infinite cost where the run runs away, and says nothing.
+    """
+    damping = 1e-2
+    log = settled(theta, log)
+    run, rows = sensitivities(theta, log)
+    error = log.target - run
+    cost = _squares(error)
+    for _ in range(iterations):
+        if not (np.isfinite(cost) and np.abs(rows).max(initial=0.0) < LARGEST):
+            return AxisFit(theta, np.full((theta.size, theta.size), np.inf), error, np.inf)
+        moving = beside_the_states(rows, log)[free]
+        information, gradient = moving @ moving.T, moving @ error
+        information[np.diag_indices_from(information)] += 1e-300
+        for _ in range(8):
+            trial = theta.copy()
+            trial[free] += damped_step(information, gradient, damping)
+            trial[0] = max(trial[0], 0.05 * theta[0])
+            trial[1:3] = np.maximum(trial[1:3], 0.0)  # friction brakes
+            there = settled(trial, log)
+            new = _squares(there.target - free_run(trial, there))
+            if new < cost:
+                break
+            damping *= 4
+        else:
+            break
+        gain, theta, log, cost, damping = 1 - new / cost, trial, there, new, damping / 8
+        run, rows = sensitivities(theta, log)
+        error = log.target - run
+        if gain < 1e-6:
+            break
+    return AxisFit(theta, _covariance(beside_the_states(rows, log), error, free), error, cost)
+
+
+def beside_the_states(rows: Array, log: AxisLog) -> Array:
+    """Sensitivities by theta, (p, n), without what another v0 and q0 of the piece would do to its samples that count.
+
+    Samples that do not count follow: their rows are of a run whose state is fitted to those that do.
+    """
+    out = rows[:-2].copy()
+    if not np.abs(rows).max(initial=0.0) < LARGEST:  # the run is lost, and so are they
+        return out
+    for s, e in itertools.pairwise(log.bounds):
+        seen, by_state = log.counts[s:e], rows[-2:, s:e]
+        follows = np.linalg.lstsq(by_state[:, seen].T, out[:, s:e][:, seen].T, rcond=1e-9)[0]
+        out[:, s:e] -= follows.T @ by_state
+    return out
+
+
 def _squares(error: Array) -> float:
     """Sum of squares; infinite if the run has diverged."""
     return float(error @ error) if np.abs(error).max(initial=0.0) < LARGEST else np.inf
@@ -149,7 +224,7 @@ def fit_state(theta: Array, log: AxisLog, passes: int = 8) -> tuple[Array, Array
         for e, (s, t) in enumerate(itertools.pairwise(log.bounds)):
             keep = log.counts[s:t]
             cost = _squares(left[s:t][keep])
-            if cost < best[e]:
+            if cost < best[e] and np.abs(rows[-2:, s:t]).max() < LARGEST:
                 best[e], state[e] = cost, trial[e]
                 step[e] = np.linalg.lstsq(rows[-2:, s:t][:, keep].T, left[s:t][keep], rcond=1e-9)[0]
             else:

@@ -1,0 +1,151 @@
+"""Inverse dynamics of an axis: the torque balance along the measured motion, both sides behind one Gaussian."""
+
+from __future__ import annotations
+
+import itertools
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from whsklearn.filtering.gaussian import filtered, gaussian_derivatives
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from whsklearn.identification.view import View
+
+    Array = NDArray[np.float64]
+
+# Standard deviations of the Gaussian in samples.  Behind a narrow one an encoder's noise hides in the acceleration and
+# takes the inertia down (to a twentieth on a wrist logged at 100 Hz), behind a wide one the motion is flat; which of
+# the starts is best is decided by simulation.
+WIDTHS = (1.5, 4.0, 10.0, 25.0)
+SLOW = 0.02  # of the rms velocity: below it the direction is uncertain, and with it that of friction
+# Times what least squares leave of the drive, and of the rms drive, that the numbers of a free run may leave of it:
+# fits of a wrong valley leave several times as much (benchmarks/which_structure.py, AIRBOT)
+WORSE, ALIKE = 2.0, 0.05
+# Of the rms drive that must go into acceleration, or the sign of the inertia is anybody's guess
+LEAST_INERTIA = 1e-3
+FEWEST = 20  # samples of a balance: its six numbers and a few
+
+
+def balance(log: View, width: float, knots: Array, *, hangs: bool) -> tuple[Array, Array]:
+    """(columns, drive) of u = J a + B v + C sign(v) + o + k1 sin q + k2 cos q + sum w_k hinge_k, (m, 6 + knots), (m,).
+
+    Columns as in `whsklearn.recursion.batch.axis_free_run`; those of gravity are zero unless the axis ``hangs``.
+    Where the axis rests for longer than the Gaussian is wide friction can have any value, and these samples are
+    left out.
+
+    Parameters
+    ----------
+    log : View
+        In SI; its position, or its velocity.
+    width : float
+        Standard deviation of the Gaussian in samples; that of what the friction is taken from is half of it.
+    """
+    dt = log.dt
+    g, g1, g2 = gaussian_derivatives(width * dt, dt)
+    fine, fine1, _ = gaussian_derivatives(max(0.5 * width, 1.0) * dt, dt)
+    parts = []
+    for a, b in itertools.pairwise(log.bounds):
+        half = g.size // 2
+        if b - a < 2 * half + FEWEST:
+            continue
+        if log.logged == "position":
+            middle = float(np.mean(log.y[a:b]))
+            y = log.y[a:b] - middle
+            q, v = filtered(y, fine, 1) + middle, filtered(y, fine1, 1)
+            acceleration = filtered(y, g2, 1)
+        else:
+            q, v = np.zeros(b - a), filtered(log.target[a:b], fine, 1)
+            acceleration = filtered(log.target[a:b], g1, 1)
+        slow = SLOW * max(float(np.sqrt(np.mean(v**2))), 1e-300)
+        side = np.tanh(v / slow)
+        columns = [v, side, np.ones_like(v)]
+        columns += [np.sin(q), np.cos(q)] if hangs else [np.zeros_like(v)] * 2
+        columns += [side * np.maximum(np.abs(v) - k, 0.0) for k in knots]
+        blurred = filtered(np.column_stack([*columns, np.abs(v) > slow, log.u[a:b]]), g, 1)
+        keep = blurred[:, -2] > 0.5
+        keep[:half] = keep[b - a - half :] = False
+        parts.append(np.column_stack([acceleration, blurred[:, :-2], blurred[:, -1]])[keep])
+    rows = np.concatenate(parts) if parts else np.empty((0, 7 + knots.size))
+    return rows[:, :-1], rows[:, -1]
+
+
+def solved(columns: Array, drive: Array) -> Array:
+    """Bounded least squares (p,): inertia, viscous and Coulomb friction are not below zero.
+
+    With three bounds there are eight sets of numbers that are off them: the best of those that keep the bounds.
+    """
+    scale = np.linalg.norm(columns, axis=0)
+    scale[scale == 0.0] = 1.0
+    r: Array = np.linalg.qr(np.column_stack([columns / scale, drive])).R
+    best, least = np.zeros(scale.size), np.inf
+    for off in itertools.product((True, False), repeat=3):
+        free = np.flatnonzero(np.r_[off, np.ones(scale.size - 3, dtype=bool)])
+        theta = np.zeros(scale.size)
+        theta[free] = np.linalg.lstsq(r[:, free], r[:, -1], rcond=1e-9)[0]
+        left = float(np.linalg.norm(r[:, -1] - r[:, :-1] @ theta))
+        if theta[:3].min() >= 0.0 and left < least:
+            best, least = theta, left
+    return best / scale
+
+
+class Start(NamedTuple):
+    """Numbers by inverse dynamics, and the balance that they were solved from."""
+
+    theta: Array
+    columns: Array
+    drive: Array
+
+    def holds(self, theta: Array) -> bool:
+        """Whether other numbers leave about as little of the drive along the measured motion as least squares does.
+
+        A run that ignores the drive can follow a record for a while, of an axis that gravity makes unstable above all;
+        its balance cannot be nearly as good.
+        """
+        left, least = (_rms(self.drive - self.columns @ t) for t in (theta, self.theta))
+        return left <= max(WORSE * least, ALIKE * _rms(self.drive))
+
+
+def inverse_starts(log: View, knots: Array, *, hangs: bool) -> list[Start]:
+    """Starts of a fit, one a width of the Gaussian that leaves an inertia; friction is at least next to nothing.
+
+    Raises
+    ------
+    ValueError
+        If behind none of them the drive accelerates the output in its own direction, with a force of the position
+        beside it.
+    """
+    found: list[Start] = []
+    least = 1e-3 * np.std(log.u) / np.array([np.std(log.target) or 1.0, 1.0])
+    for width in WIDTHS:
+        columns, drive = balance(log, width, knots, hangs=hangs)
+        if drive.size < FEWEST:
+            continue
+        theta = solved(columns, drive)
+        if _accelerates(theta, columns, drive):
+            theta[1:3] = np.maximum(theta[1:3], least)
+            found.append(Start(theta, columns, drive))
+    if not found:
+        raise ValueError(_backwards(log, hangs=hangs))
+    return found
+
+
+def _accelerates(theta: Array, columns: Array, drive: Array) -> bool:
+    """Whether the drive accelerates the output at all."""
+    return bool(theta[0] * _rms(columns[:, 0]) > LEAST_INERTIA * _rms(drive))
+
+
+def _rms(x: Array) -> float:
+    return float(np.sqrt(np.mean(x**2)))
+
+
+def _backwards(log: View, *, hangs: bool) -> str:
+    """Why there is no inertia: a force that grows with the position may be all that hides it."""
+    if not hangs and log.logged == "position":
+        for width in WIDTHS:
+            columns, drive = balance(log, width, np.empty(0), hangs=True)
+            if drive.size >= FEWEST and _accelerates(solved(columns, drive), columns, drive):
+                return "Without gravity no inertia fits: see the axis with gravity."
+    return "The drive does not accelerate the output in its own direction, so this is no rigid axis."

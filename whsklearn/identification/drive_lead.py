@@ -1,0 +1,121 @@
+"""How much earlier or later than the position the drive was logged."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from whsklearn.identification.axis_inverse import FEWEST, balance, solved
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    from whsklearn.identification.view import View
+
+    Array = NDArray[np.float64]
+
+# s: the oldest drive of a real log (pendulum rigs and arms reach -0.016 to 0.038 s)
+OLDEST = 0.06
+# Moves of a drive that was logged late: the first finds half of 16 ms, the third all.
+MOST_MOVES = 6
+# Largest age of the drive, in samples, that is bookkeeping: a drive held over a sample is half a sample old, and a
+# logger may add one sample.
+LATEST = 1.5
+# Of what is left squared with the drive as logged: as much must a move take away.
+EXPLAINED = 0.5
+# Of the rms drive: what may be left of it after a move, or it is no axis, and more poles look like a delay.
+KNOWN = 0.35
+# Standard deviation (s) of the Gaussian behind which `skew` looks, and in samples at the least: narrow enough for the
+# motion of a servo, wide enough for its encoder.
+WIDTH, FEWEST_WIDE = 0.02, 4.0
+
+
+def drive_lead(
+    look: Callable[[int], tuple[float, float]], as_logged: float, dt: float, *, either_way: bool = False
+) -> int:
+    """Samples by which a drive was logged after it had acted; zero unless that explains half of what is left as logged.
+
+    The age of the drive that inverse dynamics finds is at first smaller than the true one, so it is computed repeatedly
+    until it does not change.
+
+    Parameters
+    ----------
+    look : callable
+        (age of the drive in s, rms that is left) of the record with its drive so many samples earlier.
+    as_logged : float
+        Rms that is left of the record as it was logged, without an age.
+    dt : float
+        Sampling time (s).
+    either_way : bool, default=False
+        Whether a drive that acts later than it was logged counts too, as a number below zero; else it is a delay.
+
+    Examples
+    --------
+    >>> drive_lead(lambda lead: (0.5 * (lead - 8) * 0.001, abs(lead - 8.0)), 8.0, 0.001)
+    8
+    """
+    lead, (age, left) = 0, look(0)
+    for _ in range(MOST_MOVES):
+        more = round(-age / dt)
+        size = abs(more) if either_way else more
+        if size <= (0.0 if lead else LATEST) or abs(lead + more) * dt > OLDEST:
+            break
+        lead += more
+        age, left = look(lead)
+    return lead if left**2 < EXPLAINED * as_logged**2 else 0
+
+
+def skew(log: View) -> int:
+    """Samples by which the drive of an axis' log is to be earlier (later below zero) to fit its motion.
+
+    Asked of inverse dynamics with friction, an offset and a force of the position.
+    """
+    width = max(WIDTH / log.dt, FEWEST_WIDE)
+    if 2 * OLDEST < log.dt or log.logged == "output":
+        return 0
+    hangs = log.logged == "position"
+    columns, drive = balance(log, width, np.empty(0), hangs=hangs)
+    if drive.size < 10 * FEWEST:
+        return 0
+
+    def look(lead: int) -> tuple[float, float]:
+        columns, drive = balance(moved(log, lead), width, np.empty(0), hangs=hangs)
+        theta = solved(columns, drive)
+        rate = np.gradient(columns @ theta, log.dt)
+        both = np.column_stack([columns, rate])
+        found = np.linalg.lstsq(both / (norm := np.linalg.norm(both, axis=0) + 1e-300), drive, rcond=1e-10)[0] / norm
+        return float(found[-1]), _rms(drive - columns @ theta)
+
+    lead = drive_lead(look, _rms(drive - columns @ solved(columns, drive)), log.dt, either_way=True)
+    return lead if lead and look(lead)[1] < KNOWN * _rms(drive) else 0
+
+
+def moved(log: View, lead: int) -> View:
+    """The record with its drive so many samples earlier, the end of every segment held."""
+    if not lead:
+        return log
+    parts = [earlier(log.u[a:b], lead) for a, b in itertools.pairwise(log.bounds)]
+    return dataclasses.replace(log, u=np.concatenate(parts), lead=log.lead + lead)
+
+
+def earlier(u: Array, samples: int) -> Array:
+    """A signal so many samples earlier, or later below zero; its last value, or its first, is held.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> earlier(np.arange(5.0), 2).tolist(), earlier(np.arange(5.0), -1).tolist()
+    ([2.0, 3.0, 4.0, 4.0, 4.0], [0.0, 0.0, 1.0, 2.0, 3.0])
+    """
+    if samples < 0:
+        return earlier(u[::-1], -samples)[::-1]
+    return np.concatenate([u[samples:], np.full(min(samples, u.size), u[-1])])
+
+
+def _rms(x: Array) -> float:
+    return float(np.sqrt(np.mean(x**2)))
