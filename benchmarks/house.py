@@ -1,8 +1,9 @@
 """The figures of the house: how long modules and functions are, what is documented, what is tested by name.
 
-    python -m benchmarks.house
+    python -m benchmarks.house [--of FOLDER]
 
-Read off the syntax trees of ``whsklearn/``; nothing is imported. A module is one that holds a class or a function; its
+Read off the syntax trees of ``whsklearn/``, or of another package's folder by the same counter; nothing is imported,
+and folders of tests are passed over. A module is one that holds a class or a function; its
 tests stand in the file of its name below ``tests/``. A function's lines are all of it, docstring included. A public
 class is one that a package's ``__all__`` names, each module's own class of such a name counted.
 
@@ -27,9 +28,14 @@ LIBRARY = ROOT / "whsklearn"
 FUNCTIONS = ast.FunctionDef | ast.AsyncFunctionDef
 
 
+def sources(folder: Path) -> list[Path]:
+    """Files of a package, without its tests."""
+    return [p for p in sorted(folder.rglob("*.py")) if "tests" not in p.relative_to(folder).parts]
+
+
 def trees(folder: Path) -> dict[Path, ast.Module]:
     """Syntax trees of the modules of a folder that hold code."""
-    every = {p: ast.parse(p.read_text(encoding="utf-8")) for p in sorted(folder.rglob("*.py"))}
+    every = {p: ast.parse(p.read_text(encoding="utf-8")) for p in sources(folder)}
     return {p: t for p, t in every.items() if any(isinstance(n, FUNCTIONS | ast.ClassDef) for n in t.body)}
 
 
@@ -66,15 +72,15 @@ def kinds_of_lines(text: str) -> tuple[int, int, int]:
 
 def lines_of(folder: Path) -> tuple[int, int, int, int]:
     """(lines, of code, of docstrings, with a comment) of all files of a folder."""
-    texts = [p.read_text(encoding="utf-8") for p in folder.rglob("*.py")]
+    texts = [p.read_text(encoding="utf-8") for p in sources(folder)]
     code, told, comments = (sum(kind) for kind in zip(*map(kinds_of_lines, texts), strict=True))
     return sum(len(text.splitlines()) for text in texts), code, told, comments
 
 
-def public_classes(found: dict[Path, ast.Module]) -> list[str]:
+def public_classes(folder: Path, found: dict[Path, ast.Module]) -> list[str]:
     """Docstrings of the classes that some package's ``__all__`` names."""
     names = set()
-    for path in LIBRARY.rglob("__init__.py"):
+    for path in folder.rglob("__init__.py"):
         for node in ast.parse(path.read_text(encoding="utf-8")).body:
             if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") == "__all__":
                 names |= {e.value for e in getattr(node.value, "elts", ()) if isinstance(e, ast.Constant)}
@@ -130,15 +136,15 @@ def mirrored(path: Path) -> bool:
     return (ROOT / "tests" / module.parent / f"test_{module.stem.strip('_')}.py").is_file()
 
 
-def rows() -> Iterator[tuple[str, str]]:
-    """(what, how much)."""
-    found = trees(LIBRARY)
+def rows(folder: Path) -> Iterator[tuple[str, str]]:
+    """(what, how much) of any package."""
+    found = trees(folder)
     lengths = sorted(len(p.read_text(encoding="utf-8").splitlines()) for p in found)
     every = [f for t in found.values() for f in functions(t)]
     spans = sorted((f.end_lineno or f.lineno) - f.lineno + 1 for f in every)
     wide = sum(arguments(f) > 6 for f in every)
-    _, code, told, comments = lines_of(LIBRARY)
-    public = public_classes(found)
+    _, code, told, comments = lines_of(folder)
+    public = public_classes(folder, found)
     yield "modules", f"{len(found)}"
     yield "module lines, median / max", f"{statistics.median(lengths):.0f} / {lengths[-1]}"
     yield "functions", f"{len(every)}"
@@ -150,10 +156,16 @@ def rows() -> Iterator[tuple[str, str]]:
     yield "docstring lines per code line", f"{100 * told / code:.0f} %"
     for what, mark in (("an executed example", ">>>"), ("a reference", "References\n")):
         share = sum(mark in doc for doc in public)
-        yield f"public classes with {what}", f"{100 * share / len(public):.0f} % ({share} of {len(public)})"
+        yield f"public classes with {what}", f"{100 * share / max(1, len(public)):.0f} % ({share} of {len(public)})"
+
+
+def own_rows() -> Iterator[tuple[str, str]]:
+    """(what, how much) of this house alone."""
+    found = trees(LIBRARY)
     share = sum(map(mirrored, found))
     yield "modules mirrored by a test", f"{100 * share / len(found):.0f} % ({share} of {len(found)})"
-    for name in ("whsklearn", "whsklearn/gap"):
+    packages = sorted(p.relative_to(ROOT).as_posix() for p in LIBRARY.iterdir() if (p / "__init__.py").is_file())
+    for name in ("whsklearn", *packages):
         total, code, told, comments = lines_of(ROOT / name)
         yield f"lines of {name}/", f"{total}: {code} code, {told} docstrings, {comments} with a comment"
     gap = LIBRARY / "gap"
@@ -168,8 +180,9 @@ def rows() -> Iterator[tuple[str, str]]:
 
 
 @click.command(help=__doc__)
-def main() -> None:
-    for what, how_much in rows():
+@click.option("--of", "folder", type=click.Path(exists=True, file_okay=False, path_type=Path), default=None)
+def main(folder: Path | None) -> None:
+    for what, how_much in (*rows(folder or LIBRARY), *(() if folder else own_rows())):
         click.echo(f"{what:<42}{how_much}")
 
 
