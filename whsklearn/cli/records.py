@@ -130,7 +130,7 @@ def read(path: str | Path, options: Mapping[str, Any], **columns: Any) -> Bunch:
             torque_constant=options.get("torque_constant"),
         )
     for finding in log.report.findings:
-        if finding.code not in _QUIET:
+        if finding.code not in _QUIET and not (finding.code == "LOG022" and options.get("gains")):
             note(f"{finding.title}. {finding.explanation}")
     if options.get("invert_drive"):
         log.X = -log.X

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from whsklearn.export.arm import arm_mjcf, arm_urdf
+from whsklearn.export.arm_code import write_arm_c
 from whsklearn.export.code import code_losses as _code_losses
 from whsklearn.export.code import identifier, st_file, write_c
 from whsklearn.export.fmu import write_fmu
@@ -83,7 +84,8 @@ def export_model(
     out : path
         A folder, or the path of the file.
     what : {"model", "compensator"}
-        ``c`` and ``st`` also write a feed-forward torque from position and velocity.
+        ``c`` and ``st`` also write a feed-forward torque from position and velocity; ``c`` of an arm is always its
+        inverse dynamics.
     real : {"double", "float"}
         Numbers of the C code.
     ratings : Ratings, optional
@@ -122,7 +124,7 @@ def export_model(
     if isinstance(model, str | PathLike):
         model = load_model(model)
     if isinstance(model, Arm | ArmModel):
-        return _export_arm(model if isinstance(model, Arm) else model.arm, to, path)
+        return _export_arm(model if isinstance(model, Arm) else model.arm, to, path, real)
     exported = as_exported(model)
     if to == "table":
         return Export(*write_tables(exported, path, ratings or Ratings()))
@@ -140,10 +142,12 @@ def export_model(
     return Export([write_text(text, path, file)], losses)
 
 
-def _export_arm(arm: Arm, to: str, path: Path) -> Export:
-    """An arm, in the formats that hold several joints."""
+def _export_arm(arm: Arm, to: str, path: Path, real: str) -> Export:
+    """An arm, in the formats that hold several joints; its C is its inverse dynamics."""
+    if to == "c":
+        return Export(*write_arm_c(arm, path, real))
     if to not in ("mjcf", "urdf"):
-        raise ValueError(f"An arm of {arm.n_joints} joints is exported to mjcf or urdf, not to {to}.")
+        raise ValueError(f"An arm of {arm.n_joints} joints is exported to mjcf, urdf or c, not to {to}.")
     write, file = {"mjcf": (arm_mjcf, "model.xml"), "urdf": (arm_urdf, "model.urdf")}[to]
     text, losses = write(arm)
     return Export([write_text(text, path, file)], losses)

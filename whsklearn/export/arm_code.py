@@ -1,0 +1,161 @@
+"""The law of an arm as C: drives from position, velocity and acceleration of all joints, specialised to its numbers.
+
+The rigid-body equations stand once, in `whsklearn.systems._arm_kernels`.  They are run here on expressions instead of
+numbers, with the geometry and the links known, so that what is zero or constant is never computed (Khalil and Dombre
+2002, ch. 9, customised symbolic method).
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from types import FunctionType, SimpleNamespace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from sklearn.utils import Bunch
+
+from whsklearn.effects import codes
+from whsklearn.effects.signs import smooth_sign
+from whsklearn.export.axis_code import Law, Part, compensated
+from whsklearn.export.code import identifier, render
+from whsklearn.export.languages import C
+from whsklearn.export.losses import Loss, losses_of
+from whsklearn.export.specialise import Specialiser
+from whsklearn.export.statements import OneOf, Symbol
+from whsklearn.systems import _arm_kernels as kernels
+from whsklearn.systems._servo_pack import plant_of
+from whsklearn.systems._servo_torques import Ends, arranged, load_sum, motor_sum
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from whsklearn.systems.arm import Arm
+
+_UNKNOWN = "it needs more than position, velocity and acceleration"
+
+
+class Traced:
+    """A number that is known only when the code runs; arithmetic with it writes code."""
+
+    def __init__(self, work: Specialiser, value: Any):
+        self.work, self.value = work, value
+
+    def _with(self, op: str, a: Any, b: Any) -> Any:
+        pair = (x.value if isinstance(x, Traced) else float(x) for x in (a, b))
+        value = self.work.bind("x", self.work.binary(op, *pair))
+        return Traced(self.work, value) if isinstance(value, Symbol) else value
+
+    def __add__(self, other: Any) -> Any:
+        return self._with("Add", self, other)
+
+    def __radd__(self, other: Any) -> Any:
+        return self._with("Add", other, self)
+
+    def __sub__(self, other: Any) -> Any:
+        return self._with("Sub", self, other)
+
+    def __rsub__(self, other: Any) -> Any:
+        return self._with("Sub", other, self)
+
+    def __mul__(self, other: Any) -> Any:
+        return self._with("Mult", self, other)
+
+    def __rmul__(self, other: Any) -> Any:
+        return self._with("Mult", other, self)
+
+    def wave(self, name: str) -> Traced:
+        """Its sine or cosine."""
+        text = self.work.language.function(name, [self.work.text(self.value)])
+        return Traced(self.work, self.work.bind(name, Symbol(text)))
+
+
+def on_expressions(module: Any) -> dict[str, Any]:
+    """The functions of a module of kernels as plain Python, in which sine and cosine take expressions."""
+    names: dict[str, Any] = dict(vars(module))
+    names["math"] = SimpleNamespace(sin=lambda x: x.wave("sin"), cos=lambda x: x.wave("cos"))
+    for name, value in vars(module).items():
+        if hasattr(value, "py_func"):
+            names[name] = FunctionType(value.py_func.__code__, names, name)
+    return names
+
+
+def torques_code(arm: Arm, language: C) -> Part:
+    """Statements that fill ``torque`` from ``position``, ``velocity`` and ``acceleration``, joint by joint."""
+    n, work = arm.n_joints, Specialiser(language)
+    q, v, a = (
+        [Traced(work, Symbol(f"{name}[{k}]")) for k in range(n)] for name in ("position", "velocity", "acceleration")
+    )
+    room = kernels.Scratch(*(_zeros(*shape) for shape in ((3, 3), (n, kernels.N_MOTION), (n, n, 6), (kernels.N_BODY,))))
+    known = on_expressions(kernels)
+    known["move"](arm._links, q, v, a, room)
+    total = _zeros(n)
+    known["pay"](arm._links, arm.inertial, room, total)
+    for k, acting in enumerate(arm.effects):
+        asked = total[k] + float(arm.armature[k]) * a[k]
+        there = [e for e in acting if e.magnitude != e.neutral]
+        rest = Bunch(position=np.zeros(1), velocity=np.zeros(1))
+        asked = asked + sum(float(e.contribution(rest)[0]) for e in there if e.code == codes.INPUT_OFFSET)
+        driven = [e for e in there if e.code == codes.LOAD_FRICTION]
+        for effects in ([e for e in there if _static(e)], driven):
+            if effects:
+                drive = asked.value if isinstance(asked, Traced) else asked
+                here = (_law(effects), q[k].value, v[k].value, drive)
+                asked = asked + Traced(work, work.bind("friction", work.call(_torque, *here)))
+        work.store(f"torque[{k}]", asked.value if isinstance(asked, Traced) else asked)
+    return Part(*work.finish())
+
+
+def c_of_arm(arm: Arm, name: str, real: str = "double") -> tuple[dict[str, str], list[Loss]]:
+    """Header and source by file name, and what they leave out.
+
+    Examples
+    --------
+    >>> from whsklearn.datasets import default_arm
+    >>> from whsklearn.export.arm_code import c_of_arm
+    >>> files, losses = c_of_arm(default_arm(), "turntable")
+    >>> sorted(files), losses, "0.3" in files["turntable.c"]
+    (['turntable.c', 'turntable.h'], [], True)
+    """
+    language = C(real)
+    losses: list[Loss] = []
+    for joint, acting in zip(arm.joints, arm.effects, strict=True):
+        held = (codes.LOAD_FRICTION, codes.INPUT_OFFSET)
+        out = [e for e in acting if e.magnitude != e.neutral and not _static(e) and e.code not in held]
+        losses += [Loss(f"{joint}'s {x.name}", x.size, x.reason) for x in losses_of(out, _UNKNOWN)]
+    joints = [(j, "m" if s else "rad", "N" if s else "Nm") for j, s in zip(arm.joints, arm.slides, strict=True)]
+    names = {"name": name, "real": real, "joints": joints, "losses": losses, "guard": f"{name.upper()}_H"}
+    part = torques_code(arm, language)
+    return {f"{name}.{end}": render(f"arm.{end}.j2", code=part, **names) for end in ("h", "c")}, losses
+
+
+def write_arm_c(arm: Arm, out: Path, real: str) -> tuple[list[Path], list[Loss]]:
+    """Write header and source: ``out`` is a folder (files ``model.h`` and ``model.c``) or the path of the source."""
+    folder, stem = (out.parent, out.stem) if out.suffix in (".c", ".h") else (out, "model")
+    folder.mkdir(parents=True, exist_ok=True)
+    files, losses = c_of_arm(arm, identifier(stem), real)
+    paths = [folder / file for file in files]
+    for path in paths:
+        path.write_text(files[path.name], encoding="utf-8")
+    return paths, losses
+
+
+def _static(effect: Any) -> bool:
+    return effect.port == "torque" and (effect.evaluate is not None or compensated(effect.code))
+
+
+def _zeros(*shape: int) -> NDArray[np.object_]:
+    return np.full(shape, 0.0, dtype=object)
+
+
+def _law(effects: list[Any]) -> Law:
+    plant = plant_of(effects, np.zeros(0))
+    own = tuple(dict.fromkeys(type(e).evaluate for e in effects if e.evaluate is not None))
+    rows, p, ends = arranged(plant.codes, plant.p)
+    return Law(rows, p, OneOf(own), Ends(*map(int, ends)))
+
+
+def _torque(law, position, velocity, drive):  # type: ignore[no-untyped-def]
+    s, ds = smooth_sign(velocity, math.inf)
+    torque, _slope = motor_sum(law.effects, law.p, law.own, law.ends, 0, 0.0, position, velocity, s, ds, drive)
+    return torque + load_sum(law.effects, law.p, law.ends, 0.0, position, velocity)
