@@ -10,12 +10,11 @@ from whsklearn.effects import Effect, FrictionLaw, LearnedTorque, SpeedHinge
 from whsklearn.logs.units import UNKNOWN, inertia_unit, respelled
 from whsklearn.models.base import IdentifiedModel, as_input
 from whsklearn.systems import ServoAxis
+from whsklearn.systems.servo import fine_steps
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import ArrayLike, NDArray
-
-SUBSTEPS = 4  # fine steps a sample, as the fit of an axis has them; its code then takes under 100 ns a step
 
 
 @dataclass(frozen=True)
@@ -67,9 +66,8 @@ class AxisModel(IdentifiedModel):
         **changes
             Fields of `ServoAxis` that are to be others.
         """
-        return ServoAxis(
-            self.inertia, self.law, self.effects, sample_rate=1.0 / self.dt, **{"substeps": SUBSTEPS, **changes}
-        )
+        parts = {"substeps": fine_steps(self.effects, self.dt), **changes}
+        return ServoAxis(self.inertia, self.law, self.effects, sample_rate=1.0 / self.dt, **parts)
 
     @property
     def kind(self) -> str:

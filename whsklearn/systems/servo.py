@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
 
+FEWEST_STEPS = 4  # a sample, as the fit of an axis has them; its code then takes under 100 ns a step
 PARTS = ("drive", "transmission", "sensor", "controller")
 
 
@@ -337,6 +338,15 @@ class ServoAxis:
                 f"use more substeps than {self.substeps}, lower gains or other parameters."
             )
         return record
+
+
+def fine_steps(effects: Iterable[Effect], sample_time: float) -> int:
+    """Fine steps a sample with which a simulation of these effects is accurate: four, or as many as one asks for.
+
+    A coupling rings and an impact is over within a fraction of a slow sample (`Effect.finest`).
+    """
+    longest = min((e.finest for e in effects if e.magnitude != e.neutral), default=math.inf)
+    return max(FEWEST_STEPS, math.ceil(sample_time / longest - 1e-9))
 
 
 # --- as compiled passes take it --------------------------------------------------------------------------------------

@@ -410,15 +410,17 @@ class ServoPlant(PlantDefaults):
 
     def system(self, model: AxisModel) -> Any:
         """The repaired `ServoAxis`."""
-        from whsklearn.systems.servo import ServoAxis
+        from whsklearn.systems.servo import ServoAxis, fine_steps
         from whsklearn.systems.servo_parts import Drive
 
+        effects = tuple(t.effect for t in model.added)
         return ServoAxis(
             inertia=model.inertia,
             law=[t.effect for t in model.terms[: model.n_base]],  # type: ignore[arg-type]
-            effects=tuple(t.effect for t in model.added),
+            effects=effects,
             drive=Drive(delay=max(0.0, model.timing) * model.scene.dt),
             sample_rate=1.0 / model.scene.dt,
+            substeps=fine_steps(effects, model.scene.dt),
         )
 
 
