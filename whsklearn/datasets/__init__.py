@@ -1,6 +1,7 @@
 """Logs to try things on: makers, the library's own simulated record, loaders of the user's and of published ones."""
 
 from whsklearn.datasets.arm import default_arm, make_arm_log
+from whsklearn.datasets.coupled_drives import make_coupled_drives
 from whsklearn.datasets.drawn_effects import draw_effect
 from whsklearn.datasets.real import fetch_emps, fetch_kr300
 from whsklearn.datasets.references import reference_signal
@@ -21,6 +22,7 @@ __all__ = [
     "load_log",
     "load_turntable",
     "make_arm_log",
+    "make_coupled_drives",
     "make_servo_log",
     "make_wiener_hammerstein",
     "reference_signal",

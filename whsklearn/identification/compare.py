@@ -16,6 +16,7 @@ from whsklearn.identification.axis_fit import fit_free_law_axis, fit_hanging_axi
 from whsklearn.identification.chain_fit import fit_chain
 from whsklearn.identification.drive_lead import moved, skew
 from whsklearn.identification.linear_fit import fit_arx, fit_output_error
+from whsklearn.identification.rectified_fit import fit_rectified, loses_sign
 from whsklearn.identification.view import View, held_out_from, smooth, view
 from whsklearn.identification.windows import (
     horizons,
@@ -251,7 +252,8 @@ def identify(
     _score(trivial, held_out)
     tried: list[Compared] = []
     angle = whole.logged != "velocity" and smooth(whole.y, whole.bounds) and output[1] in ("rad", UNKNOWN)
-    for compared, fit in candidates(cut, angle=angle):
+    structures = list(candidates(cut, angle=angle, rectified=loses_sign(whole)))
+    for compared, fit in structures:
         if compared.kind == "wiener-hammerstein" and min(c.score for c in tried) < AT_FLOOR:
             compared.failure = "left out, as a simpler structure is at the noise floor"
         else:
@@ -261,7 +263,7 @@ def identify(
         tried.append(compared)
     tried.sort(key=lambda c: (c.size, c.score))
     chosen, reason = recommend(tried, trivial, steady=_steady(trivial, held_out))
-    fit_again = {c.name: f for c, f in candidates(cut, angle=angle)}[chosen.name]
+    fit_again = {c.name: f for c, f in structures}[chosen.name]
     if progress:
         progress(f"{chosen.name}, on the whole record")
     chosen.model = _fitted(replace(chosen), fit_again, whole, units).model or chosen.model
@@ -279,8 +281,11 @@ def identify(
     return Identification(tried, chosen, trivial, reason, whole.floor, whole, judged, np.size(y), is_white)
 
 
-def candidates(n: int, *, angle: bool) -> Iterator[tuple[Compared, Callable[[View], Any]]]:
-    """Every structure for ``n`` samples and how it is fitted; gravity where the output may be an ``angle``."""
+def candidates(n: int, *, angle: bool, rectified: bool) -> Iterator[tuple[Compared, Callable[[View], Any]]]:
+    """Every structure for ``n`` samples and how it is fitted.
+
+    With gravity where the output may be an ``angle``, without a sign where it may be ``rectified``.
+    """
     for order in ORDERS:
         yield (
             Compared(f"ARX, order {order}", "arx", {"order": order}, "prediction"),
@@ -299,6 +304,12 @@ def candidates(n: int, *, angle: bool) -> Iterator[tuple[Compared, Callable[[Vie
     if angle:
         law = {"law": ["viscous", "coulomb"], "effects": ["gravity_imbalance"]}
         yield Compared("axis with gravity", "axis", law, "simulation"), fit_hanging_axis
+    for order in ORDERS[1:] if rectified else ():
+        structure = {"order": order, "effects": ["sensor_rectification"]}
+        yield (
+            Compared(f"output error, order {order}, without its sign", "wiener-hammerstein", structure, "simulation"),
+            functools.partial(fit_rectified, order=order),
+        )
     if n >= CHAIN_FROM:
         yield Compared("Wiener-Hammerstein", "wiener-hammerstein", {}, "simulation"), fit_chain
 
@@ -346,7 +357,7 @@ def _fitted(compared: Compared, fit: Callable[[View], Any], log: View, units: di
     try:
         model = fit(log.in_si)
         compared.model = replace(model, units=units) if units else model
-        if compared.kind == "wiener-hammerstein":
+        if not compared.structure:  # the fit has found it
             sizes = {k: len(getattr(model, k)) - 1 for k in ("b1", "f1", "b2", "f2")}
             compared.structure = {"zeros_and_poles": sizes, "law": "cubic_spline", "knots": len(model.law)}
     except (ValueError, np.linalg.LinAlgError) as error:

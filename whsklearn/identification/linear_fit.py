@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 def fit_arx(log: View, order: int) -> LinearModel:
     """Least error one step ahead; poles beyond the unit circle mirrored into it."""
-    data = _data(log)
+    data = input_output(log)
     level = data.u.mean(axis=1, keepdims=True)  # both without their means: least squares with a constant
     ratio = least_squares_arx(data._replace(u=data.u - level), order, order - 1)
     return _model(log, data, Ratio(ratio.b, stabilised(ratio.a)), "prediction")
@@ -29,7 +29,7 @@ def fit_arx(log: View, order: int) -> LinearModel:
 
 def fit_output_error(log: View, order: int) -> LinearModel:
     """Least error in free run, the constant of the output fitted with it."""
-    data = _data(log)
+    data = input_output(log)
     offset, best, least = float(log.target.mean()), None, np.inf
     for _ in range(OFFSETS):
         ratio = best_linear(data._replace(y=log.target - offset), order, order - 1)
@@ -41,7 +41,7 @@ def fit_output_error(log: View, order: int) -> LinearModel:
     return _model(log, data, best, "simulation")
 
 
-def _data(log: View) -> IOData:
+def input_output(log: View) -> IOData:
     """Input a sample late: with u(t) itself a linear model of a closed loop would invert the controller."""
     bounds = log.bounds
     skip = np.repeat(np.minimum(SKIP, np.diff(bounds) // 10), np.diff(bounds))

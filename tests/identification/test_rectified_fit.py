@@ -1,0 +1,37 @@
+"""A linear system behind a sensor that loses the sign."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from whsklearn.datasets import make_coupled_drives
+from whsklearn.identification import identify
+from whsklearn.identification.rectified_fit import fit_rectified, loses_sign
+from whsklearn.identification.view import view
+
+
+@pytest.mark.parametrize(("kind", "seed"), [("prbs", 1), ("uniform", 2)])
+def test_the_signs_of_coupled_drives_are_found(kind, seed):
+    u, y = make_coupled_drives(kind=kind, noise=0.02, random_state=seed)
+    model = fit_rectified(view(u, y, 0.02, "output"), 3)
+    assert np.sqrt(np.mean((y - model.simulate(u)) ** 2)) < 0.022
+    poles = np.log(np.roots(model.f1)) / 0.02
+    assert np.sort(poles.real)[::2] == pytest.approx([-6.735, -6.6], rel=0.2)
+    assert np.abs(poles.imag).max() == pytest.approx(19.4, rel=0.05)
+
+
+def test_identify_offers_it_where_a_sign_may_be_lost():
+    u, y = make_coupled_drives(400, random_state=3)
+    found = identify(u[:290], y[:290], dt=0.02, test=(u, y))
+    assert found.recommended.structure == {"order": 3, "effects": ["sensor_rectification"]}, found.reason
+    assert found.recommended.test["rmse"] < 0.03
+    names = [c.name for c in identify(u[:290], y[:290] - 1.0, dt=0.02).models]
+    assert not any("without its sign" in name for name in names)
+
+
+def test_a_signal_that_goes_below_zero_has_its_sign():
+    u, y = make_coupled_drives(random_state=0)
+    assert loses_sign(view(u, y, 0.02, "output"))
+    with pytest.raises(ValueError, match="no sign is lost"):
+        fit_rectified(view(u, y - 1.0, 0.02, "output"), 3)

@@ -1,0 +1,95 @@
+"""A linear system behind a sensor that loses the sign: y = |x|."""
+
+from __future__ import annotations
+
+import itertools
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from whsklearn.effects import FrictionLaw, Hinge, Power
+from whsklearn.identification.linear_fit import input_output
+from whsklearn.models import ChainModel
+from whsklearn.recursion.batch.best_linear import best_linear
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from whsklearn.identification.view import View
+    from whsklearn.recursion.batch.best_linear import Ratio
+
+    Array = NDArray[np.float64]
+
+# The signs that the search starts from are those of a lag and a resonance in series: time constants in samples (none:
+# no lag), radians a sample, damping ratios.  A wrong resonance has wrong signs half of the time, so the grid of it is
+# finer than half of its width.
+LAGS = (0.0, 2.0, 5.0, 12.0, 30.0)
+RESONANCES = tuple(np.geomspace(0.05, 1.5, 24).tolist())
+DAMPINGS = (0.1, 0.3, 0.8)
+STARTS = 6  # the ones whose size without the sign correlates best with the output
+ITERATIONS = 15  # of signs and numbers in turn; they settle within five where they settle at all
+BELOW = 0.1  # of its deviation: a speed that is logged without its sign goes no further below zero than noise does
+
+
+def loses_sign(log: View) -> bool:
+    """Whether the output may be a signal without its sign: it does not go below zero, and the input does."""
+    y = log.target
+    return bool(y.min() > -BELOW * np.std(y) and log.u.min() < 0.0 < log.u.max() and log.logged == "output")
+
+
+def fit_rectified(log: View, order: int) -> ChainModel:
+    """Output error of |x| by turns: x is fitted to y with the signs of the x before.
+
+    Where no sign changes the sum of squares of |x| - y is that of x - sign(x) y, so a fit that keeps its signs is a
+    minimum of it (phase retrieval by alternating projections, Fienup 1982).
+
+    Raises
+    ------
+    ValueError
+        If the output goes below zero.
+    """
+    if not loses_sign(log):
+        raise ValueError("The output goes below zero, or the input does not: no sign is lost.")
+    best, least = None, np.inf
+    for signs in _starts(log):
+        model, left = _from_signs(log, order, signs)
+        if left < least:
+            best, least = model, left
+    assert best is not None
+    law = FrictionLaw([Power(-1.0, 1.0), Hinge(2.0, 0.0)])  # |x| = 2 max(x, 0) - x
+    return ChainModel((0.0, *best.b), tuple(best.a), law, (1.0,), (1.0,), dt=log.dt, logged=log.logged)
+
+
+def _from_signs(log: View, order: int, signs: Array) -> tuple[Ratio, float]:
+    """The best model along the iteration, and the mean square that |x| leaves."""
+    best, least = None, np.inf
+    data = input_output(log)
+    for _ in range(ITERATIONS):
+        signs = np.where(signs < 0.0, -1.0, 1.0)
+        ratio = best_linear(data._replace(y=signs * log.target), order, order - 1)
+        x = ratio.run(data)
+        left = float(np.mean((np.abs(x) - log.target)[data.counts] ** 2))
+        if left < least:
+            best, least = ratio, left
+        if np.array_equal(x < 0.0, signs < 0.0):
+            break
+        signs = x
+    assert best is not None
+    return best, least
+
+
+def _starts(log: View) -> list[Array]:
+    """Signs (n,) of the lags and resonances whose size looks most like the output."""
+    from scipy.signal import lfilter
+
+    found = []
+    y = log.target - log.target.mean()
+    for lag, w, zeta in itertools.product(LAGS, RESONANCES, DAMPINGS):
+        radius = np.exp(-zeta * w)
+        poles = [1.0, -2.0 * radius * np.cos(w * np.sqrt(1.0 - zeta**2)), radius**2]
+        a = np.convolve(poles, [1.0, -np.exp(-1.0 / lag)]) if lag else poles
+        x = np.concatenate([lfilter([0.0, 1.0], a, log.u[i:j]) for i, j in itertools.pairwise(log.bounds)])
+        size = np.abs(x) - np.abs(x).mean()
+        found.append((float(size @ y) / max(float(np.linalg.norm(size)), 1e-300), np.sign(x)))
+    found.sort(key=lambda pair: -pair[0])
+    return [signs for _, signs in found[:STARTS]]
