@@ -14,7 +14,11 @@ NAMES = ("inertia", "viscous", "gravity", "gravity", "delay")
 def difference(values, error=0.01, degrees=18.0):
     mean = np.array([1.0, 0.5, 0.6, 0.3, 0.0])
     values, spread = np.array(values, dtype=float), np.full(5, error)
-    return Difference(NAMES, {}, values, error**2 * np.eye(5), degrees, mean, spread, np.ones(5), 1.0)
+    covariance = error**2 * np.eye(5)
+    before = mean - 0.5 * values
+    return Difference(
+        NAMES, {}, values, covariance, degrees, mean, spread, np.ones(5), 1.0, before, covariance / 2, -covariance / 2
+    )
 
 
 def test_every_name_once_and_the_gain():

@@ -34,6 +34,7 @@ MOST_EFFECTS = 4  # beside the law: with more numbers than that a block of a rec
 WORTH = 0.01
 N_NULL = 19  # rows of chance, which give the moments of a Gumbel law to a sixth
 PLACES = ("friction", "position")  # effects of the sensor and of time are no constants of an axis
+SMALL = 0.01  # of a shape number: its columns change in proportion
 APART = 0.05  # of a column's norm that the others leave of it: below, two numbers are one that is told twice
 AS_WELL = 0.9  # of the largest gain: what explains less stands in for another effect, and on another path it does not
 SHOWN = 0.1  # of a column's rms in the record that shows it best: a number that another record lacks cannot be compared
@@ -131,6 +132,28 @@ def shown_by_all(views: list[InverseView], models: list[AxisModel], term: Term) 
     return min(sizes) > SHOWN * max(sizes)
 
 
+def by_shape(view: InverseView, model: AxisModel) -> Array:
+    """What a small change of each shape number would add to the drive, where the model's other columns do not.
+
+    A wave of unknown order is no wave of known order: what its amplitude is depends on it.
+    """
+    q = np.linalg.qr(view.columns(model)[0][view.at])[0]
+    out = [np.zeros((view.columns(model)[0].shape[0], 0))]
+    for i in range(model.n_base, len(model.terms)):
+        term = model.terms[i]
+        kind = term.kind
+        for slot in range(kind.linear, kind.n_slots):
+            step = SMALL * (
+                abs(term.q[slot]) if kind.ratios(slot - kind.linear) else kind.spread(slot - kind.linear, model.scene)
+            )
+            ends = [view.term_columns(model, term.with_slot(slot, term.q[slot] + by), None) for by in (step, -step)]
+            change = (ends[0] - ends[1]) @ np.array(term.q[: kind.linear])
+            beside = change[view.at] - q @ (q.T @ change[view.at])
+            if np.linalg.norm(beside) > APART * np.linalg.norm(change[view.at]):
+                out.append(change[:, None])
+    return np.column_stack(out)
+
+
 def rows_of(view: InverseView, model: AxisModel, label: str, own: Mapping[str, str]) -> Rows:
     """The judged samples of a view, with numbers in the units given by ``own``; the last is the age of the drive."""
     at = view.at
@@ -149,10 +172,11 @@ def rows_of(view: InverseView, model: AxisModel, label: str, own: Mapping[str, s
     turns = reversals_of(speed - (np.mean(speed) if LEVEL in names else 0.0), view.slowest)
     slowest = slowest_of(path, time)
     nuisances, of = drifting(columns, names, time, slowest)
+    shapes = by_shape(view, model)[at]
     covers = {t.name: t.kind.cls.covers for t in model.terms if t.kind.cls.covers}
     return Rows(
         label, names, units, columns, view.drive[at], at, view.step, time, path, blocks_between(turns, at.size),
-        nuisances, of, view.rms(view.drive[at]), slowest, covers,
+        np.column_stack([nuisances, shapes]), of, view.rms(view.drive[at]), slowest, covers,
         frozenset({"inertia", *(n for n, kind in kinds if kind.positive and n in LAW and both_ways)}),
         (*(by for by, _ in told), 1.0),
     )  # fmt: skip

@@ -26,6 +26,8 @@ WANDERS = 8.0
 # A model that leaves a tenth of the drive has columns that are wrong by a part of it, the same all over a record and
 # another on another path, which no resampling of one record shows.
 RIDGE = 1e-9  # of the samples, on columns of unit rms: rounding, and a number that no sample shows gets no value
+PARTS = (2, 4)  # of a record that must agree: whose own spread shows model error of a quarter of a record and longer
+SHOWN = 1e-3  # of the mean square of columns of unit rms: a direction in which a part moves less is not asked of it
 LEAST_ERROR = 0.0015  # of the rms drive, of every column
 OF_WHAT_IS_LEFT = 0.1
 
@@ -71,12 +73,7 @@ def estimate(rows: Rows) -> Estimate:
     left = rows.target - z @ fit
     p = rows.columns.shape[1]
     covariance = _stationary(z @ inverse, left, rows)
-    by_block, halves = _resampled(z, rows, inverse, fit)
-    spread = np.sqrt(np.maximum(1.0, by_block / np.maximum(np.diag(covariance), 1e-300)))
-    covariance = covariance * np.outer(spread, spread)
-    apart, price = halves
-    z2 = apart[:p] ** 2 / np.maximum(price[:p] * np.diag(covariance)[:p], 1e-300)
-    covariance = covariance * max(1.0, float(np.mean(z2)))
+    covariance = _wider(covariance, _by_block(z, rows)) * _disagreement(z, rows, left)
     drift = _drift(fit[p:], np.diag(covariance)[p:], rows.of, size[p:], size[:p])
     covariance = covariance[:p, :p]
     for i, walk in drift.items():
@@ -114,8 +111,22 @@ def _stationary(weights: Array, left: Array, rows: Rows) -> Array:
     return np.real((f.conj().T * (twice * spectrum)) @ f) / n
 
 
-def _resampled(z: Array, rows: Rows, inverse: Array, fit: Array) -> tuple[Array, tuple[Array, Array]]:
-    """(variances by the jackknife over blocks, (first half less second, its variance over that of the whole))."""
+def _wider(a: Array, b: Array) -> Array:
+    """The covariance ``a``, wider in every direction in which ``b`` is wider.
+
+    Not number by number: without one of its blocks a record may not separate two numbers any more, and still know their
+    sum.
+    """
+    values, vectors = np.linalg.eigh(a)
+    root = vectors * np.sqrt(np.maximum(values, values[-1] * RIDGE))
+    inverse = np.linalg.pinv(root)
+    more, along = np.linalg.eigh(inverse @ b @ inverse.T)
+    turned = root @ along
+    return np.asarray((turned * np.maximum(more, 1.0)) @ turned.T)
+
+
+def _by_block(z: Array, rows: Rows) -> Array:
+    """Covariance by the jackknife over blocks."""
     edges = np.searchsorted(rows.block, np.arange(rows.block[-1] + 2))
     parts = [slice(a, b) for a, b in pairwise(edges)]
     grams = np.array([z[s].T @ z[s] for s in parts])
@@ -123,23 +134,44 @@ def _resampled(z: Array, rows: Rows, inverse: Array, fit: Array) -> tuple[Array,
     total, cross = grams.sum(axis=0), crosses.sum(axis=0)
     ridge = RIDGE * rows.target.size * np.eye(z.shape[1])
     without = np.array([np.linalg.solve(total - g + ridge, cross - c) for g, c in zip(grams, crosses, strict=True)])
-    m = len(parts)
-    by_block = (m - 1.0) / m * np.sum((without - without.mean(axis=0)) ** 2, axis=0)
-    p = rows.columns.shape[1]
-    known, half = fit[p:], m // 2
-    fits, prices = [], []
-    for chosen in (slice(0, half), slice(half, m)):  # what drifts keeps its course: it is asked for over the whole
-        g, c = grams[chosen].sum(axis=0), crosses[chosen].sum(axis=0)
-        inside = np.linalg.inv(g[:p, :p] + ridge[:p, :p])
-        fits.append(inside @ (c[:p] - g[:p, p:] @ known))
-        prices.append(np.diag(inside))
-    return by_block, (fits[0] - fits[1], (prices[0] + prices[1]) / np.maximum(np.diag(inverse)[:p], 1e-300))
+    apart, m = without - without.mean(axis=0), len(parts)
+    return np.asarray((m - 1.0) / m * apart.T @ apart)
+
+
+def _disagreement(z: Array, rows: Rows, left: Array) -> float:
+    """Birge's ratio: by how much more the parts of a record disagree than its noise says; at least 1.
+
+    Of halves or quarters, whichever is larger, each in the directions that it shows.  What drifts keeps its course: it
+    is known from the whole record.
+    """
+    p, n = rows.columns.shape[1], rows.target.size
+    most = 1.0
+    for m in PARTS:
+        beyond, information, asked = [], [], -p  # the mean of the parts takes p
+        part = rows.block * m // (rows.block[-1] + 1)
+        for k in np.unique(part):
+            at = part == k
+            x = z[at, :p]
+            power, along = np.linalg.eigh(x.T @ x / at.sum())
+            shown = power > SHOWN
+            weights = np.zeros((n, int(shown.sum())))
+            weights[at] = x @ along[:, shown] / (power[shown] * at.sum())
+            known = np.linalg.inv(_stationary(weights, left, rows))
+            beyond.append(along[:, shown] @ (weights.T @ left))
+            information.append(along[:, shown] @ known @ along[:, shown].T)
+            asked += int(shown.sum())
+        mean = np.linalg.pinv(np.sum(information, axis=0), rcond=RIDGE, hermitian=True) @ np.sum(
+            [w @ v for w, v in zip(information, beyond, strict=True)], axis=0
+        )
+        chi2 = sum(float((v - mean) @ w @ (v - mean)) for v, w in zip(beyond, information, strict=True))
+        most = max(most, chi2 / max(asked, 1))
+    return most
 
 
 def _drift(fit: Array, variance: Array, of: tuple[int, ...], size: Array, unit: Array) -> dict[int, float]:
     """Rms by which each number walks, beyond what noise makes of its half waves; scaled as the numbers are."""
     power: dict[int, float] = {}
-    for i, c, v, s in zip(of, fit, variance, size, strict=True):
+    for i, c, v, s in zip(of, fit, variance, size, strict=False):  # behind them come the shapes
         power[i] = power.get(i, 0.0) + 0.5 * float((c**2 - v) * (unit[i] / s) ** 2)
     return {i: float(np.sqrt(x)) for i, x in power.items() if x > 0.0}
 

@@ -2,15 +2,20 @@
 
 The difference delta of two estimates with covariance S speaks for a hypothesis "delta = E s" by a Student law with as
 many degrees of freedom as S has: twice the log likelihood falls from (nu + p) ln(1 + chi0 / nu) to the same of chi_E.
+
+A gain scales every number a of the first record, which is known with an error itself: delta = (g - 1) a with the
+covariance S + (g - 1)^2 A - (g - 1) (C + C'), where A is that of a and C is between delta and a.  Numbers of which none
+is well known alone may still all be three times as large.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
 from scipy.stats import f as snedecor
 from scipy.stats import t as student
 
@@ -20,6 +25,8 @@ PRIOR = 0.3  # of the rms drive: a typical change, for the price of a free numbe
 BESIDE = 4.0  # nats: what explains the difference e^4 times worse is no rival
 LEAST = 0.005  # of the rms drive: smaller changes are not reported
 MOST_CHANGES = 3
+MOST_GAIN = 20.0  # times, or a twentieth: beyond it one of the records shows no drive
+N_GAINS = 61  # of the grid from which the best gain is sought: a tenth apart
 
 
 @dataclass(frozen=True)
@@ -42,6 +49,10 @@ class Difference:
         Rms drive per unit of each number.
     scale : float
         Rms drive.
+    before, before_covariance : ndarray of shape (p,), (p, p)
+        The first estimate.
+    cross : ndarray of shape (p, p)
+        Covariance of the difference with the first estimate.
     """
 
     names: tuple[str, ...]
@@ -53,6 +64,9 @@ class Difference:
     errors: Array
     sizes: Array
     scale: float
+    before: Array
+    before_covariance: Array
+    cross: Array
 
 
 @dataclass(frozen=True)
@@ -89,6 +103,10 @@ class Found:
         Probability of such an improvement by chance, for one hypothesis.
     size : float
         Rms of the change in the drive, as a share of the rms drive.
+    taken : ndarray of shape (k,)
+        The part of the step that ``after`` no longer holds: all of a gain, nothing of another change.
+    after : Difference
+        The difference less that part.
     """
 
     hypothesis: Hypothesis
@@ -98,6 +116,8 @@ class Found:
     evidence: float
     p_value: float
     size: float
+    taken: Array
+    after: Difference
 
 
 def hypotheses(d: Difference) -> list[Hypothesis]:
@@ -107,28 +127,70 @@ def hypotheses(d: Difference) -> list[Hypothesis]:
     for name in dict.fromkeys(d.names):
         those = (name, *d.covers.get(name, ()))
         out.append(Hypothesis(name, unit[:, [i for n in those for i, m in enumerate(d.names) if m == n]]))
-    forces = np.array([n != "delay" for n in d.names])
-    return [*out, Hypothesis("gain", np.where(forces, d.mean, 0.0)[:, None])]
+    return [*out, Hypothesis("gain", (forces(d) * d.mean)[:, None])]
+
+
+def forces(d: Difference) -> Array:
+    """1 for every number that a gain scales, 0 for the age of the drive, shape (p,)."""
+    return np.array([float(n != "delay") for n in d.names])
 
 
 def weigh(d: Difference, h: Hypothesis, given: Array) -> Found:
     """Fit a hypothesis in addition to the directions ``given``, shape (p, m), that are assumed to have changed."""
-    w = np.linalg.inv(d.covariance)
-    nu, p = d.degrees, d.values.size
-    rest = d.values - _project(d.values, w, given)
+    nothing, after = _left(d, given), d
+    taken = np.zeros(h.basis.shape[1])
+    if h.name == "gain":
+        gain = best_gain(d, given)
+        after = without_gain(d, gain)
+        h, taken = Hypothesis("gain", _known(d, after, gain, given)[:, None]), np.array([gain - 1.0])
+    w = np.linalg.inv(after.covariance)
+    rest = after.values - _project(after.values, w, given)
     beside = h.basis - _project(h.basis, w, given)
     information = beside.T @ w @ beside
     inverse = np.linalg.pinv(information, rcond=1e-10, hermitian=True)
-    step = inverse @ (beside.T @ w @ rest)
-    chi0 = float(rest @ w @ rest)
-    chi2 = float(np.clip(step @ information @ step, 0.0, chi0))
-    k = h.basis.shape[1]
-    gained = 0.5 * (nu + p) * (np.log1p(chi0 / nu) - np.log1p((chi0 - chi2) / nu))
+    step = taken + inverse @ (beside.T @ w @ rest)
+    nu, p, k = d.degrees, d.values.size, h.basis.shape[1]
+    chi2 = float(np.clip(nothing - _left(after, np.column_stack([given, h.basis])), 0.0, nothing))
+    gained = 0.5 * (nu + p) * (np.log1p(nothing / nu) - np.log1p((nothing - chi2) / nu))
     size = float(np.linalg.norm(d.sizes * (h.basis @ step))) / d.scale
     return Found(
         h, step, np.sqrt(np.maximum(np.diag(inverse), 0.0)), chi2, gained - _occam(d, h, information),
-        float(snedecor.sf(chi2 / k, k, nu)), size,
+        float(snedecor.sf(chi2 / k, k, nu)), size, taken, after,
     )  # fmt: skip
+
+
+def without_gain(d: Difference, gain: float) -> Difference:
+    """The difference less what a gain makes of the first estimate."""
+    f, more = forces(d), gain - 1.0
+    cross = d.cross * f
+    covariance = d.covariance + more**2 * d.before_covariance * np.outer(f, f) - more * (cross + cross.T)
+    return replace(d, values=d.values - more * f * d.before, covariance=covariance)
+
+
+def best_gain(d: Difference, given: Array) -> float:
+    """The factor on all numbers that explains the difference best."""
+
+    def left(log_gain: float) -> float:
+        return _left(without_gain(d, float(np.exp(log_gain))), given)
+
+    grid = np.linspace(-np.log(MOST_GAIN), np.log(MOST_GAIN), N_GAINS)
+    k = int(np.argmin([left(x) for x in grid]))
+    ends = grid[max(k - 1, 0)], grid[min(k + 1, N_GAINS - 1)]
+    return float(np.exp(minimize_scalar(left, bounds=ends, method="bounded").x))
+
+
+def _known(d: Difference, after: Difference, gain: float, given: Array) -> Array:
+    """The first record's numbers that a gain scales, as both records know them."""
+    f, w = forces(d), np.linalg.inv(after.covariance)
+    with_rest = d.cross.T - (gain - 1.0) * d.before_covariance * f
+    return np.asarray(f * (d.before - with_rest @ w @ (after.values - _project(after.values, w, given))))
+
+
+def _left(d: Difference, given: Array) -> float:
+    """Chi-squared that no step along ``given`` explains."""
+    w = np.linalg.inv(d.covariance)
+    rest = d.values - _project(d.values, w, given)
+    return float(rest @ w @ rest)
 
 
 def _project(x: Array, w: Array, given: Array) -> Array:
@@ -159,6 +221,7 @@ def moved(d: Difference, alpha: float) -> list[tuple[Found, list[Found]]]:
             break
         rivals = [f for f in found[1:] if f.evidence > best.evidence - BESIDE]
         out.append((best, rivals))
+        d = best.after
         given = np.column_stack([given, best.hypothesis.basis])
         open_to = [h for h in open_to if h.name != best.hypothesis.name]
     return out

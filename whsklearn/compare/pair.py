@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from whsklearn.compare.comparison import Change
 from whsklearn.compare.estimate import WANDERS, Estimate, estimate, pooled
-from whsklearn.compare.hypotheses import Difference, Found, Hypothesis, hypotheses, moved
+from whsklearn.compare.hypotheses import Difference, Found, hypotheses, moved
 from whsklearn.compare.rows import Rows, difference
 
 Array = NDArray[Any]
@@ -29,14 +29,19 @@ def between(rows: list[Rows], first: list[Estimate], second: list[Estimate]) -> 
     sizes = np.sqrt(np.mean([r.sizes**2 for r in rows], axis=0))
     scale = float(np.sqrt(np.mean([r.scale**2 for r in rows])))
     values, covariance, degrees = b.values - a.values, a.covariance + b.covariance, a.degrees + b.degrees
+    cross = -a.covariance
     if len(rows) == 2:
         apart = difference(rows[0], rows[1], every.values)
         if apart is not None:
             found = estimate(apart)
             drift = np.diag([WANDERS * _walk(a, b, i) for i in range(sizes.size)])
             values, covariance, degrees = found.values, found.covariance + drift, found.degrees
+            cross = np.zeros_like(covariance)
     errors = np.sqrt(np.diag(every.covariance))
-    return Difference(rows[0].names, rows[0].covers, values, covariance, degrees, every.values, errors, sizes, scale)
+    return Difference(
+        rows[0].names, rows[0].covers, values, covariance, degrees, every.values, errors, sizes, scale,
+        a.values, a.covariance, cross,
+    )  # fmt: skip
 
 
 def _walk(a: Estimate, b: Estimate, i: int) -> float:
@@ -50,11 +55,13 @@ def changes_between(d: Difference, before: Estimate, units: tuple[str, ...], alp
         return []
     n_asked = len(hypotheses(d))
     basis = np.column_stack([f.hypothesis.basis for f, _ in found])
-    w = np.linalg.inv(d.covariance)
+    after = found[-1][0].after
+    w = np.linalg.inv(after.covariance)
     inverse = np.linalg.pinv(basis.T @ w @ basis, rcond=1e-10, hermitian=True)
-    step = inverse @ (basis.T @ w @ d.values)
+    step = inverse @ (basis.T @ w @ after.values)
     # The residual of the difference is noise of both records; the first record has its share of it.
-    start = before.values + before.covariance @ w @ (d.values - basis @ step)
+    start = before.values + before.covariance @ w @ (after.values - basis @ step)
+    step = step + np.concatenate([f.taken for f, _ in found])
     out, i = [], 0
     for best, rivals in found:
         k = best.step.size
@@ -73,8 +80,9 @@ def _told(
     p_value = min(1.0, best.p_value * asked)
     names = [f.hypothesis.name for f in rivals]
     if h.name == "gain":
-        old, new, error, unit = *_gain(d, h, start, float(step[0]), float(covariance[0, 0])), "1"
-        return Change("gain", old, new, error, d.degrees, unit, p_value, names, best.size)
+        ratio = 1.0 + float(step[0])  # of the numbers: twice the gain halves all of them
+        error = float(np.sqrt(covariance[0, 0])) / ratio**2
+        return Change("gain", 1.0, 1.0 / ratio, error, d.degrees, "1", p_value, names, best.size)
     at = [i for i, n in enumerate(d.names) if n == h.name]
     unit = units[at[0]]
     step, covariance = step[: len(at)], covariance[: len(at), : len(at)]  # what it covers comes behind
@@ -89,11 +97,3 @@ def _told(
     across = float(np.sqrt(np.trace(covariance) - error**2)) / max(min(size_a, size_b), 1e-300)
     direction = (turn, across) if len(at) == 2 and across < 1.0 else None
     return Change(h.name, size_a, size_b, error, d.degrees, unit, p_value, names, best.size, direction)
-
-
-def _gain(d: Difference, h: Hypothesis, start: Array, step: float, variance: float) -> tuple[float, float, float]:
-    """(1, the second record's gain over the first's, its standard error): twice the gain halves all numbers."""
-    weight = d.sizes**2 * h.basis[:, 0]
-    begin = float(weight @ start) / max(float(weight @ h.basis[:, 0]), 1e-300)
-    ratio = 1.0 + step / begin
-    return 1.0, 1.0 / ratio, float(np.sqrt(variance)) / abs(begin) / ratio**2
