@@ -183,16 +183,16 @@ def made(root: ET.Element) -> tuple[Arm, np.ndarray, np.ndarray, Any]:
     return Arm.from_file(text), np.diag(mass) * np.array([[w**2], [w**3 / 10], [2 * w]]), mass, model
 
 
-def case(kind: str, n: int, seed: int) -> dict[str, Any]:
-    """One arm with one thing hidden: what the finder says."""
+def two_records(kind: str, n: int, seed: int) -> tuple[Arm, Any, Any, int]:
+    """(a drawn arm, positions and drives of it, the same with one thing hidden along other sines, the joint)."""
     rng = np.random.default_rng(seed)
     root = drawn(rng, n)
     arm, gains, mass, model = made(root)
     first = reference(rng, n)
     q, u = record(root, first, gains)
     if not follows(q, first):
-        return case(kind, n, seed + REDRAWN)
-    known = identify_arm(q, u, dt=1 / RATE, robot=arm).model
+        return two_records(kind, n, seed + REDRAWN)
+    before = q, u
     joint = int(rng.integers(1 if kind in ("payload", "limit", "spring") else 0, n))
     if kind == "payload":
         joint = n - 1
@@ -205,7 +205,14 @@ def case(kind: str, n: int, seed: int) -> dict[str, Any]:
         gains = gains * np.where(np.arange(n) == joint, 2.0 * model.dof_armature / np.diag(mass), 1.0)
     q, u = record(root, path, gains, **changed)
     if not follows(q, path, kind):
-        return case(kind, n, seed + REDRAWN)
+        return two_records(kind, n, seed + REDRAWN)
+    return arm, before, (q, u), joint
+
+
+def case(kind: str, n: int, seed: int) -> dict[str, Any]:
+    """One arm with one thing hidden: what the finder says."""
+    arm, before, (q, u), joint = two_records(kind, n, seed)
+    known = identify_arm(*before, dt=1 / RATE, robot=arm).model
     began = time.process_time()
     finder = GapFinder(known).fit((np.arange(len(q)) / RATE, q, u))
     label = f"{next(iter(NAMES[kind]))} at j{joint + 1}" if kind else ""

@@ -2,12 +2,15 @@
 
     python -m benchmarks.compare --changes 40 --equals 100
     python -m benchmarks.compare --real
+    python -m benchmarks.compare --arms 40
 
 MuJoCo (extra ``bench``) drives one axis twice, along two references; one number differs in the second record, or none.
 Half of the pairs have an offset that walks at random (its deviation over a record a tenth of the rms drive) or
 friction that warms (a fifth lower in the end). ``right``: the first name is the truth. ``inside``: the true change lies
 in the 95 % interval. ``--real`` takes the measured records (``../shared/data`` or ``WHSKLEARN_DATA``): halves, quarters
 and repeats of one rig, of which nothing moved; XL330 at two gains of its loop; an arm with and without a load.
+``--arms``: arms of three and six joints as `benchmarks.blind_arms` draws them, with one thing more in the second record
+or nothing.
 Printed: rates with Wilson intervals, seconds a pair.
 """
 
@@ -27,9 +30,11 @@ import numpy as np
 import pandas as pd
 
 from benchmarks.blind import wilson
+from benchmarks.blind_arms import RATE, two_records
 from benchmarks.blind_mujoco import FINE, Rig, _rms, build, draw_rig, hide, reference
 from benchmarks.real_axes import folder
-from whsklearn.compare import Comparison, compare_records
+from whsklearn import Arm
+from whsklearn.compare import ArmRecord, Comparison, compare_arms, compare_records
 from whsklearn.gap import ServoRecord
 
 DRIFTS = ("none", "walk", "none", "warm")  # half of the pairs
@@ -216,6 +221,60 @@ def gain_pairs(data: Path) -> Iterator[tuple[str, list[ServoRecord]]]:
             yield f"xl330 kp {a} to {b} {p} {q}", [logs[a, p], logs[b, q]]
 
 
+ARM_CHANGES = {
+    "payload": ("mass", "moment"), "coulomb": ("coulomb",), "damping": ("viscous",), "armature": ("joint_inertia",),
+    "delay": ("delay",), "": (),
+}  # fmt: skip
+
+
+def of_arms(count: int, seeds: int, every: bool) -> None:
+    """Drawn arms: one thing more in the second record at one joint, or nothing."""
+    rows = []
+    for i in range(count):
+        kind = list(ARM_CHANGES)[i % len(ARM_CHANGES)]
+        n = (3, 6)[(i // len(ARM_CHANGES)) % 2]
+        arm, before, after, joint = two_records(kind, n, seeds + i)
+        began = time.process_time()
+        found = compare_arms([ArmRecord(RATE, *before), ArmRecord(RATE, *after)], arm)
+        first = found.changes[0].name if found.changes else ""
+        beside = found.changes[0].rivals if found.changes else []
+        true = [f"{name} at j{joint + 1}" for name in ARM_CHANGES[kind]]
+        rows.append({"kind": kind, "right": first in true, "beside": bool({first, *beside} & set(true)),
+                     "wrong": bool(first) and not kind, "seconds": time.process_time() - began})  # fmt: skip
+        if every or not (rows[-1]["right"] or (not kind and not first)):
+            click.echo(f"{kind or 'nothing':<10} {n} {seeds + i:>5} {' or '.join(true):<24} {found.sentence[:150]}")
+    moved, equal = [r for r in rows if r["kind"]], [r for r in rows if not r["kind"]]
+    click.echo(told("arms: right name and joint first", [r["right"] for r in moved], ""))
+    click.echo(told("  or beside it", [r["beside"] for r in moved], ""))
+    click.echo(told("arms: named though nothing moved", [r["wrong"] for r in equal], "<= 1 %"))
+    seconds = sorted(r["seconds"] for r in rows)
+    click.echo(f"CPU seconds a pair: median {seconds[len(seconds) // 2]:.2f}, worst {seconds[-1]:.2f}")
+
+
+def real_arm(data: Path, name: str, joints: int) -> tuple[Arm, ArmRecord]:
+    """The robot and its log."""
+    frame = pd.read_csv(data / "arms" / f"{name}.csv.gz")
+    q, u = (frame[[c.format(j) for j in range(1, joints + 1)]].to_numpy() for c in ("position_{}_rad", "torque_{}_nm"))
+    rate = 1.0 / float(np.median(np.diff(frame["time_s"])))
+    return Arm.from_file(data / "arms" / f"{name.removesuffix('_loaded')}.urdf"), ArmRecord(rate, q, u)
+
+
+def arm_parts(r: ArmRecord, n: int) -> list[ArmRecord]:
+    """The record in ``n`` equal parts."""
+    edges = np.linspace(0, len(r.position), n + 1).astype(int)
+    return [ArmRecord(r.sample_rate, r.position[a:b], r.drive[a:b]) for a, b in itertools.pairwise(edges)]
+
+
+def equal_arms(data: Path) -> Iterator[tuple[str, Arm, list[ArmRecord]]]:
+    """Parts of real records of arms, of which nothing moved."""
+    for name, joints in (("double_pendulum", 2), ("airbot", 6), ("airbot_loaded", 6), ("tx40", 6)):
+        arm, log = real_arm(data, name, joints)
+        yield f"{name} halves", arm, arm_parts(log, 2)
+        first, second, third, fourth = arm_parts(log, 4)
+        yield f"{name} quarters 1 3", arm, [first, third]
+        yield f"{name} quarters 2 4", arm, [second, fourth]
+
+
 def told(label: str, hits: list[bool], goal: str) -> str:
     """A rate with its Wilson interval."""
     _, low, high = wilson(sum(hits), max(len(hits), 1))
@@ -226,11 +285,12 @@ def told(label: str, hits: list[bool], goal: str) -> str:
 @click.option("--changes", default=40, help="Simulated pairs of which one number differs.")
 @click.option("--equals", default=100, help="Simulated pairs of which none does.")
 @click.option("--seeds", default=0, help="First seed.")
+@click.option("--arms", default=0, help="Drawn arms in place of axes.")
 @click.option("--real", is_flag=True, help="The measured records in place of MuJoCo.")
 @click.option("--all", "every", is_flag=True, help="Print every pair, not only those that were missed.")
-def main(changes: int, equals: int, seeds: int, real: bool, every: bool) -> None:
-    if real:
-        of_real(every)
+def main(changes: int, equals: int, seeds: int, arms: int, real: bool, every: bool) -> None:
+    if real or arms:
+        of_real(every) if real else of_arms(arms, seeds, every)
         return
     rows = []
     for row in simulated(changes, equals, seeds):
@@ -257,8 +317,19 @@ def of_real(every: bool) -> None:
         verdicts.append(found.verdict)
         if every or found.changes:
             click.echo(f"{name:<30} {found.sentence[:160]}")
-    click.echo(told("real equal pairs, something named", false, "<= 2.5 %"))
+    click.echo(told("real equal axes, something named", false, "<= 2.5 %"))
     click.echo(told("  cannot tell", [v == "cannot_tell" for v in verdicts], ""))
+    whole = []
+    for name, arm, pieces in equal_arms(data):
+        found = compare_arms(pieces, arm)
+        whole.append(bool(found.changes))
+        if every or found.changes:
+            click.echo(f"{name:<30} {found.sentence[:160]}")
+    click.echo(told("real equal arms, something named", whole, ""))
+    arm, empty = real_arm(data, "airbot", 6)
+    click.echo(
+        f"airbot, empty and loaded: {compare_arms([empty, real_arm(data, 'airbot_loaded', 6)[1]], arm).sentence}"
+    )
     first, beside = [], []
     for name, records in gain_pairs(data):
         found, _ = judged(records)

@@ -29,5 +29,5 @@ def rows(truth=TRUTH, seed=0, n=3000, noise=0.02, walk=0.0, step=0.01, label="a"
     units = ("kg m²", "Nm s/rad", "Nm", "Nm", "s")
     return Rows(
         label, NAMES, units, columns, target, np.arange(n), step, t, q, blocks_between(turns, n), nuisances, of,
-        float(np.sqrt(np.mean(target**2))), 0.2, {}, frozenset({"inertia", "viscous", "coulomb"}),
+        np.array([np.sqrt(np.mean(target**2))]), 0.2, {}, frozenset({"inertia", "viscous", "coulomb"}),
     )  # fmt: skip

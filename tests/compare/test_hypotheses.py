@@ -17,7 +17,7 @@ def difference(values, error=0.01, degrees=18.0):
     covariance = error**2 * np.eye(5)
     before = mean - 0.5 * values
     return Difference(
-        NAMES, {}, values, covariance, degrees, mean, spread, np.ones(5), 1.0, before, covariance / 2, -covariance / 2
+        NAMES, {}, values, covariance, degrees, mean, spread, np.ones(5), before, covariance / 2, -covariance / 2
     )
 
 

@@ -1,4 +1,4 @@
-"""Compare records of one axis: what moved since then, by how much, or that nothing did, or why that cannot be told.
+"""Compare records of one axis or arm: what moved, by how much, or that nothing did, or why that cannot be told.
 
 Writes ``compare.html`` (for a person) and ``compare.json`` (for programs), and records the comparison in MLflow: a
 parent run, and a child run for every record.
@@ -11,11 +11,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from whsklearn.cli.arm import read_arm, robot_of
 from whsklearn.cli.gap import as_record, read_log
 from whsklearn.cli.job import UNUSABLE, job, say_where, table, tracker_for, wrapped, writable_folder
 from whsklearn.cli.records import liveliest, long_segments, note, note_assumed, reading_options
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from whsklearn.compare import Comparison
     from whsklearn.gap import ServoRecord
 
@@ -29,6 +32,9 @@ AN_AXIS = {"kind": "servo", "robot": None, "simulator": None}  # what `gap` asks
 @click.option("--position", help="Column of the measured position; _deg, _mm and the like tell the unit.")
 @click.option("--velocity", help="Column of the velocity, where no position is logged.")
 @click.option("--command", help="Column of a position servo's command, where no drive is logged.")
+@click.option("--robot", type=click.Path(exists=True, dir_okay=False), help="URDF, MJCF or model file of an arm.")
+@click.option("--joints", help='Columns of an arm: "shoulder:q1,u1;elbow:q2,u2", position and drive of each joint.')
+@click.option("--gains", help='Nm per logged unit of an arm\'s drives: "shoulder:11.2;elbow:9.8".')
 @reading_options
 @click.option(
     "--alpha",
@@ -38,23 +44,24 @@ AN_AXIS = {"kind": "servo", "robot": None, "simulator": None}  # what `gap` asks
 )
 @click.option("--out", type=click.Path(file_okay=False), default="compare", help="Folder for the report.")
 def main(**options: Any) -> None:
-    """What moved between records of one axis, in the order of time.
+    """What moved between records of one axis or one arm, in the order of time.
 
     \b
     whsklearn compare before.csv after.csv --drive torque_nm --position position_rad --out compare
     whsklearn compare monday.csv tuesday.csv wednesday.csv --out week
+    whsklearn compare empty.csv loaded.csv --robot arm.urdf --joints "shoulder:q1,u1;elbow:q2,u2"
     """  # noqa: D301 - click reads the backspace
-    from whsklearn.compare import compare_records, write_report
+    from whsklearn.compare import write_report
 
     files = options["logs"]
     if len(files) < 2:
         raise click.UsageError("One log cannot be compared; give two at least, in the order of time.")
     folder = writable_folder(options["out"])
     labels = names_of(files)
-    records = [record_of(options, file) for file in files]
+    compared = comparison_of(options, files, labels)
     tracker = tracker_for("compare", options["track"], data=labels[0])
     with tracker.run(f"compare {labels[0]} to {labels[-1]}") as parent:
-        found = compare_records(records, labels, alpha=options["alpha"], random_state=options["seed"])
+        found = compared()
         page = write_report(found, folder)
         click.echo(wrapped(f"{found.verdict}: {found.sentence}"))
         for text in found.notes:
@@ -68,6 +75,21 @@ def main(**options: Any) -> None:
     say_where(tracker)
     if not found.usable:
         raise SystemExit(UNUSABLE)
+
+
+def comparison_of(options: dict[str, Any], files: tuple[str, ...], labels: list[str]) -> Callable[[], Comparison]:
+    """The comparison of these files, which are read first."""
+    from whsklearn.compare import ArmRecord, compare_arms, compare_records
+
+    if not options["robot"]:
+        if options["joints"] or options["gains"]:
+            raise click.UsageError("--joints and --gains are an arm's; give its file with --robot.")
+        records = [record_of(options, file) for file in files]
+        return lambda: compare_records(records, labels, alpha=options["alpha"], random_state=options["seed"])
+    arm = robot_of(options)
+    logs = [read_arm(file, options, arm) for file in files]
+    arms = [ArmRecord(log.rate, log.position, log.drive) for log in logs]
+    return lambda: compare_arms(arms, arm, labels, alpha=options["alpha"])
 
 
 def names_of(files: tuple[str, ...]) -> list[str]:
@@ -97,6 +119,8 @@ def numbers_of(found: Comparison) -> str:
     header = ["number", *(found.labels[k] for k in shown), "±", "unit"]
     rows = []
     for r in found.numbers:
+        if "." in r["name"]:  # a combination of an arm's links: in the report
+            continue
         values = [float(r["values"][k]) for k in shown]
         rows.append([r["name"].replace("_", " "), *values, float(max(r["standard_errors"])), r["unit"]])
     return table(header, rows)

@@ -176,7 +176,7 @@ def rows_of(view: InverseView, model: AxisModel, label: str, own: Mapping[str, s
     covers = {t.name: t.kind.cls.covers for t in model.terms if t.kind.cls.covers}
     return Rows(
         label, names, units, columns, view.drive[at], at, view.step, time, path, blocks_between(turns, at.size),
-        np.column_stack([nuisances, shapes]), of, view.rms(view.drive[at]), slowest, covers,
+        np.column_stack([nuisances, shapes]), of, np.array([view.rms(view.drive[at])]), slowest, covers,
         frozenset({"inertia", *(n for n, kind in kinds if kind.positive and n in LAW and both_ways)}),
         (*(by for by, _ in told), 1.0),
     )  # fmt: skip

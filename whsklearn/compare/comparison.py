@@ -76,6 +76,9 @@ class Change:
 
     def __str__(self) -> str:
         name, unit = self.name.replace("_", " "), "" if self.unit == "1" else f" {self.unit}"
+        if name.startswith(("mass at ", "moment at ")):  # of a link only the change is known
+            text = f"{name} {self.change:+.3g} ± {self.standard_error:.2g}{unit}"
+            return self._with_rest(text)
         least = 2.0 * self.standard_error
         if abs(self.before) <= least < abs(self.after):
             how = "came"
@@ -91,6 +94,10 @@ class Change:
         if self.direction is not None and abs(self.direction[0]) > 2.0 * self.direction[1]:
             turn, error = np.degrees(self.direction)
             text += f" and turned by {turn:.3g} ± {error:.2g} deg"
+        return self._with_rest(text)
+
+    def _with_rest(self, text: str) -> str:
+        """With the records between which it changed, and the rivals."""
         if self.between is not None:
             text += f" between {self.between[0]} and {self.between[1]}"
         if self.rivals:
@@ -162,8 +169,12 @@ class Comparison:
     @property
     def smallest_rows(self) -> list[dict[str, Any]]:
         """One row per name: the smallest change that would have been detected, with its unit."""
-        units = {r["name"]: r["unit"] for r in reversed(self.numbers)} | {"gain": "1"}
-        return [{"name": n, "smallest": v, "unit": units.get(n, "")} for n, v in self.smallest_seen.items()]
+        units = {r["name"]: r["unit"] for r in reversed(self.numbers)}
+        others = {"gain": "1", "mass": "kg", "moment": "kg m"}
+        return [
+            {"name": n, "smallest": v, "unit": units.get(n, others.get(n.partition(" at ")[0], ""))}
+            for n, v in self.smallest_seen.items()
+        ]
 
     def as_dict(self) -> dict[str, Any]:
         """As ``compare.json`` holds it."""

@@ -8,7 +8,6 @@ of a record, which must agree, show what a wrong model makes of another part of 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -70,7 +69,7 @@ def estimate(rows: Rows) -> Estimate:
     z = z / size
     inverse = np.linalg.inv(z.T @ z + RIDGE * rows.target.size * np.eye(z.shape[1]))
     fit = inverse @ (z.T @ rows.target)
-    left = rows.target - z @ fit
+    left = (rows.target - z @ fit) * np.sqrt(z.shape[0] / max(z.shape[0] - z.shape[1], 1))  # the fit took its share
     p = rows.columns.shape[1]
     covariance = _stationary(z @ inverse, left, rows)
     covariance = _wider(covariance, _by_block(z, rows)) * _disagreement(z, rows, left)
@@ -78,37 +77,50 @@ def estimate(rows: Rows) -> Estimate:
     covariance = covariance[:p, :p]
     for i, walk in drift.items():
         covariance[i, i] += WANDERS * walk**2
-    model = max(OF_WHAT_IS_LEFT * _fast(left, rows), LEAST_ERROR * rows.scale)
-    covariance = covariance + model**2 * np.eye(p)
+    covariance = covariance + np.diag(_of_the_model(left, rows))
     size = size[:p]
     return Estimate(
         rows.label, fit[:p] / size, covariance / np.outer(size, size), float(rows.block.max()),
-        float(np.sqrt(np.mean(left**2))) / rows.scale, {i: w / size[i] for i, w in drift.items()},
+        float(np.sqrt(np.mean(left**2)) / np.linalg.norm(rows.scale)), {i: w / size[i] for i, w in drift.items()},
     )  # fmt: skip
 
 
-def _fast(left: Array, rows: Rows) -> float:
+def _of_the_model(left: Array, rows: Rows) -> Array:
+    """Variance of every number by errors of the model, columns of unit rms: what is left where the number is paid."""
+    n, least = rows.target.size, []
+    for those, drive in zip(rows.channels(), rows.scale.tolist(), strict=True):
+        fast = _fast(left, rows, those) * np.sqrt(those.size / n)
+        least.append(max(OF_WHAT_IS_LEFT * fast, LEAST_ERROR * drive))
+    return np.asarray(np.array(least) ** 2 @ rows.paid())
+
+
+def _fast(left: Array, rows: Rows, those: NDArray[np.intp]) -> float:
     """Rms of what is left that is no slower than the motion: a walk of the offset is no error of the model."""
-    grid = np.zeros(int(rows.at[-1] - rows.at[0]) + 1)
-    grid[rows.at - rows.at[0]] = left
+    at = rows.at[those] - rows.at[those[0]]
+    grid = np.zeros(int(at[-1]) + 1)
+    grid[at] = left[those]
     power = np.abs(np.fft.rfft(grid)) ** 2
     fast = np.fft.rfftfreq(grid.size, rows.step) >= rows.slowest / SLOWER
-    return float(np.sqrt(np.mean(left**2) * power[fast].sum() / max(float(power.sum()), 1e-300)))
+    return float(np.sqrt(np.mean(left[those] ** 2) * power[fast].sum() / max(float(power.sum()), 1e-300)))
 
 
 def _stationary(weights: Array, left: Array, rows: Rows) -> Array:
     """Covariance of ``weights.T @ noise`` for noise of the spectrum of what is left; gaps in the grid hold zeros."""
-    n = int(rows.at[-1] - rows.at[0]) + 1
-    noise, w = np.zeros(n), np.zeros((n, weights.shape[1]))
-    noise[rows.at - rows.at[0]] = left
-    w[rows.at - rows.at[0]] = weights
-    spectrum = smoothed_power(noise) / rows.at.size
-    f = np.fft.rfft(w, axis=0)
-    twice = np.full(f.shape[0], 2.0)
-    twice[0] = 1.0
-    if n % 2 == 0:
-        twice[-1] = 1.0
-    return np.real((f.conj().T * (twice * spectrum)) @ f) / n
+    out = np.zeros((weights.shape[1], weights.shape[1]))
+    for those in rows.channels():
+        at = rows.at[those] - rows.at[those[0]]
+        n = int(at[-1]) + 1
+        noise, w = np.zeros(n), np.zeros((n, weights.shape[1]))
+        noise[at] = left[those]
+        w[at] = weights[those]
+        spectrum = smoothed_power(noise) / at.size
+        f = np.fft.rfft(w, axis=0)
+        twice = np.full(f.shape[0], 2.0)
+        twice[0] = 1.0
+        if n % 2 == 0:
+            twice[-1] = 1.0
+        out += np.real((f.conj().T * (twice * spectrum)) @ f) / n
+    return out
 
 
 def _wider(a: Array, b: Array) -> Array:
@@ -127,8 +139,7 @@ def _wider(a: Array, b: Array) -> Array:
 
 def _by_block(z: Array, rows: Rows) -> Array:
     """Covariance by the jackknife over blocks."""
-    edges = np.searchsorted(rows.block, np.arange(rows.block[-1] + 2))
-    parts = [slice(a, b) for a, b in pairwise(edges)]
+    parts = [np.flatnonzero(rows.block == k) for k in np.unique(rows.block)]
     grams = np.array([z[s].T @ z[s] for s in parts])
     crosses = np.array([z[s].T @ rows.target[s] for s in parts])
     total, cross = grams.sum(axis=0), crosses.sum(axis=0)
@@ -148,7 +159,7 @@ def _disagreement(z: Array, rows: Rows, left: Array) -> float:
     most = 1.0
     for m in PARTS:
         beyond, information, asked = [], [], -p  # the mean of the parts takes p
-        part = rows.block * m // (rows.block[-1] + 1)
+        part = rows.block * m // (rows.block.max() + 1)
         for k in np.unique(part):
             at = part == k
             x = z[at, :p]
@@ -156,7 +167,7 @@ def _disagreement(z: Array, rows: Rows, left: Array) -> float:
             shown = power > SHOWN
             weights = np.zeros((n, int(shown.sum())))
             weights[at] = x @ along[:, shown] / (power[shown] * at.sum())
-            known = np.linalg.inv(_stationary(weights, left, rows))
+            known = np.linalg.pinv(_stationary(weights, left, rows), hermitian=True)  # zero of a record and itself
             beyond.append(along[:, shown] @ (weights.T @ left))
             information.append(along[:, shown] @ known @ along[:, shown].T)
             asked += int(shown.sum())

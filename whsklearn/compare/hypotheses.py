@@ -10,7 +10,7 @@ is well known alone may still all be three times as large.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -26,6 +26,10 @@ BESIDE = 4.0  # nats: what explains the difference e^4 times worse is no rival
 LEAST = 0.005  # of the rms drive: smaller changes are not reported
 MOST_CHANGES = 3
 MOST_GAIN = 20.0  # times, or a twentieth: beyond it one of the records shows no drive
+LOADS = ("mass at ", "moment at ")
+INERTIAS = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))  # in the order of a link's numbers
+FURTHEST = 0.5  # m, of a load's centre from the joint that carries it, while it is sought
+N_ROUNDS = 8
 N_GAINS = 61  # of the grid from which the best gain is sought: a tenth apart
 
 
@@ -46,13 +50,13 @@ class Difference:
     mean, errors : ndarray of shape (p,)
         The numbers themselves, pooled, and their standard errors.
     sizes : ndarray of shape (p,)
-        Rms drive per unit of each number.
-    scale : float
-        Rms drive.
+        Rms drive per unit of each number, as a share of the rms drive at which it is paid.
     before, before_covariance : ndarray of shape (p,), (p, p)
         The first estimate.
     cross : ndarray of shape (p, p)
         Covariance of the difference with the first estimate.
+    changes : dict
+        Name -> directions in which a change moves the numbers; if empty, every named number may change.
     """
 
     names: tuple[str, ...]
@@ -63,10 +67,10 @@ class Difference:
     mean: Array
     errors: Array
     sizes: Array
-    scale: float
     before: Array
     before_covariance: Array
     cross: Array
+    changes: dict[str, Array] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -78,10 +82,13 @@ class Hypothesis:
     name : str
     basis : ndarray of shape (p, k)
         Directions in which the numbers change.
+    body : ndarray of shape (p, 10), optional
+        Of a load: what the mass, the moments and the inertias of a link change.
     """
 
     name: str
     basis: Array
+    body: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -123,7 +130,12 @@ class Found:
 def hypotheses(d: Difference) -> list[Hypothesis]:
     """One hypothesis per named number, and one for the gain of the drive: all numbers scaled alike except its age."""
     unit = np.eye(d.values.size)
-    out = []
+    out = [
+        Hypothesis(name, basis[:, :4], basis) if name.startswith(LOADS) else Hypothesis(name, basis)
+        for name, basis in d.changes.items()
+    ]
+    if out:
+        return [*out, Hypothesis("gain", (forces(d) * d.mean)[:, None])]
     for name in dict.fromkeys(d.names):
         those = (name, *d.covers.get(name, ()))
         out.append(Hypothesis(name, unit[:, [i for n in those for i, m in enumerate(d.names) if m == n]]))
@@ -132,7 +144,7 @@ def hypotheses(d: Difference) -> list[Hypothesis]:
 
 def forces(d: Difference) -> Array:
     """1 for every number that a gain scales, 0 for the age of the drive, shape (p,)."""
-    return np.array([float(n != "delay") for n in d.names])
+    return np.array([float(not n.startswith("delay")) for n in d.names])
 
 
 def weigh(d: Difference, h: Hypothesis, given: Array) -> Found:
@@ -144,6 +156,8 @@ def weigh(d: Difference, h: Hypothesis, given: Array) -> Found:
         after = without_gain(d, gain)
         h, taken = Hypothesis("gain", _known(d, after, gain, given)[:, None]), np.array([gain - 1.0])
     w = np.linalg.inv(after.covariance)
+    if h.body is not None:
+        h = replace(h, basis=at_one_point(h.body, d, given))
     rest = after.values - _project(after.values, w, given)
     beside = h.basis - _project(h.basis, w, given)
     information = beside.T @ w @ beside
@@ -152,11 +166,55 @@ def weigh(d: Difference, h: Hypothesis, given: Array) -> Found:
     nu, p, k = d.degrees, d.values.size, h.basis.shape[1]
     chi2 = float(np.clip(nothing - _left(after, np.column_stack([given, h.basis])), 0.0, nothing))
     gained = 0.5 * (nu + p) * (np.log1p(nothing / nu) - np.log1p((nothing - chi2) / nu))
-    size = float(np.linalg.norm(d.sizes * (h.basis @ step))) / d.scale
+    size = float(np.linalg.norm(d.sizes * (h.basis @ step)))
+    errors = np.sqrt(np.maximum(np.diag(inverse), 0.0))
+    if h.body is not None and not shown(h.name, step, inverse):
+        gained = -np.inf  # what moved is an inertia, and no load
     return Found(
-        h, step, np.sqrt(np.maximum(np.diag(inverse), 0.0)), chi2, gained - _occam(d, h, information),
+        h, step, errors, chi2, gained - _occam(d, h, information),
         float(snedecor.sf(chi2 / k, k, nu)), size, taken, after,
     )  # fmt: skip
+
+
+def load_of(name: str, step: Array, covariance: Array) -> tuple[float, float]:
+    """(mass in kg, or moment about its joint in kg m, of a load; its standard error)."""
+    if name.startswith("mass at "):
+        return float(step[0]), float(np.sqrt(max(covariance[0, 0], 0.0)))
+    moment = float(np.linalg.norm(step[1:4]))
+    along = step[1:4] / max(moment, 1e-300)
+    return moment, float(np.sqrt(max(float(along @ covariance[1:4, 1:4] @ along), 0.0)))
+
+
+def shown(name: str, step: Array, covariance: Array) -> bool:
+    """Whether a load's mass or moment is beyond two standard errors."""
+    size, error = load_of(name, step, covariance)
+    return abs(size) > 2.0 * error
+
+
+def at_one_point(body: Array, d: Difference, given: Array) -> Array:
+    """Directions (p, 4) in which mass and moments of a load move the numbers, if all of it is at one place.
+
+    Its inertia is of first degree in both, I(m, h) = (h.h - h h') / m, so that along its own derivatives it is what the
+    step says, exactly (Euler's theorem).
+    """
+    w = np.linalg.inv(d.covariance)
+    rest = d.values - _project(d.values, w, given)
+    basis = body[:, :4]
+    for _ in range(N_ROUNDS):
+        beside = basis - _project(basis, w, given)
+        m, *h = np.linalg.pinv(beside.T @ w @ beside, rcond=1e-10, hermitian=True) @ (beside.T @ w @ rest)
+        place = np.array(h) / (m if m else np.inf)
+        place *= min(1.0, FURTHEST / max(float(np.linalg.norm(place)), 1e-300))
+        slopes = np.zeros((10, 4))
+        slopes[:4] = np.eye(4)
+        for k, (i, j) in enumerate(INERTIAS):
+            slopes[4 + k, 0] = place[i] * place[j] - float(i == j) * (place @ place)
+            for axis in range(3):
+                unit = np.eye(3)[axis]
+                both = unit[i] * place[j] + place[i] * unit[j]
+                slopes[4 + k, 1 + axis] = 2.0 * float(i == j) * place[axis] - both
+        basis = body @ slopes
+    return np.asarray(basis)
 
 
 def without_gain(d: Difference, gain: float) -> Difference:
@@ -202,7 +260,7 @@ def _project(x: Array, w: Array, given: Array) -> Array:
 def _occam(d: Difference, h: Hypothesis, information: Array) -> float:
     """Price of the hypothesis's numbers, 1/2 ln det(1 + prior information): the posterior's share of the prior."""
     one = np.linalg.norm(d.sizes[:, None] * h.basis, axis=0)  # rms drive a unit step
-    prior = PRIOR * d.scale / np.maximum(one, 1e-300)
+    prior = np.divide(PRIOR, one, out=np.zeros_like(one), where=one > 0.0)
     return 0.5 * float(np.linalg.slogdet(np.eye(prior.size) + np.outer(prior, prior) * information)[1])
 
 
@@ -236,8 +294,14 @@ def smallest(d: Difference, alpha: float) -> dict[str, float]:
     for h in every:
         one = np.linalg.norm(d.sizes[:, None] * h.basis, axis=0)
         information = h.basis.T @ w @ h.basis
-        error = 1.0 / np.sqrt(np.maximum(np.linalg.eigvalsh(information)[0], 1e-300))
+        if h.body is not None:  # the others of mass and moments are free
+            told = [0] if h.name.startswith("mass at ") else [1, 2, 3]
+            inverse = np.linalg.pinv(information, rcond=1e-10, hermitian=True)
+            error = np.sqrt(max(inverse[i, i] for i in told))
+            one = one[told]
+        else:
+            error = 1.0 / np.sqrt(np.maximum(np.linalg.eigvalsh(information)[0], 1e-300))
         price = 2.0 * (BESIDE + _occam(d, h, information)) / (d.degrees + d.values.size)
         need = max(z, float(np.sqrt(d.degrees * np.expm1(price))))
-        out[h.name] = max(need * float(error), LEAST * d.scale / max(float(one.max()), 1e-300))
+        out[h.name] = max(need * float(error), LEAST / max(float(one.max()), 1e-300))
     return out

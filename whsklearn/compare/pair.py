@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from whsklearn.compare.comparison import Change
 from whsklearn.compare.estimate import WANDERS, Estimate, estimate, pooled
-from whsklearn.compare.hypotheses import Difference, Found, hypotheses, moved
+from whsklearn.compare.hypotheses import Difference, Found, hypotheses, load_of, moved
 from whsklearn.compare.rows import Rows, difference
 
 Array = NDArray[Any]
@@ -26,8 +26,7 @@ def between(rows: list[Rows], first: list[Estimate], second: list[Estimate]) -> 
     """
     a, b = pooled(first), pooled(second)
     every = pooled([a, b])
-    sizes = np.sqrt(np.mean([r.sizes**2 for r in rows], axis=0))
-    scale = float(np.sqrt(np.mean([r.scale**2 for r in rows])))
+    sizes, drives = (np.sqrt(np.mean(x, axis=0)) for x in ([r.sizes**2 for r in rows], [r.drives**2 for r in rows]))
     values, covariance, degrees = b.values - a.values, a.covariance + b.covariance, a.degrees + b.degrees
     cross = -a.covariance
     if len(rows) == 2:
@@ -39,8 +38,8 @@ def between(rows: list[Rows], first: list[Estimate], second: list[Estimate]) -> 
             cross = np.zeros_like(covariance)
     errors = np.sqrt(np.diag(every.covariance))
     return Difference(
-        rows[0].names, rows[0].covers, values, covariance, degrees, every.values, errors, sizes, scale,
-        a.values, a.covariance, cross,
+        rows[0].names, rows[0].covers, values, covariance, degrees, every.values, errors, sizes / drives,
+        a.values, a.covariance, cross, rows[0].changes,
     )  # fmt: skip
 
 
@@ -79,11 +78,18 @@ def _told(
     h = best.hypothesis
     p_value = min(1.0, best.p_value * asked)
     names = [f.hypothesis.name for f in rivals]
-    if h.name == "gain":
+    if h.name.partition(" at ")[0] == "gain":
         ratio = 1.0 + float(step[0])  # of the numbers: twice the gain halves all of them
         error = float(np.sqrt(covariance[0, 0])) / ratio**2
-        return Change("gain", 1.0, 1.0 / ratio, error, d.degrees, "1", p_value, names, best.size)
+        return Change(h.name, 1.0, 1.0 / ratio, error, d.degrees, "1", p_value, names, best.size)
+    if h.body is not None:
+        size, error = load_of(h.name, step, covariance)
+        unit = "kg" if h.name.startswith("mass") else "kg m"
+        return Change(h.name, 0.0, size, error, d.degrees, unit, p_value, names, best.size)
     at = [i for i, n in enumerate(d.names) if n == h.name]
+    if not at:  # one with other numbers: only its change is known
+        error = float(np.sqrt(covariance[0, 0]))
+        return Change(h.name, 0.0, float(step[0]), error, d.degrees, "kg m²", p_value, names, best.size)
     unit = units[at[0]]
     step, covariance = step[: len(at)], covariance[: len(at), : len(at)]  # what it covers comes behind
     a, b = start[at], start[at] + step

@@ -1,30 +1,33 @@
-"""`compare_records`: what changed between several records of one axis."""
+"""`compare_records` and `compare_arms`: what changed between several records of one axis or one arm."""
 
 from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from whsklearn._threads import one_blas_thread
+from whsklearn.compare.arm import MOST_LEFT, ArmRecord, arm_rows, poor_joints
 from whsklearn.compare.axis import OneWay, axis_rows
 from whsklearn.compare.comparison import Comparison
 from whsklearn.compare.estimate import Estimate, estimate
-from whsklearn.compare.hypotheses import Difference, smallest
+from whsklearn.compare.hypotheses import Difference, hypotheses, smallest
 from whsklearn.compare.pair import between, changes_between
 from whsklearn.compare.rows import Rows
 from whsklearn.compare.series import change_point, scatter, spread
 from whsklearn.gap.data_check import check_servo
+from whsklearn.gap.evidence import FEWEST_SAMPLES, SHORTEST_RECORD
 from whsklearn.gap.record import ServoRecord
+from whsklearn.models.files import as_arm
 
-MOST_LEFT = 0.3  # of the rms drive: beyond it the numbers are not those of the axis
 SURE = 3.0  # standard errors below zero: one in a thousand by chance
 SEEN = 0.5  # of a number: a comparison that would miss half of every number has seen nothing
 FOLLOWS = 0.01  # of the drive that a function of position leaves: then the drive is the controller's, not the axis's
 N_KNOTS = 24
+NAMED = 3  # joints of an arm by name in one phrase
 
 
 @one_blas_thread
@@ -67,9 +70,7 @@ def compare_records(
     """
     began = time.perf_counter()
     records = list(records)
-    names = list(labels) or [f"record {k + 1}" for k in range(len(records))]
-    if len(records) < 2 or len(names) != len(records):
-        raise ValueError(f"{len(records)} records and {len(names)} labels; give two records at least, a label each.")
+    names = _labels(records, labels)
     kinds = {r.units for r in records}
     if len(kinds) > 1:
         told = " and ".join(f"{u} over {m}" for u, m in sorted(kinds))
@@ -77,6 +78,84 @@ def compare_records(
     found = _compared(records, names, alpha, np.random.default_rng(random_state))
     found.alpha, found.seconds = alpha, time.perf_counter() - began
     return found
+
+
+@one_blas_thread
+def compare_arms(
+    records: Sequence[ArmRecord], robot: Any, labels: Sequence[str] = (), *, alpha: float = 0.01
+) -> Comparison:
+    """The same for records of an arm: what changed at which joint, or what load came to which link.
+
+    Parameters
+    ----------
+    records : sequence of ArmRecord
+        At least two, in order of time.
+    robot : Arm, or path of a URDF, MJCF or model file
+        The kinematics; its masses are not used.
+    labels : sequence of str, optional
+        Names of the records.
+    alpha : float
+        Probability of reporting a change although nothing changed.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than two records, or one of them does not fit the robot.
+
+    References
+    ----------
+    Gautier and Khalil 1990, IEEE Trans. Robotics and Automation 6(3), 368-373, for the numbers that an arm shows.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from whsklearn.compare import ArmRecord, compare_arms
+    >>> from whsklearn.datasets import default_arm, make_arm_log
+    >>> arm = default_arm()
+    >>> loaded = arm.with_body("pitch", 0.5, [0.1, 0.0, 0.0])
+    >>> logs = [make_arm_log(a, random_state=k, return_arrays=True) for k, a in enumerate((arm, loaded))]
+    >>> found = compare_arms([ArmRecord(500.0, *log) for log in logs], arm)
+    >>> print(found.changes[0].name, round(found.changes[0].change, 3))  # 0.5 kg, 0.1 m from the axis
+    moment at pitch 0.05
+    """
+    began = time.perf_counter()
+    names = _labels(records, labels)
+    arm = as_arm(robot)
+    try:
+        for r, label in zip(records, names, strict=True):
+            if len(r.position) < max(FEWEST_SAMPLES, SHORTEST_RECORD * r.sample_rate):
+                n = len(r.position)
+                raise ValueError(
+                    f"{label}: Record too short. {n} samples over {n / r.sample_rate:.1f} s; at least "
+                    f" {FEWEST_SAMPLES} samples and {SHORTEST_RECORD:.0f} s are needed. Log longer."
+                )
+        rows = arm_rows(records, arm, names)
+    except ValueError as reason:
+        found = dataclasses.replace(cannot_tell(str(reason), names), usable=False)
+    else:
+        poor = poor_joints(rows, arm.joints)
+        rows = [dataclasses.replace(r, changes={n: b for n, b in r.changes.items() if not at(n, poor)}) for r in rows]
+        found = compare_rows(rows, alpha)
+        found.notes += [
+            f"The arm's numbers leave {100 * share:.0f} % of the drive of {joint} unexplained; what moved there cannot "
+            "be told. Run `whsklearn gap` with --robot on it."
+            for joint, share in poor.items()
+        ]
+    found.alpha, found.seconds = alpha, time.perf_counter() - began
+    return found
+
+
+def at(name: str, joints: Collection[str]) -> bool:
+    """Whether a change is one of these joints' own, and not of a load that all joints pay for."""
+    effect, _, joint = name.partition(" at ")
+    return joint in joints and effect not in ("mass", "moment")
+
+
+def _labels(records: Sequence[Any], labels: Sequence[str]) -> list[str]:
+    names = list(labels) or [f"record {k + 1}" for k in range(len(records))]
+    if len(records) < 2 or len(names) != len(records):
+        raise ValueError(f"{len(records)} records and {len(names)} labels; give two records at least, a label each.")
+    return names
 
 
 def _compared(records: list[ServoRecord], labels: list[str], alpha: float, rng: np.random.Generator) -> Comparison:
@@ -173,7 +252,7 @@ def drift_notes(rows: list[Rows], parts: list[Estimate]) -> list[str]:
     out = []
     for r, e in zip(rows, parts, strict=True):
         for i, walk in e.drift.items():
-            if walk * r.sizes[i] > 0.01 * r.scale:
+            if walk * r.sizes[i] > 0.01 * r.drives[i]:
                 out.append(
                     f"{r.names[i].replace('_', ' ')} walks by {walk:.2g} {r.units[i]} (rms) within {r.label}; that "
                     "widens its interval and is not counted as a change."
@@ -184,8 +263,8 @@ def drift_notes(rows: list[Rows], parts: list[Estimate]) -> list[str]:
 def own_sizes(d: Difference) -> dict[str, float]:
     """Name -> size of the number that is certain, for the numbers that every axis has."""
     out = {}
-    for name in dict.fromkeys(d.names):
-        if name not in ("delay", "input_offset"):
+    for name in (h.name for h in hypotheses(d)):
+        if name in d.names and name.partition(" at ")[0] not in ("delay", "input_offset"):
             at = [i for i, n in enumerate(d.names) if n == name]
             size, error = (float(np.linalg.norm(x[at])) for x in (d.mean, d.errors))
             out[name] = max(0.0, size - 2.0 * error)
@@ -211,9 +290,35 @@ def sentence(found: Comparison, d: Difference) -> str:
     if found.verdict == "cannot_tell":
         return f"What moved cannot be told. {found.reason}"
     sizes = own_sizes(d)
-    seen = [f"{100 * found.smallest_seen[n] / s:.2g} % of {n.replace('_', ' ')}"
-            for n, s in sizes.items() if s > 0.0 and found.smallest_seen[n] < SEEN * s]  # fmt: skip
+    seen = by_effect({n: found.smallest_seen[n] / s for n, s in sizes.items() if found.smallest_seen[n] < SEEN * s})
     seen.append(f"{100 * found.smallest_seen['gain']:.2g} % of the drive's gain")
-    hidden = [n.replace("_", " ") for n, s in sizes.items() if found.smallest_seen[n] >= SEEN * s]
+    masses = {n: x for n, x in found.smallest_seen.items() if n.startswith("mass at ")}
+    if masses:  # the lightest that shows, of all places a hand may carry it
+        name = min(masses, key=lambda n: masses[n])
+        seen.append(f"{masses[name]:.2g} kg at {name.removeprefix('mass at ')}")
+    hidden = by_effect({n: np.nan for n, s in sizes.items() if found.smallest_seen[n] >= SEEN * s})
     text = f"Nothing moved that these records show. At least {', '.join(seen)} would have been seen."
     return text + (f" Less than half of {' and '.join(hidden)} would not." if hidden else "")
+
+
+def by_effect(shares: Mapping[str, float]) -> list[str]:
+    """One phrase per effect: the shares at the joints of an arm together; no number where a share is NaN.
+
+    Examples
+    --------
+    >>> by_effect({"inertia": 0.02, "coulomb": float("nan")})
+    ['2 % of inertia', 'coulomb']
+    >>> by_effect({"coulomb at hip": 0.1, "coulomb at knee": 0.2, "coulomb at foot": 0.4, "coulomb at toe": 0.3})
+    ['10 to 40 % of coulomb at 4 joints']
+    """
+    groups: dict[str, dict[str, float]] = {}
+    for name, share in shares.items():
+        effect, _, joint = name.partition(" at ")
+        groups.setdefault(effect.replace("_", " "), {})[joint] = share
+    out = []
+    for effect, joints in groups.items():
+        low, high = (f"{100 * f(joints.values()):.2g}" for f in (min, max))
+        text = "" if low == "nan" else f"{low} % of " if low == high else f"{low} to {high} % of "
+        where = f" at {len(joints)} joints" if len(joints) > NAMED else f" at {' and '.join(joints)}"
+        out.append(f"{text}{effect}{'' if '' in joints else where}")
+    return out

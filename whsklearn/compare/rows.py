@@ -6,7 +6,7 @@ form (`whsklearn.compare.axis`, `whsklearn.compare.arm`); the rest of the code d
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -49,8 +49,8 @@ class Rows:
         Slow changes of some numbers along the record.
     of : tuple of int
         The number that each nuisance belongs to.
-    scale : float
-        Rms drive.
+    scale : ndarray of shape (n_joints,)
+        Root of the mean over all samples of each joint's drive squared; of an axis its rms drive.
     slowest : float
         Frequency (Hz) below which there is practically no motion.
     covers : dict
@@ -59,6 +59,10 @@ class Rows:
         Names of numbers that must be positive by physics.
     to_si : tuple of float
         Factor from each unit to SI; empty if all are SI.
+    channel : ndarray of int of shape (n,), optional
+        The joint that each sample belongs to, one joint after the other; an axis has one.
+    changes : dict
+        Name -> directions (p, k) in which a change moves the numbers; if empty, every named number may change.
     """
 
     label: str
@@ -73,11 +77,29 @@ class Rows:
     block: NDArray[np.intp]
     nuisances: Array
     of: tuple[int, ...]
-    scale: float
+    scale: Array
     slowest: float
     covers: dict[str, tuple[str, ...]]
     positive: frozenset[str] = frozenset()
     to_si: tuple[float, ...] = ()
+    channel: NDArray[np.intp] | None = None
+    changes: dict[str, Array] = field(default_factory=dict)
+
+    def channels(self) -> list[NDArray[np.intp]]:
+        """Samples of every joint."""
+        if self.channel is None:
+            return [np.arange(self.target.size)]
+        return [np.flatnonzero(self.channel == j) for j in np.unique(self.channel)]
+
+    def paid(self) -> Array:
+        """Power of every number's column at each joint, as a share of that where it is most, shape (n_joints, p)."""
+        power = np.array([np.sum(self.columns[those] ** 2, axis=0) for those in self.channels()])
+        return np.asarray(power / np.maximum(power.max(axis=0), 1e-300))
+
+    @property
+    def drives(self) -> Array:
+        """Rms of the drives at which every number is paid, shape (p,)."""
+        return np.asarray(np.maximum(np.sqrt(self.scale**2 @ self.paid()), 1e-300))
 
     @property
     def sizes(self) -> Array:
@@ -146,11 +168,11 @@ def drifting(columns: Array, names: tuple[str, ...], time: Array, slowest: float
     of : tuple of int
         The number that each belongs to.
     """
-    span = max(float(time[-1] - time[0]), 1e-300)
-    phase = np.pi * (time - time[0]) / span
+    span = max(float(np.ptp(time)), 1e-300)
+    phase = np.pi * (time - time.min()) / span
     parts, of = [], []
     for name, most in HALF_WAVES.items():
-        for i in (k for k, other in enumerate(names) if other == name):
+        for i in (k for k, other in enumerate(names) if other.partition(" at ")[0] == name):
             for j in range(1, min(most, int(2.0 * span * slowest / SLOWER)) + 1):
                 parts.append(columns[:, i] * np.cos(j * phase))
                 of.append(i)
@@ -169,35 +191,48 @@ def difference(a: Rows, b: Rows, values: Array) -> Rows | None:
     values : ndarray of shape (p,)
         Numbers about which both records are linearised.
     """
-    shift = _shift(a, b)
+    pairs = list(zip(a.channels(), b.channels(), strict=True))
+    shift = _shift(a, b, pairs)
     if shift is None:
         return None
-    now = a.time + shift
-    inside = (now >= b.time[0]) & (now <= b.time[-1])
-    inside &= np.abs(now - b.time[np.clip(np.searchsorted(b.time, now), 0, b.time.size - 1)]) < 2.0 * b.step
-    x = np.column_stack([np.interp(now, b.time, c) for c in b.columns.T])
-    left = np.interp(now, b.time, b.target - b.columns @ values) - (a.target - a.columns @ values)
+    columns, target, inside = np.array(a.columns), np.array(a.target), np.zeros(a.target.size, dtype=bool)
+    for i, j in pairs:
+        now, then = a.time[i] + shift, b.time[j]
+        near = np.abs(now - then[np.clip(np.searchsorted(then, now), 0, then.size - 1)]) < 2.0 * b.step
+        inside[i] = near & (now >= then[0]) & (now <= then[-1])
+        x = np.column_stack([np.interp(now, then, c) for c in b.columns[j].T])
+        columns[i] = 0.5 * (a.columns[i] + x)
+        left = np.interp(now, then, b.target[j] - b.columns[j] @ values)
+        target[i] = left - (a.target[i] - a.columns[i] @ values)
     return replace(
-        a, columns=0.5 * (a.columns + x)[inside], target=left[inside], at=a.at[inside], time=a.time[inside],
-        path=a.path[inside], block=a.block[inside], nuisances=a.nuisances[inside],
+        a, columns=columns[inside], target=target[inside], at=a.at[inside], time=a.time[inside], path=a.path[inside],
+        block=a.block[inside], nuisances=a.nuisances[inside],
+        channel=None if a.channel is None else a.channel[inside],
     )  # fmt: skip
 
 
-def _shift(a: Rows, b: Rows) -> float | None:
-    """Delay of the second record along the same path (s); None if the paths differ."""
-    step = max(a.step, b.step)
-    grids = [np.arange(0.0, r.time[-1], step) for r in (a, b)]
-    p, q = (np.interp(t, r.time, r.path) for t, r in zip(grids, (a, b), strict=True))
-    scale = float(np.std(p))
-    if scale <= 0.0 or abs(float(np.std(q)) / scale - 1.0) > 3.0 * ALIKE:
+def _shift(a: Rows, b: Rows, pairs: list[tuple[Array, Array]]) -> float | None:
+    """Delay of the second record along the same path of all joints (s); None if any path differs."""
+    step, n_a, n_b = max(a.step, b.step), float(a.time.max()), float(b.time.max())
+    grids = [np.arange(0.0, n, step) for n in (n_a, n_b)]
+    paths = [
+        [np.interp(t, r.time[k], r.path[k]) for t, r, k in zip(grids, (a, b), both, strict=True)] for both in pairs
+    ]
+    scales = [float(np.std(p)) for p, _ in paths]
+    if min(scales) <= 0.0:
         return None
-    n = p.size + q.size
-    lag = np.fft.irfft(np.conj(np.fft.rfft(p - p.mean(), n)) * np.fft.rfft(q - q.mean(), n), n)
+    if any(abs(float(np.std(q)) / s - 1.0) > 3.0 * ALIKE for (_, q), s in zip(paths, scales, strict=True)):
+        return None
+    n = grids[0].size + grids[1].size
+    lag = sum(
+        np.fft.irfft(np.conj(np.fft.rfft((p - p.mean()) / s, n)) * np.fft.rfft((q - q.mean()) / s, n), n)
+        for (p, q), s in zip(paths, scales, strict=True)
+    )
     k = int(np.argmax(lag))
     k -= n if k > n // 2 else 0
     i, j = max(0, -k), max(0, k)
-    m = min(p.size - i, q.size - j)
-    if m < OVERLAP * min(p.size, q.size):
+    m = min(grids[0].size - i, grids[1].size - j)
+    if m < OVERLAP * min(grids[0].size, grids[1].size):
         return None
-    apart = q[j : j + m] - p[i : i + m]
-    return k * step if float(np.sqrt(np.mean(apart**2))) < ALIKE * scale else None
+    apart = [np.sqrt(np.mean((q[j : j + m] - p[i : i + m]) ** 2)) / s for (p, q), s in zip(paths, scales, strict=True)]
+    return k * step if max(apart) < ALIKE else None

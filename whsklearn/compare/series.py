@@ -76,7 +76,7 @@ def scatter(rows: list[Rows], parts: list[Estimate], alpha: float) -> list[Chang
     for i, name in enumerate(rows[0].names):
         values, variances = np.array([e.values[i] for e in parts]), np.array([e.covariance[i, i] for e in parts])
         _, apart, p = spread(values, variances)
-        share = apart * float(np.mean([r.sizes[i] / r.scale for r in rows]))
+        share = apart * float(np.mean([r.sizes[i] / r.drives[i] for r in rows]))
         if p * len(rows[0].names) <= alpha and share > LEAST:
             a, b = int(np.argmin(values)), int(np.argmax(values))
             error = float(np.sqrt(variances[a] + variances[b]))
