@@ -34,7 +34,7 @@ from benchmarks.blind_arms import RATE, two_records
 from benchmarks.blind_mujoco import FINE, Rig, _rms, build, draw_rig, hide, reference
 from benchmarks.real_axes import folder
 from whsklearn import Arm
-from whsklearn.compare import ArmRecord, Comparison, compare_arms, compare_records
+from whsklearn.compare import ArmLog, Comparison, compare_arms, compare_records
 from whsklearn.gap import ServoRecord
 
 DRIFTS = ("none", "walk", "none", "warm")  # half of the pairs
@@ -235,7 +235,7 @@ def of_arms(count: int, seeds: int, every: bool) -> None:
         n = (3, 6)[(i // len(ARM_CHANGES)) % 2]
         arm, before, after, joint = two_records(kind, n, seeds + i)
         began = time.process_time()
-        found = compare_arms([ArmRecord(RATE, *before), ArmRecord(RATE, *after)], arm)
+        found = compare_arms([ArmLog(RATE, *before), ArmLog(RATE, *after)], arm)
         first = found.changes[0].name if found.changes else ""
         beside = found.changes[0].rivals if found.changes else []
         true = [f"{name} at j{joint + 1}" for name in ARM_CHANGES[kind]]
@@ -251,21 +251,21 @@ def of_arms(count: int, seeds: int, every: bool) -> None:
     click.echo(f"CPU seconds a pair: median {seconds[len(seconds) // 2]:.2f}, worst {seconds[-1]:.2f}")
 
 
-def real_arm(data: Path, name: str, joints: int) -> tuple[Arm, ArmRecord]:
+def real_arm(data: Path, name: str, joints: int) -> tuple[Arm, ArmLog]:
     """The robot and its log."""
     frame = pd.read_csv(data / "arms" / f"{name}.csv.gz")
     q, u = (frame[[c.format(j) for j in range(1, joints + 1)]].to_numpy() for c in ("position_{}_rad", "torque_{}_nm"))
     rate = 1.0 / float(np.median(np.diff(frame["time_s"])))
-    return Arm.from_file(data / "arms" / f"{name.removesuffix('_loaded')}.urdf"), ArmRecord(rate, q, u)
+    return Arm.from_file(data / "arms" / f"{name.removesuffix('_loaded')}.urdf"), ArmLog(rate, q, u)
 
 
-def arm_parts(r: ArmRecord, n: int) -> list[ArmRecord]:
+def arm_parts(r: ArmLog, n: int) -> list[ArmLog]:
     """The record in ``n`` equal parts."""
     edges = np.linspace(0, len(r.position), n + 1).astype(int)
-    return [ArmRecord(r.sample_rate, r.position[a:b], r.drive[a:b]) for a, b in itertools.pairwise(edges)]
+    return [ArmLog(r.sample_rate, r.position[a:b], r.drive[a:b]) for a, b in itertools.pairwise(edges)]
 
 
-def equal_arms(data: Path) -> Iterator[tuple[str, Arm, list[ArmRecord]]]:
+def equal_arms(data: Path) -> Iterator[tuple[str, Arm, list[ArmLog]]]:
     """Parts of real records of arms, of which nothing moved."""
     for name, joints in (("double_pendulum", 2), ("airbot", 6), ("airbot_loaded", 6), ("tx40", 6)):
         arm, log = real_arm(data, name, joints)

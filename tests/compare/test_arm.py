@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from whsklearn.compare import ArmRecord, compare_arms
+from whsklearn.compare import ArmLog, compare_arms
 from whsklearn.compare.arm import arm_rows, independent, poor_joints
 from whsklearn.compare.estimate import estimate
 from whsklearn.compare.hypotheses import INERTIAS, at_one_point
@@ -19,7 +19,7 @@ ARM = default_arm()  # yaw and pitch: no drive shows what it weighs, only its mo
 
 
 def record(arm=ARM, seed=0, seconds=20.0, **effects):
-    return ArmRecord(500.0, *make_arm_log(arm, effects, duration=seconds, random_state=seed, return_arrays=True))
+    return ArmLog(500.0, *make_arm_log(arm, effects, duration=seconds, random_state=seed, return_arrays=True))
 
 
 @pytest.fixture(scope="module")

@@ -79,7 +79,7 @@ def main(**options: Any) -> None:
 
 def comparison_of(options: dict[str, Any], files: tuple[str, ...], labels: list[str]) -> Callable[[], Comparison]:
     """The comparison of these files, which are read first."""
-    from whsklearn.compare import ArmRecord, compare_arms, compare_records
+    from whsklearn.compare import ArmLog, compare_arms, compare_records
 
     if not options["robot"]:
         if options["joints"] or options["gains"]:
@@ -88,7 +88,7 @@ def comparison_of(options: dict[str, Any], files: tuple[str, ...], labels: list[
         return lambda: compare_records(records, labels, alpha=options["alpha"], random_state=options["seed"])
     arm = robot_of(options)
     logs = [read_arm(file, options, arm) for file in files]
-    arms = [ArmRecord(log.rate, log.position, log.drive) for log in logs]
+    arms = [ArmLog(log.rate, log.position, log.drive) for log in logs]
     return lambda: compare_arms(arms, arm, labels, alpha=options["alpha"])
 
 

@@ -30,20 +30,39 @@ POINT = 4  # leading numbers of a link: its mass and moments
 OWN = 1e-6  # of a column's norm that those before it leave: below, it is made of them (rounding is 1e-13)
 
 
-class ArmRecord(NamedTuple):
-    """Rate (Hz), positions and drives (n, n_joints) in rad and Nm (m and N), in the order of the joints."""
+class ArmLog(NamedTuple):
+    """One record of an arm.
+
+    Attributes
+    ----------
+    sample_rate : float
+        In Hz.
+    position, drive : ndarray of shape (n, n_joints)
+        In rad and Nm (m and N where a joint slides), in the order of the robot's joints.
+
+    References
+    ----------
+    Khalil and Dombre 2002, Modeling, Identification and Control of Robots, ch. 12.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from whsklearn.compare import ArmLog
+    >>> ArmLog(500.0, np.zeros((1000, 6)), np.zeros((1000, 6))).position.shape
+    (1000, 6)
+    """
 
     sample_rate: float
     position: Array
     drive: Array
 
 
-def arm_rows(records: Sequence[ArmRecord], arm: Arm, labels: Sequence[str]) -> list[Rows]:
+def arm_rows(records: Sequence[ArmLog], arm: Arm, labels: Sequence[str]) -> list[Rows]:
     """Every record behind the lowest of their cut-offs, with the same weights of the joints.
 
     Parameters
     ----------
-    records : sequence of ArmRecord
+    records : sequence of ArmLog
     arm : Arm
     labels : sequence of str
 
@@ -77,7 +96,7 @@ def poor_joints(rows: Sequence[Rows], joints: Sequence[str]) -> dict[str, float]
     return {joint: share for joint, share in most.items() if share > MOST_LEFT}
 
 
-def _rows(lags: RigidBodyLags, view: Any, record: ArmRecord, weights: Array, label: str) -> Rows:
+def _rows(lags: RigidBodyLags, view: Any, record: ArmLog, weights: Array, label: str) -> Rows:
     """Joint after joint, the rows that count of each, weighed."""
     arm, n = lags.arm_, lags.arm_.n_joints
     flat = (view.phi * weights[:, None])[view.keep], (view.target * weights)[view.keep]

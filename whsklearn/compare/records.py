@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from whsklearn._threads import one_blas_thread
-from whsklearn.compare.arm import MOST_LEFT, ArmRecord, arm_rows, poor_joints
+from whsklearn.compare.arm import MOST_LEFT, ArmLog, arm_rows, poor_joints
 from whsklearn.compare.axis import OneWay, axis_rows
 from whsklearn.compare.comparison import Comparison
 from whsklearn.compare.estimate import Estimate, estimate
@@ -82,13 +82,13 @@ def compare_records(
 
 @one_blas_thread
 def compare_arms(
-    records: Sequence[ArmRecord], robot: Any, labels: Sequence[str] = (), *, alpha: float = 0.01
+    records: Sequence[ArmLog], robot: Any, labels: Sequence[str] = (), *, alpha: float = 0.01
 ) -> Comparison:
     """The same for records of an arm: what changed at which joint, or what load came to which link.
 
     Parameters
     ----------
-    records : sequence of ArmRecord
+    records : sequence of ArmLog
         At least two, in order of time.
     robot : Arm, or path of a URDF, MJCF or model file
         The kinematics; its masses are not used.
@@ -109,12 +109,12 @@ def compare_arms(
     Examples
     --------
     >>> import numpy as np
-    >>> from whsklearn.compare import ArmRecord, compare_arms
+    >>> from whsklearn.compare import ArmLog, compare_arms
     >>> from whsklearn.datasets import default_arm, make_arm_log
     >>> arm = default_arm()
     >>> loaded = arm.with_body("pitch", 0.5, [0.1, 0.0, 0.0])
     >>> logs = [make_arm_log(a, random_state=k, return_arrays=True) for k, a in enumerate((arm, loaded))]
-    >>> found = compare_arms([ArmRecord(500.0, *log) for log in logs], arm)
+    >>> found = compare_arms([ArmLog(500.0, *log) for log in logs], arm)
     >>> print(found.changes[0].name, round(found.changes[0].change, 3))  # 0.5 kg, 0.1 m from the axis
     moment at pitch 0.05
     """
