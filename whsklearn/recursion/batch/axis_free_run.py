@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from whsklearn._numba import njit
-from whsklearn.recursion.batch.best_linear import damped_step
+from whsklearn.recursion.batch.levenberg_marquardt import descend
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -97,36 +97,55 @@ def fit_axis(
         Its cost is infinite if the free run diverges.
     """
     weight = np.zeros(theta.size) if prior is None else prior
-    begin, damping = theta.copy(), 1e-2
-    run, rows = sensitivities(theta, log)
-    error = (log.target - run) * log.counts
-    cost = _squares(error)
-    for _ in range(iterations):
-        moving = rows[: theta.size][free] * log.counts
-        if not (np.isfinite(cost) and np.abs(moving).max(initial=0.0) < LARGEST):
-            return AxisFit(theta, np.full((theta.size, theta.size), np.inf), error, np.inf)
+    begin = theta.copy()
+
+    def run_of(trial: Array) -> _Run:
+        error = (log.target - free_run(trial, log)) * log.counts
+        return _Run(trial, log, error, _squares(error) + float(weight @ (trial - begin) ** 2))
+
+    def equations(at: _Run) -> tuple[Array, Array] | None:
+        moving = sensitivities(at.theta, log)[1][: theta.size][free] * log.counts
+        if not _says_something(at.cost, moving):
+            return None
         information = moving @ moving.T + np.diag(weight[free])
-        gradient = moving @ error - weight[free] * (theta - begin)[free]
-        information[np.diag_indices_from(information)] += 1e-300
-        accepted = False
-        for _ in range(8):
-            trial = theta.copy()
-            trial[free] += damped_step(information, gradient, damping)
-            trial[0] = max(trial[0], 0.05 * theta[0])
-            trial[1:3] = np.maximum(trial[1:3], 0.0)  # friction only dissipates
-            left = (log.target - free_run(trial, log)) * log.counts
-            new = _squares(left) + float(weight @ (trial - begin) ** 2)
-            if new < cost:
-                accepted, gain, theta, cost, damping = True, 1 - new / cost, trial, new, damping / 8
-                break
-            damping *= 4
-        if not accepted:
-            break
-        run, rows = sensitivities(theta, log)
-        error = (log.target - run) * log.counts
-        if gain < 1e-8:
-            break
-    return AxisFit(theta, _covariance(rows[: theta.size] * log.counts, error, free), error, float(error @ error))
+        return _regular(information), moving @ at.error - weight[free] * (at.theta - begin)[free]
+
+    end = descend(
+        run_of(theta), equations, lambda at, step: run_of(_stepped(at.theta, free, step)), iterations, enough=1e-8
+    )
+    rows = sensitivities(end.theta, log)[1][: theta.size] * log.counts
+    if not _says_something(end.cost, rows[free]):
+        return AxisFit(end.theta, np.full((theta.size, theta.size), np.inf), end.error, np.inf)
+    return AxisFit(end.theta, _covariance(rows, end.error, free), end.error, float(end.error @ end.error))
+
+
+class _Run(NamedTuple):
+    """Parameters, the log with the states of its pieces, the error of the run, and what is lowered."""
+
+    theta: Array
+    log: AxisLog
+    error: Array
+    cost: float
+
+
+def _says_something(cost: float, rows: Array) -> bool:
+    """Whether a run and its sensitivities are finite."""
+    return bool(np.isfinite(cost) and np.abs(rows).max(initial=0.0) < LARGEST)
+
+
+def _regular(information: Array) -> Array:
+    """Normal equations whose diagonal is above zero."""
+    information[np.diag_indices_from(information)] += 1e-300
+    return information
+
+
+def _stepped(theta: Array, free: NDArray[np.bool_], step: Array) -> Array:
+    """theta after a step: the inertia keeps a twentieth, and friction only dissipates."""
+    trial = theta.copy()
+    trial[free] += step
+    trial[0] = max(trial[0], 0.05 * theta[0])
+    trial[1:3] = np.maximum(trial[1:3], 0.0)
+    return trial
 
 
 def settled(theta: Array, log: AxisLog, passes: int = 8) -> AxisLog:
@@ -158,35 +177,27 @@ def fit_pieces(theta: Array, log: AxisLog, free: NDArray[np.bool_], *, iteration
     AxisFit
         Of infinite cost where the run runs away, and says nothing.
     """
-    damping = 1e-2
-    log = settled(theta, log)
-    run, rows = sensitivities(theta, log)
-    error = log.target - run
-    cost = _squares(error)
-    for _ in range(iterations):
-        if not (np.isfinite(cost) and np.abs(rows).max(initial=0.0) < LARGEST):
-            return AxisFit(theta, np.full((theta.size, theta.size), np.inf), error, np.inf)
-        moving = beside_the_states(rows, log)[free]
-        information, gradient = moving @ moving.T, moving @ error
-        information[np.diag_indices_from(information)] += 1e-300
-        for _ in range(8):
-            trial = theta.copy()
-            trial[free] += damped_step(information, gradient, damping)
-            trial[0] = max(trial[0], 0.05 * theta[0])
-            trial[1:3] = np.maximum(trial[1:3], 0.0)  # friction brakes
-            there = settled(trial, log)
-            new = _squares(there.target - free_run(trial, there))
-            if new < cost:
-                break
-            damping *= 4
-        else:
-            break
-        gain, theta, log, cost, damping = 1 - new / cost, trial, there, new, damping / 8
-        run, rows = sensitivities(theta, log)
-        error = log.target - run
-        if gain < 1e-6:
-            break
-    return AxisFit(theta, _covariance(beside_the_states(rows, log), error, free), error, cost)
+
+    def run_of(trial: Array, before: AxisLog) -> _Run:
+        there = settled(trial, before)
+        error = there.target - free_run(trial, there)
+        return _Run(trial, there, error, _squares(error))
+
+    def equations(at: _Run) -> tuple[Array, Array] | None:
+        rows = sensitivities(at.theta, at.log)[1]
+        if not _says_something(at.cost, rows):
+            return None
+        moving = beside_the_states(rows, at.log)[free]
+        return _regular(moving @ moving.T), moving @ at.error
+
+    def moved(at: _Run, step: Array) -> _Run:
+        return run_of(_stepped(at.theta, free, step), at.log)
+
+    end = descend(run_of(theta, log), equations, moved, iterations, enough=1e-6)
+    rows = sensitivities(end.theta, end.log)[1]
+    if not _says_something(end.cost, rows):
+        return AxisFit(end.theta, np.full((theta.size, theta.size), np.inf), end.error, np.inf)
+    return AxisFit(end.theta, _covariance(beside_the_states(rows, end.log), end.error, free), end.error, end.cost)
 
 
 def beside_the_states(rows: Array, log: AxisLog) -> Array:

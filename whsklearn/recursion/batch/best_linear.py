@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from whsklearn.recursion.batch.levenberg_marquardt import descend
 from whsklearn.recursion.batch.linear_filter import delayed_rows, filter_rows
 from whsklearn.systems.stability import is_stable
 
@@ -80,28 +81,37 @@ def output_error(data: IOData, start: Ratio, iterations: int = 40) -> Ratio:
 
     Ljung 1999, section 10.2; the derivatives are delayed copies of u/a and of -y_hat/a.
     """
-    ratio = Ratio(start.b, stabilised(start.a))
     one, n_b = np.ones(1), start.b.size
-    error = (data.y - ratio.run(data)) * data.scale
-    cost, damping = float(error @ error), 1e-2
-    for _ in range(iterations):
-        inner = filter_rows(one, ratio.a, np.vstack([data.u[:1], ratio.run(data)]), data.bounds)
+
+    def equations(at: _Run) -> tuple[Array, Array]:
+        inner = filter_rows(one, at.ratio.a, np.vstack([data.u[:1], at.y]), data.bounds)
         by_b = delayed_rows(inner[0], n_b, data.bounds)
-        by_a = -delayed_rows(inner[1], ratio.a.size, data.bounds)[1:]
+        by_a = -delayed_rows(inner[1], at.ratio.a.size, data.bounds)[1:]
         rows = np.vstack([by_b, by_a]) * data.scale
-        before = cost
-        for _ in range(8):
-            step = damped_step(rows @ rows.T, rows @ error, damping)
-            trial = Ratio(ratio.b + step[:n_b], ratio.a + np.append(0.0, step[n_b:]))
-            if is_stable(np.ascontiguousarray(trial.a[1:]), EDGE):
-                left = (data.y - trial.run(data)) * data.scale
-                if left @ left < cost:
-                    ratio, error, cost, damping = trial, left, float(left @ left), damping / 8
-                    break
-            damping *= 4
-        if cost > before * (1 - 1e-6):
-            break
-    return ratio
+        return rows @ rows.T, rows @ at.error
+
+    def moved(at: _Run, step: Array) -> _Run | None:
+        trial = Ratio(at.ratio.b + step[:n_b], at.ratio.a + np.append(0.0, step[n_b:]))
+        return _run(trial, data) if is_stable(np.ascontiguousarray(trial.a[1:]), EDGE) else None
+
+    first = _run(Ratio(start.b, stabilised(start.a)), data)
+    return descend(first, equations, moved, iterations, enough=1e-6).ratio
+
+
+class _Run(NamedTuple):
+    """A ratio's free run over a record, and its error on the samples that count."""
+
+    ratio: Ratio
+    y: Array
+    error: Array
+    cost: float
+
+
+def _run(ratio: Ratio, data: IOData) -> _Run:
+    """The run of a ratio."""
+    y = ratio.run(data)
+    error = (data.y - y) * data.scale
+    return _Run(ratio, y, error, float(error @ error))
 
 
 def best_linear(data: IOData, n_poles: int, n_zeros: int) -> Ratio:
@@ -109,17 +119,6 @@ def best_linear(data: IOData, n_poles: int, n_zeros: int) -> Ratio:
     arx = least_squares_arx(data, n_poles, n_zeros)
     starts = [Ratio(r.b, stabilised(r.a)) for r in (arx, steiglitz_mcbride(data, arx))]
     return output_error(data, min(starts, key=lambda r: _cost(r, data)))
-
-
-def damped_step(information: Array, gradient: Array, damping: float) -> Array:
-    """(D + damping I)^-1 of the normal equations, scaled to a unit diagonal."""
-    scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
-    matrix = information / np.outer(scale, scale)
-    matrix[np.diag_indices_from(matrix)] += damping
-    try:
-        return np.linalg.solve(matrix, gradient / scale) / scale
-    except np.linalg.LinAlgError:
-        return np.zeros_like(gradient)
 
 
 def stabilised(a: Array) -> Array:
@@ -134,8 +133,7 @@ def stabilised(a: Array) -> Array:
 
 
 def _cost(ratio: Ratio, data: IOData) -> float:
-    error = (data.y - ratio.run(data)) * data.scale
-    cost = float(error @ error)
+    cost = _run(ratio, data).cost
     return cost if np.isfinite(cost) else np.inf
 
 

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from whsklearn.recursion.batch.best_linear import IOData, damped_step
+from whsklearn.recursion.batch.best_linear import IOData
+from whsklearn.recursion.batch.levenberg_marquardt import damped_step
 from whsklearn.recursion.batch.simulation_error import FittedChain, orthonormal, run, sensitivities
 
 if TYPE_CHECKING:

@@ -15,7 +15,8 @@ from whsklearn._numba import njit
 from whsklearn.effects import FrictionLaw
 from whsklearn.effects.knots import placed
 from whsklearn.effects.terms import term
-from whsklearn.recursion.batch.best_linear import EDGE, IOData, damped_step
+from whsklearn.recursion.batch.best_linear import EDGE, IOData
+from whsklearn.recursion.batch.levenberg_marquardt import damped_step
 from whsklearn.recursion.batch.linear_filter import delayed_rows, filter_rows
 from whsklearn.systems.stability import is_stable
 
