@@ -19,12 +19,22 @@ def log(n, groups=None):
     )
 
 
-def test_segments_come_longest_first_and_all_are_there(capsys):
-    parts = records.segments(log(100, np.repeat([0, 1, 2], [20, 70, 10])))
-    assert [p.y.size for p in parts] == [70, 20, 10]
+def test_the_longest_segment_comes_with_a_note(capsys):
+    part = records.longest(log(100, np.repeat([0, 1, 2], [20, 70, 10])))
     assert "70 of 100 samples" in capsys.readouterr().err
-    assert "70 of 100 samples" in parts[0].notes[0]
-    np.testing.assert_array_equal(parts[1].time, np.arange(20) / 100.0)
+    assert "70 of 100 samples" in part.notes[0]
+    np.testing.assert_array_equal(part.time, np.arange(20, 90) / 100.0)
+
+
+def test_all_segments_are_bridged_unless_a_hole_is_longer_than_the_log():
+    whole = log(100, np.repeat([0, 1, 2], [30, 50, 20]))
+    whole.sample_rate = 100.0
+    whole.time = whole.time + np.repeat([0.0, 0.4, 0.5], [30, 50, 20])
+    assert records.bridged(whole) is whole
+    whole.time = whole.time + np.repeat([0.0, 3600.0, 3600.0], [30, 50, 20])
+    part = records.bridged(whole)
+    assert part.y.size == 70
+    assert "70 of 100 samples" in part.notes[0]
 
 
 @pytest.mark.parametrize("n", [3000, 4000])
@@ -39,7 +49,7 @@ def test_of_a_long_log_the_part_with_the_most_travel_is_taken(n, monkeypatch):
 def test_a_log_of_usual_length_is_left_as_it_is():
     whole = log(500)
     assert records.liveliest(whole) is whole
-    assert records.segments(whole) == [whole]
+    assert records.longest(whole) is whole
 
 
 def test_what_was_fitted_is_no_test_in_any_unit():

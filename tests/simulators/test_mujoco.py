@@ -25,6 +25,22 @@ def test_refit_finds_a_wrong_damping(record):
     assert found.parameters["damping"] == pytest.approx(0.1, rel=0.05)
 
 
+def test_a_replay_begins_anew_after_a_hole(record):
+    n = len(record)
+    logged = np.r_[0 : n // 3, n // 2 : n]
+    torn = ServoRecord(
+        record.time[logged], record.drive[logged], record.position[logged] + np.where(logged < n // 2, 0.0, 0.01),
+        starts=(n // 3,),
+    )  # fmt: skip
+    exact = MuJoCoSimulator(XML.format(joint=""), joint="axis")
+    error = torn.position - exact.simulate(torn)
+    assert np.std(error) < 3e-3 * np.std(torn.position)
+    wrong = MuJoCoSimulator(XML.format(joint="").replace('damping="0.1"', 'damping="0.15"'), joint="axis")
+    found = wrong.refit(torn, np.ones(len(torn), dtype=bool))
+    assert found.parameters["damping"] == pytest.approx(0.1, rel=0.05)
+    assert found.numbers.size == len(found.parameters) + 2  # a velocity for each segment
+
+
 def test_friction_that_is_not_there_is_tried():
     assert [e.name for e in MuJoCoSimulator(XML.format(joint=""), joint="axis").also_try] == ["coulomb"]
 

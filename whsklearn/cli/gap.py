@@ -18,6 +18,7 @@ from tqdm import tqdm
 
 from whsklearn.cli.job import UNUSABLE, job, say_where, tracker_for, wrapped, writable_folder
 from whsklearn.cli.records import (
+    bridged,
     liveliest,
     long_segments,
     note,
@@ -26,7 +27,6 @@ from whsklearn.cli.records import (
     reading_options,
     refuse_fitted,
     roles_of,
-    segments,
 )
 
 if TYPE_CHECKING:
@@ -157,9 +157,8 @@ def main(**options: Any) -> None:
 
 
 def taken(options: dict[str, Any], log: Bunch) -> Bunch:
-    """Of a log with holes what the kind of model can use: all long segments of an axis, else the longest one."""
-    axis = options["kind"] == "servo" and options["simulator"] is None
-    return long_segments(log) if axis else segments(log)[0]
+    """Of a log with holes what the kind of model can use: all segments, without short ones or very long holes."""
+    return long_segments(log) if options["kind"] == "servo" else bridged(log)
 
 
 def diagnose(options: dict[str, Any], log: Bunch, second: Bunch | None, folder: Path) -> GapFinder:

@@ -218,27 +218,44 @@ def long_segments(log: Bunch, shortest: float = SHORTEST_SEGMENT) -> Bunch:
     return part
 
 
+def bridged(log: Bunch) -> Bunch:
+    """The segments of a log without its longest holes, so that less is missing than was logged; a note on the rest.
+
+    A chain passes the samples of a hole as well, which costs time and shows nothing.
+    """
+    import numpy as np
+
+    first, last = 0, log.y.size
+    while (log.time[last - 1] - log.time[first]) * log.sample_rate > 2 * (last - first):
+        cut = first + 1 + int(np.argmax(np.diff(log.time[first:last])))
+        first, last = (first, cut) if cut - first >= last - cut else (cut, last)
+    if last - first == log.y.size:
+        return log
+    part = _cut(log, slice(first, last))
+    text = (
+        f"{last - first} of {log.y.size} samples are used, from {part.time[0]:.6g} to {part.time[-1]:.6g} s: the holes "
+        "beside them are longer than what was logged."
+    )
+    note(text)
+    part.notes = (*part.notes, text)
+    return part
+
+
 def longest(log: Bunch) -> Bunch:
     """The longest segment of a log; a note if there are others."""
-    return segments(log)[0]
-
-
-def segments(log: Bunch) -> list[Bunch]:
-    """The segments of a log, the longest first; a note if there are several."""
     import numpy as np
 
     counts = np.bincount(log.groups)
     if counts.size == 1:
-        return [log]
-    order = np.argsort(-counts, kind="stable")
-    first, *rest = (_cut(log, log.groups == k) for k in order)
+        return log
+    part = _cut(log, log.groups == np.argmax(counts))
     text = (
-        f"{first.y.size} of {log.y.size} samples, the longest of {counts.size} segments from "
-        f"{first.time[0]:.6g} to {first.time[-1]:.6g} s, are used."
+        f"{part.y.size} of {log.y.size} samples, the longest of {counts.size} segments from "
+        f"{part.time[0]:.6g} to {part.time[-1]:.6g} s, are used."
     )
     note(text)
-    first.notes = (*first.notes, text)
-    return [first, *rest]
+    part.notes = (*part.notes, text)
+    return part
 
 
 def liveliest(log: Bunch) -> Bunch:

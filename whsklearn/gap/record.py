@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
@@ -183,6 +183,14 @@ class ServoRecord:
         """The samples of every segment, and the time of its first sample (s since the start of the record)."""
         bounds = (0, *self.starts, self.time.size)
         return [(slice(a, b), float(self.time[a] - self.time[0])) for a, b in pairwise(bounds)]
+
+    @property
+    def segments(self) -> list[ServoRecord]:
+        """Every segment as a record of its own, with the times of the whole; the record itself if it has no hole."""
+        if not self.starts:
+            return [self]
+        signals = {k: x for k in ("time", "drive", "position", "reference") if (x := getattr(self, k)) is not None}
+        return [replace(self, starts=(), **{k: x[s] for k, x in signals.items()}) for s, _ in self.pieces]
 
     def by_piece(self, function: Callable[..., Any], *signals: Array) -> Any:
         """What a function makes of every segment of signals, one after the other: an array or a tuple.

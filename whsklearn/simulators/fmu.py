@@ -86,14 +86,18 @@ class FMUSimulator:
         self._units = {k: units[k] for k in (self.drive, self.position)}
 
     def simulate(self, record: Any) -> Array:
-        """Position from the drive alone, shape (n,), beginning at the record's first.
+        """Position from the drive alone, shape (n,), beginning at the first of every segment of the record.
 
         Parameters
         ----------
         record : ServoRecord
         """
+        return np.concatenate([self._run(part, record.time[0]) for part in record.segments])
+
+    def _run(self, record: Any, first: float) -> Array:
+        """Position of one segment; ``first`` is where the time of effects begins."""
         fmpy = _library()
-        u = record.drive - sum((self._torque(e, record) for e in self.effects), np.zeros(len(record)))
+        u = record.drive - sum((self._torque(e, record, first) for e in self.effects), np.zeros(len(record)))
         time = record.time - record.time[0]
         by, far = (factor_of(self._units[k])[0] for k in (self.drive, self.position))  # a record is in SI
         log = np.array(list(zip(time, u / by, strict=True)), dtype=[("time", float), (self.drive, float)])
@@ -102,9 +106,9 @@ class FMUSimulator:
             input=log, output=[self.position], start_values=self.parameters, fmi_type="CoSimulation",
         )  # fmt: skip
         y = np.interp(time, out["time"], out[self.position]) * far
-        return y - y[0] + record.position[0]
+        return np.asarray(y - y[0] + record.position[0])
 
-    def _torque(self, effect: Effect, record: Any) -> Array:
+    def _torque(self, effect: Effect, record: Any, first: float) -> Array:
         """What an effect asks of the drive along the measured motion."""
         from whsklearn.filtering.records import motion
 
@@ -112,7 +116,7 @@ class FMUSimulator:
         m = motion(record.position, rate, min(25.0, 0.2 * rate))
         return effect.contribution(
             SimpleNamespace(
-                time=record.time - record.time[0],
+                time=record.time - first,
                 position=m.position,
                 velocity=m.velocity,
                 acceleration=m.acceleration,

@@ -27,10 +27,10 @@ STARTED = 0.25  # s at whose replay the start is fitted; the observer forgets it
 
 
 class Start(NamedTuple):
-    """Velocity of the joint at the first sample of a record, known by its drive, and the unit of that number."""
+    """Velocity of the joint at the start of every segment of a record, which is known by its drive, and its unit."""
 
     drive: Array
-    velocity: float
+    velocity: Array
     unit: float
 
 
@@ -125,6 +125,8 @@ class MuJoCoSimulator:
     def simulate(self, record: Any) -> Array:
         """Position of the joint under the logged control, shape (n,), held near the log by the observer.
 
+        The replay begins anew after a hole of the record.
+
         The velocity at its start is a number like those of the model: `refit` finds it with them, and before that it is
         the one that fits the first quarter of a second best.  A difference of the log's first positions will not do:
         where an axis at rest gets a hard jump of the drive, an exact model missed the log by 100 encoder steps.
@@ -133,21 +135,26 @@ class MuJoCoSimulator:
         ----------
         record : ServoRecord
         """
-        return self._held(record, self._start_of(record).velocity, len(record))
+        begun = zip(record.segments, self._start_of(record).velocity.tolist(), strict=True)
+        return np.concatenate([self._held(part, velocity, len(part)) for part, velocity in begun])
 
     def _start_of(self, record: Any) -> Start:
         """The one that a refit to the record has found, or the one that fits the replay's first quarter second best."""
         if self._start is not None and self._start.drive is record.drive:
             return self._start
+        unit = 2.0 * math.pi * TRACKING * (float(np.ptp(record.position)) or 1.0)
+        return Start(record.drive, np.array([self._first_velocity(part, unit) for part in record.segments]), unit)
+
+    def _first_velocity(self, record: Any, unit: float) -> float:
+        """The velocity that fits the first quarter second of the replay of a segment best."""
         y, dt = record.position, record.dt
         first, rise = min(y.size, max(8, round(STARTED / dt))), min(4, y.size - 1)
-        unit = 2.0 * math.pi * TRACKING * (float(np.ptp(y)) or 1.0)
 
         def run(velocity: Array) -> tuple[Array, None]:
             return self._held(record, float(velocity[0]), first), None
 
         *_, best = _fitted(run, np.array([(y[rise] - y[0]) / (rise * dt)]), y[:first], np.array([1e-4 * unit]))
-        return Start(record.drive, float(best[0]), unit)
+        return float(best[0])
 
     def _held(self, record: Any, velocity: float, count: int) -> Array:
         """The first ``count`` positions of the replay that begins with this velocity, shape (count,)."""
@@ -262,7 +269,7 @@ class MuJoCoSimulator:
 
     @property
     def numbers(self) -> Array:
-        """Logarithms of the `parameters`; after a refit also the velocity at the record's start, scaled."""
+        """Logarithms of the `parameters`; after a refit also the velocity at the start of every segment, scaled."""
         own = np.log(list(self.parameters.values()))
         return own if self._start is None else np.append(own, self._start.velocity / self._start.unit)
 
@@ -272,11 +279,11 @@ class MuJoCoSimulator:
         Parameters
         ----------
         x : ndarray
-            As ``numbers`` gives them; without the last one the velocity at the start stays.
+            As ``numbers`` gives them; if the velocities at the starts are missing, they stay.
         """
         n, other = len(self.parameters), copy.copy(self)
         if self._start is not None and x.size > n:
-            other._start = self._start._replace(velocity=float(x[n]) * self._start.unit)
+            other._start = self._start._replace(velocity=np.asarray(x[n:]) * self._start.unit)
         values = dict(zip(self.parameters, np.exp(np.clip(x[:n], -60.0, 60.0)), strict=True))
         other.spec = self.spec.copy()
         j, old = other.spec.joint(self.joint), self._own

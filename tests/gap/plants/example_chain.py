@@ -7,7 +7,7 @@ import numpy as np
 from whsklearn import WienerHammersteinSystem
 from whsklearn.effects import as_law
 from whsklearn.gap.plants.chain_candidates import Term, catalogue
-from whsklearn.gap.plants.chain_model import SKIP, ChainModel, Record, sizes
+from whsklearn.gap.plants.chain_model import ChainModel, Record, sizes
 
 THETA = np.array([2.2, 1.0, 0.5, 0.05, 0.7, 0.2, 0.2, 0.15, 0.4])
 PARTS = {"a": [1.0, 2.2], "b": [1.0, 0.5], "c": [1.0, 0.2], "d": [0.15, 0.4]}
@@ -29,7 +29,7 @@ def record(*effects, noise=0.02, seed=0, u=U):
     """A record of the example with these effects of the library in it."""
     d = noise * np.random.default_rng(seed).normal(size=u.size)
     y = WienerHammersteinSystem(**PARTS, effects=effects).simulate(u, d)
-    return Record(u, y, 1.0, np.array([2, 2, 2, 2, 3]), as_law(None), np.arange(u.size) >= SKIP)
+    return Record.of(u, y, 1.0, np.array([2, 2, 2, 2, 3]), as_law(None))
 
 
 PLAIN = record()

@@ -20,7 +20,7 @@ def drawn(seed):
     u, y = (case.frame[k].to_numpy().copy() for k in ("u", "y"))
     s = {k: np.array(v) for k, v in case.system.items()}
     theta = np.concatenate([s["a"][1:], s["b"], s["law"], s["c"][1:], s["d"]])
-    return Record(u, y, 1.0, np.array([2, 2, 2, 2, 3]), as_law(None), np.arange(u.size) >= 40), ChainModel(theta)
+    return Record.of(u, y, 1.0, np.array([2, 2, 2, 2, 3]), as_law(None)), ChainModel(theta)
 
 
 @pytest.mark.parametrize("seed", [8101, 8102, 8103])

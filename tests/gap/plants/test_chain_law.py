@@ -93,7 +93,7 @@ def test_knots_lie_at_the_quantiles_of_x_and_a_law_with_them_explains_as_much():
     choice = law_choice("piecewise_linear:6")
     u, y = (frame[k].to_numpy().copy() for k in ("u", "y"))
     law = choice.first()
-    s = Record(u, y, 1.0, np.array([2, 2, 2, 1, len(law)]), law, np.arange(u.size) >= 40)
+    s = Record.of(u, y, 1.0, np.array([2, 2, 2, 1, len(law)]), law)
     start = minima(s, base_starts(s, np.random.default_rng(0)))[0]
     at, (model,) = laws.with_knots(s, start, choice)
     knots = [t.knot for t in at.law.terms if hasattr(t, "knot")]
@@ -108,7 +108,7 @@ def test_a_pole_too_few_is_told_and_an_effect_is_not_taken_for_it():
     big = WienerHammersteinSystem([1.0, 0.5], [-1.2, 0.7, -0.1], [1.0], [-0.5, 0.3, -0.2, 0.4])
     y = big.simulate(u, 0.01 * rng.normal(size=u.size))
     law = law_choice(None).first()
-    s = Record(u, y, 1.0, np.array([2, 1, 1, 2, len(law)]), law, np.arange(u.size) >= 40)
+    s = Record.of(u, y, 1.0, np.array([2, 1, 1, 2, len(law)]), law)
     base = minima(s, base_starts(s, np.random.default_rng(0)))[0]
     said = laws.falls_short(s, base, base)
     assert "linear dynamics are missing" in said

@@ -10,6 +10,7 @@ from scipy.signal import lfilter
 
 from tests.gap.plants.example_chain import PLAIN, THETA, TRUE, U, record, term
 from whsklearn.gap.plants import chain_model as cm
+from whsklearn.gap.plants.chain_fit import coloured, cost
 
 COLOUR = np.array([0.3, -0.1, 0.0, 0.0, 0.0, 0.05])
 TERMS = [
@@ -72,14 +73,14 @@ def test_the_colour_is_that_of_the_noise_and_outliers_have_none():
     e = np.random.default_rng(0).normal(size=6000)
     r = lfilter([1.0], [1.0, -0.8, 0.3], e)
     r[1000] += 100.0
-    np.testing.assert_allclose(cm.colour(r)[:3], [-0.8, 0.3, 0.0], atol=0.06)
+    np.testing.assert_allclose(cm.colour([r])[:3], [-0.8, 0.3, 0.0], atol=0.06)
     assert cm.loudness(np.array([-0.8, 0.3])) == pytest.approx(np.std(lfilter([1.0], [1.0, -0.8, 0.3], e)), rel=0.05)
 
 
 def test_the_colour_cannot_take_a_constant_or_a_tone_out_of_the_errors():
     t = np.arange(3000.0)
     for r in (np.ones(3000), np.sin(0.4 * t)):
-        held = cm.burg(r + 1e-3 * np.random.default_rng(0).normal(size=r.size))
+        held = cm.burg([r + 1e-3 * np.random.default_rng(0).normal(size=r.size)])
         assert np.abs(np.roots([1.0, *held])).max() < cm.LONGEST_COLOUR * 1.0001
         assert np.std(cm.whiten(r, held)[50:] - r.mean()) > 0.0 or abs(cm.whiten(r, held)[-1]) > 1e-3
 
@@ -104,3 +105,22 @@ def test_readings_that_are_never_negative_stay_so_in_made_records():
 def test_natural_parameters_have_their_names():
     assert list(cm.numbers_of(PLAIN, TRUE).items())[:4] == [("a_2", 2.2), ("b_1", 1.0), ("b_2", 0.5), ("viscous", 0.05)]
     assert record().blocks[2] == slice(3, 6)
+
+
+def test_what_was_not_logged_changes_nothing():
+    seen = np.ones(PLAIN.u.size, dtype=bool)
+    seen[400:550] = False
+    rng = np.random.default_rng(1)
+    found = []
+    for scale in (1.0, 1e6):
+        y = np.where(seen, PLAIN.y, scale * rng.normal(size=seen.size))
+        s = cm.Record.of(PLAIN.u, y, 1.0, PLAIN.dims, PLAIN.law, seen)
+        m = coloured(s, TRUE)
+        found.append(
+            (m.ar, cm.left(s, m), cost(s, m), cm.sizes(s, m).y, cm.made(s, m, np.random.default_rng(0)).y[seen])
+        )
+    for a, b in zip(*found, strict=True):
+        np.testing.assert_array_equal(a, b)
+    assert not found[0][1][400:550].any()
+    assert int(s.fit.sum()) == PLAIN.u.size - 150 - 2 * cm.SKIP
+    np.testing.assert_array_equal(cm.left(s, m)[-300:], cm.left(PLAIN, m)[-300:])  # time goes on in a hole

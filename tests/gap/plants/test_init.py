@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from whsklearn import WienerHammersteinSystem
-from whsklearn.gap.plants import Base, make_plant, sampling_time
+from whsklearn.gap.plants import Base, make_plant, sampling
 from whsklearn.gap.plants.chain import ChainPlant
 from whsklearn.gap.plants.servo import ServoPlant
 from whsklearn.gap.plants.simulator import SimulatorPlant
@@ -82,4 +82,23 @@ def test_arrays_are_a_log_and_a_missing_column_is_told():
     ("log", "dt"), [(PAIR, 0.01), (PAIR[["u", "y"]], 1.0), (PAIR.assign(time_s=-T), 1.0), (T, 1.0)]
 )
 def test_time_counts_where_it_rises(log, dt):
-    assert sampling_time(log, {}) == pytest.approx(dt)
+    step, at = sampling(log, {})
+    assert step == pytest.approx(dt)
+    assert at is None
+
+
+def test_a_hole_keeps_its_place_on_the_grid():
+    log = PAIR[(T < 1.0) | (T >= 1.5)]
+    plant = made("wiener-hammerstein", log)
+    s = plant.readings()
+    assert s.dt == pytest.approx(0.01)
+    assert np.array_equal(s.seen, (T < 1.0) | (T >= 1.5))
+    np.testing.assert_allclose(s.y[s.seen], log.y)
+    assert not s.fit[np.flatnonzero(s.seen)[100:140]].any(), "the state after a hole is not known"
+
+
+def test_stamps_that_come_in_bursts_are_no_holes():
+    bursts = np.repeat(0.1 * np.arange(100), 10) + np.tile(1e-4 * np.arange(10), 100)
+    step, at = sampling(pd.DataFrame({"time_s": bursts}), {})
+    assert at is None
+    assert step == pytest.approx(0.00992, rel=1e-2)

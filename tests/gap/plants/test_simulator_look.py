@@ -47,3 +47,16 @@ def test_what_is_gone_is_told_as_a_share_of_the_acceleration():
     error = 1e-3 * np.sin(20.0 * TIME)  # a hundred times the share in the acceleration that it has in the position
     assert gone(motion(record), error, np.zeros_like(error), record) == pytest.approx(0.1, rel=0.05)
     assert gone(motion(record), np.zeros_like(error), error, record) == 0.0
+
+
+def test_a_hole_is_no_acceleration():
+    torn = ServoRecord(RECORD.time + np.where(TIME < 2.0, 0.0, 5.0), RECORD.drive,
+                       RECORD.position + np.where(TIME < 2.0, 0.0, 3.0), starts=(int(np.sum(TIME < 2.0)),))  # fmt: skip
+    whole, seen = motion(RECORD), motion(torn)
+    assert 0.8 * whole.usable.sum() < seen.usable.sum() < whole.usable.sum()
+    both = seen.usable & whole.usable
+    a, b = (m.seen(r.position, 2)[both] for m, r in ((whole, RECORD), (seen, torn)))
+    np.testing.assert_allclose(b, a, atol=1e-6 * np.abs(a).max())
+    assert seen.signals.time[-1] == pytest.approx(TIME[-1] + 5.0)
+    assert [len(r) for r in torn.segments] == [torn.starts[0], TIME.size - torn.starts[0]]
+    assert RECORD.segments[0] is RECORD

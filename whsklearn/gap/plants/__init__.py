@@ -8,9 +8,13 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from whsklearn.logs.timebase import LONG_GAP
 from whsklearn.logs.units import factor_of, own_units, unit_of
 
 Array = NDArray[Any]
+
+
+BURSTS = 0.01  # share of long steps above which they are not holes: a clock whose samples come in bursts has more
 
 
 class Base(NamedTuple):
@@ -52,7 +56,7 @@ def make_plant(model: Any, log: Any, y: Any, base: Base, *, tolerance: float, co
         logged = unit_of(columns.get("input") or "", ""), unit_of(columns.get("output") or "", "")
         (by, into), (far, out) = map(factor_of, logged)
         u, v = _input_output(log, y, columns)
-        plant = _chain(model, u * by, v * far, base, tolerance, sampling_time(log, columns))
+        plant = _chain(model, u * by, v * far, base, tolerance, *sampling(log, columns))
         plant.units, plant.logged, plant.own_units = (into, out), logged, own_units((into, out), logged)
         return plant
     if isinstance(model, (Arm, ArmModel)):
@@ -69,7 +73,9 @@ def make_plant(model: Any, log: Any, y: Any, base: Base, *, tolerance: float, co
     )
 
 
-def _chain(model: Any, u: Array, y: Array, base: Base, tolerance: float, dt: float) -> Any:
+def _chain(
+    model: Any, u: Array, y: Array, base: Base, tolerance: float, dt: float, at: NDArray[np.intp] | None
+) -> Any:  # fmt: skip
     """The plant of a chain; orders, direct paths and law are taken from the system unless they are given."""
     from whsklearn.gap.plants.chain import ChainPlant
     from whsklearn.gap.plants.chain_law import law_choice
@@ -84,21 +90,28 @@ def _chain(model: Any, u: Array, y: Array, base: Base, tolerance: float, dt: flo
         raise ValueError(f"orders are {orders}; expected n_a, n_b, n_c, n_d with n_a and n_c at least 1.")
     if direct not in (0, 1, 2):
         raise ValueError(f"direct is {direct}; expected the number of blocks with a direct path: 0, 1 or 2.")
-    return ChainPlant(u, y, (law_choice(law), orders, direct), tolerance=tolerance, dt=dt, given_model=system)
+    return ChainPlant(u, y, (law_choice(law), orders, direct), tolerance=tolerance, dt=dt, at=at, given_model=system)
 
 
-def sampling_time(log: Any, columns: dict[str, Any]) -> float:
-    """Mean step of an increasing time column (``time_s`` if none is named); 1 if there is none."""
+def sampling(log: Any, columns: dict[str, Any]) -> tuple[float, NDArray[np.intp] | None]:
+    """(mean step of an increasing time column, place of each sample on that grid if there are holes).
+
+    The column is ``time_s`` if none is named; without one the step is 1.
+    """
     if not isinstance(log, pd.DataFrame):
-        return 1.0
+        return 1.0, None
     name = columns.get("time") or "time_s"
     if name not in log.columns:
-        return 1.0
+        return 1.0, None
     time = pd.to_numeric(log[name], errors="coerce").to_numpy(dtype=float)
     steps = np.diff(time)
     if time.size < 2 or not np.all(np.isfinite(steps)) or np.any(steps <= 0):
-        return 1.0
-    return float((time[-1] - time[0]) / (time.size - 1))
+        return 1.0, None
+    holes = steps >= LONG_GAP * np.median(steps)
+    if not 0.0 < np.mean(holes) <= BURSTS:
+        return float((time[-1] - time[0]) / (time.size - 1)), None
+    dt = float(steps[~holes].sum() / np.count_nonzero(~holes))
+    return dt, np.concatenate([[0], np.cumsum(np.where(holes, np.rint(steps / dt), 1.0))]).astype(np.intp)
 
 
 def _input_output(log: Any, y: Any, columns: dict[str, Any]) -> tuple[Array, Array]:

@@ -38,6 +38,7 @@ ALIASES = {
     "asymmetric_coulomb": ("output_offset",),
     "input_offset": ("output_offset", "asymmetric_coulomb"),
 }
+MOST_MISSING = 1.0  # share of a record's samples that its holes may have: they cost time and show nothing
 SEARCHED = 8000  # samples of a longer record in which effects are searched for, to save time
 FITTED = 0.6  # share of the record to which models are fitted for the proof; the rest judges them
 # p-value below which candidates are fitted, which takes seconds, so it is above the usual levels; and the p-value below
@@ -66,6 +67,8 @@ class ChainPlant(PlantDefaults):
         Smallest change of the output worth a name, as a share of its rms.
     dt : float
         Sampling time; one if the log has no time, so that frequencies are in cycles per sample.
+    at : ndarray of int, shape (n,), optional
+        Place of every sample on the grid of the sampling time, if the log has holes.
     given_model : WienerHammersteinSystem, optional
         The model to return if nothing can be diagnosed.
     """
@@ -80,14 +83,16 @@ class ChainPlant(PlantDefaults):
 
     def __init__(
         self, u: Array, y: Array, base: tuple[LawChoice, tuple[int, ...], int], *, tolerance: float, dt: float = 1.0,
-        given_model: Any = None,
+        at: NDArray[np.intp] | None = None, given_model: Any = None,
     ):  # fmt: skip
         self.u, self.y = (np.array(v, dtype=float) for v in (u, y))  # the compiled pass needs writable arrays
         self.law, self.orders, self.direct = base
+        self.at = np.arange(self.u.size) if at is None else at
+        self.length = int(self.at[-1]) + 1 if self.at.size else 0
         self.tolerance, self.dt, self.given_model = tolerance, dt, given_model
         self.scale = rms(self.y) if self.y.size and np.isfinite(self.y).all() else 1.0
-        self.horizons = (1.0, 10.0, float(self.y.size))
-        self.headline = float(self.y.size)
+        self.horizons = (1.0, 10.0, float(self.length))
+        self.headline = float(self.length)
         self._others: list[ChainModel] = []
         self._near: set[str] = set()
         self._settled: dict[int, ChainModel] = {}
@@ -95,17 +100,27 @@ class ChainPlant(PlantDefaults):
         self._seen: dict[int, tuple[ChainModel, Seen]] = {}
 
     def check(self) -> list[DataProblem]:
-        """See `whsklearn.gap.plants.chain_record.check_chain`."""
-        return readings.check_chain(self.u, self.y)
+        """See `whsklearn.gap.plants.chain_record.check_chain`; holes may not be longer than what was logged."""
+        found = readings.check_chain(self.u, self.y)
+        if self.length > (1.0 + MOST_MISSING) * self.u.size:
+            text = (
+                f"{self.length - self.u.size} samples are missing in the holes of the log, which has {self.u.size}. "
+                "Cut it at the longest hole and pass one part."
+            )
+            found.append(DataProblem("data-holes", "More is missing than was logged", text))
+        return found
 
     # --- models -----------------------------------------------------------------------------------
     def readings(self, n: int | None = None) -> Record:
-        """The record in the form that fits take, or its first n samples."""
-        n = self.u.size if n is None else n
+        """The record in the form that fits take, or the part of it up to its n-th logged sample."""
+        n = self.length if n is None else int(self.at[n - 1]) + 1
         law = self.law.first()
         dims = np.array([*self.orders, len(law)], dtype=np.int64)
-        u = np.concatenate([self.u[self.direct :], np.zeros(self.direct)])[:n]
-        return Record(np.ascontiguousarray(u), self.y[:n].copy(), self.dt, dims, law, np.arange(n) >= cm.SKIP)
+        seen = np.zeros(self.length, dtype=bool)
+        seen[self.at] = True
+        u, y = (np.interp(np.arange(self.length), self.at, v) for v in (self.u, self.y))
+        u = np.concatenate([u[self.direct :], np.zeros(self.direct)])
+        return Record.of(u[:n], y[:n], self.dt, dims, law, seen[:n])
 
     def base(self, rng: np.random.Generator) -> ChainModel:
         """The best of the base model's minima; the others are kept as starts for candidates."""
@@ -115,7 +130,7 @@ class ChainPlant(PlantDefaults):
             for _ in range(2):
                 s, found = with_knots(s, found[0], self.law)
         self.record, self._others = s, found[1:]
-        self.everything = s if s.u.size == self.u.size else dataclasses.replace(self.readings(), law=s.law, dims=s.dims)
+        self.everything = s if s.u.size == self.length else dataclasses.replace(self.readings(), law=s.law, dims=s.dims)
         self.n_effective = float(s.fit.sum())
         self.unit = cm.loudness(found[0].ar)  # so that errors are in the unit of the output
         self._first = rms(self.errors(found[0]))
@@ -138,9 +153,14 @@ class ChainPlant(PlantDefaults):
         key = id(model), True
         if key not in self._parts:
             s = self.everything
-            early = dataclasses.replace(s, fit=s.fit & (np.arange(s.u.size) < FITTED * s.u.size))
+            early = dataclasses.replace(s, fit=s.fit & ~self._later())
             self._parts[key] = model, sharpened(early, model, (cm.SHARPEST,), 12)
         return self._parts[key][1]
+
+    def _later(self) -> NDArray[np.bool_]:
+        """Samples behind the first `FITTED` of the logged ones."""
+        seen = self.everything.seen
+        return np.asarray(np.cumsum(seen) - seen >= FITTED * self.u.size)
 
     def errors(self, model: ChainModel) -> Array:
         """Whitened errors of the free run with outliers capped, in the unit of the output."""
@@ -272,7 +292,7 @@ class ChainPlant(PlantDefaults):
         No fit can avoid a few of them, and they would make up most of a mean square.
         """
         s = self.everything
-        judged = np.arange(s.u.size) >= FITTED * s.u.size
+        judged = s.fit & self._later()
         if len(models) == 2 and models[0] is not models[1]:
             judged &= ~self._turned(models[1])
         return s.y, judged
@@ -280,12 +300,13 @@ class ChainPlant(PlantDefaults):
     def _turned(self, model: ChainModel) -> NDArray[np.bool_]:
         """Samples that follow one on the wrong side of a sign, for as long as L2 remembers it."""
         e = np.abs(cm.left(self.everything, self.part(model)))
-        far = e > WRONG_SIDE * cm.MAD * float(np.median(e))
+        far = e > WRONG_SIDE * cm.MAD * float(np.median(e[self.everything.seen]))
         return np.convolve(far, np.ones(REMEMBERED))[: far.size] > 0.5
 
     def surrogate(self, model: ChainModel, rng: np.random.Generator) -> ChainPlant:
         """The plant of a record made by the model, with the unexplained part of its errors as noise."""
-        other = ChainPlant(self.u, self.y, (self.law, self.orders, self.direct), tolerance=self.tolerance, dt=self.dt)
+        base = self.law, self.orders, self.direct
+        other = ChainPlant(self.u, self.y, base, tolerance=self.tolerance, dt=self.dt, at=self.at)
         s, fitted = self.everything, self.part(model)
         quiet = cm.free_run(s, fitted)
         noise = cm.made(s, fitted, rng).y - quiet
@@ -349,7 +370,13 @@ class ChainPlant(PlantDefaults):
     def notes(self, base: ChainModel, model: ChainModel) -> list[str]:
         """Remarks on how the record was used."""
         long = [f"Effects were searched for in the first {SEARCHED} samples and fitted to all {self.u.size}."]
+        holes = len(cm.pieces_of(self.everything.seen)) - 1
+        passed = (
+            f"All segments are used: the model runs through {holes} hole{'s' if holes > 1 else ''} under an "
+            f"interpolated input, and the {cm.SKIP} samples after a hole, where its state is not known, do not count."
+        )
         return [
+            *([passed] if holes else []),
             *(long if self.record is not self.everything else []),
             "All errors are those of the free run, whitened by an autoregression of the residual. The null is "
             "taken from records that the model made itself.",
@@ -363,8 +390,9 @@ class ChainPlant(PlantDefaults):
         """Series that the page draws."""
         runs = {word: self.simulate(m, self.headline) for word, m in (("before", base), ("after", model))}
         series = readings.pictures(self.record, base, model, self.unit)
+        s = self.everything
         return series | {
-            "time": np.arange(self.u.size) * self.dt, "measured": self.everything.y,
+            "time": np.arange(self.length) * self.dt, "measured": np.where(s.seen, s.y, np.nan),
             "runs": runs, "held": self.measured()[1], "beside_turned": self._turned(model),
             "axes": readings.axes(self.everything, base, self.units), "floor": self.figures(base, model)[2],
         }  # fmt: skip

@@ -247,19 +247,20 @@ def unfolded(s: Record, m: ChainModel, rng: np.random.Generator) -> list[ChainMo
     the least-squares h are computed in turn; finally the chain's own output replaces h * u.
     """
     rows = np.column_stack([np.concatenate([np.zeros(i), s.u[: s.u.size - i]]) for i in range(1, MEMORY + 1)])
-    white = np.linalg.qr(rows)[0] * np.sqrt(s.u.size)
-    moment = (white * (s.y**2 - np.mean(s.y**2))[:, None]).T @ white / s.u.size
+    n = np.count_nonzero(s.seen)
+    white = np.linalg.qr(rows * s.seen[:, None])[0] * np.sqrt(n)
+    moment = (white * (s.y**2 - np.mean(s.y[s.seen] ** 2))[:, None]).T @ white / n
     values, axes = np.linalg.eigh(moment)
     tries = []
     for h in [axes[:, i] for i in np.argsort(-values)[:3]] + [rng.standard_normal(MEMORY) for _ in range(5)]:
         sign = np.sign(white @ h)
         for _ in range(PASSES):
-            h = white.T @ (sign * s.y) / s.u.size
+            h = white.T @ (sign * s.y) / n
             new = np.sign(white @ h)
             if np.array_equal(new, sign):
                 break
             sign = new
-        tries.append((float(np.mean((s.y - np.abs(white @ h)) ** 2)), sign))
+        tries.append((float(np.mean((s.y - np.abs(white @ h))[s.seen] ** 2)), sign))
     sign = min(tries, key=lambda t: t[0])[1]
     found: list[ChainModel] = []
     for _ in range(3):
@@ -268,7 +269,7 @@ def unfolded(s: Record, m: ChainModel, rng: np.random.Generator) -> list[ChainMo
         if not found:
             return []
         new = np.sign(cm.simulate(straight, found[0])[2])
-        if np.mean(new != sign) < 0.002:
+        if np.mean((new != sign)[s.seen]) < 0.002:
             break
         sign = new
     return [dataclasses.replace(f, terms=m.terms) for f in found]

@@ -74,7 +74,8 @@ def _capped(z: Array) -> Array:
 def coloured(s: Record, m: ChainModel) -> ChainModel:
     """The model with the noise colour of its residual."""
     white = dataclasses.replace(m, ar=np.zeros_like(m.ar))
-    return dataclasses.replace(m, ar=cm.colour(cm.left(s, white)[cm.SKIP :]))
+    e = cm.left(s, white)
+    return dataclasses.replace(m, ar=cm.colour([e[piece][cm.SKIP :] for piece in cm.pieces_of(s.seen)]))
 
 
 def sharpened(

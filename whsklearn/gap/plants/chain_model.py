@@ -26,7 +26,7 @@ from whsklearn.systems.chain import PackedChain, Ports, run
 
 Array = NDArray[np.float64]
 
-SKIP = 40  # samples at the start of a record that do not count, because the state before them is not known
+SKIP = 40  # samples at a record's start and after a hole that do not count: the state before them is not known
 AR_ORDER = 6  # two for the denominator of L2, through which equation noise passes, and some for the noise itself
 LONGEST_COLOUR = 0.95  # largest modulus of A's roots; closer to one, A would treat a tone or an offset as noise
 CAP = 16.0  # largest cost of a sample, in variances
@@ -40,7 +40,8 @@ HARD = (100.0, 300.0, SHARPEST)  # rungs from the first resolved sign up to the 
 class Record:
     """Everything that stays the same through a diagnosis: u and y of shape (n,), the orders and the law.
 
-    ``fit`` marks the samples whose errors count.
+    ``fit`` marks the samples whose errors count, and ``seen`` those that were logged.  The samples of a hole stay on
+    the grid, so that time goes on: the free run passes them under an interpolated input, and their errors are zero.
     """
 
     u: Array
@@ -49,6 +50,34 @@ class Record:
     dims: NDArray[np.int64]
     law: FrictionLaw
     fit: NDArray[np.bool_]
+    seen: NDArray[np.bool_]
+
+    @classmethod
+    def of(
+        cls,
+        u: Array,
+        y: Array,
+        dt: float,
+        dims: NDArray[np.int64],
+        law: FrictionLaw,
+        seen: NDArray[np.bool_] | None = None,
+    ) -> Record:
+        """The record in which the first `SKIP` samples of every piece do not count.
+
+        Parameters
+        ----------
+        u, y : ndarray of shape (n,)
+        dt : float
+        dims : ndarray of shape (5,)
+        law : FrictionLaw
+        seen : ndarray of bool, shape (n,), optional
+            By default all samples.
+        """
+        seen = np.ones(u.size, dtype=bool) if seen is None else seen
+        fit = seen.copy()
+        for piece in pieces_of(seen):
+            fit[piece][:SKIP] = False
+        return cls(np.ascontiguousarray(u), np.ascontiguousarray(y), dt, dims, law, fit, seen)
 
     @property
     def blocks(self) -> tuple[slice, slice, slice, slice, slice]:
@@ -153,9 +182,16 @@ def whiten(x: Array, ar: Array) -> Array:
     return np.asarray(lfilter(np.concatenate([[1.0], ar]), [1.0], x, axis=0)) if ar.any() else x
 
 
+def pieces_of(seen: NDArray[np.bool_]) -> list[slice]:
+    """The runs of logged samples between holes."""
+    edges = np.flatnonzero(np.diff(seen, prepend=False, append=False)).tolist()
+    return [slice(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
 def left(s: Record, m: ChainModel, kappa: float = np.inf) -> Array:
-    """A(q) (y - y_hat), shape (n,)."""
-    return whiten(np.clip(np.nan_to_num(s.y - simulate(s, m, kappa)[2], nan=1e9), -1e9, 1e9), m.ar)
+    """A(q) (y - y_hat), shape (n,); zero in holes, and nothing of a hole's errors enters those after it."""
+    e = np.clip(np.nan_to_num(s.y - simulate(s, m, kappa)[2], nan=1e9), -1e9, 1e9)
+    return whiten(e * s.seen, m.ar) * s.seen
 
 
 def rms_dx(s: Record, m: ChainModel) -> float:
@@ -173,7 +209,7 @@ def sizes(s: Record, m: ChainModel) -> Sizes:
     peaks = (max(float(np.quantile(np.abs(a), 0.999)), 1e-12) for a in (s.u, x))
     u_peak, x_peak = peaks
     return Sizes(
-        size(s.u), u_peak, size(x), x_peak, size(np.diff(x)), size(v), max(float(np.std(s.y)), 1e-12),
+        size(s.u), u_peak, size(x), x_peak, size(np.diff(x)), size(v), max(float(np.std(s.y[s.seen])), 1e-12),
         s.u.size * s.dt, s.dt,
     )  # fmt: skip
 
@@ -213,16 +249,22 @@ def held(e: Array) -> Array:
 
 def clipped(e: Array) -> Array:
     """The errors clipped at `HELD_TO` robust deviations."""
-    limit = HELD_TO * MAD * float(np.median(np.abs(e))) + 1e-300
+    limit = clip_at(e)
     return np.clip(e, -limit, limit)
 
 
-def colour(r: Array) -> Array:
-    """An autoregression of the residual of a model without its outliers; shape (`AR_ORDER`,)."""
+def clip_at(e: Array) -> float:
+    """`HELD_TO` robust deviations of errors."""
+    return HELD_TO * MAD * float(np.median(np.abs(e))) + 1e-300
+
+
+def colour(pieces: list[Array]) -> Array:
+    """An autoregression of the residual of a model, piece by piece, without its outliers; shape (`AR_ORDER`,)."""
     ar = np.zeros(AR_ORDER)
     for _ in range(3):
-        sound = lfilter([1.0], np.concatenate([[1.0], ar]), clipped(whiten(r, ar)))
-        ar = burg(np.asarray(sound))
+        white = [whiten(r, ar) for r in pieces]
+        limit, poles = clip_at(np.concatenate(white)), np.concatenate([[1.0], ar])
+        ar = burg([np.asarray(lfilter([1.0], poles, np.clip(e, -limit, limit))) for e in white])
     return ar
 
 
@@ -236,13 +278,14 @@ def loudness(ar: Array) -> float:
     return float(np.sqrt(np.sum(response(ar, 400) ** 2)))
 
 
-def burg(x: Array) -> Array:
+def burg(pieces: list[Array]) -> Array:
     """Coefficients of an autoregression with its roots inside `LONGEST_COLOUR` (Burg 1975, PhD thesis, Stanford)."""
-    f, b, a = x[1:].copy(), x[:-1].copy(), np.ones(1)
+    pairs, a = [(x[1:], x[:-1]) for x in pieces], np.ones(1)
     for _ in range(AR_ORDER):
-        k = -2.0 * float(f @ b) / max(float(f @ f + b @ b), 1e-300)
+        power = sum(float(f @ f + b @ b) for f, b in pairs)
+        k = -2.0 * sum(float(f @ b) for f, b in pairs) / max(power, 1e-300)
         a = np.concatenate([a, [0.0]]) + k * np.concatenate([[0.0], a[::-1]])
-        f, b = f[1:] + k * b[1:], b[:-1] + k * f[:-1]
+        pairs = [(f[1:] + k * b[1:], b[:-1] + k * f[:-1]) for f, b in pairs]
     largest = float(np.abs(np.roots(a)).max(initial=0.0))
     if largest > LONGEST_COLOUR:
         a = a * (LONGEST_COLOUR / largest) ** np.arange(a.size)
@@ -318,7 +361,7 @@ def stable(s: Record, m: ChainModel) -> ChainModel:
 
 def made(s: Record, m: ChainModel, rng: np.random.Generator) -> Record:
     """A record that the model makes from the same input, with Gaussian noise of the colour and size of its residual."""
-    sigma = np.sqrt(variance_of(left(s, m)[SKIP:]))
+    sigma = np.sqrt(variance_of(left(s, m)[s.fit]))
     noise = lfilter([1.0], np.concatenate([[1.0], m.ar]), sigma * rng.standard_normal(s.u.size + 200))[200:]
     y = free_run(s, m) + np.asarray(noise)
     # readings that are never negative have also lost the sign of their noise

@@ -9,7 +9,17 @@ import numpy as np
 
 from whsklearn.gap.data_check import DataProblem, flat_share
 from whsklearn.gap.localisation import spectra
-from whsklearn.gap.plants.chain_model import AR_ORDER, SKIP, ChainModel, Record, clipped, left, simulate, variance_of
+from whsklearn.gap.plants.chain_model import (
+    AR_ORDER,
+    SKIP,
+    ChainModel,
+    Record,
+    clip_at,
+    clipped,
+    left,
+    simulate,
+    variance_of,
+)
 from whsklearn.gap.record import lattice, rms
 from whsklearn.validation.residuals import whiteness_test
 
@@ -73,8 +83,8 @@ def check_chain(u: Array, y: Array) -> list[DataProblem]:
 
 def coarse_grid(s: Record, m: ChainModel) -> float:
     """Step of the grid of the readings if rounding is a considerable part of the residual, otherwise 0."""
-    step = lattice(s.y)
-    if not step or step / math.sqrt(12.0) < COARSE_READING * rms(s.y):
+    step = lattice(s.y[s.seen])
+    if not step or step / math.sqrt(12.0) < COARSE_READING * rms(s.y[s.seen]):
         return 0.0
     gain = 1.0 + float(m.ar @ m.ar)  # of A(q) on white rounding errors
     return step if gain * step**2 / 12.0 > ROUNDING * variance_of(left(s, m)[s.fit]) else 0.0
@@ -104,9 +114,11 @@ def pictures(s: Record, base: ChainModel, model: ChainModel, unit: float) -> dic
     """Measured output, the gap over time, and its spectra by frequency and by order of x."""
     time = np.arange(s.u.size) * s.dt
     x = simulate(s, base)[0]
-    before, after = (unit * clipped(left(s, m)) for m in (base, model))
+    drawn = s.fit | (np.arange(s.u.size) < SKIP)  # the spectra skip the first ones themselves
+    errors = (left(s, m) * drawn for m in (base, model))
+    before, after = (unit * np.clip(e, -clip_at(e[drawn]), clip_at(e[drawn])) for e in errors)
     return {
-        "gap_time": time, "usable": np.arange(s.u.size) >= SKIP, "units": ("", ""), "what": "whitened error",
+        "gap_time": time, "usable": s.fit, "units": ("", ""), "what": "whitened error",
         "output": "output", "window": WINDOW, "clock": "s" if s.dt != 1.0 else "samples",
         **spectra(before, after, s.dt, x, np.linspace(0.3, 12.0, 160) / max(rms(x), 1e-12), SKIP),
     }  # fmt: skip

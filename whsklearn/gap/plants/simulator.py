@@ -10,6 +10,9 @@
         shapes_to_try = (LuGre, ContactStop)      # optional; besides the catalogue, if with_effect accepts them
         whole_numbers = ("order",)                # optional; fields that must be whole numbers
 
+A record with holes has ``starts``, the samples that follow a hole: ``simulate`` begins anew there, at the measured
+position (``record.segments`` are the segments as records of their own).
+
 ``with_effect`` raises ValueError or NotImplementedError for an effect that the simulator cannot hold; the report then
 says that it was not tried.
 """
@@ -226,7 +229,11 @@ class SimulatorPlant(PlantDefaults):
 
     def weighed(self, error: Array) -> Array:
         """Whitened training samples of errors, shape (n,) or (n, k); k may be 0."""
-        return whiten(error, self.ar)[self.train] if error.size else error[self.train]
+        return self.white(error)[self.train] if error.size else error[self.train]
+
+    def white(self, error: Array) -> Array:
+        """Whitened errors, shape (n,) or (n, k); the filter begins anew after a hole."""
+        return np.asarray(self.record.by_piece(lambda e: whiten(e, self.ar), error))
 
     def objection(self, model: SimulatorModel, index: int) -> str:
         """The physical objection to an effect's size, or nothing."""
@@ -308,7 +315,7 @@ class SimulatorPlant(PlantDefaults):
         for name, m in (("before", base), ("after", model)):
             error = self.gap(m)
             self.tune(error)
-            out.append(whiteness(whiten(error, self.ar), name))
+            out.append(whiteness(self.white(error), name))
         return out
 
     def notes(self, base: SimulatorModel, model: SimulatorModel) -> list[str]:

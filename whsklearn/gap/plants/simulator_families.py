@@ -49,7 +49,8 @@ class Seen:
         """The errors of a fitted model."""
         power = smoothed_power(model.error)
         null = [coloured(power, model.error.size, rng) for _ in range(N_NULL)]
-        position = plant.record.position - noise_of(model.error, plant.noise)
+        noise = plant.record.by_piece(lambda e: noise_of(e, plant.noise), model.error)
+        position = plant.record.position - noise
         followed = motion(dataclasses.replace(plant.record, position=position))
         return cls(model, model.error, np.array(null), followed)
 

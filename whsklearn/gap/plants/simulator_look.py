@@ -29,6 +29,7 @@ class Motion:
     signals: Any
     kernels: tuple[Array, Array, Array]
     every: int
+    usable: NDArray[np.bool_]
     _columns: dict[Effect, Array] = field(default_factory=dict, repr=False, compare=False)
 
     def seen(self, x: Array, derivative: int = 0) -> Array:
@@ -42,28 +43,32 @@ class Motion:
             self._columns[effect] = self.seen(columns, 2 if effect.port == "output" else 0)
         return self._columns[effect]
 
-    @property
-    def usable(self) -> slice:
-        """The decimated samples away from the edges."""
-        edge = self.kernels[0].size // 2 // self.every + 1
-        return slice(edge, -edge)
-
 
 def motion(record: Any) -> Motion:
-    """Smooth position, velocity and acceleration of a record."""
+    """Smooth position, velocity and acceleration of a record; ``usable`` are the decimated samples away from edges."""
     from scipy.signal import fftconvolve
 
     cutoff = min(HIGHEST, 0.08 / record.dt)
     kernels = gaussian_derivatives(CUTOFF_SIGMA / (2 * np.pi * cutoff), record.dt)
     half = kernels[0].size // 2
-    padded = np.pad(record.position, half, mode="edge")
-    q, v, a = (fftconvolve(padded, k, mode="valid") for k in kernels)
+
+    def smooth(x: Array) -> tuple[Array, ...]:
+        padded = np.pad(x, half, mode="edge")
+        return tuple(fftconvolve(padded, k, mode="valid") for k in kernels)
+
+    q, v, a = record.by_piece(smooth, record.position)
     still = 3.0 * noise_level(record.position) / (CUTOFF_SIGMA / (2 * np.pi * cutoff))
     signals = SimpleNamespace(
         time=record.time - record.time[0], position=q, velocity=v, acceleration=a, drive=record.drive,
         kappa=1.0 / max(still, 0.01 * rms(v), 1e-12),
     )  # fmt: skip
-    return Motion(signals, kernels, max(1, int(1.0 / (5.0 * cutoff * record.dt))))
+    every = max(1, int(1.0 / (5.0 * cutoff * record.dt)))
+    at = np.arange(0, len(record), every)
+    edge = half // every + 1
+    usable = (at >= edge * every) & (at < (at.size - edge) * every)
+    for first in record.starts:
+        usable &= np.abs(at - first) >= edge * every
+    return Motion(signals, kernels, every, usable)
 
 
 def acceleration(m: Motion, record: Any) -> float:

@@ -27,12 +27,12 @@ def signals(plant: Any) -> dict[str, tuple[Array, str]]:
 
 def pictures(plant: Any, base: SimulatorModel, model: SimulatorModel) -> dict[str, Any]:
     """Overlay, gap over time, its spectra by frequency and by order, and its axes."""
-    step, y = plant.record.dt * plant.every, plant.record.position
+    step, y, clock = plant.record.dt * plant.every, plant.record.position, plant.record.clock
     gaps = plant.gap_to_locate(base), plant.gap_to_locate(model)
     return {
-        "time": np.arange(y.size) * plant.record.dt, "measured": y, "held": ~plant.train,
+        "time": clock, "measured": y, "held": ~plant.train,
         "runs": {"before": y - plant.gap(base), "after": y - plant.gap(model)},
-        "gap_time": np.arange(gaps[0].size) * step, "usable": np.ones(gaps[0].size, dtype=bool),
+        "gap_time": clock[:: plant.every], "usable": np.ones(gaps[0].size, dtype=bool),
         "floor": plant.noise, "axes": signals(plant), "units": plant.units, "what": plant.gap_word,
         **spectra(*gaps, step, y[:: plant.every], np.arange(0.5, 40.0, 0.1)),
     }  # fmt: skip
