@@ -1,6 +1,6 @@
 """Real arms: held-out error of each joint, coupled and one axis at a time; speed beside Pinocchio's.
 
-    OMP_NUM_THREADS=1 python -m benchmarks.arms [--only tx40] [--gap]
+    OMP_NUM_THREADS=1 python -m benchmarks.arms [--only tx40] [--gap] [--replay]
 
 reads the records beside the checkout (``../shared/data/arms`` or ``WHSKLEARN_DATA``; none is shipped).  An error is of
 blocks that were not fitted, a share of that joint's rms drive, slow samples left out, all settings at their defaults;
@@ -9,7 +9,9 @@ owners publish; "physical" is the arm whose links are bodies, on the samples fit
 numbers as measured.  With ``--gap`` the gap of each record is asked instead: what the arm lacks in truth is found
 first (the TX40's wrist, blind), then Coulomb and viscous friction are taken from the law of one joint at a time, and
 gravity from all; "first" has the hidden effect first within its joint, of those that a record shows at all.  A load on
-the AIRBOT is asked for against the numbers without it, and half of the record without against the other half.  Speed
+the AIRBOT is asked for against the numbers without it, and half of the record without against the other half.  With
+``--replay`` MuJoCo replays the logged drives on the exported arm, from the measured motion every 0.5 s: rms error in
+position beside that of our own free runs, and beside standing still, which is the motion in a window.  Speed
 is CPU time over 25,000 samples of six joints; Pinocchio's (extra ``bench``) is called for each sample, as it has no
 other way.
 """
@@ -23,11 +25,14 @@ from pathlib import Path
 from typing import Any
 
 import click
+import mujoco
 import numpy as np
 import pandas as pd
 
 from whsklearn import Arm
 from whsklearn.effects import Coulomb, Viscous
+from whsklearn.export.arm import arm_mjcf
+from whsklearn.filtering import motion
 from whsklearn.gap import GapFinder
 from whsklearn.gap.plants.arm import arm_plant
 from whsklearn.identification import find_payload, identify_arm
@@ -41,6 +46,7 @@ RIGS: dict[str, tuple[str, dict[str, Any]]] = {
     "airbot_loaded": ("airbot", {}),
 }
 SPEED_SAMPLES, BATCH = 25_000, 1_000
+WINDOW = 0.5  # s of a free run
 
 
 def folder() -> Path:
@@ -142,6 +148,34 @@ def gap() -> None:
         print(f"{name}: {finder.verdict_}, {'; '.join(found) or 'no payload'}")
 
 
+def replay() -> None:
+    """Free runs of exported arms in MuJoCo against the log."""
+    for rig in ("double_pendulum", "airbot", "tx40"):
+        q, torque, dt = record(rig)
+        found = identify_arm(q, torque, dt=dt, robot=folder() / f"{rig}.urdf")
+        arm = found.model.arm
+        model = mujoco.MjModel.from_xml_string(arm_mjcf(arm)[0])
+        fine = int(np.ceil(dt / model.opt.timestep))
+        model.opt.timestep = dt / fine
+        data = mujoco.MjData(model)
+        smooth = [motion(x, 1.0 / dt, 0.1 / dt) for x in q.T]
+        path, rate = (np.column_stack([getattr(m, k) for m in smooth]) for k in ("position", "velocity"))
+        offsets = [sum(e.magnitude for e in row if e.name == "input_offset") for row in arm.effects]
+        n = round(WINDOW / dt)
+        theirs = path.copy()
+        for start in range(n, len(q), n):
+            data.qpos[:], data.qvel[:], data.qacc_warmstart[:] = path[start], rate[start], 0.0
+            for t in range(start, min(start + n, len(q))):
+                theirs[t] = data.qpos
+                data.ctrl[:] = torque[t] - offsets
+                mujoco.mj_step(model, data, fine)
+        ours = arm.simulate_drive(torque, sample_rate=1.0 / dt, resync=WINDOW, position=path, velocity=rate).position
+        still = path[np.arange(len(q)) // n * n]
+        errors = (np.sqrt(np.mean((x - q)[n:] ** 2, axis=0)) for x in (theirs, ours, still))
+        for what, e in zip(("MuJoCo", "own free run", "standing still"), errors, strict=True):
+            print(f"{rig:16} {what:15}", " ".join(f"{x:7.4f}" for x in e), "rad")
+
+
 def speed() -> None:
     """Joint rows of the regressor per second of CPU."""
     arm = Arm.from_file(folder() / "tx40.urdf")
@@ -170,7 +204,11 @@ def speed() -> None:
 @click.command()
 @click.option("--only", default="", help="Rigs whose names begin so.")
 @click.option("--gap", "names", is_flag=True, help="What is missing, by name.")
-def main(only: str, names: bool) -> None:
+@click.option("--replay", "replays", is_flag=True, help="MuJoCo replays the logged drives.")
+def main(only: str, names: bool, replays: bool) -> None:
+    if replays:
+        replay()
+        return
     if names:
         gap()
         return

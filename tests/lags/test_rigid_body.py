@@ -39,6 +39,21 @@ def truth(lags, arm):
     return values | {f"{j}.{e.name}": e.magnitude for j, row in zip(arm.joints, arm.effects, strict=True) for e in row}
 
 
+def test_a_physical_arm_has_no_friction_that_drives_it():
+    q, torque = smooth_log(ARM, noise=0.05)
+    viscous = next(e.magnitude for e in ARM.effects[0] if e.name == "viscous")
+    torque[:, 0] -= (viscous + 0.2) * np.gradient(q[:, 0], 1.0 / RATE)
+    lags = RigidBodyLags(ARM, sample_rate=RATE, cutoff=20.0)
+    phi, target, keep = lags.joint_rows(q, torque)
+    theta, *_ = np.linalg.lstsq(phi[keep], target[keep], rcond=None)
+    exact, arm = lags.interpret(theta, physical=False), lags.interpret(theta, np.linalg.pinv(phi[keep].T @ phi[keep]))
+    assert exact.effects[0][0].magnitude == pytest.approx(-0.2, abs=0.02)
+    assert arm.effects[0][0].magnitude == 0.0
+    clipped = np.where(np.array(lags.base_.names) == f"{ARM.joints[0]}.viscous", 0.0, theta)
+    beside, beyond = (np.sum((target - phi @ x)[keep] ** 2) for x in (lags.weights_of(arm), clipped))
+    assert beside < 0.9 * beyond  # what is beside it makes up for what it can
+
+
 def test_a_fit_finds_base_numbers_and_friction_of_every_joint_within_their_errors():
     q, torque = smooth_log(ARM, noise=0.05)
     model = RLSRegressor(RigidBodyLags(ARM, sample_rate=RATE, cutoff=20.0)).fit(q, torque)

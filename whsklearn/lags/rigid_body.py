@@ -436,16 +436,25 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         return self.base_.mapping @ np.concatenate(parts)
 
     def _beside(self, arm: Arm, theta: Array, covariance: ArrayLike | None) -> Array:
-        """Weights that are expected beside the links of ``arm``: an offset that a lighter link leaves, and so on."""
+        """Weights that are expected beside the links of ``arm``: an offset that a lighter link leaves, and so on.
+
+        Friction below zero would drive the arm: it is set to zero, and what is expected beside that follows.
+        """
         full = np.zeros(self.base_.mapping.shape[1])
         full[: (N_BODY + 1) * arm.n_joints] = np.concatenate([arm.inertial.ravel(), arm.armature])
-        links = self.base_.kept < (N_BODY + 1) * arm.n_joints
-        out = np.where(links, self.base_.mapping @ full, theta)
-        if covariance is not None:
-            c = np.asarray(covariance, dtype=float)
-            moved = np.linalg.solve(c[np.ix_(links, links)], (out - theta)[links])
-            out[~links] += c[np.ix_(~links, links)] @ moved
-        return out
+        held = self.base_.kept < (N_BODY + 1) * arm.n_joints
+        fixed = np.where(held, self.base_.mapping @ full, theta)
+        physical = {t.name for t in self._all_terms() if len(t.coefficients) == 1 and t.quantities[t.size].positive}
+        losses = np.array([name.rpartition(".")[2] in physical for name in self.base_.names]) & ~held
+        c = np.eye(len(theta)) if covariance is None else np.asarray(covariance, dtype=float)
+        while True:
+            out = fixed.copy()
+            out[~held] += c[np.ix_(~held, held)] @ np.linalg.solve(c[np.ix_(held, held)], (fixed - theta)[held])
+            below = losses & ~held & (out < 0.0)
+            if not below.any():
+                return out
+            held |= below
+            fixed[below] = 0.0
 
     # -- inside -----------------------------------------------------------------------------
 

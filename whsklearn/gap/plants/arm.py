@@ -361,7 +361,8 @@ class ArmPlant(PlantDefaults):
         view = self.view
         arm = self.lags.interpret(model.numbers, physical=False)
         some = view.moved.position[:: max(len(view.time) // SOME, 1)]
-        if np.linalg.eigvalsh(arm.mass_matrix(some)).min() <= 0.0:  # too uncertain
+        gives = any(e.quantities[e.size].positive and e.magnitude < 0.0 for row in arm.effects for e in row)
+        if gives or np.linalg.eigvalsh(arm.mass_matrix(some)).min() <= 0.0:  # friction that drives, or too uncertain
             arm = self.lags.interpret(model.numbers)
         beside = np.zeros_like(self.record.drive)
         for t in model.terms:
