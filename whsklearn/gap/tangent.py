@@ -206,7 +206,27 @@ class Tangent:
         )  # fmt: skip
 
 
-def with_p_values(looks: list[Look]) -> list[Look]:
-    """The looks with their p-values, of as many families as were asked, the best score first."""
+def with_p_values(looks: list[Look], least: float = 0.0) -> list[Look]:
+    """The looks with their p-values, of as many families as were asked, the best score first.
+
+    Parameters
+    ----------
+    looks : list of Look
+    least : float
+        Size below which an effect is not worth a name, in the unit of `Look.size`.  The hypothesis that is tested is
+        then an effect of at most this size, not of none: own records of a model hold what a model can know, so that
+        with enough samples anything is significant, a hundredth of a percent of the drive too.  Of the gain of an
+        effect of size s, which grows with its square, what goes beyond the largest of the hypothesis is
+        g (1 - least / s)^2.
+
+    References
+    ----------
+    Hodges and Lehmann 1954, Testing the approximate validity of statistical hypotheses, JRSS B 16(2), 261-268.
+    """
     n = len(looks)
-    return sorted((replace(k, p_value=p_value(k.gain, k.null, n, k.degrees)) for k in looks), key=lambda k: -k.score)
+
+    def p_of(k: Look) -> float:
+        beyond = max(0.0, 1.0 - least / k.size) ** 2 if least > 0.0 and k.size > 0.0 else 1.0
+        return p_value(k.gain * beyond, k.null, n, k.degrees) if beyond > 0.0 else 1.0
+
+    return sorted((replace(k, p_value=p_of(k)) for k in looks), key=lambda k: -k.score)

@@ -219,7 +219,8 @@ class ServoPlant(PlantDefaults):
         self.own, self.corrected = servo_own.own(self.inverse, model, rng)
         self.inverse.artefact = self.own.mean
         self.n_effective = self.own.n_effective
-        return with_p_values(servo_families.looks(self.inverse, self.inverse.fit(model), self.own, beside))
+        found = servo_families.looks(self.inverse, self.inverse.fit(model), self.own, beside)
+        return with_p_values(found, self.tolerance * self.scale)
 
     def fitted_gain(self, model: AxisModel, grown: AxisModel, look: Any) -> tuple[float, float]:
         """(gain, size) of a fitted effect, in the direction of regression in which it was found."""
