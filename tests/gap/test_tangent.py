@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from whsklearn.gap.tangent import Family, Tangent, with_p_values
+from whsklearn.gap.tangent import Family, Look, Tangent, with_p_values
 
 N, M = 600, 12
 
@@ -92,3 +92,32 @@ def test_columns_on_some_rows_say_what_they_say_with_zeros_elsewhere():
     )
     assert one.gain == pytest.approx(other.gain)
     assert one.null == pytest.approx(other.null)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
+def test_an_effect_of_at_most_the_least_size_is_named_no_more_often_than_alpha(share):
+    """400 records of a column of a size up to the least one in white noise, which shows a tenth of that size."""
+    rng, n, least = np.random.default_rng(0), 2000, 0.02
+    column = rng.standard_normal(n)
+    column /= np.sqrt(np.mean(column**2))
+
+    def gain_and_size(y):
+        size = float(y @ column) / n
+        return n * np.log(float(y @ y) / float(np.sum((y - size * column) ** 2))), abs(size)
+
+    named = 0
+    for _ in range(400):
+        noise = 0.1 * rng.standard_normal((10, n))
+        g, size = gain_and_size(share * least * column + noise[0])
+        null = np.array([gain_and_size(e)[0] for e in noise[1:]])
+        (look,) = with_p_values([Look("cogging", g, null, size=size, degrees=1.0)], least)
+        named += look.p_value <= 0.05
+    assert named / 400 < 0.05 + 2 * np.sqrt(0.05 * 0.95 / 400)
+
+
+def test_a_large_effect_keeps_its_p_value_and_none_counts_from_nothing():
+    null = np.array([1.0, 2.0, 0.5, 1.5, 0.7, 1.1, 0.3, 2.2, 0.9])
+    large, small = (Look("cogging", 400.0, null, size=s, degrees=1.0) for s in (10.0, 0.019))
+    assert with_p_values([large], 0.02)[0].p_value < 1e-5
+    assert with_p_values([small], 0.02)[0].p_value == 1.0
+    assert with_p_values([small])[0].p_value < 1e-5
