@@ -45,10 +45,10 @@ def test_an_edited_equation_is_run_and_an_unchanged_one_comes_from_the_cache(tmp
     shutil.copytree(PACKAGE, tmp_path / "whsklearn", ignore=shutil.ignore_patterns("__pycache__"))
     assert run(tmp_path) == (1.0, 0)
     assert run(tmp_path) == (1.0, 1)
-    friction = tmp_path / "whsklearn" / "effects" / "friction.py"
+    equations = tmp_path / "whsklearn" / "effects" / "equations.py"
     before, after = "return dx, 0.0, 1.0", "return 3.0 * dx, 0.0, 3.0"
-    assert friction.read_text().count(before) == 1
-    friction.write_text(friction.read_text().replace(before, after))
+    assert equations.read_text().count(before) == 1
+    equations.write_text(equations.read_text().replace(before, after))
     assert run(tmp_path) == (3.0, 0)
 
 
@@ -60,7 +60,7 @@ def test_imports_are_found_however_they_are_written():
 
 
 def test_a_kernel_depends_on_what_it_inlines_two_files_down():
-    assert "friction.py" in {f.name for f in imported((PACKAGE / "effects" / "terms.py").read_text())}
+    assert "equations.py" in {f.name for f in imported((PACKAGE / "effects" / "terms.py").read_text())}
     assert fingerprint(PACKAGE / "effects" / "terms.py") != fingerprint(PACKAGE / "effects" / "signs.py")
 
 

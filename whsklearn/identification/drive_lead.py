@@ -56,7 +56,7 @@ def drive_lead(
 
     Examples
     --------
-    >>> drive_lead(lambda lead: (0.5 * (lead - 8) * 0.001, abs(lead - 8.0)), 8.0, 0.001)
+    >>> drive_lead(lambda lead: (0.6 * (lead - 8) * 0.001, abs(lead - 8.0)), 8.0, 0.001)
     8
     """
     lead, (age, left) = 0, look(0)
