@@ -305,7 +305,7 @@ def read_only(path: Path, options: list[str]) -> tuple[int, str]:
     """What the reader and the look for slips say, without a diagnosis."""
     from whsklearn.cli.gap import read_log
     from whsklearn.cli.job import UNUSABLE, USAGE
-    from whsklearn.cli.records import longest
+    from whsklearn.cli.records import long_segments
     from whsklearn.logs import ColumnError, LogError
     from whsklearn.logs.slips import slips_in
 
@@ -313,7 +313,7 @@ def read_only(path: Path, options: list[str]) -> tuple[int, str]:
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
-                log = longest(read_log(context.params))
+                log = long_segments(read_log(context.params))
         except LogError as error:
             return (USAGE if isinstance(error, ColumnError) else UNUSABLE), str(error)
     quiet = ("LOG005", "LOG006", "LOG007", "LOG008", "LOG009")
