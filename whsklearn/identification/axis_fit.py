@@ -103,8 +103,7 @@ def _best_minimum(log: View, knots: Array, *, hangs: bool) -> AxisFit:
     """Starts by inverse dynamics, fits by multiple shooting over short and long pieces, and by one free run.
 
     Where gravity is large against the inertia the free run of a start that is a little wrong is lost within a second,
-    and its least squares end anywhere: on a wrist of 0.05 kg m2 under 2.8 Nm at a free-run NMSE of 462
-    (benchmarks/which_structure.py, AIRBOT).  So the best start goes first over pieces short enough for it, and of all
+    and its least squares end anywhere.  So the best start goes first over pieces short enough for it, and of all
     that is found the numbers whose windows are simulated best are taken.
     """
     free = np.r_[np.ones(4, bool), np.full(2, hangs), np.ones(knots.size, bool)]

@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 WIDTHS = (1.5, 4.0, 10.0, 25.0)
 SLOW = 0.02  # of the rms velocity: below it the direction is uncertain, and with it that of friction
 # Times what least squares leave of the drive, and of the rms drive, that the numbers of a free run may leave of it:
-# fits of a wrong valley leave several times as much (benchmarks/which_structure.py, AIRBOT)
+# fits of a wrong valley leave several times as much.  Chosen on a simulated shoulder and the joints of an AIRBOT, not
+# calibrated.
 WORSE, ALIKE = 2.0, 0.05
 # Of the rms drive that must go into acceleration, or the sign of the inertia is anybody's guess
 LEAST_INERTIA = 1e-3
