@@ -66,7 +66,7 @@ def drawn_chain(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, float
     u = rng.standard_normal(n)
     y = block(LAWS[name](block(u)))
     y = np.r_[0.0, y[:-1]]  # an output follows its input by a sample
-    return u, y + 0.02 * rng.standard_normal(n), 0.001, "linear" if name == "linear" else "wiener_hammerstein"
+    return u, y + 0.02 * rng.standard_normal(n), 0.001, "linear" if name == "linear" else "wiener-hammerstein"
 
 
 def mujoco_axis(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, float, dict[str, float]]:
