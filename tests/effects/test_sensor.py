@@ -33,7 +33,7 @@ def test_a_lost_sign_leaves_positive_readings_alone(q, fraction):
 def test_an_eccentric_disc_is_right_again_after_a_turn(q):
     e = EncoderEccentricity(1e-3, order=2.0, phase=0.5)
     assert e.value(position=q + 2 * np.pi) == pytest.approx(e.value(position=q), abs=1e-12)
-    assert abs(e.value(position=q)) <= 1e-3
+    assert abs(e.value(position=q)) <= 1e-3 * (1 + 1e-12)  # cosine and sine weights are rounded
 
 
 def test_offset_and_drift():

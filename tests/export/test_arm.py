@@ -110,5 +110,5 @@ def test_what_a_file_does_not_hold_is_told_by_joint(tmp_path):
 def test_a_model_file_is_exported_and_other_formats_refuse(tmp_path):
     save_model(ArmModel(default_arm(), {}, dt=0.001, logged="position"), tmp_path / "model.json")
     assert export_model(tmp_path / "model.json", to="mjcf", out=tmp_path).losses == []
-    with pytest.raises(ValueError, match="mjcf or urdf, not to c"):
-        export_model(default_arm(), to="c", out=tmp_path)
+    with pytest.raises(ValueError, match="mjcf, urdf or c, not to st"):
+        export_model(default_arm(), to="st", out=tmp_path)

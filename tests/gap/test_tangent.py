@@ -121,3 +121,5 @@ def test_a_large_effect_keeps_its_p_value_and_none_counts_from_nothing():
     assert with_p_values([large], 0.02)[0].p_value < 1e-5
     assert with_p_values([small], 0.02)[0].p_value == 1.0
     assert with_p_values([small])[0].p_value < 1e-5
+    nameless = Look("", 400.0, null, size=0.019, degrees=1.0)
+    assert with_p_values([nameless], 0.02)[0].p_value < 1e-5

@@ -12,9 +12,10 @@ from hypothesis import strategies as st
 from whsklearn.effects import Cogging
 from whsklearn.state.encoding import decode, encode
 
+keys = st.text(min_size=1, max_size=4).filter(lambda key: key != "$")  # which marks what is no plain value
 plain = st.recursive(
     st.none() | st.booleans() | st.integers(-(2**53), 2**53) | st.floats(allow_nan=False) | st.text(max_size=5),
-    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(min_size=1, max_size=4), inner, max_size=3),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(keys, inner, max_size=3),
     max_leaves=8,
 )
 

@@ -213,7 +213,7 @@ def with_p_values(looks: list[Look], least: float = 0.0) -> list[Look]:
     ----------
     looks : list of Look
     least : float
-        Size below which an effect is not worth a name, in the unit of `Look.size`.  The hypothesis that is tested is
+        Size below which an effect is not worth a name, in the unit of `Look.size`; not asked of nameless functions.  The hypothesis that is tested is
         then an effect of at most this size, not of none: own records of a model hold what a model can know, so that
         with enough samples anything is significant, a hundredth of a percent of the drive too.  Of the gain of an
         effect of size s, which grows with its square, what goes beyond the largest of the hypothesis is
@@ -226,7 +226,8 @@ def with_p_values(looks: list[Look], least: float = 0.0) -> list[Look]:
     n = len(looks)
 
     def p_of(k: Look) -> float:
-        beyond = max(0.0, 1.0 - least / k.size) ** 2 if least > 0.0 and k.size > 0.0 else 1.0
+        asked = least if k.name else 0.0  # nameless functions answer whether anything at all follows the motion
+        beyond = max(0.0, 1.0 - asked / k.size) ** 2 if asked > 0.0 and k.size > 0.0 else 1.0
         return p_value(k.gain * beyond, k.null, n, k.degrees) if beyond > 0.0 else 1.0
 
     return sorted((replace(k, p_value=p_of(k)) for k in looks), key=lambda k: -k.score)
