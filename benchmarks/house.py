@@ -10,6 +10,11 @@ class is one that a package's ``__all__`` names, each module's own class of such
 A *named number* is a name that a module or a class body binds to a value with a number in it: a literal, a sum or
 product with one, a tuple, dictionary or call that holds one. Each name counts once, however many numbers it holds.
 Numeric defaults of parameters are counted apart; those of 0 and 1 are not.
+
+A *room* is a package or a module directly below the folder; an *arrow* is that one room imports from another, at
+its head, within a function or for types only, however often. The folder's own ``__init__`` and ``__main__``, which
+offer what the rooms hold, are no rooms. That arrows point down and no module stands in a circle is import-linter's
+affair (``make lint``).
 """
 
 from __future__ import annotations
@@ -130,6 +135,30 @@ def named_numbers(folder: Path) -> tuple[int, int, int]:
     return modules, classes, defaults
 
 
+def imported(path: Path, folder: Path) -> Iterator[str]:
+    """Modules of the package that a file imports, as paths below it with dots."""
+    here = path.relative_to(folder.parent).parent.parts
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            base = ".".join(here[: len(here) - node.level + 1]) if node.level else ""
+            names = [".".join(filter(None, (base, node.module, alias.name))) for alias in node.names]
+        else:
+            continue
+        yield from (n.removeprefix(f"{folder.name}.") for n in names if n.startswith(f"{folder.name}."))
+
+
+def arrows(folder: Path) -> tuple[set[str], set[tuple[str, str]]]:
+    """Rooms of a package, and who imports from whom."""
+    rooms = {p.relative_to(folder).parts[0].removesuffix(".py") for p in sources(folder)} - {"__init__", "__main__"}
+    drawn = set()
+    for path in sources(folder):
+        room = path.relative_to(folder).parts[0].removesuffix(".py")
+        drawn |= {(room, other) for name in imported(path, folder) if (other := name.split(".")[0]) != room}
+    return rooms, {(a, b) for a, b in drawn if a in rooms and b in rooms}
+
+
 def mirrored(path: Path) -> bool:
     """Whether the module's tests stand where its name says."""
     module = path.relative_to(LIBRARY)
@@ -152,6 +181,8 @@ def rows(folder: Path) -> Iterator[tuple[str, str]]:
     yield "function lines, median / p90 / max", f"{statistics.median(spans):.0f} / {p90} / {spans[-1]}"
     yield "functions with more than 6 parameters", f"{100 * wide / len(every):.1f} % ({wide})"
     yield "most parameters of any function", f"{max(map(arguments, every))}"
+    rooms, drawn = arrows(folder)
+    yield "rooms, arrows between them", f"{len(rooms)}, {len(drawn)}"
     yield "comment lines per code line", f"{100 * comments / code:.1f} %"
     yield "docstring lines per code line", f"{100 * told / code:.0f} %"
     for what, mark in (("an executed example", ">>>"), ("a reference", "References\n")):

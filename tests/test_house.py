@@ -45,13 +45,7 @@ def test_every_package_has_its_place_among_the_layers():
     rules = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["importlinter"]["contracts"]
     layers = next(c["layers"] for c in rules if c["type"] == "layers")
     known = {name.strip("() ") for line in layers for name in line.split(":")}
-    tops = {p.parts[0].removesuffix(".py") for p in trees()} - {
-        "__init__",
-        "__main__",
-        "_numba",
-        "_numba_pipelines",
-        "_version",
-    }
+    tops = {p.parts[0].removesuffix(".py") for p in trees()} - {"__init__", "__main__", "_numba"}
     assert tops <= known, tops - known
     assert known <= tops, known - tops
 

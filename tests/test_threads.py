@@ -1,4 +1,4 @@
-"""BLAS keeps to one thread in searches, and gets its threads back."""
+"""BLAS keeps to one thread in searches."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from scipy.signal import lfilter
 from threadpoolctl import ThreadpoolController, threadpool_limits
 
 from whsklearn import PEMRegressor, StreamingPEMRegressor, WienerHammersteinLags
-from whsklearn._threads import one_blas_thread
 from whsklearn.identification import identify
 
 LAGS = WienerHammersteinLags(1, 1, 2, 1, law="polynomial", delays=(0, 0))
@@ -19,23 +18,6 @@ LIBRARIES = ThreadpoolController().select(user_api="blas")
 
 def threads():
     return {p["num_threads"] for p in LIBRARIES.info()}
-
-
-def test_it_has_one_and_gives_the_others_back():
-    @one_blas_thread
-    def refused():
-        """Of its own."""
-        seen.extend(threads())
-        raise ValueError("no record")
-
-    seen: list[int] = []
-    with threadpool_limits(2, user_api="blas"):
-        before = threads()
-        with pytest.raises(ValueError, match="no record"):
-            refused()
-        assert threads() == before
-    assert set(seen) == {1}
-    assert refused.__doc__ == "Of its own."
 
 
 def chain(n):

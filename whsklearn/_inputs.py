@@ -111,11 +111,6 @@ def starts(groups: ArrayLike | None, n: int, first: bool, last: object = None) -
     return restart
 
 
-def readable(text: str) -> str:
-    """A name that holds bytes which the locale has no character for (PEP 383), as the UTF-8 that it is."""
-    return text.encode("utf-8", "surrogateescape").decode("utf-8", "replace")
-
-
 def real_array(values: Any, name: str) -> NDArray[np.float64]:
     """A float array of any shape; complex numbers, dates and text are refused, not converted.
 

@@ -5,9 +5,6 @@ from __future__ import annotations
 import copy
 import hashlib
 import json
-import os
-import stat
-import threading
 import time
 import tracemalloc
 
@@ -16,65 +13,11 @@ import pytest
 
 from whsklearn import RMILSRegressor, WienerHammersteinLags
 from whsklearn.datasets import make_wiener_hammerstein
-from whsklearn.state import atomic_write, check_writable, pack_state, read_state, write_state
+from whsklearn.state import pack_state, write_state
 
 X, Y = make_wiener_hammerstein(120, random_state=0)
 MODEL = RMILSRegressor(WienerHammersteinLags(), n_starts=2, memory=64, random_state=0).partial_fit(X, Y)
 PARAMS, STATE = MODEL.get_params(deep=False), MODEL.get_state()
-
-
-def test_threads_that_save_to_one_path_leave_a_whole_file_and_nothing_else(tmp_path):
-    path, errors = tmp_path / "axis.whs", []
-
-    def save(value):
-        try:
-            for _ in range(20):
-                write_state(path, "k", {}, {"theta": np.full(3000, value)})
-        except Exception as error:
-            errors.append(error)
-
-    threads = [threading.Thread(target=save, args=(float(i),)) for i in range(6)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert errors == []
-    assert np.ptp(read_state(path, "k")[1]["theta"]) == 0.0
-    assert os.listdir(tmp_path) == ["axis.whs"]
-
-
-def test_mode_and_link_of_a_file_that_is_replaced_stay(tmp_path):
-    path, link = tmp_path / "axis.whs", tmp_path / "link.whs"
-    write_state(path, "k", {}, {"n": 1})
-    path.chmod(0o640)
-    link.symlink_to(path)
-    write_state(link, "k", {}, {"n": 2})
-    assert link.is_symlink()
-    assert read_state(path, "k")[1] == {"n": 2}
-    assert stat.S_IMODE(path.stat().st_mode) == 0o640
-
-
-def test_a_long_name_and_a_failing_disk(tmp_path, monkeypatch):
-    path = tmp_path / ("n" * 250)
-    atomic_write(path, b"old")
-
-    def full(descriptor):
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(os, "fsync", full)
-    with pytest.raises(OSError, match=r"No space left on device: .*nnn"):
-        atomic_write(path, b"new")
-    assert path.read_bytes() == b"old"
-    assert len(os.listdir(tmp_path)) == 1
-
-
-def test_what_cannot_be_written_is_told_before(tmp_path):
-    check_writable(tmp_path / "new")
-    assert os.listdir(tmp_path) == []
-    with pytest.raises(ValueError, match="is a folder"):
-        check_writable(tmp_path)
-    with pytest.raises(ValueError, match="does not exist"):
-        check_writable(tmp_path / "none" / "file")
 
 
 def forge(params=None, lags=None, state=None, header=None, **outer):

@@ -192,8 +192,8 @@ def gains_by_load(options: dict[str, Any], arm: Arm) -> str:
 def identify(options: dict[str, Any]) -> None:
     """``identify LOG --robot FILE``: base numbers beside the file's, and held-out errors."""
     from whsklearn.identification import identify_arm
+    from whsklearn.logs.files import atomic_write
     from whsklearn.models import save_model
-    from whsklearn.state.files import atomic_write
 
     arm = robot_of(options)
     log = read_arm(options["train"], options, arm)

@@ -53,8 +53,8 @@ def write(**options: Any) -> None:
     import numpy as np
 
     from whsklearn.gap.design import Limits, design
+    from whsklearn.logs.files import atomic_write
     from whsklearn.logs.units import factor_of
-    from whsklearn.state import atomic_write
 
     folder = writable_folder(options["out"])
     data, axis, rivals, law = diagnosis_of(Path(options["gap_file"]), options["rivals"])

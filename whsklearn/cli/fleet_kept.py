@@ -17,7 +17,7 @@ EVERY_SECONDS = 30.0
 
 def write_table(found: Any, out: Path) -> None:
     """A table as Parquet, in one step."""
-    from whsklearn.state import atomic_write
+    from whsklearn.logs.files import atomic_write
 
     buffer = io.BytesIO()
     found.to_parquet(buffer, index=False)

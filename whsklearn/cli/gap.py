@@ -359,12 +359,12 @@ def simulator_of(options: dict[str, Any]) -> Any:
 
 def data_problem(error: LogError, folder: Path) -> None:
     """A report that says why the log cannot be used."""
-    from whsklearn._inputs import readable
     from whsklearn.gap.data_check import DataProblem
     from whsklearn.gap.finder import data_problem as unusable
     from whsklearn.gap.report import write_report
+    from whsklearn.logs.files import utf8
 
-    write_report(unusable([DataProblem("data-unreadable", "The log cannot be used", readable(str(error)))]), folder)
+    write_report(unusable([DataProblem("data-unreadable", "The log cannot be used", utf8(str(error)))]), folder)
 
 
 def track(parent: Any, finder: GapFinder, folder: Path) -> None:

@@ -135,7 +135,7 @@ def writable_file(path: str | os.PathLike[str]) -> Path:
     OSError
         If the folder cannot be made.
     """
-    from whsklearn.state import check_writable
+    from whsklearn.logs.files import check_writable
 
     file = Path(path)
     if not file.is_dir():

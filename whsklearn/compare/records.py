@@ -8,8 +8,8 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
-from whsklearn._threads import one_blas_thread
 from whsklearn.compare.arm import MOST_LEFT, ArmLog, arm_rows, poor_joints
 from whsklearn.compare.axis import OneWay, axis_rows
 from whsklearn.compare.comparison import Comparison
@@ -30,7 +30,7 @@ N_KNOTS = 24
 NAMED = 3  # joints of an arm by name in one phrase
 
 
-@one_blas_thread
+@threadpool_limits.wrap(limits=1, user_api="blas")  # two take twice the CPU and sum in another order
 def compare_records(
     records: Sequence[ServoRecord], labels: Sequence[str] = (), *, alpha: float = 0.01, random_state: int = 0
 ) -> Comparison:
@@ -80,7 +80,7 @@ def compare_records(
     return found
 
 
-@one_blas_thread
+@threadpool_limits.wrap(limits=1, user_api="blas")  # two take twice the CPU and sum in another order
 def compare_arms(
     records: Sequence[ArmLog], robot: Any, labels: Sequence[str] = (), *, alpha: float = 0.01
 ) -> Comparison:

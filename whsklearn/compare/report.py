@@ -9,7 +9,7 @@ from typing import Any
 
 from whsklearn.compare.comparison import Comparison
 from whsklearn.gap.html_report import significant
-from whsklearn.state import atomic_write
+from whsklearn.logs.files import atomic_write
 
 COLOURS = {"moved": "#1b7f4d", "nothing": "#2b6cb0", "cannot_tell": "#b7791f"}
 WIDTH, ROW, MARGIN = 320.0, 16.0, 8.0  # px of a row of the pictures

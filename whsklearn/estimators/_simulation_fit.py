@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
-from whsklearn._threads import one_blas_thread
 from whsklearn.effects import FrictionLaw, Hinge, NaturalSpline, Power, StaticEffect, as_law
 from whsklearn.estimators import _model as wh
 from whsklearn.lags.wiener_hammerstein import WienerHammersteinLags
@@ -54,7 +54,7 @@ def law_of(lags: WienerHammersteinLags | None) -> FrictionLaw:
     return as_law("cubic_spline" if lags is None else lags.law)
 
 
-@one_blas_thread
+@threadpool_limits.wrap(limits=1, user_api="blas")  # two take twice the CPU and sum in another order
 def from_record(
     lags: WienerHammersteinLags | None,
     u: Array,

@@ -7,7 +7,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from whsklearn.state import atomic_write
+from whsklearn.logs.files import atomic_write
 
 # What MuJoCo calls a number of an axis; none of them can be below zero.
 HELD = {"inertia": "inertia", "viscous": "damping", "coulomb": "frictionloss", "cable_spring": "stiffness"}

@@ -17,7 +17,7 @@ import numpy as np
 from whsklearn.effects import Effect
 from whsklearn.export.axis_code import compensated
 from whsklearn.export.losses import Loss, losses_of, parts_of
-from whsklearn.state.files import atomic_write
+from whsklearn.logs.files import atomic_write
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -12,8 +12,8 @@ from typing import Any
 
 from whsklearn.gap.diagnosis import Diagnosis
 from whsklearn.gap.repaired import as_model
+from whsklearn.logs.files import atomic_write
 from whsklearn.models import save_model
-from whsklearn.state import atomic_write
 
 
 def write_report(diagnosis: Diagnosis, folder: str | os.PathLike[str], model: Any = None) -> Path:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
-from whsklearn._threads import one_blas_thread
 from whsklearn.estimators.rls import RLSRegressor
 from whsklearn.lags.rigid_body import RigidBodyLags
 from whsklearn.models.arm import ArmModel
@@ -71,7 +71,7 @@ class ArmFit:
     ages: dict[str, float]
 
 
-@one_blas_thread
+@threadpool_limits.wrap(limits=1, user_api="blas")  # two take twice the CPU and sum in another order
 def identify_arm(position: ArrayLike, drive: ArrayLike, *, dt: float, robot: Any, **settings: Any) -> ArmFit:
     """Fit an arm to a record of all its joints.
 

@@ -9,9 +9,9 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from whsklearn._numba import compiling_seconds
-from whsklearn._threads import one_blas_thread
 from whsklearn.identification.axis_fit import fit_free_law_axis, fit_hanging_axis, fit_rigid_axis, white
 from whsklearn.identification.chain_fit import fit_chain
 from whsklearn.identification.drive_lead import moved, skew
@@ -180,7 +180,7 @@ class Identification:
         return self.recommended.model
 
 
-@one_blas_thread
+@threadpool_limits.wrap(limits=1, user_api="blas")  # two take twice the CPU and sum in another order
 def identify(
     u: ArrayLike,
     y: ArrayLike,

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from whsklearn.logs.files import atomic_write
 from whsklearn.logs.units import UNKNOWN, own_units, respelled
 from whsklearn.models import save_model
-from whsklearn.state.files import atomic_write
 
 if TYPE_CHECKING:
     import os

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from whsklearn._inputs import readable
 from whsklearn.logs.errors import ColumnError
+from whsklearn.logs.files import utf8
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -91,7 +91,7 @@ class Source:
     sample_rate: float | None = None
 
     def __post_init__(self) -> None:
-        self.name = readable(self.name)
+        self.name = utf8(self.name)
 
     def resolve(self, wanted: str | int, role: str) -> str:
         """The column's name for a name or a number from 0.
@@ -108,7 +108,7 @@ class Source:
         ColumnError
             If there is no such column.
         """
-        text = readable(str(wanted))
+        text = utf8(str(wanted))
         if text in self.names:
             return text
         for plain in (_folded, _letters):

@@ -31,6 +31,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from whsklearn.effects import Effect, FrictionLaw, effect_names, get_effect
+from whsklearn.logs.files import atomic_write
 from whsklearn.logs.units import UNKNOWN
 from whsklearn.models.arm import ArmModel
 from whsklearn.models.axis import AxisModel
@@ -38,7 +39,6 @@ from whsklearn.models.base import IdentifiedModel
 from whsklearn.models.chain import ChainModel
 from whsklearn.models.linear import LinearModel
 from whsklearn.state.encoding import TAG, decode
-from whsklearn.state.files import atomic_write
 from whsklearn.systems.arm import Arm
 
 if TYPE_CHECKING:

@@ -2,8 +2,6 @@
 
 from whsklearn.state.files import (
     FORMAT_VERSION,
-    atomic_write,
-    check_writable,
     pack_state,
     read_kind,
     read_state,
@@ -13,8 +11,6 @@ from whsklearn.state.files import (
 
 __all__ = [
     "FORMAT_VERSION",
-    "atomic_write",
-    "check_writable",
     "pack_state",
     "read_kind",
     "read_state",

@@ -10,27 +10,20 @@ A state file is three lines of text and the arrays' bytes, so ``head -3 FILE`` t
 Nothing is parsed before the checksum holds, and nothing in the file is ever executed.
 The layout follows safetensors' idea: sizes are known from the header, so a forged one
 can make the reader neither allocate nor loop beyond the file's own length.
-
-Files are replaced in one step (written beside, flushed to the disk, renamed): whoever is killed, and when,
-there is the old file or the new one.
 """
 
 from __future__ import annotations
 
-import contextlib
-import glob
 import hashlib
 import json
 import math
 import os
-import stat
-import threading
-import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from whsklearn.logs.files import atomic_write
 from whsklearn.state.encoding import decode, encode
 
 if TYPE_CHECKING:
@@ -40,8 +33,6 @@ if TYPE_CHECKING:
 
 __all__ = [
     "FORMAT_VERSION",
-    "atomic_write",
-    "check_writable",
     "pack_state",
     "read_kind",
     "read_state",
@@ -51,7 +42,6 @@ __all__ = [
 
 FORMAT_VERSION = 2
 _MAGIC = b"whsklearn-state "
-_STALE_SECONDS = 600.0
 # A header holds names and numbers that are no arrays: that of a stream takes 10 kB.  JSON takes some 60 bytes of
 # memory for three of text, so this bounds what a forged one can ask for to some 60 MB, read in a tenth of a second.
 _LONGEST_HEADER = 1 << 20
@@ -211,115 +201,6 @@ def unpack_state(data: bytes, kind: str | None = None) -> tuple[dict[str, Any], 
     if not isinstance(params, dict) or not isinstance(state, dict):
         raise ValueError("this state file holds no parameters or no state; go back to an earlier one.")
     return params, state
-
-
-def atomic_write(path: str | os.PathLike[str], data: bytes) -> None:
-    """Put ``data`` at ``path`` so that a crash at any instant leaves the old file or the new one.
-
-    The bytes go to a hidden file in the same folder, are forced to the disk, and take the
-    name in one `os.replace`; then the folder is forced to the disk too.  A file that is replaced
-    keeps its mode, a symbolic link goes on pointing to the file that is replaced, and of several threads or
-    processes that write at once the last one stands.
-
-    Parameters
-    ----------
-    path : str or path
-    data : bytes
-
-    Raises
-    ------
-    OSError
-        If the folder or the disk does not take it; it names ``path``, which is as it was.
-
-    Examples
-    --------
-    >>> import pathlib, tempfile
-    >>> from whsklearn.state import atomic_write
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     path = pathlib.Path(folder, "note.txt")
-    ...     atomic_write(path, b"old")
-    ...     atomic_write(path, b"new")
-    ...     path.read_bytes()
-    b'new'
-    """
-    target = Path(os.path.realpath(path))
-    # every writer has a file of its own; a long name is cut, as names have at most 255 bytes
-    aside = target.with_name(f".{target.name[:150]}.{os.getpid()}.{threading.get_ident()}.tmp")
-    try:
-        with open(aside, "wb") as file:
-            if hasattr(os, "fchmod") and target.exists():
-                os.fchmod(file.fileno(), stat.S_IMODE(target.stat().st_mode))
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(aside, target)
-    except OSError as error:
-        _remove(aside)
-        raise type(error)(error.errno, error.strerror or str(error), os.fspath(path)) from None
-    except BaseException:
-        _remove(aside)
-        raise
-    _sync_folder(target.parent)
-    _sweep(target)
-
-
-def check_writable(path: str | os.PathLike[str]) -> None:
-    """Raise now if `atomic_write` could not put a file at ``path`` later, before hours of work are spent on it.
-
-    Parameters
-    ----------
-    path : str or path
-        Of a file that there need not be.
-
-    Raises
-    ------
-    ValueError
-        If ``path`` is a folder, its folder is missing, or nothing can be written there.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> from whsklearn.state import check_writable
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     check_writable(f"{folder}/axis.whs")  # says nothing: it can be written
-    """
-    target = Path(os.path.realpath(path))
-    if target.is_dir():
-        raise ValueError(f"{path} is a folder, expected the name of a file; add one.")
-    if not target.parent.is_dir():
-        raise ValueError(f"The folder of {path} does not exist; make it, or write somewhere else.")
-    aside = target.with_name(f".{target.name[:150]}.{os.getpid()}.{threading.get_ident()}.tmp")
-    try:
-        with open(aside, "wb") as file:
-            file.write(b"\0")
-    except OSError as error:
-        raise ValueError(f"{path} cannot be written ({error.strerror}); write somewhere else.") from None
-    finally:
-        _remove(aside)
-
-
-def _remove(file: Path) -> None:
-    """Remove a file that may be gone, in a folder that may be."""
-    with contextlib.suppress(OSError):
-        file.unlink()
-
-
-def _sync_folder(folder: Path) -> None:
-    """Make the rename itself durable, where the system can."""
-    with contextlib.suppress(OSError):  # Windows cannot open a folder
-        descriptor = os.open(folder, os.O_RDONLY)
-        try:
-            os.fsync(descriptor)
-        finally:
-            os.close(descriptor)
-
-
-def _sweep(target: Path) -> None:
-    """Remove what writers of this file that were killed left beside it, if it is old."""
-    for left in target.parent.glob(f".{glob.escape(target.name[:150])}.*.tmp"):
-        with contextlib.suppress(OSError):
-            if time.time() - left.stat().st_mtime > _STALE_SECONDS:
-                left.unlink()
 
 
 def _header(data: bytes) -> tuple[dict[str, Any], bytes]:

@@ -10,7 +10,8 @@ from pathlib import Path
 
 from filelock import FileLock, Timeout
 
-from whsklearn.state import check_writable, read_kind
+from whsklearn.logs.files import check_writable
+from whsklearn.state import read_kind
 
 PRINTED = 1 << 16  # bytes at the beginning and before the place reached that tell a source from another
 

@@ -13,8 +13,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
-from whsklearn._threads import one_blas_thread
 from whsklearn.systems._arm_kernels import N_BODY
 from whsklearn.systems.arm_files import inertia_matrix
 
@@ -87,7 +87,7 @@ def log_cholesky(numbers: Array) -> Array:
     return np.array([np.log(scale), *np.log(np.diag(u)[:3] / scale), *(u[i, k] / scale for i, k in OFF_DIAGONAL)])
 
 
-@one_blas_thread
+@threadpool_limits.wrap(limits=1, user_api="blas")  # two take twice the CPU and sum in another order
 def consistent_numbers(
     inertial: Array, armature: Array, base: BaseParameters, values: ArrayLike, covariance: ArrayLike | None
 ) -> tuple[Array, Array]:

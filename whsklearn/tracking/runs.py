@@ -29,7 +29,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from whsklearn._inputs import readable
+from whsklearn.logs.files import utf8
 from whsklearn.tracking import store as store
 from whsklearn.tracking.store import TrackingError as TrackingError
 
@@ -266,7 +266,7 @@ class Tracker:
             The run above it.
         tags : mapping of str to str, optional
         """
-        name, own = readable(name), {k: readable(v) for k, v in {**self.tags, **(tags or {})}.items()}
+        name, own = utf8(name), {k: utf8(v) for k, v in {**self.tags, **(tags or {})}.items()}
         if self.client is None:
             yield Run(self, "")
             return
@@ -355,7 +355,7 @@ class Run:
         if self._client is not None:
             from mlflow.entities import RunTag
 
-            self._buffer["tags"] += [RunTag(k, readable(str(v))[:5000]) for k, v in tags.items()]
+            self._buffer["tags"] += [RunTag(k, utf8(str(v))[:5000]) for k, v in tags.items()]
 
     def log_params(self, params: Mapping[str, Any]) -> None:
         """Buffer parameters; long values are cut.
@@ -367,7 +367,7 @@ class Run:
         if self._client is not None:
             from mlflow.entities import Param
 
-            self._buffer["params"] += [Param(k, readable(str(v))[:500]) for k, v in params.items()]
+            self._buffer["params"] += [Param(k, utf8(str(v))[:500]) for k, v in params.items()]
 
     def log_metrics(self, metrics: Mapping[str, float], step: int = 0) -> None:
         """Buffer metrics of one step; what is not finite becomes the tag ``not_finite``.
@@ -434,7 +434,7 @@ class Run:
             mlflow = store.import_mlflow()
             from mlflow.entities import DatasetInput, InputTag
 
-            data = mlflow.data.from_numpy(np.asarray(X), targets=np.asarray(y), name=readable(name))
+            data = mlflow.data.from_numpy(np.asarray(X), targets=np.asarray(y), name=utf8(name))
             label = InputTag("mlflow.data.context", context)
             self._client.log_inputs(self.id, [DatasetInput(data._to_mlflow_entity(), [label])])
 
