@@ -15,7 +15,7 @@ def verdict(after, run, *, taken=("stribeck",), rivals=(), remainder=(), floor=0
     """Of a record with a gap of one, ``after`` of which is left where noise alone leaves ``floor``."""
     plant = SimpleNamespace(
         tolerance=0.004, scale=1.0, exact=exact,
-        figures=lambda *_: (1.0, after, floor), remains=lambda _, nameless: nameless,
+        figures=lambda base, model, nameless: (1.0, after, floor, nameless),
     )  # fmt: skip
     found = SimpleNamespace(
         base=None, model=None, taken=list(taken), rivals=[list(rivals)], remainder=list(remainder), steps=[None]

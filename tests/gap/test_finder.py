@@ -10,12 +10,12 @@ import pytest
 from benchmarks.blind_logs.servo import COLUMNS, make_case
 from whsklearn.datasets import make_servo_log
 from whsklearn.gap import VERDICTS, GapFinder
+from whsklearn.gap.plant import Linearised
 from whsklearn.gap.plants.servo_candidates import candidate
 from whsklearn.gap.plants.servo_model import Term
 from whsklearn.gap.plants.servo_start import start_of
 from whsklearn.gap.record import ServoRecord
 from whsklearn.gap.standard_errors import labelled_errors
-from whsklearn.gap.values import Linearised
 
 SHORT = {"seconds": 14.0, "rate": 500.0, "noise": 1e-4}
 

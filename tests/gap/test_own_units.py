@@ -9,8 +9,8 @@ import pytest
 
 from whsklearn.effects import Backlash, Cogging, EncoderEccentricity, Viscous
 from whsklearn.gap import NamedEffect, Place
+from whsklearn.gap.diagnosis import Curve
 from whsklearn.gap.own_units import curve_in, pictures_in, place_in, rows_in
-from whsklearn.gap.values import Curve
 
 OWN = {"Nm": "mNm", "rad": "deg"}
 DEG = 180 / math.pi

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from whsklearn.gap.plant import PlantDefaults
+from whsklearn.gap.plant import PlantDefaults, Reading
 
 
 def test_what_was_explained_is_the_power_that_is_gone():
@@ -16,5 +16,5 @@ def test_what_was_explained_is_the_power_that_is_gone():
 
 def test_no_family_or_curve_is_asked_for():
     assert list(PlantDefaults().family(1.0)) == []
-    assert PlantDefaults().falls_short(1.0, 1.0) == ""
+    assert PlantDefaults().reading(1.0, 1.0) == Reading()
     assert PlantDefaults().learn(1.0) is None

@@ -35,8 +35,8 @@ class Columns(PlantDefaults):
     scale, tolerance, n_effective = 1.0, 0.02, float(N)
     exact = False
 
-    def __init__(self, truth, names="abcdef", seed=0, forbidden=(), places=None):
-        self.places = places or {}
+    def __init__(self, truth, names="abcdef", seed=0, forbidden=(), places=None, common=None):
+        self.places, self.common = places or {}, common or {}
         rng = np.random.default_rng(1000 + seed)
         self.columns = {n: rng.standard_normal(N) for n in names}
         self.columns["twin"] = self.columns["a"] + 1e-3 * rng.standard_normal(N)
@@ -69,26 +69,19 @@ class Columns(PlantDefaults):
         return with_p_values([tangent.look(f) for f in families])
 
     def refine(self, model, look):
-        return Regression((*model.terms, SimpleNamespace(name=look.name, effect=None)))
+        effect = SimpleNamespace(name=look.name, commoner=self.common.get(look.name, ()), parent="")
+        return Regression((*model.terms, SimpleNamespace(name=look.name, effect=effect)))
 
-    def fit(self, model):
+    def settled(self, model):
         return model
 
-    settled = fit
-
-    def family(self, model):
-        return ()
-
-    def objection(self, model, index):
-        return "forbidden" if model.terms[index].name in self.forbidden else ""
+    def objection(self, model, grown):
+        return "forbidden" if grown.terms[-1].name in self.forbidden else ""
 
     def aliases(self, name):
         return ()
 
-    def demand(self, model):
-        return 0.0
-
-    def leads(self, taken, other, rng):
+    def leads(self, taken, other, before, rng):
         return np.zeros(0)
 
 
@@ -147,33 +140,19 @@ def test_what_acts_elsewhere_is_no_rival_and_is_asked_after_what_physics_forbids
     assert [t.name for t in found.taken] == ["b"]
 
 
-class Preferring(Columns):
-    """The same, with a commoner name for a column and runs that one makes worse."""
-
-    def __init__(self, truth, names="ab", common=(), worse=()):
-        super().__init__(truth, names=names)
-        self.common, self.worse = dict(common), worse
-
-    def commoner(self, name):
-        return self.common.get(name, ())
-
-    def runs_worse(self, before, after):
-        return after.terms[-1].name in self.worse
-
-
 @pytest.mark.parametrize("common", ["a", "twin"])
 def test_of_two_that_no_record_tells_apart_the_commoner_goes_first(common):
     other = {"a": "twin", "twin": "a"}[common]
-    found = run(Preferring({"a": 0.4}, common={other: (common,)}))
+    found = run(Columns({"a": 0.4}, names="ab", common={other: (common,)}))
     assert [t.name for t in found.taken] == [common]
     assert other in found.rivals[0]
 
 
-def test_what_makes_the_simulation_worse_is_not_taken_and_says_so():
-    plant = Preferring({"a": 0.4, "b": 0.2}, worse=("a", "twin"))
+def test_what_the_plant_objects_to_says_so():
+    plant = Columns({"a": 0.4, "b": 0.2}, names="ab", forbidden=("a", "twin"))
     found = run(plant)
     assert {t.name for t in found.taken} == {"b"}
-    assert any(f.name in plant.worse and "simulation" in f.reason for f in found.steps[0].fitted)
+    assert {f.reason for f in found.steps[0].fitted if f.name in plant.forbidden} == {"forbidden"}
 
 
 def test_an_effect_that_settles_at_more_than_was_left_before_is_taken_back_and_the_round_says_so():
@@ -207,7 +186,7 @@ def test_a_name_that_explains_as_much_is_a_rival_though_chance_might_explain_it(
         return Look(name, g, np.zeros(3), p_value=p)
 
     search = Search(Columns({}), np.random.default_rng(0), alpha=0.01)
-    taken = Named(look("a", 1e-6, 40.0), None, np.zeros(3))
+    taken = Named(look("a", 1e-6, 40.0), None, np.zeros(3), np.zeros(3))
     asked = [taken.look, look("as good", 0.1, 41.0), look("far behind", 0.1, 20.0), look("", 0.1, 45.0)]
     assert search._as_good(taken, asked) == ["as good"]
 
@@ -227,7 +206,7 @@ def test_what_goes_leaves_its_size_to_those_that_were_taken_beside_it():
     plant = Columns({"a": 0.5, "c": 0.3})
     found = Search(plant, np.random.default_rng(0)).run(Regression())
     late = next(t for t in found.taken if t.name == "c")
-    found.steps[0].fitted.append(Named(late.look, late.model, late.errors, late.gain, 0.9))
+    found.steps[0].fitted.append(replace(late, size=0.9))
     i = next(i for i, t in enumerate(found.taken) if t.name != "c")
     before = found.taken[i].size
     Search._inherit(found, i)

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from whsklearn.effects import Cogging
+from whsklearn.gap.plant import Linearised
 from whsklearn.gap.standard_errors import covariance, errors_of, labelled_errors
-from whsklearn.gap.values import Linearised
 
 RNG = np.random.default_rng(0)
 J = RNG.normal(size=(500, 2)) * [1.0, 100.0]

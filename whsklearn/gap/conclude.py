@@ -62,7 +62,6 @@ def conclude(plant: Any, found: Found, rng: np.random.Generator, say: Callable[[
         for s in found.steps
     ]  # fmt: skip
     diagnosis.rounds = rows_in(rounds, gap, own, "gap")
-    diagnosis.residual_tests = plant.residual_tests(found.base, found.model)
     diagnosis.base_parameters = _base_numbers(plant, found)
     diagnosis.next_experiment = next_experiment(diagnosis)
     for e in diagnosis.effects:
@@ -72,26 +71,28 @@ def conclude(plant: Any, found: Found, rng: np.random.Generator, say: Callable[[
         diagnosis.learned.curves = tuple(curve_in(c, plant.units, own) for c in curves)
     diagnosis.logged = plant.logged
     diagnosis.units = {role: own.get(u, u) for role, u in zip(("drive", "position"), plant.units, strict=True) if u}
-    diagnosis.notes = plant.notes(found.base, found.model)
-    diagnosis.pictures = pictures_in(plant.pictures(found.base, found.model) | {"units": plant.units}, gap, own)
+    told = plant.told(found.base, found.model)
+    diagnosis.residual_tests, diagnosis.notes, diagnosis.joints = told.tests, told.notes, told.joints
+    diagnosis.pictures = pictures_in(told.pictures | {"units": plant.units}, gap, own)
     diagnosis.horizon, diagnosis.horizon_unit = plant.headline, plant.horizon_unit
-    before, after, floor = (x / plant.scale for x in plant.figures(found.base, found.model))
+    before, after, floor = (x / plant.scale for x in plant.figures(found.base, found.model)[:3])
     diagnosis.figures = (before, after, floor)
-    diagnosis.joints = plant.joints(found.base, found.model)
     diagnosis.sentence = summary(diagnosis, plant)
     return diagnosis
 
 
 def _base_numbers(plant: Any, found: Found) -> list[dict[str, Any]]:
     """The base model's own numbers before and after the repair, with standard errors and units."""
-    first, last = plant.parameters(found.base), plant.parameters(found.model)
-    before, after = (errors_of(plant.linearised(m), plant.parameters) for m in (found.base, found.model))
-    units = plant.parameter_units(found.base)
+
+    def values(model: Any) -> dict[str, float]:
+        return {name: value for name, (value, _) in plant.numbers(model).items()}
+
+    first, last = plant.numbers(found.base), plant.numbers(found.model)
+    before, after = (errors_of(plant.linearised(m), values) for m in (found.base, found.model))
     own = plant.own_units if plant.whole == "drive" else {}  # a simulator's numbers stay as its file has them
     out = []
-    for name, value in first.items():
-        unit = units.get(name, "")
-        row = {"name": name, "before": value, "after": last[name], "before_error": before.get(name),
+    for name, (value, unit) in first.items():
+        row = {"name": name, "before": value, "after": last[name][0], "before_error": before.get(name),
                "after_error": after.get(name), "unit": respelled(unit, own)[1]}  # fmt: skip
         out += rows_in([row], unit, own, "before", "after", "before_error", "after_error")
     return out
@@ -103,13 +104,13 @@ def _proved(plant: Any, found: Found, rng: np.random.Generator, alpha: float) ->
     While the repaired model runs worse than the base model at the headline horizon, its last effect is taken back: no
     name without closure in simulation.
     """
-    shortfall = plant.falls_short(found.base, found.model)
+    shortfall = plant.reading(found.base, found.model).shortfall
     if shortfall:
         _give_back(found)
     while True:
         as_found = found.model
         if found.taken:
-            found.model = plant.settle(found.model)
+            found.model = plant.to_simulate(found.model)
         rows = prove(plant, found.base, found.model, rng)
         headline = next(r for r in rows if r["horizon"] == plant.headline)
         if not found.taken or headline["closure"] >= 0.0:
@@ -127,14 +128,14 @@ def _proved(plant: Any, found: Found, rng: np.random.Generator, alpha: float) ->
             headline = max(shorter, key=lambda r: r["horizon"])
             plant.headline = headline["horizon"]
             break
-        found.model = plant.fit(found.model.without(len(found.model.terms) - 1))
+        found.model = plant.settled(found.model.without(len(found.model.terms) - 1))
         del found.taken[-1], found.rivals[-1]
         found.remainder = found.steps[min(len(found.taken), len(found.steps) - 1)].looks
         if not found.taken:
             found.model = found.base
     if shortfall:
         return Diagnosis("unknown", "", shortfall=shortfall), rows
-    seen = plant.read_off(found.model)
+    seen = plant.reading(found.base, found.model).effects
     if seen and not found.taken:
         return Diagnosis("named", "", effects=seen), rows
     verdict = verdict_of(plant, found, alpha, headline["closure"])
@@ -161,7 +162,7 @@ def verdict_of(plant: Any, found: Found, alpha: float, run: float) -> str:
     """
     least = plant.tolerance * plant.scale
     nameless = max((k.size for k in found.remainder if not k.name and k.p_value <= alpha), default=0.0)
-    before, after, floor = plant.figures(found.base, found.model)
+    before, after, floor, still = plant.figures(found.base, found.model, nameless)
     # doubled after one empty record of a test; to be calibrated
     quiet = after**2 <= (rules.QUIET * floor) ** 2 + 2.0 * least**2
     if plant.exact:  # own records that lack nothing but an effect need no margin
@@ -175,7 +176,6 @@ def verdict_of(plant: Any, found: Found, alpha: float, run: float) -> str:
     share = (before**2 - after**2) / max(before**2 - floor**2, 1e-300)
     if share < rules.PARTIAL:
         return "unknown"
-    still = plant.remains(found.model, nameless)
     # exact records: the errors are of a free run themselves, and the held-out ones need only be no larger
     if (share if plant.exact else min(share, run)) < MOST:
         return "partial"
@@ -302,12 +302,12 @@ def _effects(plant: Any, found: Found) -> list[NamedEffect]:
 
 def _located(plant: Any, found: Found, diagnosis: Diagnosis, gap_unit: str, rng: np.random.Generator) -> None:
     """Where the gap lies, and which constant of the base model moves along the record."""
-    signals, gap = plant.signals(found.base), plant.gap_to_locate(found.base)
-    diagnosis.where = [place_in(p, gap_unit, plant.own_units) for p in localisation.locate(signals, gap, rng)]
+    gap = plant.gap(found.base)
+    diagnosis.where = [place_in(p, gap_unit, plant.own_units) for p in localisation.locate(gap.signals, gap.left, rng)]
     diagnosis.where_sentence = localisation.sentence(diagnosis.where) if diagnosis.verdict != "no_gap" else ""
-    units = plant.parameter_units(found.base)
-    for row in parameter_drift.drift(plant, found.base, rng):
-        factor, unit = respelled(units.get(row["name"], ""), plant.own_units)
+    units = plant.numbers(found.base)
+    for row in parameter_drift.drift(gap, rng):
+        factor, unit = respelled(units.get(row["name"], (0.0, ""))[1], plant.own_units)
         diagnosis.drifting.append(row | {"mean": row["mean"] / factor, "unit": unit})
     moves = parameter_drift.sentence(diagnosis.drifting) if diagnosis.where_sentence else ""
     if moves:

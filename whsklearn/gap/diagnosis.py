@@ -6,14 +6,13 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn import __version__
 from whsklearn.gap.localisation import Place
-from whsklearn.gap.values import Curve
 from whsklearn.logs.units import respelled
 
 VERDICTS = ("no_gap", "named", "ambiguous", "partial", "unknown", "coloured_noise", "not_testable", "data_problem")
@@ -183,6 +182,36 @@ def in_units(label: str, units: tuple[str, str]) -> str:
         return label
     drive, position = (u.lower() for u in units)
     return re.sub(r"_rad(?=[0-9]*(_|$))", f"_{position}", re.sub(r"_nm(?=_|$)", f"_{drive}", label))
+
+
+class Curve(NamedTuple):
+    """A learned torque as a function of one signal (times the sign or the value of a second one).
+
+    Attributes
+    ----------
+    signals : tuple of str
+        The signals it depends on; that of the picture's axis comes first.
+    x, y, band : ndarray of shape (n,)
+        Signal, torque (in the unit of the drive), and two standard deviations of the torque.
+
+    References
+    ----------
+    Hastie and Tibshirani 1990, Generalized Additive Models, Chapman and Hall.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from whsklearn.gap import Curve
+    >>> speed = np.array([0.0, 0.5, 1.0])
+    >>> curve = Curve(("velocity",), speed, 0.2 * speed**2, np.full(3, 0.01))
+    >>> bool((abs(curve.y) > curve.band).any())  # it is more than its own uncertainty somewhere
+    True
+    """
+
+    signals: tuple[str, ...]
+    x: NDArray[Any]
+    y: NDArray[Any]
+    band: NDArray[Any]
 
 
 @dataclass

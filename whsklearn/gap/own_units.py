@@ -6,8 +6,8 @@ import dataclasses
 from collections.abc import Mapping
 from typing import Any
 
+from whsklearn.gap.diagnosis import Curve
 from whsklearn.gap.localisation import Place
-from whsklearn.gap.values import Curve
 from whsklearn.logs.units import respelled
 
 CURVE_UNITS = {"velocity": "{1}/s", "speed": "{1}/s", "drive": "{0}"}  # of a signal by drive and motion; else a motion

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from whsklearn.gap import evidence as rules
 from whsklearn.gap.localisation import dependence
+from whsklearn.gap.plant import Gap
 from whsklearn.gap.record import rms
 
 Array = NDArray[Any]
@@ -22,7 +23,7 @@ TIME_CONSTANT = 1.0  # s, of forgetting
 SETTLED = 3.0  # time constants before the path counts
 
 
-def paths(plant: Any, model: Any) -> tuple[dict[str, tuple[float, Array, float]], slice, float]:
+def paths(g: Gap) -> tuple[dict[str, tuple[float, Array, float]], slice, float]:
     """(name -> (constant, its change along the record, share of the gap that this takes up), samples, seconds each).
 
     One constant at a time is let go, on the missing torque and the motion that the observer tracked: viscous and dry
@@ -30,7 +31,7 @@ def paths(plant: Any, model: Any) -> tuple[dict[str, tuple[float, Array, float]]
     """
     from whsklearn.estimators.rls import RLSRegressor
 
-    columns, gap, step = plant.regressors(model)
+    columns, gap, step = g.columns, g.left, g.step
     at = slice(min(int(SETTLED * TIME_CONSTANT / step), gap.size // 2), None)
     out = {}
     for name, (value, x) in columns.items():
@@ -47,12 +48,12 @@ def paths(plant: Any, model: Any) -> tuple[dict[str, tuple[float, Array, float]]
     return out, at, step
 
 
-def drift(plant: Any, model: Any, rng: np.random.Generator) -> list[dict]:
+def drift(g: Gap, rng: np.random.Generator) -> list[dict]:
     """For every constant: its mean, how far it moves, and the signal that it follows most; the most drifting first."""
-    constants, at, step = paths(plant, model)
+    constants, at, step = paths(g)
     if not constants:
         return []
-    signals = plant.signals(model)
+    signals = g.signals
     n = next(iter(constants.values()))[1].size
     n_blocks = int(np.clip(n * step / (2 * TIME_CONSTANT), 5, 30))
     out = []

@@ -8,26 +8,27 @@ How to write a plant
 --------------------
 1. A frozen model class with ``terms`` (base model's first), ``n_base``, ``without(index)`` and ``with_terms``; each
    term has ``name`` and ``effect`` (the library's own `whsklearn.effects.Effect`).
-2. ``base``, ``errors``, ``fit`` and ``settled``: the model, what it leaves, sizes solved, shapes polished.
+2. ``base``, ``errors`` and ``settled``: the model, and what it leaves with all numbers fitted.
 3. ``looks``: every candidate to first order, in the record and in records that the model makes itself
-   (`whsklearn.gap.tangent.Tangent` does both at once); ``refine`` fits one of them.  ``n_effective`` is the number of
-   independent samples that the last looks counted by.
-4. ``simulate``: the free run that proves.  Everything else has a default in `PlantDefaults`, or tells the report
-   something.
+   (`whsklearn.gap.tangent.Tangent` does both at once); ``refine`` fits one of them, ``objection`` says what physics
+   has against it.  ``n_effective`` is the number of independent samples that the last looks counted by.
+4. ``made`` and ``simulate``: a record of the model's own, and the free run that proves.
+5. ``numbers``, ``gap``, ``figures`` and ``told``: what the report tells.  Everything else has a default in
+   `PlantDefaults`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any, Protocol
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from whsklearn.effects import effect_names, get_effect
 from whsklearn.gap.calibration import gain, rival_leads
+from whsklearn.gap.diagnosis import Curve
 from whsklearn.gap.record import rms
-from whsklearn.gap.values import Learned, Linearised
 
 Array = NDArray[Any]
 
@@ -62,6 +63,135 @@ class Model(Protocol):
         """The model with these terms in place of its own."""
 
 
+@dataclass(frozen=True)
+class FittedTerm:
+    """A candidate with its numbers.
+
+    Attributes
+    ----------
+    kind : object
+        With ``name`` and ``effect(q)``.
+    q : tuple of float
+    """
+
+    kind: Any
+    q: tuple[float, ...]
+
+    @property
+    def name(self) -> str:
+        """Canonical name."""
+        return str(self.kind.name)
+
+    @property
+    def effect(self) -> Any:
+        """The effect with these numbers."""
+        return self.kind.effect(np.array(self.q))
+
+
+class Linearised(NamedTuple):
+    """A fitted vector with its residual and derivatives.
+
+    Attributes
+    ----------
+    x, low, high : ndarray of shape (p,)
+    residual : ndarray of shape (n,)
+    jacobian : ndarray of shape (n, p)
+    rebuild : callable
+        x -> model.
+    """
+
+    x: Array
+    low: Array
+    high: Array
+    residual: Array
+    jacobian: Array
+    rebuild: Any
+
+
+class Learned(NamedTuple):
+    """A model with its learned nameless torques, and their curves.
+
+    Attributes
+    ----------
+    model : object
+    curves : tuple of Curve
+        Empty where the plant has no picture of them.
+    """
+
+    model: Any
+    curves: tuple[Curve, ...]
+
+
+class Gap(NamedTuple):
+    """What a model leaves along the record, and what it may follow.
+
+    Attributes
+    ----------
+    left : ndarray of shape (n,)
+    step : float
+        Seconds between its samples.
+    signals : dict
+        Name -> (signal of shape (n,), unit).
+    columns : dict
+        Name of a constant of the base model -> (its value, its column of shape (n,)): what may drift.
+    """
+
+    left: Array
+    step: float
+    signals: dict[str, tuple[Array, str]]
+    columns: dict[str, tuple[float, Array]]
+
+
+class Figures(NamedTuple):
+    """Rms of the gap before and after, of noise alone, and of what still follows the motion without a name."""
+
+    before: float
+    after: float
+    floor: float
+    nameless: float = 0.0
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What a record tells before any model of it is asked.
+
+    Attributes
+    ----------
+    effects : list of NamedEffect
+        Read off the record itself, beside those of a model: a coarse grid, a folded sign.
+    shortfall : str
+        Sentence on what the base model itself lacks (order, shape of a law), where that and no effect is the gap.
+    given : (Plant, Model), optional
+        The record as it was given and its base model, where the plant has repaired a reading.
+    """
+
+    effects: list[Any] = field(default_factory=list)
+    shortfall: str = ""
+    given: tuple[Any, Any] | None = None
+
+
+@dataclass(frozen=True)
+class Told:
+    """What a plant tells the report.
+
+    Attributes
+    ----------
+    tests : list of dict
+        Rows of the table of residual tests.
+    notes : list of str
+        Remarks on how the record was used.
+    pictures : dict
+        Series that the page draws (`whsklearn.gap.pictures`).
+    joints : list of dict
+        Of an arm: what is missing of each drive, before and after.
+    """
+
+    tests: list[dict[str, Any]]
+    notes: list[str]
+    pictures: dict[str, Any]
+    joints: list[dict[str, Any]] = field(default_factory=list)
+
+
 class Plant(Protocol):
     """One record under one kind of model.
 
@@ -73,8 +203,10 @@ class Plant(Protocol):
         The same as the log has them.
     own_units : dict of str to str
         Symbol of ``units`` -> the unit in which a report tells it.
-    gap_word, whole : str
-        What the gap is called ("missing torque") and what it is a share of ("drive").
+    effect_units : tuple of str
+        Of drive and motion, in which the numbers of effects are told.
+    gap_unit, gap_word, whole : str
+        Unit of the gap, what it is called ("missing torque") and what it is a share of ("drive").
     tolerance : float
         Smallest effect worth a name, rms as a share of ``scale``.
     scale : float
@@ -82,6 +214,8 @@ class Plant(Protocol):
     horizons : tuple of float
         Of the free runs that prove, in ``horizon_unit`` (``s`` or ``samples``); ``headline`` is the one of the first
         line.
+    exact : bool
+        Whether its own records are exact: simulated from the input alone, with no loop and no filter.
     """
 
     units: tuple[str, str]
@@ -94,12 +228,19 @@ class Plant(Protocol):
     horizons: tuple[float, ...]
     headline: float
     horizon_unit: str
+    exact: bool
 
     def check(self) -> list[Any]:
         """Problems of the data (`whsklearn.gap.data_check.DataProblem`), called before anything else."""
 
     def base(self, rng: np.random.Generator) -> Any:
         """The base model, fitted."""
+
+    def errors(self, model: Any) -> Array:
+        """What the model leaves at the judged samples, shape (n,)."""
+
+    def settled(self, model: Any) -> Any:
+        """The model with all numbers fitted jointly."""
 
     def looks(self, model: Any, rng: np.random.Generator, beside: Any | None = None) -> list[Any]:
         """Every candidate on top of the model (`whsklearn.gap.tangent.Look`), nameless families too.
@@ -110,22 +251,16 @@ class Plant(Protocol):
     def refine(self, model: Any, look: Any) -> Any:
         """The model with one candidate fitted."""
 
-    def errors(self, model: Any) -> Array:
-        """What the model leaves at the judged samples, shape (n,)."""
+    def objection(self, model: Any, grown: Any) -> str:
+        """What physics has against the last term of ``grown``, which the model lacks; empty if nothing.
 
-    def fit(self, model: Any) -> Any:
-        """The model with its sizes solved."""
+        Its numbers, a free run that it makes worse, or that it explains too little beside what is there.
+        """
 
-    def settled(self, model: Any) -> Any:
-        """The model with all numbers fitted jointly."""
+    def aliases(self, name: str) -> tuple[str, ...]:
+        """Names that no record of this kind can tell from ``name``."""
 
-    def objection(self, model: Any, index: int) -> str:
-        """What physics has against the numbers of a term; empty if nothing."""
-
-    def demand(self, model: Any) -> float:
-        """Least share of the rms left that a further effect must explain."""
-
-    def surrogate(self, model: Any, rng: np.random.Generator) -> Any:
+    def made(self, model: Any, rng: np.random.Generator) -> Any:
         """A plant whose record the model itself made in the same experiment: nothing is missing in it."""
 
     def simulate(self, model: Any, horizon: float) -> Array:
@@ -134,59 +269,20 @@ class Plant(Protocol):
     def measured(self, *models: Any) -> tuple[Array, NDArray[np.bool_]]:
         """(measured output of shape (n,), mask of the held-out samples on which these models can be compared)."""
 
-    def falls_short(self, base: Any, model: Any) -> str:
-        """Sentence on what the base model itself lacks (order, shape of a law), where that and no effect is the gap."""
-
-    def settle(self, model: Any) -> Any:
-        """The repaired model's numbers for simulation: a joint refit from several starts, the better kept."""
-
-    def follows(self, model: Any) -> float:
-        """Cross-validated share of the gap that nameless functions of the motion explain."""
-
-    def learn(self, model: Any) -> Learned | None:
-        """What a model still lacks as nameless functions of the motion that it then simulates; None: none is earned."""
-
-    def read_off(self, model: Any) -> list[Any]:
-        """Effects read off the record itself (`NamedEffect`) beside those of a model: a coarse grid, a folded sign."""
-
-    def as_given(self, base: Any) -> tuple[Any, Any]:
-        """(plant, base model) of the record as it was given; ``(self, base)`` unless the plant repaired a reading."""
-
-    def aliases(self, name: str) -> tuple[str, ...]:
-        """Names that no record of this kind can tell from ``name``."""
-
-    def commoner(self, name: str) -> tuple[str, ...]:
-        """Names preferred to ``name`` where both explain the record about as well."""
+    def figures(self, base: Any, model: Any, nameless: float = 0.0) -> Figures:
+        """The gap in figures, in the unit of drive or output, where looks have seen so much without a name."""
 
     def linearised(self, model: Any) -> Linearised:
         """The fit's vector, residual and derivatives at the model, for standard errors."""
 
-    def parameters(self, model: Any) -> dict[str, float]:
-        """The base model's numbers by name."""
+    def numbers(self, model: Any) -> dict[str, tuple[float, str]]:
+        """Name of a number of the base model -> (value, unit; empty where it has none)."""
 
-    def parameter_units(self, model: Any) -> dict[str, str]:
-        """Units of the base model's numbers, where they have one."""
+    def gap(self, model: Any) -> Gap:
+        """What the model leaves, with the signals and constants that it may follow."""
 
-    def figures(self, base: Any, model: Any) -> tuple[float, float, float]:
-        """(gap before, gap after, floor) of the first line, in the unit of drive or output."""
-
-    def gap_to_locate(self, model: Any) -> Array:
-        """The gap at the samples of `signals`, for localisation."""
-
-    def signals(self, model: Any) -> dict[str, tuple[Array, str]]:
-        """Name -> (signal at the judged samples, unit): what the gap may follow."""
-
-    def regressors(self, model: Any) -> tuple[dict[str, tuple[float, Array]], Array, float]:
-        """(name -> (number, its column at the judged samples), gap, seconds a sample), for parameter drift."""
-
-    def residual_tests(self, base: Any, model: Any) -> list[dict[str, Any]]:
-        """Rows of the table of residual tests."""
-
-    def notes(self, base: Any, model: Any) -> list[str]:
-        """Remarks on how the record was used."""
-
-    def pictures(self, base: Any, model: Any) -> dict[str, Any]:
-        """Series that the page draws (`whsklearn.gap.pictures`)."""
+    def told(self, base: Any, model: Any) -> Told:
+        """The rest of what a report tells."""
 
     def system(self, model: Any) -> Any:
         """The model as the library's own object."""
@@ -196,81 +292,48 @@ class PlantDefaults:
     """What a plant does unless it knows better."""
 
     horizon_unit = "s"
-    exact = False  # whether its own records are exact: simulated from the input alone, with no loop and no filter
+    exact = False
 
     @property
     def effect_units(self: Any) -> tuple[str, str]:
-        """Units of drive and motion in which the numbers of effects are told; empty where they have none."""
+        """Those of the log."""
         drive, motion = self.units
         return self.own_units.get(drive, drive), self.own_units.get(motion, motion)
 
     @property
     def gap_unit(self: Any) -> str:
-        """In which the gap is told: that of the drive, or of the output."""
+        """That of the drive, or of the output."""
         return str(self.units[0] if self.whole == "drive" else self.units[1])
+
+    def rms(self, errors: Array) -> float:
+        """Root mean square of errors, in the unit of `Plant.scale`."""
+        return rms(errors)
 
     def size(self, before: Array, after: Array) -> float:
         """Rms of what is gone between the errors of two models, in the unit of `Plant.scale`."""
         return float(np.sqrt(max(0.0, float(before @ before) - float(after @ after)) / before.size))
 
-    def fitted_gain(self: Any, model: Any, grown: Any, look: Any) -> tuple[float, float]:
-        """(gain g of a fitted effect, rms of what it explains in the unit of `Plant.scale`)."""
+    def explained(self: Any, model: Any, grown: Any, look: Any) -> tuple[float, float]:
+        """(gain g, rms in the unit of `Plant.scale`) of what a fitted effect explains, found by this look."""
         before, after = self.errors(model), self.errors(grown)
         return gain(float(before @ before), float(after @ after), self.n_effective), self.size(before, after)
 
-    def leads(self: Any, taken: Any, other: Any, rng: np.random.Generator) -> Array:
+    def leads(self: Any, taken: Any, other: Any, before: Array, rng: np.random.Generator) -> Array:
         """Lead of the one taken in records that the other makes: to first order, from what each explains."""
-        before = self.errors(self.fit(taken.model.without(len(taken.model.terms) - 1)))
         return rival_leads(before, taken.errors, other.errors, self.n_effective, rng)
-
-    def preferred(self, sound: list[Any]) -> Any:
-        """Which of several sound fits (`whsklearn.gap.search.Named`) is taken, the best score first: that."""
-        return sound[0]
-
-    def joints(self, base: Any, model: Any) -> list[dict[str, Any]]:
-        """None: an axis is its only joint."""
-        return []
-
-    def runs_worse(self, before: Any, after: Any) -> bool:
-        """Never: a fit by simulation error cannot."""
-        return False
-
-    def commoner(self, name: str) -> tuple[str, ...]:
-        """What the effect says of itself."""
-        return get_effect(name).commoner if name in effect_names() else ()
-
-    def rms(self, errors: Array) -> float:
-        """Root mean square."""
-        return rms(errors)
 
     def family(self, model: Any) -> Iterable[Any]:
         """None: further orders are candidates like any other."""
         return ()
 
-    def remains(self, model: Any, nameless: float) -> float:
-        """Rms of what still follows the signals without a name: all that is seen of it."""
-        return nameless
-
-    def falls_short(self, base: Any, model: Any) -> str:
-        """Nothing: the base model has no order that could be too low."""
-        return ""
-
-    def learn(self, model: Any) -> Learned | None:
-        """Nothing: this plant learns no torque."""
-        return None
-
-    def settle(self, model: Any) -> Any:
-        """The numbers as fitted."""
+    def to_simulate(self, model: Any) -> Any:
+        """The model with the numbers that simulate best: those that were fitted."""
         return model
 
-    def read_off(self, model: Any) -> list[Any]:
-        """Nothing."""
-        return []
+    def learn(self, model: Any) -> Learned | None:
+        """What a model still lacks as nameless functions of the motion that it then simulates: nothing is learned."""
+        return None
 
-    def as_given(self, base: Any) -> tuple[Any, Any]:
-        """The record is used as it is."""
-        return self, base
-
-    def parameter_units(self, model: Any) -> dict[str, str]:
-        """None."""
-        return {}
+    def reading(self, base: Any, model: Any) -> Reading:
+        """Nothing, and the record as it is."""
+        return Reading()

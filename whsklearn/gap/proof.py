@@ -69,10 +69,10 @@ def prove(plant: Any, base: Any, model: Any, rng: np.random.Generator) -> list[d
     same rule: what noise in the restarts alone gives.  Both runs of the log go through the same restarts, so an error
     below this floor is luck of the noise and the floor is never printed above it.
     """
-    other = plant.surrogate(model, rng)
+    other = plant.made(model, rng)
     y, held = plant.measured(base, model)
     spread = float(np.std(y[held]))
-    given, first = plant.as_given(base)
+    given, first = plant.reading(base, model).given or (plant, base)
     rows = []
     for horizon in plant.horizons:
         after = free_run_error(plant, model, horizon, base, model)

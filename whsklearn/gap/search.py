@@ -51,7 +51,8 @@ class Named:
     look : Look
     model : object
         The model with it, fitted.
-    errors : ndarray of shape (n,)
+    before, errors : ndarray of shape (n,)
+        What is left without it and with it.
     gain : float
         g of the fitted effect.
     size : float
@@ -64,6 +65,7 @@ class Named:
 
     look: Look
     model: Any
+    before: Array = field(repr=False)
     errors: Array = field(repr=False)
     gain: float = 0.0
     size: float = 0.0
@@ -74,6 +76,11 @@ class Named:
     def name(self) -> str:
         """Canonical name."""
         return self.look.name
+
+    @property
+    def effect(self) -> Any:
+        """The library's effect with its numbers."""
+        return self.model.terms[-1].effect
 
     @property
     def score(self) -> float:
@@ -169,7 +176,7 @@ class Search:
         left = self.plant.rms(self.plant.errors(found.model))
         full = worse or len({t.name for t in found.taken}) >= self.max_effects
         fitted = [] if full else self.fitted(found.model, looks)
-        taken = self._chosen(found.model, fitted)
+        taken = self._chosen(fitted)
         found.steps.append(Step(len(found.steps) + 1, left, self.plant.n_effective, looks, fitted, taken))
         if taken is None:
             self._said(found)
@@ -196,29 +203,17 @@ class Search:
         found.steps[-1].taken = None
         return True
 
-    def _chosen(self, model: Any, fitted: list[Named]) -> Named | None:
-        """The best sound fit that simulates no worse; of those that this record does not tell from it, the commonest.
-
-        Fits that simulate worse get their reason in ``fitted``.
-        """
-        taken = self._first(model, fitted, {f.name for f in fitted})
+    def _chosen(self, fitted: list[Named]) -> Named | None:
+        """The best sound fit; of those that this record does not tell from it, the commonest."""
+        sound = [f for f in fitted if not f.reason]
+        taken = sound[0] if sound else None
         while taken is not None:
-            tied = set(self.rivals(taken, fitted)) & set(self.plant.commoner(taken.name))
-            common = self._first(model, fitted, tied)
+            tied = self.rivals(taken, sound)
+            common = next((f for f in sound if f.name in tied and f.effect.name in taken.effect.commoner), None)
             if common is None:
                 break
             taken = common
         return taken
-
-    def _first(self, model: Any, fitted: list[Named], names: set[str]) -> Named | None:
-        """The sound fit of these names that the plant prefers and that simulates no worse."""
-        while sound := [f for f in fitted if not f.reason and f.name in names]:
-            best: Named = self.plant.preferred(sound)
-            if not self.plant.runs_worse(model, best.model):
-                return best
-            told = replace(best, reason="the simulation runs farther from the record with it")
-            fitted[next(i for i, f in enumerate(fitted) if f is best)] = told
-        return None
 
     def _said(self, found: Found) -> None:
         if self.on_round is not None:
@@ -226,12 +221,15 @@ class Search:
 
     def _add(self, found: Found, look: Look, grown: Any) -> None:
         """Take one more member of the last effect's family."""
-        before, errors = self.plant.errors(found.model), self.plant.errors(grown)
-        g = gain(float(before @ before), float(errors @ errors), self.plant.n_effective)
-        size = self.plant.size(before, errors) / self.plant.scale
-        found.taken.append(Named(look, grown, errors, g, float(size)))
+        found.taken.append(self._named(found.model, look, grown))
         found.rivals.append([])
         found.model = grown
+
+    def _named(self, model: Any, look: Look, grown: Any, reason: str = "") -> Named:
+        """A fitted effect with what it explains."""
+        before, errors = self.plant.errors(model), self.plant.errors(grown)
+        g, size = self.plant.explained(model, grown, look)
+        return Named(look, grown, before, errors, g, float(size / self.plant.scale), reason)
 
     def fitted(self, model: Any, looks: list[Look]) -> list[Named]:
         """The looks that chance does not explain and that are worth a name, fitted; the best score first.
@@ -241,13 +239,12 @@ class Search:
         """
         least = self.plant.tolerance * self.plant.scale
         worth = [k for k in self._shown(looks) if k.name and k.p_value <= self.alpha and k.size >= least]
-        before = self.plant.errors(model)
         out: list[Named] = []
         while worth and all(f.reason for f in out):
             here = [k for k in worth if meet(k, worth[0])]
             worth = [k for k in worth if not meet(k, here[0])]
             nameless = (k.size for k in looks if not k.name and k.p_value <= self.alpha and meet(k, here[0]))
-            out += self._fitted(model, here, before, max(nameless, default=0.0))
+            out += self._fitted(model, here, max(nameless, default=0.0))
         return sorted(out, key=lambda f: -f.score)
 
     def _shown(self, looks: list[Look]) -> list[Look]:
@@ -266,30 +263,28 @@ class Search:
 
         return [replace(k, p_value=min(k.p_value, p_of(k))) if k.name else k for k in looks]
 
-    def _fitted(self, model: Any, looks: list[Look], before: Array, nameless: float) -> list[Named]:
+    def _fitted(self, model: Any, looks: list[Look], nameless: float) -> list[Named]:
         """Looks of one place fitted, where nameless functions of the motion explain so much."""
-        least = self.plant.tolerance * self.plant.scale
         out: list[Named] = []
-        strongest, demand = 0.0, self.plant.demand(model) * self.plant.rms(before)
+        strongest = 0.0
         for look in looks:
             # one that physics forbids is no yardstick: only sound ones make others not worth a fit
             if len(out) == MOST_FITTED or look.size**2 < WORTH_FITTING * strongest**2:
                 continue
             grown = self.plant.refine(model, look)
-            errors = self.plant.errors(grown)
-            g, size = self.plant.fitted_gain(model, grown, look)
-            reason = self.plant.objection(grown, len(grown.terms) - 1)
-            if not reason and g <= 2.0 * float(np.mean(look.null)):
+            f = self._named(model, look, grown)
+            size = f.size * self.plant.scale
+            reason = ""
+            if f.score <= 0.0:
                 reason = "fitted, it explains no more than it does of the model's own records"
-            if not reason and size < least:
+            elif f.size < self.plant.tolerance:
                 reason = "fitted, it explains less than the tolerance"
-            if not reason and size**2 < LEAST_SHARE * nameless**2:
+            elif size**2 < LEAST_SHARE * nameless**2:
                 reason = "it explains too little of what follows the motion"
-            if not reason and size < demand:
-                reason = "it explains too little of what is left beside the others"
+            reason = self.plant.objection(model, grown) or reason
             if not reason:
-                strongest = max(strongest, float(size))
-            out.append(Named(look, grown, errors, g, float(size / self.plant.scale), reason))
+                strongest = max(strongest, size)
+            out.append(replace(f, reason=reason))
         return out
 
     def rivals(self, taken: Named, fitted: list[Named]) -> list[str]:
@@ -298,8 +293,7 @@ class Search:
         for other in (f for f in fitted if meet(f.look, taken.look)):
             if other.reason or other.name == taken.name or other.name in self.plant.aliases(taken.name):
                 continue
-            grown, effect = (f.model.terms[-1].effect for f in (other, taken))
-            if effect is not None and grown.parent == effect.name:  # it holds the one taken and more, and is asked next
+            if other.effect.parent == taken.effect.name:  # it holds the one taken and more, and is asked next
                 continue
             if self.plant.exact and self._needless(taken, other):
                 taken.same.append(other.name)
@@ -332,10 +326,10 @@ class Search:
         """
         z = vuong(other.errors, taken.errors)
         if not self.plant.exact:
-            return separable(lead, z, self.plant.leads(taken, other, self.rng), self.alpha)
+            return separable(lead, z, self.plant.leads(taken, other, taken.before, self.rng), self.alpha)
         if separable(lead, z, np.zeros(0), self.alpha):
             return True
-        leads = self.plant.leads(taken, other, self.rng)
+        leads = self.plant.leads(taken, other, taken.before, self.rng)
         return bool(leads.size) and separable(lead, np.inf, leads, self.alpha)
 
     def _as_good(self, taken: Named, looks: list[Look]) -> list[str]:
@@ -355,12 +349,10 @@ class Search:
         for i in reversed(range(len(found.taken))):
             if len(found.taken) == 1 or [t.name for t in found.taken].count(found.taken[i].name) > 1:
                 continue
-            without = self.plant.settled(self.plant.fit(found.model.without(found.model.n_base + i)))
-            before, after = (self.plant.errors(m) for m in (without, found.model))
-            g = gain(float(before @ before), float(after @ after), self.plant.n_effective)
+            without = self.plant.settled(found.model.without(found.model.n_base + i))
             look = found.taken[i].look
+            g, size = self.plant.explained(without, found.model, look)
             families = max(len(s.looks) for s in found.steps)
-            size = np.sqrt(max(0.0, float(before @ before) - float(after @ after)) / before.size)
             if p_value(g, look.null, families) > self.alpha or size < self.plant.tolerance * self.plant.scale:
                 found.model, changed = without, True
                 del found.taken[i], found.rivals[i]
@@ -387,7 +379,7 @@ class Search:
             looks = self.plant.looks(without, self.rng, found.model)
             others = names[:i] + names[i + 1 :]  # what is there already takes no second place
             fitted = [f for f in self.fitted(without, looks) if f.name not in others]
-            best = self._chosen(without, fitted)
+            best = self._chosen(fitted)
             kept = next((f for f in fitted if f.name == found.taken[i].name and not f.reason), None)
             if best is not None and kept is not None and kept.name in self.rivals(best, fitted):
                 best = kept

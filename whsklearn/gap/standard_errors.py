@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from whsklearn.gap.values import Linearised
+from whsklearn.gap.plant import Linearised
 
 Array = NDArray[Any]
 N_DRAWS = 64  # of the numbers, each a model: their spread is known to 9 %

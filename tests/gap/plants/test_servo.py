@@ -95,7 +95,7 @@ def test_numbers_for_simulation_are_compared_at_the_horizon_that_is_proved(monke
     monkeypatch.setattr(servo_stop, "holds", lambda m: False)
     found, refitted = (SimpleNamespace(name=n, terms=(), has_play=False) for n in ("found", "refitted"))
     plant.observer, plant.corrected = SimpleNamespace(fit=lambda m: refitted), found
-    assert plant.settle(found) is found
+    assert plant.to_simulate(found) is found
     assert plant.headline == 0.07
 
 
@@ -106,8 +106,8 @@ def test_missing_drive_behind_a_coupling_is_told_by_the_observer(load_side):
         view = SimpleNamespace(gap=lambda m, g=gaps: g[m.at], rms=float, floor=lambda m, g=gaps: g[2], fit=lambda m: m)
         setattr(plant, name, view)
     plant.own = SimpleNamespace(floor=0.1)
-    base, model = SimpleNamespace(at=0, load_side=False), SimpleNamespace(at=1, load_side=load_side)
-    assert plant.figures(base, model) == ((1.0, 0.2, 0.05) if load_side else (3.0, 2.9, 0.1))
+    base, model = SimpleNamespace(at=0, load_side=False), SimpleNamespace(at=1, load_side=load_side, has_play=False)
+    assert plant.figures(base, model, 0.3) == ((1.0, 0.2, 0.05, 0.0) if load_side else (3.0, 2.9, 0.1, 0.3))
 
 
 GAP, CONTACT, SHARE = 0.03, 45.0, 0.5  # rad, Hz, of the inertia behind the play

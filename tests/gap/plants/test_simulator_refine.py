@@ -55,7 +55,7 @@ def test_an_effect_that_the_simulator_cannot_hold_is_refused_and_leaves_the_mode
     assert closed.refused == {"cogging": "no such part"}
     assert same.terms[-1].effect.magnitude == 0.0
     np.testing.assert_array_equal(same.error, model.error)
-    assert "cannot hold" in closed.objection(same, 0)
+    assert "cannot hold" in closed.objection(model, same)
 
 
 def test_exponents_and_counts_stay():

@@ -8,7 +8,7 @@ one that has appeared since.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, NamedTuple
@@ -21,7 +21,7 @@ from whsklearn.gap.calibration import p_value
 from whsklearn.gap.data_check import DataProblem
 from whsklearn.gap.filters import whiteness
 from whsklearn.gap.localisation import spectra
-from whsklearn.gap.plant import PlantDefaults
+from whsklearn.gap.plant import Figures, Gap, Linearised, PlantDefaults, Told
 from whsklearn.gap.plants.arm_families import FURTHEST, families, look_at_limit, nameless, polished
 from whsklearn.gap.plants.arm_terms import AtJoint, Load, candidates, present
 from whsklearn.gap.plants.arm_view import LATEST, ArmState, ArmView, law_of
@@ -31,9 +31,7 @@ from whsklearn.gap.plants.servo_evidence import OWN_MOTION
 from whsklearn.gap.plants.servo_model import Term
 from whsklearn.gap.plants.servo_objections import negative_damping, never_free, too_large
 from whsklearn.gap.record import SPLIT, held_out_blocks, rms
-from whsklearn.gap.search import meet
 from whsklearn.gap.tangent import Look, Tangent
-from whsklearn.gap.values import Linearised
 from whsklearn.identification.arm_fit import suspicions, swapped
 from whsklearn.lags.rigid_body import RigidBodyLags
 from whsklearn.models.arm import ArmModel
@@ -44,7 +42,6 @@ LAW = "viscous,coulomb"
 # Largest ratio, at one joint, of the torque of an effect to the residual that it removes: with a larger one, like that
 # of a spring against gravity, it only cancels other terms.
 CANCELS = 20.0
-AS_MUCH = 0.995  # of the rms that the best candidate explains: a commoner law that explains as much is preferred
 SUBSTEPS = 4  # fine steps per sample in a proof
 SOME = 200  # positions at which the mass matrix is checked for being positive definite
 
@@ -194,27 +191,6 @@ class ArmPlant(PlantDefaults):
         """The candidate with its shape polished and all sizes solved for."""
         return self.view.fit(model.with_term(polished(self.view, self.tangent, look.start)))
 
-    def preferred(self, sound: list[Any]) -> Any:
-        """The commonest law, at the same joints, of those that explain as much of the gap as the best one."""
-
-        def rank(f: Any) -> tuple[int, int]:
-            effect = f.model.terms[-1].effect
-            return -int(effect.elementary) - sum(
-                effect.name in other.effect.commoner for other in last
-            ), f.look.n_numbers
-
-        as_much = [f for f in sound if meet(f.look, sound[0].look) and f.size >= AS_MUCH * sound[0].size]
-        last = [f.model.terms[-1] for f in as_much]
-        return min(as_much, key=rank)
-
-    def family(self, model: ArmState) -> Iterator[ArmState]:
-        """Nothing: further orders are candidates like any other."""
-        return iter(())
-
-    def fit(self, model: ArmState) -> ArmState:
-        """Sizes solved."""
-        return self.view.fit(model)
-
     def errors(self, model: ArmState) -> Array:
         """The residual of the model, weighted by joint, instant by instant."""
         return np.asarray((self.view.left(self.view.fit(model)) * self.view.weight).ravel())
@@ -228,10 +204,6 @@ class ArmPlant(PlantDefaults):
         view = self.view
         return view.by_joint(errors.reshape(-1, view.n_joints) / view.weight) / np.maximum(view.drive_rms, 1e-300)
 
-    def demand(self, model: ArmState) -> float:
-        """Zero: an effect need only exceed the tolerance."""
-        return 0.0
-
     def aliases(self, name: str) -> tuple[str, ...]:
         """Names that no record of drives and positions can distinguish from this one, at the same joint."""
         effect, at, joint = name.partition(" at ")
@@ -240,12 +212,12 @@ class ArmPlant(PlantDefaults):
         except ValueError:
             return ()
 
-    def objection(self, model: ArmState, index: int) -> str:
+    def objection(self, model: ArmState, grown: ArmState) -> str:
         """The physical objections to a term's parameters."""
-        t, view = model.terms[index], self.view
+        t, view = grown.terms[-1], self.view
         if t.kind.cls is Load and max(map(abs, t.shape)) >= FURTHEST:
             return "its centre is at the limit of the reach of a hand"
-        base = dict(zip(self.lags.base_.names, model.numbers, strict=True))
+        base = dict(zip(self.lags.base_.names, grown.numbers, strict=True))
         total = t.q[0] + base.get(f"{t.joint}.{t.effect.name}", 0.0) if t.kind.linear == 1 else 1.0
         if t.kind.positive and total <= 0.0:
             return f"its size would be {total:.3g}, but a physical one is positive"
@@ -261,20 +233,11 @@ class ArmPlant(PlantDefaults):
                 if (low and value <= low + 1e-3 * abs(low)) or value >= high - 1e-3 * abs(high):
                     return f"its {field} reaches the limit of the plausible range"
         asked = view.by_joint(view.contribution(t))  # all joints carry a mass, and gravity is always large
-        closed = view.by_joint(view.left(view.fit(model.without(index)))) ** 2 - view.by_joint(view.left(model)) ** 2
+        closed = view.by_joint(view.left(view.fit(model))) ** 2 - view.by_joint(view.left(grown)) ** 2
         j = int(np.argmax(closed / np.maximum(view.drive_rms, 1e-300) ** 2))
         if t.kind.place and asked[j] > CANCELS * np.sqrt(max(closed[j], 0.0)):
             return f"it would add {asked[j]:.3g} to remove {np.sqrt(max(closed[j], 0.0)):.3g}: other terms cancel it"
         return ""
-
-    def remains(self, model: ArmState, nameless: float) -> float:
-        """Size of the unnamed part that still follows the motion.
-
-        It counts at joints with a named effect, and elsewhere if it exceeds the tolerance.
-        """
-        named = frozenset().union(*(t.kind.place or self.view.arm.joints for t in model.terms))
-        here = [k.size for k in self.looked if not k.name and (k.size >= self.tolerance or k.place & named)]
-        return max((size for size in here if size <= nameless), default=0.0)
 
     def linearised(self, model: ArmState) -> Linearised:
         """Residual and derivatives by all free numbers, scaled to the number of independent rows."""
@@ -312,9 +275,9 @@ class ArmPlant(PlantDefaults):
         wide = np.full(x.size, np.inf)
         return Linearised(x, -wide, wide, residual, -jacobian, rebuild)
 
-    def settle(self, model: ArmState) -> ArmState:
+    def to_simulate(self, model: ArmState) -> ArmState:
         """The model as it is; also sets the longest horizon at which it can follow a record of its own."""
-        other = self.surrogate(model, np.random.default_rng(0))
+        other = self.made(model, np.random.default_rng(0))
         y, held = other.measured()
         for horizon in reversed(self.horizons):
             self.headline = horizon
@@ -324,7 +287,7 @@ class ArmPlant(PlantDefaults):
         return model
 
     # --- proof -------------------------------------------------------------------------------
-    def surrogate(self, model: ArmState, rng: np.random.Generator) -> ArmPlant:
+    def made(self, model: ArmState, rng: np.random.Generator) -> ArmPlant:
         """The plant of a record that the model itself makes along the measured motion."""
         view = self.view
         other = ArmPlant(self.record, self.lags, None, self.tolerance, self.given, self.covariance)
@@ -390,14 +353,20 @@ class ArmPlant(PlantDefaults):
         train[:edge] = train[n - edge :] = True
         return self.record.position.ravel(), np.repeat(~train, self.view.n_joints)
 
-    def figures(self, base: ArmState, model: ArmState) -> tuple[float, float, float]:
-        """(gap before, gap after, noise floor), in shares of the drive, at the joint with the largest change or gap."""
+    def figures(self, base: ArmState, model: ArmState, nameless: float = 0.0) -> Figures:
+        """Shares of the drive at the joint with the largest change or gap.
+
+        What has no name counts at joints with a named effect, and elsewhere if it exceeds the tolerance.
+        """
         before, after = (self._shares(self.errors(m)) for m in (base, model))
         j = int(np.argmax(before**2 - after**2 if model.terms else after / np.maximum(self.own.floor, 1e-12)))
-        return float(before[j]), float(after[j]), float(self.own.floor[j])
+        named = frozenset().union(*(t.kind.place or self.view.arm.joints for t in model.terms))
+        here = [k.size for k in self.looked if not k.name and (k.size >= self.tolerance or k.place & named)]
+        still = max((size for size in here if size <= nameless), default=0.0)
+        return Figures(float(before[j]), float(after[j]), float(self.own.floor[j]), still)
 
     # --- report ------------------------------------------------------------------------------
-    def joints(self, base: ArmState, model: ArmState) -> list[dict[str, Any]]:
+    def _joints(self, base: ArmState, model: ArmState) -> list[dict[str, Any]]:
         """One row for each joint: the gap before and after, the noise floor, and the names."""
         before, after = (self._shares(self.errors(m)) for m in (base, model))
         return [
@@ -412,14 +381,15 @@ class ArmPlant(PlantDefaults):
         at = [t.kind.index for t in model.terms if t.kind.index is not None]
         return at[0] if at else int(np.argmax(np.nan_to_num(shares)))
 
-    def gap_to_locate(self, model: ArmState) -> Array:
-        """The gap of the joint with the largest one, as a share of its drive."""
-        j = self._worst(model)
-        return np.asarray(self.view.left(self.view.fit(model))[:, j] / max(self.view.drive_rms[j], 1e-300))
-
-    def signals(self, model: ArmState) -> dict[str, tuple[Array, str]]:
-        """Name -> (signal of that joint at the rows, unit)."""
+    def gap(self, model: ArmState) -> Gap:
+        """The gap of the joint with the largest one, as a share of its drive; no constant is freed on its own."""
         view, j = self.view, self._worst(model)
+        left = np.asarray(view.left(view.fit(model))[:, j] / max(view.drive_rms[j], 1e-300))
+        return Gap(left, view.step, self._signals(j), {})
+
+    def _signals(self, j: int) -> dict[str, tuple[Array, str]]:
+        """Name -> (signal of that joint at the rows, unit)."""
+        view = self.view
         unit = "m" if view.arm.slides[j] else "rad"
         name, moved = view.arm.joints[j], (x[view.kept, j] for x in view.moved)
         out = {"time": (view.time[view.kept], "s")}
@@ -427,34 +397,24 @@ class ArmPlant(PlantDefaults):
             out[f"{what} of {name}"] = (x, u)
         return out | {f"drive of {name}": (view.target[:, j], "N" if view.arm.slides[j] else "Nm")}
 
-    def regressors(self, model: ArmState) -> tuple[dict[str, Any], Array, float]:
-        """Nothing: no constant of an arm is freed on its own."""
-        return {}, self.gap_to_locate(model), self.view.step
-
-    def residual_tests(self, base: ArmState, model: ArmState) -> list[dict[str, Any]]:
-        """Whiteness of the residual at that joint, before and after."""
-        return [whiteness(self.gap_to_locate(m), name) for name, m in (("before", base), ("after", model))]
-
-    def parameters(self, model: ArmState) -> dict[str, float]:
-        """Base numbers."""
-        return dict(zip(self.lags.base_.names, map(float, model.numbers), strict=True))
-
-    def parameter_units(self, model: ArmState) -> dict[str, str]:
-        """Units of the numbers of links and motors."""
+    def numbers(self, model: ArmState) -> dict[str, tuple[float, str]]:
+        """Base numbers of links and motors."""
         from whsklearn.systems.arm import number_unit
 
-        return {name: number_unit(name) for name in self.lags.base_.names}
+        return {k: (float(v), number_unit(k)) for k, v in zip(self.lags.base_.names, model.numbers, strict=True)}
 
-    def notes(self, base: ArmState, model: ArmState) -> list[str]:
-        """Remarks on how the record was used."""
+    def told(self, base: ArmState, model: ArmState) -> Told:
+        """Whiteness of the residual at the joint reported first, remarks, series of the page, and rows of joints."""
         numbers = "are kept as they were identified" if self.given is not None else "are fitted to this record"
-        return [
+        notes = [
             f"The gap of each joint is a share of its own rms drive, below {self.lags.cutoff_:.1f} Hz and without slow "
             f"samples; the numbers of the arm {numbers}. A free run covers all joints.",
             SPLIT,
         ]
+        tests = [whiteness(self.gap(m).left, name) for name, m in (("before", base), ("after", model))]
+        return Told(tests, notes, self._pictures(base, model), self._joints(base, model))
 
-    def pictures(self, base: ArmState, model: ArmState) -> dict[str, Any]:
+    def _pictures(self, base: ArmState, model: ArmState) -> dict[str, Any]:
         """Series of the joint that is reported first, and of all joints."""
         view, j = self.view, self._worst(model)
         n = view.n_joints
@@ -467,7 +427,7 @@ class ArmPlant(PlantDefaults):
             "time": self.record.time, "measured": self.record.position[:, j],
             "runs": {k: x.reshape(-1, n)[:, j] for k, x in runs.items()},
             "held": self.measured()[1].reshape(-1, n)[:, j], "gap_time": rows, "usable": view.keep[:, j],
-            "floor": float(self.own.floor[j]), "axes": self.signals(model), "units": self.units,
+            "floor": float(self.own.floor[j]), "axes": self._signals(j), "units": self.units,
             "what": f"{self.gap_word} of {view.arm.joints[j]}",
             "joints": {
                 name: (rows, view.target[:, i], *(np.where(view.keep[:, i], g[:, i], np.nan) for g in gaps))
@@ -489,7 +449,7 @@ class ArmPlant(PlantDefaults):
                 arm = replace(arm, armature=arm.armature + t.q[0] * np.array(t.kind.direction))
             elif t.kind.catalogued is not None and t.kind.index is not None:
                 arm = arm.with_effects({t.joint: t.effect})
-        return ArmModel(arm, self.parameters(model), dt=view.dt, logged="position",
+        return ArmModel(arm, {k: v for k, (v, _) in self.numbers(model).items()}, dt=view.dt, logged="position",
                         units={"input": "Nm", "output": "rad"})  # fmt: skip
 
 

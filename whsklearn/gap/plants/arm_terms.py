@@ -13,8 +13,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from whsklearn.effects import ContactStop, Effect, Quantity
+from whsklearn.gap.plant import FittedTerm
 from whsklearn.gap.plants.servo_candidates import Candidate, catalogue
-from whsklearn.gap.values import FittedTerm
 from whsklearn.systems.arm import Arm
 
 # Effects of the catalogue that are not candidates at a joint: an effect that splits the joint in two has no place in an

@@ -12,7 +12,7 @@ from whsklearn.estimators import _model as wh
 from whsklearn.gap.calibration import p_value
 from whsklearn.gap.data_check import DataProblem
 from whsklearn.gap.diagnosis import NamedEffect
-from whsklearn.gap.plant import PlantDefaults
+from whsklearn.gap.plant import Figures, Gap, Linearised, PlantDefaults, Reading, Told
 from whsklearn.gap.plants import chain_model as cm
 from whsklearn.gap.plants import chain_record as readings
 from whsklearn.gap.plants.chain_anew import fits, fitted, fitted_once, is_strong, nudged
@@ -24,7 +24,6 @@ from whsklearn.gap.plants.chain_model import ChainModel, Record
 from whsklearn.gap.record import rms
 from whsklearn.gap.search import WORTH_FITTING
 from whsklearn.gap.tangent import Look
-from whsklearn.gap.values import Linearised
 from whsklearn.systems.wiener_hammerstein import WienerHammersteinSystem
 
 if TYPE_CHECKING:
@@ -136,10 +135,6 @@ class ChainPlant(PlantDefaults):
         self._first = rms(self.errors(found[0]))
         return found[0]
 
-    def fit(self, model: ChainModel) -> ChainModel:
-        """The model with all its free numbers refitted from their present values."""
-        return polished(self.record, sharpened(self.record, model, (30.0, *cm.HARD)))
-
     def settled(self, model: ChainModel) -> ChainModel:
         """The model fitted until it converges."""
         if id(model) not in self._settled:
@@ -223,16 +218,10 @@ class ChainPlant(PlantDefaults):
             return polished(s, nudged(s, look.start))
         return polished(s, fitted(s, [model], look.start))
 
-    def demand(self, model: ChainModel) -> float:
-        """Smallest share of the residual that a further effect must explain: `BESIDE` of the base model's residual."""
-        if not model.terms:
-            return 0.0
-        return BESIDE * self._first / max(rms(self.errors(model)), 1e-300)
-
-    def objection(self, model: ChainModel, index: int) -> str:
-        """The physical objection to an effect's parameters, or nothing."""
-        term = model.terms[index]
-        z = cm.sizes(self.record, model)
+    def objection(self, model: ChainModel, grown: ChainModel) -> str:
+        """The physical objection to an effect's parameters, or that it explains too little beside the others."""
+        term = grown.terms[-1]
+        z = cm.sizes(self.record, grown)
         for i in term.kind.free:
             value, (low, high) = term.q[i], term.kind.range_of(i, z)
             name = term.kind.fields[i].replace("_", " ")
@@ -242,6 +231,8 @@ class ChainPlant(PlantDefaults):
                 return "a pair of poles with so much damping is not a resonance: the orders are too low"
         if term.kind.positive and term.q[0] < 0.0:
             return f"its {term.kind.fields[0].replace('_', ' ')} would be negative"
+        if model.terms and self.size(self.errors(model), self.errors(grown)) < BESIDE * self._first:
+            return "it explains too little of what is left beside the others"
         return ""
 
     def aliases(self, name: str) -> tuple[str, ...]:
@@ -249,7 +240,7 @@ class ChainPlant(PlantDefaults):
         cls: Any = get_effect(name)
         return tuple(cls.aliases) if cls.evaluate is not None else ALIASES.get(name, ())
 
-    def leads(self, taken: Any, other: Any, rng: np.random.Generator) -> Array:
+    def leads(self, taken: Any, other: Any, before: Array, rng: np.random.Generator) -> Array:
         """Lead of the chosen model in records that the other one makes; empty if the chosen one has a residual too.
 
         In that case neither is right, and records of the other say nothing.
@@ -273,10 +264,10 @@ class ChainPlant(PlantDefaults):
         sure = min((k.p_value for k in seen[1].looks if not k.name), default=1.0) <= GATE
         return min(seen[1].share, 0.99) if sure else 0.0
 
-    def figures(self, base: ChainModel, model: ChainModel) -> tuple[float, float, float]:
-        """(whitened error before, after, and the part that is noise), in the unit of the output."""
+    def figures(self, base: ChainModel, model: ChainModel, nameless: float = 0.0) -> Figures:
+        """Whitened error before, after, and the part that is noise, in the unit of the output."""
         before, after = (rms(self.errors(m)) for m in (base, model))
-        return before, after, after * float(np.sqrt(1.0 - self.follows(model)))
+        return Figures(before, after, after * float(np.sqrt(1.0 - self.follows(model))), nameless)
 
     def simulate(self, model: ChainModel, horizon: float) -> Array:
         """Prediction ``horizon`` samples ahead by the model fitted to the first part; over the whole, its free run."""
@@ -303,7 +294,7 @@ class ChainPlant(PlantDefaults):
         far = e > WRONG_SIDE * cm.MAD * float(np.median(e[self.everything.seen]))
         return np.convolve(far, np.ones(REMEMBERED))[: far.size] > 0.5
 
-    def surrogate(self, model: ChainModel, rng: np.random.Generator) -> ChainPlant:
+    def made(self, model: ChainModel, rng: np.random.Generator) -> ChainPlant:
         """The plant of a record made by the model, with the unexplained part of its errors as noise."""
         base = self.law, self.orders, self.direct
         other = ChainPlant(self.u, self.y, base, tolerance=self.tolerance, dt=self.dt, at=self.at)
@@ -316,16 +307,15 @@ class ChainPlant(PlantDefaults):
         other._parts = {(id(model), True): (model, fitted)}
         return other
 
-    def falls_short(self, base: ChainModel, model: ChainModel) -> str:
-        """What the base model lacks in its orders and law, if that explains more than the effects found."""
-        if self.follows(model) == 0.0:
-            return ""
-        return falls_short(self.record, base, model)
+    def reading(self, base: ChainModel, model: ChainModel) -> Reading:
+        """The grid of the readings, if rounding is a considerable part of the residual.
 
-    def read_off(self, model: ChainModel) -> list[Any]:
-        """The grid of the readings, if rounding is a considerable part of the residual."""
+        Also what the base model lacks in its orders and law, if that explains more than the effects found.
+        """
+        shortfall = falls_short(self.record, base, model) if self.follows(model) else ""
         step = readings.coarse_grid(self.record, model)
-        return [NamedEffect(Quantization(step), {}, float(self.y.size), GRID_SEEN, 0.0)] if step else []
+        grid = [NamedEffect(Quantization(step), {}, float(self.y.size), GRID_SEEN, 0.0)] if step else []
+        return Reading(grid, shortfall)
 
     # --- report -----------------------------------------------------------------------------------
     def linearised(self, model: ChainModel) -> Linearised:
@@ -347,27 +337,21 @@ class ChainPlant(PlantDefaults):
             self._parts[key] = model, sharpened(self.everything, model, (cm.SHARPEST,), 12)
         return self._parts[key][1]
 
-    def gap_to_locate(self, model: ChainModel) -> Array:
-        """Whitened errors with outliers capped."""
-        return self.errors(model)
+    def gap(self, model: ChainModel) -> Gap:
+        """Whitened errors with outliers capped; the numbers of a chain are not regression coefficients of its error."""
+        axes = readings.axes(self.record, model, self.units)
+        return Gap(self.errors(model), self.dt, {k: (v[self.record.fit], unit) for k, (v, unit) in axes.items()}, {})
 
-    def signals(self, model: ChainModel) -> dict[str, tuple[Array, str]]:
-        """Name -> (signal at the judged samples, unit)."""
-        return {k: (v[self.record.fit], unit) for k, (v, unit) in readings.axes(self.record, model, self.units).items()}
+    def numbers(self, model: ChainModel) -> dict[str, tuple[float, str]]:
+        """Natural parameters by name; they have no units."""
+        return {k: (v, "") for k, v in cm.numbers_of(self.record, model).items()}
 
-    def regressors(self, model: ChainModel) -> tuple[dict[str, tuple[float, Array]], Array, float]:
-        """Nothing: the numbers of a chain are not regression coefficients of its error."""
-        return {}, self.gap_to_locate(model), self.dt
+    def told(self, base: ChainModel, model: ChainModel) -> Told:
+        """Whiteness, remarks, and the series that the page draws."""
+        tests = readings.residual_tests(self.record, base, model)
+        return Told(tests, self._notes(), self._pictures(base, model))
 
-    def residual_tests(self, base: ChainModel, model: ChainModel) -> list[dict[str, Any]]:
-        """Whiteness, before and after."""
-        return readings.residual_tests(self.record, base, model)
-
-    def parameters(self, model: ChainModel) -> dict[str, float]:
-        """Natural parameters by name."""
-        return cm.numbers_of(self.record, model)
-
-    def notes(self, base: ChainModel, model: ChainModel) -> list[str]:
+    def _notes(self) -> list[str]:
         """Remarks on how the record was used."""
         long = [f"Effects were searched for in the first {SEARCHED} samples and fitted to all {self.u.size}."]
         holes = len(cm.pieces_of(self.everything.seen)) - 1
@@ -386,7 +370,7 @@ class ChainPlant(PlantDefaults):
             "them. Which effects are present was decided on the whole record.",
         ]
 
-    def pictures(self, base: ChainModel, model: ChainModel) -> dict[str, Any]:
+    def _pictures(self, base: ChainModel, model: ChainModel) -> dict[str, Any]:
         """Series that the page draws."""
         runs = {word: self.simulate(m, self.headline) for word, m in (("before", base), ("after", model))}
         series = readings.pictures(self.record, base, model, self.unit)

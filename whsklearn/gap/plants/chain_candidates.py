@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from whsklearn.effects import Effect, FrictionLaw, Scales, codes, effect_names, get_effect
 from whsklearn.effects.chain import CHAIN_FORMS
 from whsklearn.effects.static import Power
-from whsklearn.gap.values import FittedTerm
+from whsklearn.gap.plant import FittedTerm
 
 Array = NDArray[np.float64]
 

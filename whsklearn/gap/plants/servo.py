@@ -19,7 +19,7 @@ from whsklearn.gap.data_check import DataProblem, check_servo
 from whsklearn.gap.diagnosis import NamedEffect
 from whsklearn.gap.evidence import QUIET
 from whsklearn.gap.filters import whiteness
-from whsklearn.gap.plant import PlantDefaults
+from whsklearn.gap.plant import Figures, Gap, Learned, Linearised, PlantDefaults, Reading, Told
 from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants import (
     servo_families,
@@ -41,7 +41,6 @@ from whsklearn.gap.plants.servo_sensors import coarse_encoder, unfold
 from whsklearn.gap.plants.servo_start import best_view, logged_late, observer_view, start_of, with_earlier_drive
 from whsklearn.gap.record import SPLIT, ServoRecord, rms
 from whsklearn.gap.tangent import with_p_values
-from whsklearn.gap.values import Learned, Linearised
 from whsklearn.logs.units import inertia_unit
 
 Array = NDArray[Any]
@@ -103,14 +102,14 @@ class ServoPlant(PlantDefaults):
         self.observer = observer_view(record, base.scene, self.inverse.start, tolerance=self.tolerance).coarsened(base)
         return base
 
-    def surrogate(self, model: AxisModel, rng: np.random.Generator) -> ServoPlant:
+    def made(self, model: AxisModel, rng: np.random.Generator) -> ServoPlant:
         """The plant of a record that the model itself makes in the same experiment."""
         view = self.observer.surrogate(model, rng)
         other = ServoPlant(view.record, self.law, None, self.tolerance)
         other.observer = view
         return other
 
-    def settle(self, model: AxisModel) -> AxisModel:
+    def to_simulate(self, model: AxisModel) -> AxisModel:
         """Choose the numbers with the best free run: as found, corrected by own records, or refitted along the run.
 
         The horizon of the proof is chosen first, and they are compared at that horizon.  Over a longer one, at which no
@@ -136,7 +135,7 @@ class ServoPlant(PlantDefaults):
         terms = fitted.terms
         return [fitted.with_terms((*terms[:i], terms[-1], *terms[i:-1]))] if len(terms) == len(model.terms) else []
 
-    def runs_worse(self, before: AxisModel, after: AxisModel) -> bool:
+    def _runs_worse(self, before: AxisModel, after: AxisModel) -> bool:
         """Whether a limit, a lag or a gain makes the free run worse.
 
         If it takes away nearly all of the drive, it "explains" a target that it has itself made small, with almost no
@@ -156,17 +155,9 @@ class ServoPlant(PlantDefaults):
         acceleration = np.gradient(self.inverse.motion.velocity, self.inverse.scene.dt)
         return model.inertia * rms(acceleration) > self.tolerance * self.scale
 
-    def remains(self, model: AxisModel, nameless: float) -> float:
-        """Rms of the unnamed part that still follows the motion, given the value from inverse dynamics.
-
-        It is zero beside play, whose impacts come a sample early or late: a torque for an instant, but no path.  It is
-        also zero on the load side, where inverse dynamics cannot evaluate the model.
-        """
-        return 0.0 if model.has_play or model.load_side else nameless
-
     def _horizons(self, model: AxisModel) -> tuple[float, tuple[float, ...]]:
         """(headline, all) horizons at which this model can be simulated (`servo_free_run.predictable`)."""
-        made = self.surrogate(model, np.random.default_rng(0))
+        made = self.made(model, np.random.default_rng(0))
         longest = servo_free_run.horizon_of(model, model.scene, self.tolerance)
         headline = servo_free_run.predictable(made.observer, model, longest)
         return headline, (headline / 5.0, headline, 4.0 * headline)
@@ -186,14 +177,16 @@ class ServoPlant(PlantDefaults):
         best = min(tried, key=lambda m: servo_free_run.train_error(self.observer, m, self.headline))
         return found._replace(model=best)
 
-    def read_off(self, model: AxisModel) -> list[Any]:
-        """Candidates that no missing torque shows, such as a coarse encoder; tried if the missing torque shows none."""
-        if model.added:
-            return []
-        if self._folded is not None:
-            effect = get_effect("sensor_rectification")(fraction=1.0)  # type: ignore[call-arg]
-            return [NamedEffect(effect, {}, float(len(self.record)), rules.SIGN_SEEN, 1.0)]
-        return coarse_encoder(self.observer, self.observer.fit(model))
+    def reading(self, base: AxisModel, model: AxisModel) -> Reading:
+        """A folded sign, with the record as it was given; or a coarse grid, if the missing torque shows no effect."""
+        if self._folded is None:
+            return Reading([] if model.added else coarse_encoder(self.observer, self.observer.fit(model)))
+        observer, folded = self._folded
+        other = ServoPlant(observer.record, self.law, None, self.tolerance)
+        other.observer = observer
+        effect = get_effect("sensor_rectification")(fraction=1.0)  # type: ignore[call-arg]
+        named = NamedEffect(effect, {}, float(len(self.record)), rules.SIGN_SEEN, 1.0)
+        return Reading([] if model.added else [named], given=(other, folded))
 
     def aliases(self, name: str) -> tuple[str, ...]:
         """Names that no record of drive and position can distinguish from ``name``."""
@@ -204,15 +197,6 @@ class ServoPlant(PlantDefaults):
         """Residual and derivatives of inverse dynamics."""
         return self.inverse.linearised(model)
 
-    def as_given(self, base: AxisModel) -> tuple[ServoPlant, AxisModel]:
-        """The record as it was given, before a folded reading was unfolded, and its base model."""
-        if self._folded is None:
-            return self, base
-        observer, model = self._folded
-        other = ServoPlant(observer.record, self.law, None, self.tolerance)
-        other.observer = observer
-        return other, model
-
     # --- the search ---------------------------------------------------------------------------
     def looks(self, model: AxisModel, rng: np.random.Generator, beside: AxisModel | None = None) -> list[Any]:
         """Look at every candidate on top of the model, which is ``beside`` without one effect; also in own records."""
@@ -222,10 +206,10 @@ class ServoPlant(PlantDefaults):
         found = servo_families.looks(self.inverse, self.inverse.fit(model), self.own, beside)
         return with_p_values(found, self.tolerance * self.scale)
 
-    def fitted_gain(self, model: AxisModel, grown: AxisModel, look: Any) -> tuple[float, float]:
+    def explained(self, model: AxisModel, grown: AxisModel, look: Any) -> tuple[float, float]:
         """(gain, size) of a fitted effect, in the direction of regression in which it was found."""
         if not look.swapped:
-            return super().fitted_gain(model, grown, look)
+            return super().explained(model, grown, look)
         before = self.errors(model)
         g, share = servo_swapped.explained(self.inverse, model, grown)
         return g, max(self.size(before, self.errors(grown)), self.rms(before) * float(np.sqrt(share)))
@@ -243,7 +227,7 @@ class ServoPlant(PlantDefaults):
         """The model with numbers freed that a first look holds: later ones of an effect, or an order that was whole."""
         wider = widened(self.inverse, grown)
         if wider is not None:
-            yield wider.model, wider.look.n_numbers
+            yield wider, len(wider.terms[-1].kind.later)
         if start.kind.scanned == "position" and float(start.q[2]).is_integer():
             yield polished(self.inverse, model, start.with_slot(2, start.q[2] * (1.0 + 1e-6))), 1
 
@@ -262,10 +246,6 @@ class ServoPlant(PlantDefaults):
                 return
             model = grown
             yield grown
-
-    def fit(self, model: AxisModel) -> AxisModel:
-        """Sizes solved."""
-        return self.inverse.fit(model)
 
     def settled(self, model: AxisModel) -> AxisModel:
         """The model fitted behind the filter that its gap allows, with shapes polished without the filter's artefacts.
@@ -305,21 +285,19 @@ class ServoPlant(PlantDefaults):
         view.artefact = kept
         return model
 
-    def demand(self, model: AxisModel) -> float:
-        """Smallest share of the rms residual that a further effect must explain; beside play, most of it."""
-        return self.inverse.demand(model)
-
     def errors(self, model: AxisModel) -> Array:
         """Residual of the model at the judged samples."""
         return self.inverse.gap(model)
 
-    def rms(self, errors: Array) -> float:
-        """Root mean square."""
-        return rms(errors)
-
-    def objection(self, model: AxisModel, index: int) -> str:
-        """The physical objection to an effect, or nothing."""
-        return self.inverse.objection(model, index)
+    def objection(self, model: AxisModel, grown: AxisModel) -> str:
+        """The physical objection to an effect, that it explains too little beside play, or that it runs worse."""
+        said = self.inverse.objection(grown, len(grown.terms) - 1)
+        if said:
+            return said
+        before = self.errors(model)
+        if model.has_play and self.size(before, self.errors(grown)) < rules.BESIDE_A_PLAY * self.rms(before):
+            return "it explains too little of what is left beside the play"
+        return "the simulation runs farther from the record with it" if self._runs_worse(model, grown) else ""
 
     # --- proof --------------------------------------------------------------------------------
     def simulate(self, model: AxisModel, horizon: float) -> Array:
@@ -330,56 +308,50 @@ class ServoPlant(PlantDefaults):
         """Position and the mask of held-out samples without the edges."""
         return self.observer.record.position, servo_free_run.held_out(self.observer)
 
-    def figures(self, base: AxisModel, model: AxisModel) -> tuple[float, float, float]:
-        """(gap before, gap after, floor) of inverse dynamics in the unit of the drive, as an engineer would compute it.
+    def figures(self, base: AxisModel, model: AxisModel, nameless: float = 0.0) -> Figures:
+        """The gap of inverse dynamics in the unit of the drive, as an engineer would compute it.
 
-        The residual of the model's own records, due to filters and noise, is subtracted.
+        The residual of the model's own records, due to filters and noise, is subtracted.  Nothing counts as nameless
+        beside play, whose impacts come a sample early or late: a torque for an instant, but no path.
         """
         if model.load_side:  # that needs the motor's motion, which was not measured: the observer gives them
             seen = self.observer
-            return seen.rms(seen.gap(base)), seen.rms(seen.gap(model)), seen.floor(model)
+            return Figures(seen.rms(seen.gap(base)), seen.rms(seen.gap(model)), seen.floor(model))
         view = self.inverse
-        return view.rms(view.gap(view.fit(base))), view.rms(view.gap(view.fit(model))), self.own.floor
+        before, after = (view.rms(view.gap(view.fit(m))) for m in (base, model))
+        return Figures(before, after, self.own.floor, 0.0 if model.has_play else nameless)
 
     # --- report -------------------------------------------------------------------------------
-    def gap_to_locate(self, model: AxisModel) -> Array:
-        """The gap of inverse dynamics at the samples of `signals`."""
-        return self.inverse.gap(model)
-
-    def signals(self, model: AxisModel) -> dict[str, tuple[Array, str]]:
-        """Name -> (measured signal at the judged samples, unit)."""
-        return signals(self.inverse, self.units)
-
-    def regressors(self, model: AxisModel) -> tuple[dict[str, tuple[float, Array]], Array, float]:
-        """(name -> (number of the base model, its column at the judged samples), gap, seconds a sample)."""
+    def gap(self, model: AxisModel) -> Gap:
+        """The gap of inverse dynamics, measured signals, and the numbers of the base model with their columns."""
         view = self.inverse
-        numbers = {"inertia": model.inertia} | {t.name: t.q[0] for t in model.terms[: model.n_base]}
         columns, _ = view.columns(model, view.torque(model))
-        named = zip(numbers.items(), columns.T, strict=False)
-        return {k: (v, x[view.at]) for (k, v), x in named}, view.gap(model), view.step
+        named = zip(self.numbers(model).items(), columns.T, strict=False)
+        constants = {k: (v, x[view.at]) for (k, (v, _)), x in named}
+        return Gap(view.gap(model), view.step, signals(view, self.units), constants)
 
-    def residual_tests(self, base: AxisModel, model: AxisModel) -> list[dict[str, Any]]:
-        """Whiteness of the residual, before and after."""
-        self.observer.weigh(0.0)
-        return [
-            whiteness(self.observer.whitened(self.observer.gap(m), on="all"), name)
-            for name, m in (("before", base), ("after", model))
-        ]
+    def numbers(self, model: AxisModel) -> dict[str, tuple[float, str]]:
+        """Inertia, friction and age of the drive, in SI symbols of drive and position.
 
-    def parameters(self, model: AxisModel) -> dict[str, float]:
-        """The numbers of the base model."""
-        rows = {"inertia": model.inertia}
-        rows |= {t.name: t.q[0] for t in model.terms[: model.n_base]}
-        return rows | {"age of the drive (samples)": model.timing}
-
-    def parameter_units(self, model: AxisModel) -> dict[str, str]:
-        """Units in SI symbols of drive and position; inertia has its own unit if the drive is a torque or a force."""
+        Inertia has its own unit if the drive is a torque or a force.
+        """
         drive, position = self.units
-        units = {t.name: next(iter(t.effect.quantities.values())).unit for t in model.terms[: model.n_base]}
-        spelled = {k: u.replace("Nm", drive).replace("rad", position) for k, u in units.items()}
-        return {"inertia": inertia_unit(drive, position), **{k: "" if u == "1" else u for k, u in spelled.items()}}
+        rows = {"inertia": (model.inertia, inertia_unit(drive, position))}
+        for t in model.terms[: model.n_base]:
+            unit = next(iter(t.effect.quantities.values())).unit.replace("Nm", drive).replace("rad", position)
+            rows[t.name] = t.q[0], "" if unit == "1" else unit
+        return rows | {"age of the drive (samples)": (model.timing, "")}
 
-    def notes(self, base: AxisModel, model: AxisModel) -> list[str]:
+    def told(self, base: AxisModel, model: AxisModel) -> Told:
+        """Whiteness of the residual, remarks, and the series that the page draws."""
+        view, both = self.observer, (("before", base), ("after", model))
+        view.weigh(0.0)
+        tests = [whiteness(view.whitened(view.gap(m), on="all"), name) for name, m in both]
+        runs = {name: servo_free_run.free_run(view, m, self.headline) for name, m in both}
+        drawn = pictures(self.inverse, base, model, self.units, self.gap_word)
+        return Told(tests, self._notes(), drawn | {"runs": runs, "held": servo_free_run.held_out(view)})
+
+    def _notes(self) -> list[str]:
         """Remarks on how the record was used."""
         view, skipped = self.observer, self.inverse.skipped
         notes = []
@@ -398,16 +370,6 @@ class ServoPlant(PlantDefaults):
             "The drive is replayed and an observer holds the model near the measurement, so no controller is needed.",
             SPLIT,
         ]
-
-    def pictures(self, base: AxisModel, model: AxisModel) -> dict[str, Any]:
-        """The series that the page draws."""
-        runs = {
-            "before": servo_free_run.free_run(self.observer, base, self.headline),
-            "after": servo_free_run.free_run(self.observer, model, self.headline),
-        }
-        return pictures(self.inverse, base, model, self.units, self.gap_word) | {
-            "runs": runs, "held": servo_free_run.held_out(self.observer),
-        }  # fmt: skip
 
     def system(self, model: AxisModel) -> Any:
         """The repaired `ServoAxis`."""

@@ -87,7 +87,7 @@ def looks(view: Any, model: AxisModel, own: Own, beside: AxisModel | None = None
     for kind in stop.usable(model):
         term = stop.start(kind, struck)
         if term is not None:
-            g = min(stop.look_of(view, model, kind, term).gain, 1.0 - 1e-12)
+            g = min(stop.share_of(view, model, term), 1.0 - 1e-12)
             size = np.sqrt(g) * view.rms(left)
             gain = float(-own.n_effective * np.log1p(-g))
             out.append(Look(kind.name, gain, np.zeros(own.null.shape[0]), term, 4, size))

@@ -21,6 +21,7 @@ from whsklearn.effects import Scales, codes
 from whsklearn.filtering.gaussian import CUTOFF_SIGMA, filtered, gaussian_derivatives
 from whsklearn.gap.evidence import QUIET
 from whsklearn.gap.least_squares import jacobian
+from whsklearn.gap.plant import Linearised
 from whsklearn.gap.plants import inverse_dynamics as ols
 from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants import servo_stop as stop
@@ -31,7 +32,6 @@ from whsklearn.gap.plants.servo_model import AxisModel, Term
 from whsklearn.gap.plants.servo_objections import unphysical
 from whsklearn.gap.plants.servo_surrogate import surrogate_record
 from whsklearn.gap.record import ServoRecord, lattice, noise_level, rms
-from whsklearn.gap.values import Linearised
 
 Array = NDArray[Any]
 PER_CUTOFF = 5.0  # samples per period of the cut-off that decimation keeps
@@ -350,10 +350,6 @@ class InverseView:
         """
         below = np.abs(self.record.drive[:: self.every][self.at]) < limit
         return self.n_effective * float(np.mean(below))
-
-    def demand(self, model: AxisModel) -> float:
-        """Share of the residual that a further effect must explain: most of it beside play."""
-        return rules.BESIDE_A_PLAY if model.has_play else 0.0
 
     def seen(self, model: AxisModel) -> tuple[Array, Array, Array, NDArray[np.bool_], NDArray[np.bool_]]:
         """(position, velocity, drive, training mask, held-out mask) at the samples of the gap."""

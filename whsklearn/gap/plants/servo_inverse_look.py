@@ -16,7 +16,6 @@ from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants import servo_stop as stop
 from whsklearn.gap.plants.servo_candidates import TWO_MASS, Candidate, usable
 from whsklearn.gap.plants.servo_model import AxisModel, Term
-from whsklearn.gap.values import CandidateFit, Look
 
 Array = NDArray[Any]
 GAPS = (0.002, 0.004, 0.009, 0.018, 0.037, 0.075, 0.15)  # rad
@@ -228,15 +227,14 @@ def jointly(view: Any, grown: AxisModel, i: int) -> AxisModel:
     return best if view.rms(view.gap(best)) < view.rms(view.gap(grown)) else grown
 
 
-def widened(view: Any, model: AxisModel) -> CandidateFit | None:
+def widened(view: Any, model: AxisModel) -> AxisModel | None:
     """The last term with its later numbers freed, from the best of their starts."""
     last = model.terms[-1]
     rows = last.kind.opened(last.q, view.scene)
     if not rows:
         return None
     tried = [view.fit(model.with_terms((*model.terms[:-1], Term(*row)))) for row in rows]
-    best = jointly(view, min(tried, key=lambda m: view.rms(view.gap(m))), len(model.terms) - 1)
-    return CandidateFit(Look(last.name, 1.0, n_numbers=len(last.kind.later), n_looks=len(rows)), best)
+    return jointly(view, min(tried, key=lambda m: view.rms(view.gap(m))), len(model.terms) - 1)
 
 
 def next_order(view: Any, model: AxisModel, kind: Candidate) -> AxisModel | None:

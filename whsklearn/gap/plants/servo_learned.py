@@ -21,13 +21,14 @@ from scipy.linalg import block_diag
 from whsklearn.effects import LearnedTorque
 from whsklearn.effects.equations import hill
 from whsklearn.filtering.gaussian import filtered
+from whsklearn.gap.diagnosis import Curve
 from whsklearn.gap.evidence import LEARNED_SHARE, LEAST_MARGIN, MOST_CURVES
+from whsklearn.gap.plant import Learned
 from whsklearn.gap.plants import inverse_dynamics as ols
 from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants.servo_candidates import TWO_MASS, Candidate
 from whsklearn.gap.plants.servo_columns import ColumnSignals
 from whsklearn.gap.plants.servo_model import AxisModel, Term
-from whsklearn.gap.values import Curve, Learned
 
 Array = NDArray[Any]
 KNOTS = (16, 48, 120)  # hills over the range of a signal; the finest are half a percent of the travel wide

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from whsklearn.effects import Scales
 from whsklearn.effects import codes as k
 from whsklearn.effects.own import WHICH, address_of
-from whsklearn.gap.values import FittedTerm
+from whsklearn.gap.plant import FittedTerm
 from whsklearn.systems.servo_observer import (
     LOAD,
     LOAD_VELOCITY,

@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 from whsklearn.effects import Scales
 from whsklearn.gap.filters import ResidualFilter, autoregression, solve_whitening, whiten
 from whsklearn.gap.least_squares import Fit, jacobian, least_squares
+from whsklearn.gap.plant import Linearised
 from whsklearn.gap.plants import servo_screening as screening
 from whsklearn.gap.plants.servo_model import LONGEST_STEP, AxisModel
 from whsklearn.gap.plants.servo_surrogate import surrogate_record
 from whsklearn.gap.record import ServoRecord, rms
-from whsklearn.gap.values import Linearised
 
 Array = NDArray[Any]
 AR_ORDER = 12  # of the whitening polynomial

@@ -20,7 +20,6 @@ from whsklearn.filtering.gaussian import CUTOFF_SIGMA
 from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants.servo_candidates import TWO_MASS, Candidate, variants
 from whsklearn.gap.plants.servo_model import AxisModel, Term
-from whsklearn.gap.values import Look
 
 Array = NDArray[Any]
 KINDS = variants(ContactStop)
@@ -176,11 +175,7 @@ def settled(view: Any, model: AxisModel, term: Term) -> AxisModel:
     return best
 
 
-def look_of(view: Any, model: AxisModel, kind: Any, term: Term) -> Look:
-    """A stop in the form that the engine ranks: its gain costs one number per independent sample in contact."""
+def share_of(view: Any, model: AxisModel, term: Term) -> float:
+    """Share of the gap's power that a stop explains at its start."""
     grown = view.fit(model.with_term(term))
-    touched = contact(view, grown)
-    assert touched is not None
-    spent = round(view.n_effective * float(np.mean(touched != 0.0)))
-    gain = 1.0 - (view.rms(view.gap(grown)) / max(view.rms(view.gap(model)), 1e-300)) ** 2
-    return Look(kind.name, float(np.clip(gain, 0.0, 1.0)), term, n_numbers=kind.n_slots + spent, n_looks=2)
+    return float(np.clip(1.0 - (view.rms(view.gap(grown)) / max(view.rms(view.gap(model)), 1e-300)) ** 2, 0.0, 1.0))

@@ -31,7 +31,7 @@ from whsklearn.effects import effect_names, get_effect
 from whsklearn.gap.calibration import gain, n_effective, p_value
 from whsklearn.gap.data_check import DataProblem, check_servo
 from whsklearn.gap.filters import autoregression, whiten, whiteness
-from whsklearn.gap.plant import PlantDefaults
+from whsklearn.gap.plant import Figures, Gap, Linearised, PlantDefaults, Told
 from whsklearn.gap.plants.simulator_families import Seen, accelerations, slopes
 from whsklearn.gap.plants.simulator_look import Motion, catalogue, gone, motion, whole
 from whsklearn.gap.plants.simulator_model import SimulatorFit, SimulatorModel
@@ -40,7 +40,6 @@ from whsklearn.gap.plants.simulator_refine import PROMISING, refine
 from whsklearn.gap.record import SPLIT, ServoRecord, held_out_blocks, lattice, noise_level, rms
 from whsklearn.gap.search import MOST_FITTED, WORTH_FITTING
 from whsklearn.gap.tangent import Look, with_p_values
-from whsklearn.gap.values import Linearised
 
 Array = NDArray[Any]
 AR_ORDER = 12  # of the whitening polynomial
@@ -88,13 +87,9 @@ class SimulatorPlant(PlantDefaults):
         self.noise = max(noise_level(self.record.position), lattice(self.record.position) / np.sqrt(12.0), 1e-300)
         return self.fits.build((), refit=False)
 
-    def fit(self, model: SimulatorModel) -> SimulatorModel:
-        """The simulator refitted with the model's effects."""
-        return self.fits.build(model.terms) if model.terms else self.fits.build((), refit=False)
-
-    def surrogate(self, model: SimulatorModel, rng: np.random.Generator) -> SimulatorPlant:
+    def made(self, model: SimulatorModel, rng: np.random.Generator) -> SimulatorPlant:
         """The plant of a record that the model itself makes, with white noise of the same size."""
-        y = self.record.position - self.gap(model) + self.noise * rng.standard_normal(len(self.record))
+        y = self.record.position - self.errors(model) + self.noise * rng.standard_normal(len(self.record))
         step = lattice(self.record.position)
         record = dataclasses.replace(self.record, position=np.round(y / step) * step if step else y)
         other = SimulatorPlant(self.given_model, record, tolerance=self.tolerance)
@@ -104,13 +99,9 @@ class SimulatorPlant(PlantDefaults):
         return other
 
     # --- looking --------------------------------------------------------------------------
-    def gap(self, model: SimulatorModel) -> Array:
-        """Measured minus simulated position."""
-        return self.fits.built(model).error
-
     def errors(self, model: SimulatorModel) -> Array:
-        """The same at all samples: held-out ones are as informative."""
-        return self.gap(model)
+        """Measured minus simulated position at all samples: held-out ones are as informative."""
+        return self.fits.built(model).error
 
     def settled(self, model: SimulatorModel) -> SimulatorModel:
         """The model itself: every fit is a joint one."""
@@ -175,7 +166,7 @@ class SimulatorPlant(PlantDefaults):
             if far and rms(left) < PROMISING * rms(before):
                 g = gain(float(before @ before), float(left @ left), n_effective(before))
                 looks[i] = dataclasses.replace(looks[i], p_value=p_value(g, k.null, len(looks) + len(nameless)))
-            if not self.objection(grown, len(grown.terms) - 1):
+            if not self.objection(model, grown):
                 strongest = max(strongest, k.size)
         after = {i: self.errors(k.start) for i, k in enumerate(looks) if isinstance(k.start, SimulatorModel)}
         self.n_effective = n_effective(min([before, *after.values()], key=rms))
@@ -188,18 +179,9 @@ class SimulatorPlant(PlantDefaults):
         """The model with the effect, which was fitted during the look."""
         return look.start if isinstance(look.start, SimulatorModel) else refine(self, self.fits.built(model), look)
 
-    def leads(self, taken: Any, other: Any, rng: np.random.Generator) -> Array:
+    def leads(self, taken: Any, other: Any, before: Array, rng: np.random.Generator) -> Array:
         """Nothing: records made by a rival would cost nine joint fits, so blocks of this record must suffice."""
         return np.zeros(0)
-
-    def demand(self, model: SimulatorModel) -> float:
-        """Zero: an effect need only exceed the tolerance."""
-        return 0.0
-
-    def remains(self, model: SimulatorModel, nameless: float) -> float:
-        """The whole error that noise does not explain, if something follows the motion."""
-        above = float(np.sqrt(max(self.rms(self.gap(model)) ** 2 - self.noise**2, 0.0)))
-        return max(nameless, above) if nameless > 0.0 else 0.0
 
     def _leave_out_what_cannot_be_held(self) -> None:
         """Try every effect once on the simulator, so that none is ranked that it cannot accept."""
@@ -235,9 +217,9 @@ class SimulatorPlant(PlantDefaults):
         """Whitened errors, shape (n,) or (n, k); the filter begins anew after a hole."""
         return np.asarray(self.record.by_piece(lambda e: whiten(e, self.ar), error))
 
-    def objection(self, model: SimulatorModel, index: int) -> str:
+    def objection(self, model: SimulatorModel, grown: SimulatorModel) -> str:
         """The physical objection to an effect's size, or nothing."""
-        effect = model.terms[index].effect
+        effect = grown.terms[-1].effect
         if effect.name in self.refused and not effect.magnitude:
             return f"the simulator cannot hold it: {self.refused[effect.name]}"
         quantity = effect.quantities[effect.size]
@@ -277,58 +259,43 @@ class SimulatorPlant(PlantDefaults):
         wide = np.full(x.size, np.inf)
         return Linearised(x, -wide, wide, r, jac, lambda z: model.moved(z[:effects], z[effects:]))
 
-    def parameters(self, model: SimulatorModel) -> dict[str, float]:
-        """The simulator's ``parameters``, if it has them."""
-        told = getattr(self.fits.built(model).simulator, "parameters", None)
-        return {k: float(v) for k, v in told.items()} if isinstance(told, dict) else {}
+    def numbers(self, model: SimulatorModel) -> dict[str, tuple[float, str]]:
+        """The simulator's ``parameters`` and ``parameter_units``, if it has them."""
+        simulator = self.fits.built(model).simulator
+        values, units = (getattr(simulator, name, None) for name in ("parameters", "parameter_units"))
+        known = units if isinstance(units, dict) else {}
+        return {k: (float(v), known.get(k, "")) for k, v in values.items()} if isinstance(values, dict) else {}
 
-    def parameter_units(self, model: SimulatorModel) -> dict[str, str]:
-        """The simulator's ``parameter_units``, if it has them."""
-        told = getattr(self.fits.built(model).simulator, "parameter_units", None)
-        return dict(told) if isinstance(told, dict) else {}
-
-    def figures(self, base: SimulatorModel, model: SimulatorModel) -> tuple[float, float, float]:
-        """(gap before, after, floor)."""
-        return self.rms(self.gap(base)), self.rms(self.gap(model)), self.noise
+    def figures(self, base: SimulatorModel, model: SimulatorModel, nameless: float = 0.0) -> Figures:
+        """Rms of the errors, and the noise; the whole error above it is nameless if something follows the motion."""
+        before, after = (self.rms(self.errors(m)) for m in (base, model))
+        above = float(np.sqrt(max(after**2 - self.noise**2, 0.0)))
+        return Figures(before, after, self.noise, max(nameless, above) if nameless > 0.0 else 0.0)
 
     @property
     def every(self) -> int:
         """Thinning of the record in reports."""
         return max(1, len(self.record) // 6000)
 
-    def gap_to_locate(self, model: SimulatorModel) -> Array:
-        """The error, thinned."""
-        return self.gap(model)[:: self.every]
-
-    def signals(self, model: SimulatorModel) -> dict[str, tuple[Array, str]]:
-        """Name -> (signal at the judged samples, unit)."""
-        return signals(self)
-
-    def regressors(self, model: SimulatorModel) -> tuple[dict[str, tuple[float, Array]], Array, float]:
-        """The gain of the drive, in place of the simulator's numbers, which are not known."""
+    def gap(self, model: SimulatorModel) -> Gap:
+        """The error, thinned; what may drift is the gain of the motion, as the simulator's numbers are not known."""
         k = self.every
-        return {"gain of the motion": (1.0, self.record.position[::k])}, self.gap_to_locate(model), self.record.dt * k
+        gain_of_motion = {"gain of the motion": (1.0, self.record.position[::k])}
+        return Gap(self.errors(model)[::k], self.record.dt * k, signals(self), gain_of_motion)
 
-    def residual_tests(self, base: SimulatorModel, model: SimulatorModel) -> list[dict[str, Any]]:
-        """Whiteness before and after."""
-        out = []
+    def told(self, base: SimulatorModel, model: SimulatorModel) -> Told:
+        """Whiteness before and after, remarks, and the series that the page draws."""
+        tests = []
         for name, m in (("before", base), ("after", model)):
-            error = self.gap(m)
+            error = self.errors(m)
             self.tune(error)
-            out.append(whiteness(self.white(error), name))
-        return out
-
-    def notes(self, base: SimulatorModel, model: SimulatorModel) -> list[str]:
-        """Remarks."""
-        out = [
+            tests.append(whiteness(self.white(error), name))
+        notes = [
             f"Position noise {self.record.told(self.noise, self.units[1])} (from sixth differences).",
             SPLIT,
+            *(f"The simulator could not accept {name}: {why}" for name, why in self.refused.items()),
         ]
-        return out + [f"The simulator could not accept {name}: {why}" for name, why in self.refused.items()]
-
-    def pictures(self, base: SimulatorModel, model: SimulatorModel) -> dict[str, Any]:
-        """The series that the page draws."""
-        return pictures(self, base, model)
+        return Told(tests, notes, pictures(self, base, model))
 
     def system(self, model: SimulatorModel) -> Any:
         """The repaired simulator."""

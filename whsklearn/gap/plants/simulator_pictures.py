@@ -28,10 +28,11 @@ def signals(plant: Any) -> dict[str, tuple[Array, str]]:
 def pictures(plant: Any, base: SimulatorModel, model: SimulatorModel) -> dict[str, Any]:
     """Overlay, gap over time, its spectra by frequency and by order, and its axes."""
     step, y, clock = plant.record.dt * plant.every, plant.record.position, plant.record.clock
-    gaps = plant.gap_to_locate(base), plant.gap_to_locate(model)
+    errors = plant.errors(base), plant.errors(model)
+    gaps = errors[0][:: plant.every], errors[1][:: plant.every]
     return {
         "time": clock, "measured": y, "held": ~plant.train,
-        "runs": {"before": y - plant.gap(base), "after": y - plant.gap(model)},
+        "runs": {"before": y - errors[0], "after": y - errors[1]},
         "gap_time": clock[:: plant.every], "usable": np.ones(gaps[0].size, dtype=bool),
         "floor": plant.noise, "axes": signals(plant), "units": plant.units, "what": plant.gap_word,
         **spectra(*gaps, step, y[:: plant.every], np.arange(0.5, 40.0, 0.1)),
