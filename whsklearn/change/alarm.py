@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 from sklearn.base import BaseEstimator
 
 from whsklearn._inputs import real_array
 from whsklearn.change.cells import LEVELS, N_BETS, tilts
 from whsklearn.change.kernel import watch
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
 
 _MOST = 1e6  # samples remembered by the cell frequencies
 

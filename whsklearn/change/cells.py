@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import functools
-from typing import TYPE_CHECKING
 
 import numpy as np
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
+from numpy.typing import NDArray
 
 # Cells by their tail probability: fine in the tails, where a change shows first.
 _TAIL = np.array([0.001, 0.004, 0.012, 0.03, 0.07, 0.14, 0.24, 0.36])

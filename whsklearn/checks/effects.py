@@ -12,12 +12,12 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from whsklearn.effects.base import PLACES, Effect
 from whsklearn.effects.quantity import Quantity
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
     from sklearn.utils import Bunch
 
 KINDS = ("exact", "at_size", "first_order", "none")

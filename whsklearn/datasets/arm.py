@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from whsklearn.effects import Coulomb, Viscous
 from whsklearn.systems.arm import Arm
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     import pandas as pd
-    from numpy.typing import ArrayLike
 
 SINES = 5  # of a reference by default: enough for every base number of six joints
 

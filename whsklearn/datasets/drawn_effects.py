@@ -6,15 +6,13 @@ import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from whsklearn.effects import Effect, get_effect
-from whsklearn.systems.servo import simulate_many
+from whsklearn.systems.servo import ServoAxis, simulate_many
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
     from sklearn.utils import Bunch
-
-    from whsklearn.systems.servo import ServoAxis
 
 # ranges that shapes are drawn from; a pair is uniform, a longer tuple a choice
 _SHAPES: dict[str, dict[str, tuple[Any, ...]]] = {

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,8 +18,6 @@ from sklearn.utils import Bunch
 from whsklearn.datasets.publishers import KR300_FOLDER, download_emps, download_kr300
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     import pandas as pd
 
 __all__ = ["FORCE_PER_VOLT", "fetch_emps", "fetch_kr300"]

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any, Literal, overload
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from whsklearn.datasets.drawn_effects import draw_effect
 from whsklearn.datasets.references import reference_signal
@@ -17,7 +18,6 @@ from whsklearn.systems.servo_simulation import record_frame
 
 if TYPE_CHECKING:
     import pandas as pd
-    from numpy.typing import ArrayLike, NDArray
     from sklearn.utils import Bunch
 
 

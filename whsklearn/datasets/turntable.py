@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from whsklearn.datasets.references import reference_signal
 from whsklearn.systems.servo import ServoAxis
@@ -16,7 +17,6 @@ from whsklearn.systems.servo_simulation import record_frame
 
 if TYPE_CHECKING:
     import pandas as pd
-    from numpy.typing import NDArray
 
 EXPERIMENTS = ("sine", "multisine")
 DURATION = 40.0

@@ -54,18 +54,16 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from whsklearn.effects import codes
 from whsklearn.effects.own import address_of, own_values_along
 from whsklearn.effects.quantity import Quantity
 from whsklearn.effects.rows import values_along
 from whsklearn.effects.scales import Scales
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
 
 PLACES = ("friction", "drive", "transmission", "position", "sensor", "time")
 

@@ -6,18 +6,13 @@ them anew with `placed`.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from numpy.typing import NDArray
 
+from whsklearn.effects.friction import StaticEffect
 from whsklearn.effects.static import Hinge, NaturalSpline, Power
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from whsklearn.effects.friction import StaticEffect
-
-    Array = NDArray[np.float64]
+Array = NDArray[np.float64]
 
 N_KNOTS = 12  # 0.276 mV on the benchmark, as with 20; 8 leave 0.451 (cubic spline)
 N_KINKS = 30  # a piecewise-linear law needs that many for the same: 12 leave 0.523 mV, 20 0.314

@@ -8,18 +8,15 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from whsklearn.effects.base import get_effect
 from whsklearn.effects.friction import Coulomb, ReducedStribeck, StaticEffect, Viscous
 from whsklearn.effects.knots import spline_terms, static_terms
 from whsklearn.effects.static import Hinge, Power, Tanh, TanhDifference
 from whsklearn.effects.terms import N_SHAPE, law_values
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
 
 
 class FrictionLaw:

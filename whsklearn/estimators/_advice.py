@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from numpy.typing import NDArray
 
+from whsklearn.effects.law import FrictionLaw
 from whsklearn.logs.mend import turn_in
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from whsklearn.effects.law import FrictionLaw
-
-    Array = NDArray[np.float64]
+Array = NDArray[np.float64]
 
 # A static system in white noise leaves nothing that the past explains: by chance 6/n, so 10 % at the fewest samples.
 # A delay of one sample gives 100 %, Example 5.1 at 7.5 dB 30 to 42 % (40 seeds, tests/estimators/test_records.py).

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from sklearn.base import clone
 from sklearn.utils.validation import check_is_fitted
 
@@ -12,10 +13,7 @@ from whsklearn.estimators import _model as wh
 from whsklearn.estimators.base import AxisRegressor
 from whsklearn.lags.wiener_hammerstein import WienerHammersteinLags
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    Array = NDArray[np.float64]
+Array = NDArray[np.float64]
 
 
 class ChainRegressor(AxisRegressor):

@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import itertools
 import math
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from whsklearn._numba import njit
 from whsklearn.effects import FrictionLaw
@@ -20,10 +21,7 @@ from whsklearn.recursion.memory.first_block import LARGEST, first_block
 from whsklearn.recursion.memory.linearised import jumps
 from whsklearn.systems.stability import is_stable
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    Array = NDArray[np.float64]
+Array = NDArray[np.float64]
 
 RADIUS = 0.9995
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from numpy.typing import NDArray
 
 from whsklearn.effects import FrictionLaw, Power, Viscous
 from whsklearn.effects.terms import CONSTANT, HINGE, NATURAL_SPLINE, POWER
@@ -14,10 +13,7 @@ from whsklearn.recursion.memory.starts import least_squares_start, random_start,
 from whsklearn.recursion.rows.predictor import record_errors
 from whsklearn.systems.stability import is_stable
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    Array = NDArray[np.float64]
+Array = NDArray[np.float64]
 
 # kappa times the root mean square of dx; at the last value about 1 sample in 400 lies within the smoothed sign
 LADDER = (1.0, 2.0, 4.0, 8.0, 20.0, 50.0, 100.0, 200.0, 400.0)

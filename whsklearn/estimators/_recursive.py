@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy import ndarray
+from numpy.typing import ArrayLike, NDArray
 from sklearn.utils.validation import check_is_fitted
 
 from whsklearn._inputs import starts
@@ -20,12 +22,7 @@ from whsklearn.estimators.base import AxisRegressor, warn
 from whsklearn.recursion.memory.settings import FIRST_RERUN, Settings
 from whsklearn.recursion.rows.pseudolinear import BLOCK
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from numpy.typing import ArrayLike, NDArray
-
-    Array = NDArray[np.float64]
+Array = NDArray[np.float64]
 
 GRADIENTS = ("full", "pseudolinear")
 PER_MODEL = (

@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from whsklearn.effects import FrictionLaw, Hinge, NaturalSpline, Power, StaticEffect, as_law
 from whsklearn.estimators import _model as wh
 from whsklearn.lags.wiener_hammerstein import WienerHammersteinLags
+from whsklearn.recursion.batch.best_linear import IOData
 from whsklearn.recursion.batch.block_split import Orders
 from whsklearn.recursion.batch.simulation_error import Fitted, FittedChain, refine, sensitivities
 from whsklearn.recursion.batch.simulation_search import UNKNOWN, SearchedOrders, record, search
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from whsklearn.recursion.batch.best_linear import IOData
-
-    Array = NDArray[np.float64]
+Array = NDArray[np.float64]
 
 LARGEST_LINEAR = 8  # total order of the best linear model; beyond it poles and zeros cancel, and blocks are padded
 BATCHES = 60  # batches of the scores, for a covariance that does not assume a white error

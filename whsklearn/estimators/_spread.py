@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from numpy.typing import NDArray
 
 from whsklearn.estimators import _model as wh
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    Array = NDArray[np.float64]
+Array = NDArray[np.float64]
 
 DRAWS = 100  # a standard deviation from so many draws is known to 7 %
 SEED = 0  # the same draws for every call, so that predicting twice gives the same

@@ -9,15 +9,18 @@ from __future__ import annotations
 
 import itertools
 import time
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numba
 import numpy as np
+from numpy.typing import NDArray
 
 from whsklearn.estimators._model import Structure, natural_vector, paper_jacobian, paper_vector
+from whsklearn.estimators._stream import State
 from whsklearn.estimators._undo import Undo
 from whsklearn.recursion.memory import multistart
 from whsklearn.recursion.memory.posterior import has_posterior, posterior
+from whsklearn.recursion.memory.schedule import BackgroundRefit
 from whsklearn.recursion.memory.sign_posterior import Gaussian
 from whsklearn.recursion.rows.covariance import WIND_UP, covariance, inflate
 from whsklearn.recursion.rows.least_squares import (
@@ -34,14 +37,7 @@ from whsklearn.recursion.rows.pseudolinear import Published, auxiliary_size, run
 from whsklearn.recursion.rows.subinnovations import Samples
 
 _numba_settings: Any = numba.config  # its attributes are created at run time
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from whsklearn.estimators._stream import State
-    from whsklearn.recursion.memory.schedule import BackgroundRefit
-
-    Array = NDArray[np.float64]
+Array = NDArray[np.float64]
 
 
 def noise_variance(loss: Array, n_parameters: int) -> float:

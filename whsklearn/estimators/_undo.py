@@ -8,16 +8,14 @@ The recursion is deterministic, so the result is bit for bit the state before th
 from __future__ import annotations
 
 import copy
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
+from whsklearn.estimators._stream import Learner, State
 
-    from whsklearn.estimators._stream import Learner, State
-
-    Array = NDArray[np.float64]
+Array = NDArray[np.float64]
 
 # Learning 64 rows again takes no longer than the longest re-run of a memory.
 ROWS = 64

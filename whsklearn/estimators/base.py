@@ -7,10 +7,12 @@ import math
 import os
 import threading
 import warnings
+from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 from sklearn.base import BaseEstimator, RegressorMixin, clone
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted, validate_data
@@ -22,16 +24,10 @@ from whsklearn.estimators import _model as wh
 from whsklearn.estimators._records import Given, checked_weights, fold_of_a_search, is_plain, joined, sample_numbers
 from whsklearn.estimators._spread import draws, noise_spread, rows_spread
 from whsklearn.estimators._summary import Summary, described
+from whsklearn.lags.wiener_hammerstein import WienerHammersteinLags
 from whsklearn.state.files import read_state, write_state
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from numpy.typing import ArrayLike, NDArray
-
-    from whsklearn.lags.wiener_hammerstein import WienerHammersteinLags
-
-    Array = NDArray[np.float64]
+Array = NDArray[np.float64]
 
 
 OUTPUTS = ("expected", "simulation")

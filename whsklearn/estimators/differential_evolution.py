@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from whsklearn.estimators import _model as wh
 from whsklearn.estimators._records import joined
 from whsklearn.estimators.pem import PEMRegressor
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from whsklearn.lags.wiener_hammerstein import WienerHammersteinLags
+from whsklearn.lags.wiener_hammerstein import WienerHammersteinLags
 
 
 class DifferentialEvolutionRegressor(PEMRegressor):

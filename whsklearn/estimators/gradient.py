@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar
 
+from numpy.typing import ArrayLike
+
 from whsklearn.estimators._recursive import RecursiveRegressor
 from whsklearn.recursion.rows.pseudolinear import GRADIENT
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
     from sklearn.base import TransformerMixin
 
 

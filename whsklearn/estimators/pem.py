@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from whsklearn.estimators import _model as wh
 from whsklearn.estimators._chain import ChainRegressor
 from whsklearn.estimators._prediction_error import PredictionError
 from whsklearn.estimators._records import joined
 from whsklearn.estimators._simulation_fit import from_record, law_of, scale_free
+from whsklearn.lags.wiener_hammerstein import WienerHammersteinLags
 
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
-
-    from whsklearn.lags.wiener_hammerstein import WienerHammersteinLags
-
-    Array = NDArray[np.float64]
+Array = NDArray[np.float64]
 
 CRITERIA = ("prediction", "simulation")
 

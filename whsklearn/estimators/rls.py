@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from numpy.typing import ArrayLike
+
 from whsklearn.estimators._recursive import RecursiveRegressor
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
     from sklearn.base import TransformerMixin
 
 

@@ -5,29 +5,26 @@ from __future__ import annotations
 import copy
 import itertools
 import warnings
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 from threadpoolctl import threadpool_limits
 
 from whsklearn._inputs import starts
 from whsklearn.effects import as_law
 from whsklearn.estimators._chain import ChainRegressor
+from whsklearn.estimators._model import Structure
 from whsklearn.estimators._records import Given, checked_weights, joined
 from whsklearn.estimators._simulation_fit import natural_of, to_chain
 from whsklearn.estimators.pem import PEMRegressor
 from whsklearn.lags.wiener_hammerstein import WienerHammersteinLags
 from whsklearn.recursion.batch.best_linear import IOData
 from whsklearn.recursion.batch.block_update import Coordinates, block_update, information_of
+from whsklearn.recursion.batch.simulation_error import FittedChain
 from whsklearn.recursion.batch.simulation_search import SKIP
 
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
-
-    from whsklearn.estimators._model import Structure
-    from whsklearn.recursion.batch.simulation_error import FittedChain
-
-    Array = NDArray[np.float64]
+Array = NDArray[np.float64]
 
 
 class StreamingPEMRegressor(ChainRegressor):

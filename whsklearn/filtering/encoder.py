@@ -10,14 +10,10 @@ its share of the acceleration's variance, however long the record.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from whsklearn.filtering.records import motion, zero_phase
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
 
 __all__ = ["encoder_noise", "motion_cutoff"]
 

@@ -5,12 +5,10 @@ Streams, which have no future, are served by `whsklearn.filtering.streams`.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike, NDArray
 
 __all__ = ["Motion", "central_difference", "decimate", "motion", "velocity_noise", "zero_phase"]
 

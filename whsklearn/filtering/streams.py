@@ -6,15 +6,11 @@ delay, the same at every frequency, and no other distortion of phase.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+from numpy.typing import NDArray
 
 from whsklearn._numba import njit
 from whsklearn.filtering.records import Motion
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 __all__ = ["causal_delay", "causal_kernels", "causal_motion", "causal_window"]
 

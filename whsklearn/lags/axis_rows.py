@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Iterable, Iterator
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from whsklearn.effects import Effect, FrictionLaw, as_law, get_effect
+from whsklearn.filtering.records import Motion
 from whsklearn.filtering.streams import causal_delay, causal_motion
 
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
-
-    from numpy.typing import ArrayLike, NDArray
-
-    from whsklearn.filtering.records import Motion
-
-    Array = NDArray[np.float64]
+Array = NDArray[np.float64]
 
 # Effects whose columns hold the drive.
 DRIVEN = ("load_friction", "dead_zone", "saturation", "input_delay", "actuator_lag", "torque_ripple")

@@ -7,13 +7,15 @@ estimator that takes rows identifies the axis.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Self
+from collections.abc import Iterable
+from typing import Any, Self
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.utils.validation import check_array, check_is_fitted
 
-from whsklearn.effects import PreslidingHysteresis
+from whsklearn.effects import Effect, FrictionLaw, PreslidingHysteresis
 from whsklearn.filtering.encoder import motion_cutoff
 from whsklearn.filtering.records import decimate, motion, velocity_noise, zero_phase
 from whsklearn.filtering.streams import causal_delay, causal_kernels, causal_motion, causal_window
@@ -30,14 +32,7 @@ from whsklearn.lags.axis_rows import (
 )
 from whsklearn.lags.motion_stream import MotionStream, validated
 
-if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-    from numpy.typing import ArrayLike, NDArray
-
-    from whsklearn.effects import Effect, FrictionLaw
-
-    Array = NDArray[np.float64]
+Array = NDArray[np.float64]
 
 __all__ = ["InverseDynamicsLags"]
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 from sklearn.base import BaseEstimator, TransformerMixin, clone
 from sklearn.utils.validation import check_array, check_is_fitted, column_or_1d
 
@@ -14,9 +15,6 @@ from whsklearn._numba import njit
 from whsklearn.effects import FrictionLaw, StaticEffect, as_law
 from whsklearn.recursion.rows.auxiliary_model import auxiliary_size, rebuild, row
 from whsklearn.recursion.rows.delay_line import push
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
 
 
 class WienerHammersteinLags(TransformerMixin, BaseEstimator):

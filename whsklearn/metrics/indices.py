@@ -11,18 +11,15 @@ scikit-learn's scorer names, so ``GridSearchCV(model, grid, scoring="neg_nmse")`
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 from sklearn.metrics import make_scorer
 
 from whsklearn._inputs import real_array
 from whsklearn.metrics.scorer_names import register_scorers
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from numpy.typing import ArrayLike, NDArray
 
 __all__ = ["SCORER_NAMES", "abs_mu_e", "free_run_scorer", "mu_e", "nmse", "parameter_error", "rmse"]
 

@@ -9,12 +9,10 @@ moves them, names stop working and ``scoring=free_run_scorer(nmse)`` still does.
 from __future__ import annotations
 
 import sys
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator
+from typing import Any
 
 from sklearn.metrics import _scorer
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 _KNOWN = "neg_mean_squared_error"
 

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from whsklearn.effects import Effect, FrictionLaw, LearnedTorque, SpeedHinge
 from whsklearn.logs.units import UNKNOWN, inertia_unit, respelled
 from whsklearn.models.base import IdentifiedModel, as_input
 from whsklearn.systems import ServoAxis
 from whsklearn.systems.servo import fine_steps
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import ArrayLike, NDArray
 
 
 @dataclass(frozen=True)

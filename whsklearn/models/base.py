@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from whsklearn.logs.units import UNKNOWN, UNSTATED, factor_between, factor_of
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
 
 _ROLES = {"input": "drive", "output": "position"}
 

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from whsklearn.effects import Effect, FrictionLaw
 from whsklearn.logs.units import UNKNOWN
 from whsklearn.models.base import IdentifiedModel, as_input, numbered, per
 from whsklearn.systems.wiener_hammerstein import WienerHammersteinSystem
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
 
 # In which power of x or dx a weight of the law stands; 0: in the output's unit
 _POWERS = {

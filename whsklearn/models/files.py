@@ -24,9 +24,10 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -40,9 +41,6 @@ from whsklearn.models.chain import ChainModel
 from whsklearn.models.linear import LinearModel
 from whsklearn.state.encoding import TAG, decode
 from whsklearn.systems.arm import Arm
-
-if TYPE_CHECKING:
-    import os
 
 __all__ = ["FORMAT", "VERSION", "as_arm", "load_model", "model_document", "model_from", "save_model"]
 

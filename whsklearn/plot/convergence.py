@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from whsklearn.metrics.indices import parameter_error
 from whsklearn.plot.look import COLOURS, STYLES, TRUTH, Display
 from whsklearn.plot.parameters import block_of, parameter_paths
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
 
 
 class ConvergenceDisplay(Display):

@@ -5,14 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from whsklearn.effects import Effect
 from whsklearn.plot.look import COLOURS, Display
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
     from sklearn.utils import Bunch
-
-    from whsklearn.effects import Effect
 
 # What an effect is drawn against, where that is not the usual one of its place.
 _USUAL = {"friction": "velocity", "drive": "drive", "position": "position", "sensor": "position", "time": "time"}

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from whsklearn.effects import FrictionLaw
 from whsklearn.plot.look import COLOURS, TRUTH, Z95, Display
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from whsklearn.effects import FrictionLaw
 
 
 class FrictionDisplay(Display):

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from whsklearn.plot.look import COLOURS, TRUTH, Display
 from whsklearn.validation import error_against_horizon
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
 
 HORIZONS = (1, 2, 3, 5, 8, 13, 21, 34, 55)
 

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from whsklearn.plot.look import COLOURS, Display
 from whsklearn.validation import cross_correlation_test, whiteness_test
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
 
 
 class ResidualDisplay(Display):

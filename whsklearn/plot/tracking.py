@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from whsklearn.metrics.indices import nmse
 from whsklearn.plot.look import COLOURS, Display
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
 
 
 class TrackingDisplay(Display):

@@ -8,19 +8,16 @@ code along.
 from __future__ import annotations
 
 import dataclasses
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from sklearn.base import BaseEstimator
 
 from whsklearn.effects.base import Effect
 from whsklearn.effects.law import FrictionLaw
 from whsklearn.systems.arm import Arm
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from numpy.typing import NDArray
 
 TAG = "$"  # a dict with this key is a coded value, not a dict of the user's
 _ARRAY_KINDS = "biufcU"

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from whsklearn.effects import Effect, codes
 from whsklearn.effects.own import WHICH, address_of
 from whsklearn.systems._servo_torques import Plant
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 
 def plant_of(effects: Iterable[Effect], parts: NDArray[np.float64]) -> Plant:

@@ -7,9 +7,10 @@ simulated.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from whsklearn._numba import njit
 from whsklearn.effects import codes as k
@@ -20,10 +21,7 @@ from whsklearn.effects.terms import term
 from whsklearn.effects.transmission import FlexibleCoupling
 from whsklearn.systems.chain_ports import added, arrived, driven, occupied, sensed, transmitted, unsensed
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    Array = NDArray[np.float64]
+Array = NDArray[np.float64]
 
 FAR = 1e30  # to which signals are held, so that an unstable trial ends in large errors and not in NaN
 

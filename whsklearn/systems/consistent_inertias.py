@@ -10,20 +10,17 @@ and any ten real numbers alpha, d, s, t are such a body.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 from threadpoolctl import threadpool_limits
 
 from whsklearn.systems._arm_kernels import N_BODY
 from whsklearn.systems.arm_files import inertia_matrix
+from whsklearn.systems.base_parameters import BaseParameters
 
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
-
-    from whsklearn.systems.base_parameters import BaseParameters
-
-    Array = NDArray[np.float64]
+Array = NDArray[np.float64]
 
 LEAST_MASS, LEAST_RADIUS = 1e-3, 1e-2  # kg and m: the body that a link begins as where the file names none
 # Of a standard error, for each unit of a logarithm: the file's masses and sizes count as right within a factor of

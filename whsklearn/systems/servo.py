@@ -12,9 +12,10 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 from sklearn.utils import Bunch
 
 from whsklearn.effects import Coulomb, Effect, FrictionLaw, Viscous, as_law
@@ -23,10 +24,6 @@ from whsklearn.systems._servo_pack import plant_of
 from whsklearn.systems._servo_torques import Plant
 from whsklearn.systems.servo_parts import Drive, PIDController, Sensor, Transmission
 from whsklearn.systems.servo_simulation import Conditions, experiment, reading_noise, run
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
-
 
 FEWEST_STEPS = 4  # a sample, as the fit of an axis has them; its code then takes under 100 ns a step
 PARTS = ("drive", "transmission", "sensor", "controller")

@@ -9,9 +9,9 @@ l1 = gains[0] / dt and l2 = gains[1] / dt; `effect_torque` gives F on either mot
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from whsklearn.systems._servo_kernel import (
     DRIVE,
@@ -30,10 +30,7 @@ from whsklearn.systems._servo_kernel import (
 from whsklearn.systems._servo_pack import plant_of
 from whsklearn.systems._servo_torques import Plant
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    Array = NDArray[np.float64]
+Array = NDArray[np.float64]
 
 __all__ = [
     "DRIVE",

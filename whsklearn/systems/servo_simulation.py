@@ -6,14 +6,14 @@ import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 from sklearn.utils import Bunch
+
+from whsklearn.systems._servo_torques import Plant
+from whsklearn.systems.servo_parts import PIDController
 
 if TYPE_CHECKING:
     import pandas as pd
-    from numpy.typing import ArrayLike, NDArray
-
-    from whsklearn.systems._servo_torques import Plant
-    from whsklearn.systems.servo_parts import PIDController
 
 
 class Experiment(NamedTuple):

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 from sklearn.utils import Bunch
 
 from whsklearn.effects import Effect, FrictionLaw, StaticEffect, Viscous, as_law
 from whsklearn.systems.chain import PackedChain, packed, run
 from whsklearn.systems.stability import is_stable
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
 
 
 class WienerHammersteinSystem:

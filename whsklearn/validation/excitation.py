@@ -8,17 +8,13 @@ directions in which it is as good as zero are told by the names of their paramet
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from whsklearn._inputs import real_array
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import ArrayLike, NDArray
 
 __all__ = ["Excitation", "ExcitationWarning", "check_excitation", "excitation"]
 

@@ -6,17 +6,14 @@ variance off when it runs freely; between the two, the curve shows how soon it l
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from whsklearn.metrics.indices import nmse, rmse
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-    from numpy.typing import ArrayLike, NDArray
 
 __all__ = ["HorizonCurve", "error_against_horizon"]
 

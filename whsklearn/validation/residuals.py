@@ -9,14 +9,11 @@ which keeps each signal's own colour and breaks only what binds them.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from whsklearn._inputs import real_array
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
 
 __all__ = [
     "CorrelationTest",

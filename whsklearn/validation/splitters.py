@@ -7,14 +7,11 @@ several records use scikit-learn's `LeaveOneGroupOut`, or `one_experiment_out`.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator
+from typing import Any
 
+from numpy.typing import ArrayLike, NDArray
 from sklearn.model_selection import LeaveOneGroupOut, TimeSeriesSplit
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from numpy.typing import ArrayLike, NDArray
 
 __all__ = ["memory_length", "one_experiment_out", "time_series_split"]
 

@@ -13,18 +13,14 @@ log density at the truth.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Generator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from whsklearn._numba import njit
 
-if TYPE_CHECKING:
-    from collections.abc import Generator
-
-    from numpy.typing import NDArray
-
-    Array = NDArray[np.float64]
+Array = NDArray[np.float64]
 
 PIECE = 512  # samples that are filtered between two rows
 

@@ -6,9 +6,11 @@ parts.  `Work` holds its progress and the number of samples it may still read.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Generator
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from whsklearn._numba import part
 from whsklearn.recursion.memory.predictor_block import (
@@ -25,12 +27,7 @@ from whsklearn.recursion.memory.predictor_block import (
 from whsklearn.recursion.memory.steps import in_one
 from whsklearn.recursion.rows.predictor import parameter_count, state_size
 
-if TYPE_CHECKING:
-    from collections.abc import Generator
-
-    from numpy.typing import NDArray
-
-    Array = NDArray[np.float64]
+Array = NDArray[np.float64]
 
 HUGE = 1e290
 COST_OF_PASS = 64.0  # the start and end of a pass, and the step that follows, count as this many samples

@@ -6,18 +6,15 @@ The starts, the scale of kappa, the rows of least squares behind a fixed L1 and 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from whsklearn._numba import njit, part
 from whsklearn.recursion.rows.delay_line import clear, push
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    Array = NDArray[np.float64]
-    Bools = NDArray[np.bool_]
+Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
 
 LARGEST = 1e30  # bound of x, so that a diverging free run stays finite
 KNOWN = np.zeros((0, 0))  # stands for the covariance of a block whose parameters are exact

@@ -11,9 +11,10 @@ Like a re-run itself (`replay_part`), it can be done in parts, so that no sample
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from whsklearn._numba import njit, part
 from whsklearn.recursion.memory.cost import (
@@ -29,14 +30,10 @@ from whsklearn.recursion.memory.cost import (
     replay_part,
 )
 from whsklearn.recursion.memory.predictor_block import Segment
+from whsklearn.recursion.rows.predictor import Law
 from whsklearn.systems.stability import is_stable
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from whsklearn.recursion.rows.predictor import Law
-
-    Array = NDArray[np.float64]
+Array = NDArray[np.float64]
 
 FIRST_RUN, PROPOSAL, TRIAL, DONE = range(4)
 

@@ -12,9 +12,11 @@ t + 1 .. t + n_c (equation error: measured outputs carry nothing further).
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Generator
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from whsklearn._numba import njit
 from whsklearn.effects.terms import COULOMB, POSITION_FRICTION, STRIBECK_EXP, law_values
@@ -23,15 +25,9 @@ from whsklearn.recursion.memory.cost import AT, BUDGET, COST, PHASE, Memory, Wor
 from whsklearn.recursion.memory.gauss_newton import Prior, refine_part
 from whsklearn.recursion.memory.predictor_block import LENGTH
 from whsklearn.recursion.memory.steps import in_one
+from whsklearn.recursion.rows.predictor import Law
 
-if TYPE_CHECKING:
-    from collections.abc import Generator
-
-    from numpy.typing import NDArray
-
-    from whsklearn.recursion.rows.predictor import Law
-
-    Array = NDArray[np.float64]
+Array = NDArray[np.float64]
 
 CAPACITY = 512  # signs kept at most; on Example 5.1 the median is 20 to 130 at any length and the maximum 537
 IN_DOUBT = 7.0  # standard deviations of dx under the covariance with signs frozen, which is wider than the posterior

@@ -14,9 +14,9 @@ for it (`schedule`).
 from __future__ import annotations
 
 import copy
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from whsklearn.recursion.memory.posterior import initial_past
 from whsklearn.recursion.memory.refit import LIVE
@@ -27,9 +27,6 @@ from whsklearn.recursion.memory.starts import random_start
 from whsklearn.recursion.rows.covariance import WIND_UP, inflate
 from whsklearn.recursion.rows.predictor import state_size
 from whsklearn.recursion.rows.subinnovations import MOVING, STILL, Models, Samples, Schedule, mark_still, run_windows
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 __all__ = ["Settings", "State", "answer", "consolidate", "forget_past", "initial_state", "run"]
 

@@ -9,9 +9,10 @@ request, not at every sample.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Generator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from whsklearn.recursion.memory.cost import Work, new_work
 from whsklearn.recursion.memory.linearised import (
@@ -26,20 +27,14 @@ from whsklearn.recursion.memory.linearised import (
     listed_steps,
 )
 from whsklearn.recursion.memory.refit import count_of, left_of_prior, memory_of, weights_of
+from whsklearn.recursion.memory.settings import Settings, State
 from whsklearn.recursion.memory.sign_density import posed
 from whsklearn.recursion.memory.sign_posterior import Gaussian, frozen, frozen_steps, sample
 from whsklearn.recursion.memory.steps import in_one
 from whsklearn.recursion.rows.predictor import state_size
 
-if TYPE_CHECKING:
-    from collections.abc import Generator
-
-    from numpy.typing import NDArray
-
-    from whsklearn.recursion.memory.settings import Settings, State
-
-    Array = NDArray[np.float64]
-    Indices = NDArray[np.intp]
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
 
 ROUNDS = 3  # linearisations of the memory at least; the second is at the mean of the first
 # Linearisations at most, while the mean still moves.  A record with 500 signs in doubt needed five; stopped earlier, it

@@ -7,9 +7,11 @@ once.  Each signal is a row that begins with its past, oldest first: as many sam
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Generator
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from whsklearn._numba import njit, part
 from whsklearn.effects.codes import COULOMB, STRIBECK_TANH, VISCOUS
@@ -17,12 +19,7 @@ from whsklearn.effects.equations import coulomb, reduced_stribeck, viscous
 from whsklearn.effects.signs import smooth_sign
 from whsklearn.effects.terms import term
 
-if TYPE_CHECKING:
-    from collections.abc import Generator
-
-    from numpy.typing import NDArray
-
-    Array = NDArray[np.float64]
+Array = NDArray[np.float64]
 
 LENGTH = 128  # samples of a segment, so few that all its signals stay in the fastest cache
 

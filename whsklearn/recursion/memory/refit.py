@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Generator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from whsklearn._numba import njit
 from whsklearn.recursion.memory.cost import AT, BUDGET, COST, HUGE, PHASE, SPENT, UNBOUNDED, Memory, Work, new_work
 from whsklearn.recursion.memory.first_block import increment_rms
 from whsklearn.recursion.memory.gauss_newton import Prior, refine_part
+from whsklearn.recursion.memory.settings import Settings, State
 from whsklearn.recursion.memory.starts import (
     least_squares_steps,
     random_start_steps,
@@ -22,15 +24,8 @@ from whsklearn.recursion.memory.steps import in_one
 from whsklearn.recursion.rows.covariance import factors_of_inverse, times
 from whsklearn.recursion.rows.subinnovations import relative_sharpness
 
-if TYPE_CHECKING:
-    from collections.abc import Generator
-
-    from numpy.typing import NDArray
-
-    from whsklearn.recursion.memory.settings import Settings, State
-
-    Array = NDArray[np.float64]
-    Steps = Generator[None, None, "_Candidate | None"]
+Array = NDArray[np.float64]
+Steps = Generator[None, None, "_Candidate | None"]
 
 LADDER = (1.0, 2.0, 4.0, 8.0, 20.0, 50.0, 100.0, 200.0, 400.0)
 ITERATIONS = 8

@@ -12,7 +12,8 @@ from __future__ import annotations
 
 import functools
 import itertools
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
@@ -26,12 +27,8 @@ from whsklearn.recursion.memory.refit import (
     inference_sharpness,
     memory_of,
 )
+from whsklearn.recursion.memory.settings import Settings, State
 from whsklearn.recursion.rows.subinnovations import STILL, Models, Samples, Schedule, run_windows
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from whsklearn.recursion.memory.settings import Settings, State
 
 # Readings for each sample while the memory fills, which take about 25 us.  All starts are tried on the first samples,
 # and later as many fresh ones as the remaining readings allow.  With 400 readings only half of them were tried, and 27

@@ -9,19 +9,16 @@ both from M of `linearised` updated by the rows that the turned signs enter.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from whsklearn._numba import part
+from whsklearn.recursion.memory.linearised import Signs
 from whsklearn.systems.stability import is_stable
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from whsklearn.recursion.memory.linearised import Signs
-
-    Array = NDArray[np.float64]
+Array = NDArray[np.float64]
 
 RADIUS = 0.999  # largest radius of the poles of L1
 

@@ -8,21 +8,18 @@ with differential-evolution moves (ter Braak 2006, Statistics and Computing 16).
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Generator
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from whsklearn._numba import njit, part
 from whsklearn.recursion.memory.sign_density import SignProblem, by_reach, log_density
 from whsklearn.recursion.memory.steps import in_one
 from whsklearn.recursion.rows.covariance import factors_of_inverse, times
 
-if TYPE_CHECKING:
-    from collections.abc import Generator
-
-    from numpy.typing import NDArray
-
-    Array = NDArray[np.float64]
+Array = NDArray[np.float64]
 
 PARTICLES = 96
 WIDTH = 2.0  # spread of the first particles, in standard deviations with the signs frozen

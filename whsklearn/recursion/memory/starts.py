@@ -7,23 +7,18 @@ starts run in parallel (measured by benchmarks/accuracy.py).
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Generator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from whsklearn._numba import njit
 from whsklearn.effects.terms import law_values
 from whsklearn.recursion.memory.first_block import KNOWN, first_block
 from whsklearn.recursion.memory.steps import in_one
+from whsklearn.recursion.rows.predictor import Law
 
-if TYPE_CHECKING:
-    from collections.abc import Generator
-
-    from numpy.typing import NDArray
-
-    from whsklearn.recursion.rows.predictor import Law
-
-    Array = NDArray[np.float64]
+Array = NDArray[np.float64]
 
 
 def random_stable(order: int, rng: np.random.Generator) -> NDArray[np.float64]:

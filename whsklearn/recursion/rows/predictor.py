@@ -22,20 +22,18 @@ m times n_a.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numba.extending import register_jitable  # type: ignore[import-untyped]
+from numpy.typing import NDArray
 
 from whsklearn._numba import njit, part
 from whsklearn.effects.terms import directed_term, smooth_sign
 from whsklearn.recursion.rows.delay_line import clear, push
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    Array = NDArray[np.float64]
-    Law = tuple[NDArray[np.int64], NDArray[np.int64], Array]  # dims, codes, shapes
+Array = NDArray[np.float64]
+Law = tuple[NDArray[np.int64], NDArray[np.int64], Array]  # dims, codes, shapes
 
 ROWS = 64  # rows of a line along a record before it is started again
 

@@ -5,19 +5,17 @@ The regressors (6) and the order of theta are in `whsklearn.recursion.rows.auxil
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from whsklearn._numba import njit
 from whsklearn.recursion.rows.auxiliary_model import auxiliary_size, rebuild, row
 from whsklearn.recursion.rows.covariance import inflate, measurement_update
 from whsklearn.recursion.rows.delay_line import push
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    Array = NDArray[np.float64]
+Array = NDArray[np.float64]
 
 __all__ = ["BLOCK", "GRADIENT", "REEVALUATED", "Published", "auxiliary_size", "rebuild", "row", "run_pseudolinear"]
 

@@ -9,21 +9,17 @@ P follows the block update (7)-(9), which by the block inversion lemma is p scal
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from whsklearn._numba import njit, part
 from whsklearn.recursion.rows.covariance import inflate, measurement_update
-from whsklearn.recursion.rows.predictor import advance, by_block, copy_past, past_of, predict, respond, with_room
+from whsklearn.recursion.rows.predictor import Law, advance, by_block, copy_past, past_of, predict, respond, with_room
 from whsklearn.systems.stability import is_stable
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from whsklearn.recursion.rows.predictor import Law
-
-    Array = NDArray[np.float64]
+Array = NDArray[np.float64]
 
 STABLE_RADIUS = 0.999
 LARGEST_PARAMETER = 1e8
