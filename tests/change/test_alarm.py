@@ -12,6 +12,7 @@ from scipy.signal import lfilter
 from sklearn.base import clone
 
 from whsklearn.change import ChangeAlarm
+from whsklearn.change.alarm import LEVELS, N_BETS, tilts, watch
 
 NOISES = {
     "normal": lambda rng, n: rng.normal(size=n),
@@ -121,3 +122,59 @@ def test_a_constant_innovation_does_not_fail():
     alarm = ChangeAlarm(n_reference=300, interval=1e6)
     assert alarm.update(np.full(20_000, 0.1)).size == 0
     assert np.isfinite(alarm.evidence_)
+
+
+def test_cells_part_the_line_and_are_finest_in_the_tails():
+    widths = np.diff(np.r_[0.0, LEVELS, 1.0])
+    assert np.all(widths > 0)
+    np.testing.assert_allclose(widths, widths[::-1], atol=1e-12)
+    assert widths[0] == widths.min()
+
+
+def test_every_bet_pays_no_more_than_its_stake_under_the_nominal_law():
+    widths = np.diff(np.r_[0.0, LEVELS, 1.0])
+    expected = tilts() @ widths
+    assert tilts().shape == (N_BETS, widths.size)
+    assert np.all(expected <= 1.0 + 1e-12)  # less than one where the largest odds were cut
+    np.testing.assert_allclose(expected[tilts().max(axis=1) < 10.0], 1.0, atol=1e-12)
+
+
+def test_bets_on_spread_pay_in_the_tails_and_bets_on_a_shift_on_one_side():
+    odds = tilts()
+    assert np.all(odds[:3, [0, -1]] > 1.0)
+    assert np.all(odds[:3, odds.shape[1] // 2] < 1.0)
+    np.testing.assert_allclose(odds[3], odds[4][::-1], rtol=1e-9)  # a shift up and the same down are mirror images
+
+
+def begun():
+    return np.zeros(2), np.full(LEVELS.size + 1, 50.0), np.zeros(N_BETS)
+
+
+def test_evidence_is_that_of_the_recursion_written_out():
+    edges = np.linspace(-2, 2, LEVELS.size)
+    e, ar = np.random.default_rng(0).normal(size=40), np.array([0.5, -0.2])
+    past, counts, evidence = begun()
+    assert watch(e, 0, past, ar, edges, tilts(), counts, evidence, 1e12, 1e9) == -1
+    by_hand, seen = np.zeros(N_BETS), np.full(LEVELS.size + 1, 50.0)
+    for t in range(e.size):
+        w = e[t] - sum(ar[i] * e[t - 1 - i] for i in range(2) if t - 1 - i >= 0)
+        cell = np.searchsorted(edges, w)
+        by_hand = (1.0 + by_hand) * tilts()[:, cell] / (tilts() @ (seen / seen.sum()))
+        seen[cell] += 1
+    np.testing.assert_allclose(evidence, by_hand, rtol=1e-10)
+    np.testing.assert_array_equal(counts, seen)
+
+
+def test_it_stops_at_the_sample_that_raised_the_alarm_and_goes_on_behind_it():
+    edges = np.linspace(-2, 2, LEVELS.size)
+    e = np.r_[np.zeros(5), np.full(60, 9.0)]
+    past, counts, evidence = begun()
+    at = watch(e, 0, past, np.empty(0), edges, tilts(), counts, evidence, 50.0, 1e9)
+    assert 5 <= at < e.size
+    assert counts.sum() == 50.0 * (LEVELS.size + 1) + at + 1
+
+
+def test_old_counts_fade_when_there_are_many():
+    past, counts, evidence = begun()
+    watch(np.zeros(10), 0, past, np.empty(0), np.linspace(-2, 2, LEVELS.size), tilts(), counts, evidence, 1e12, 905.0)
+    assert counts.sum() < 905.0

@@ -18,7 +18,7 @@ from whsklearn.effects import (
     Viscous,
 )
 from whsklearn.effects import equations as f
-from whsklearn.effects.signs import smooth_sign
+from whsklearn.effects.equations import smooth_sign
 
 KAPPA = 3.0
 speeds = st.floats(-5, 5).filter(lambda v: abs(v) > 1e-3)

@@ -8,8 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from whsklearn.effects import Coulomb, FrictionDrift, LoadFriction, PositionFriction
-from whsklearn.effects.equations import position_friction
-from whsklearn.effects.signs import smooth_sign
+from whsklearn.effects.equations import position_friction, smooth_sign
 
 
 @given(st.floats(-5, 5), st.floats(0.01, 3))

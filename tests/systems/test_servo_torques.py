@@ -21,6 +21,7 @@ from whsklearn.effects import (
     Viscous,
 )
 from whsklearn.systems import ServoAxis, Transmission
+from whsklearn.systems._servo_torques import plant_of
 
 FREE = [Viscous(0.0)]
 REST = np.zeros(20_000)
@@ -167,3 +168,12 @@ def test_within_the_gap_the_motor_moves_alone_and_then_takes_the_load_along():
 
 
 # -- convergence ----------------------------------------------------------------------
+
+
+def test_rows_are_in_the_order_of_the_effects_with_their_numbers_first():
+    effects = [Cogging(0.2, 7.0, 0.3), Viscous(0.1)]
+    plant = plant_of(effects, np.zeros(12))
+    assert plant.codes.tolist() == [e.code for e in effects]
+    for row, e in zip(plant.p, effects, strict=True):
+        np.testing.assert_array_equal(row[: len(e.row)], e.row)
+        assert not row[len(e.row) :].any()

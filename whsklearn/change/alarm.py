@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from typing import Any
 
 import numpy as np
@@ -9,8 +10,25 @@ from numpy.typing import ArrayLike, NDArray
 from sklearn.base import BaseEstimator
 
 from whsklearn._inputs import real_array
-from whsklearn.change.cells import LEVELS, N_BETS, tilts
-from whsklearn.change.kernel import watch
+from whsklearn._numba import njit
+
+# Cells by their tail probability: fine in the tails, where a change shows first.
+_TAIL = np.array([0.001, 0.004, 0.012, 0.03, 0.07, 0.14, 0.24, 0.36])
+LEVELS = np.r_[_TAIL, 0.5, 1 - _TAIL[::-1]]
+_BETS = ((0.0, 1.2), (0.0, 1.6), (0.0, 3.0), (0.25, 1.0), (-0.25, 1.0), (1.0, 1.0), (-1.0, 1.0))  # shift, spread
+_LARGEST_TILT = 10.0  # so that a burst of a few outliers, such as a sign() that flips, is no alarm
+N_BETS = len(_BETS)
+
+
+@functools.cache
+def tilts() -> NDArray[np.float64]:
+    """f_k of each cell: what a normal law with the bet's shift and spread puts there, over the nominal probability."""
+    from scipy.special import ndtr, ndtri
+
+    edges = np.r_[-np.inf, ndtri(LEVELS), np.inf]
+    odds = np.array([np.diff(ndtr((edges - m) / s)) / np.diff(ndtr(edges)) for m, s in _BETS])
+    return np.minimum(odds, _LARGEST_TILT)
+
 
 _MOST = 1e6  # samples remembered by the cell frequencies
 
@@ -202,3 +220,43 @@ def _autoregression(e: NDArray[np.float64], order: int) -> NDArray[np.float64]:
         return np.zeros(order)
     toeplitz = r[np.abs(np.subtract.outer(np.arange(order), np.arange(order)))]
     return np.linalg.solve(toeplitz + 1e-9 * r[0] * np.eye(order), r[1:])
+
+
+@njit(cache=True)
+def watch(innovations, first, past, ar, edges, tilt, counts, evidence, threshold, most):
+    """Take samples from ``first`` on until the evidence reaches the threshold.
+
+    ``evidence`` holds R of each bet and is updated by R <- (1 + R) e, with e = f(cell) / E f, the
+    expectation under the cell frequencies seen so far.  Returns the index of the sample that
+    raised the alarm, or -1.
+    """
+    order, n_cells, n_bets = ar.size, counts.size, evidence.size
+    total = 0.0
+    for j in range(n_cells):
+        total += counts[j]
+    for t in range(first, innovations.size):
+        w = innovations[t]
+        for i in range(order):
+            w -= ar[i] * past[i]
+        for i in range(order - 1, 0, -1):
+            past[i] = past[i - 1]
+        if order > 0:
+            past[0] = innovations[t]
+        cell = np.searchsorted(edges, w)
+        mean = 0.0
+        for k in range(n_bets):
+            expected = 0.0
+            for j in range(n_cells):
+                expected += tilt[k, j] * counts[j]
+            evidence[k] = (1.0 + evidence[k]) * tilt[k, cell] * total / expected
+            mean += evidence[k]
+        counts[cell] += 1.0
+        total += 1.0
+        if total > most:
+            total = 0.0
+            for j in range(n_cells):
+                counts[j] *= 0.5
+                total += counts[j]
+        if mean >= threshold * n_bets:
+            return t
+    return -1

@@ -33,10 +33,10 @@ from whsklearn.effects.equations import (
     quantized,
     saturation,
     sensor_rectification,
+    smooth_sign,
     torque_ripple,
     viscous,
 )
-from whsklearn.effects.signs import smooth_sign
 from whsklearn.effects.terms import directed_term
 
 

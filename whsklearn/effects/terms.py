@@ -39,12 +39,13 @@ from whsklearn.effects.equations import (
     quadratic_drag,
     reduced_stribeck,
     smooth_coulomb,
+    smooth_sign,
     smooth_stribeck,
     speed_hinge,
     stribeck,
+    tanh,
     viscous,
 )
-from whsklearn.effects.signs import smooth_sign, tanh
 
 __all__ = [
     "ASYMMETRIC_COULOMB",

@@ -16,8 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn.estimators._model import Structure, natural_vector, paper_jacobian, paper_vector
-from whsklearn.estimators._stream import State
-from whsklearn.estimators._undo import Undo
+from whsklearn.estimators._undo import State, Undo
 from whsklearn.recursion.memory import multistart
 from whsklearn.recursion.memory.posterior import has_posterior, posterior
 from whsklearn.recursion.memory.schedule import BackgroundRefit

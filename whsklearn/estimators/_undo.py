@@ -1,4 +1,7 @@
-"""Undoing a call of ``partial_fit`` that an exception or a signal ended halfway.
+"""A way of learning, and how a call of ``partial_fit`` that an exception or a signal ended halfway is undone.
+
+A stream holds settings only.  All that is learnt is in its state, a plain dict of numbers and arrays, so that it can
+be copied, saved, compared and put back.
 
 Arrays change in place, and copying them before every row would cost more than the row.  So a copy is taken now
 and then, and the few rows since are noted.  After an exception these rows are learnt again on a copy of that copy.
@@ -8,14 +11,38 @@ The recursion is deterministic, so the result is bit for bit the state before th
 from __future__ import annotations
 
 import copy
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from whsklearn.estimators._stream import Learner, State
-
 Array = NDArray[np.float64]
+
+
+State = dict[str, Any]  # all that has been learnt, by name
+
+
+class Learner(Protocol):
+    """What an estimator requires of its way of learning; `Undo` learns rows again through it."""
+
+    def initial(self) -> State:
+        """The state before any sample."""
+
+    def run(self, state: State, u: Array, y: Array, restart: NDArray[np.bool_], weight: Array | None = None) -> None:
+        """Learn from samples, in place; ``weight`` weighs their squared errors."""
+
+    def settle(self, state: State) -> None:
+        """Run the record once more, in place, if the stream keeps one."""
+
+    def forget_past(self, state: State, samples: float) -> None:
+        """Let what was learnt count for no more than this many samples, in place."""
+
+    def theta(self, state: State) -> Array:
+        """The estimate, in the paper's order."""
+
+    def covariance(self, state: State) -> Array:
+        """Covariance of `theta`."""
+
 
 # Learning 64 rows again takes no longer than the longest re-run of a memory.
 ROWS = 64

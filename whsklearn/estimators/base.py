@@ -21,8 +21,8 @@ from whsklearn._inputs import check_lengths, in_one_sentence, starts, writeable
 from whsklearn.effects import as_law
 from whsklearn.estimators import _advice
 from whsklearn.estimators import _model as wh
+from whsklearn.estimators._model import draws, noise_spread, rows_spread
 from whsklearn.estimators._records import Given, checked_weights, fold_of_a_search, is_plain, joined, sample_numbers
-from whsklearn.estimators._spread import draws, noise_spread, rows_spread
 from whsklearn.estimators._summary import Summary, described
 from whsklearn.lags.wiener_hammerstein import WienerHammersteinLags
 from whsklearn.state.files import read_state, write_state

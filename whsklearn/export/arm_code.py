@@ -16,7 +16,7 @@ import numpy as np
 from sklearn.utils import Bunch
 
 from whsklearn.effects import codes
-from whsklearn.effects.signs import smooth_sign
+from whsklearn.effects.equations import smooth_sign
 from whsklearn.export.axis_code import Law, Part, compensated
 from whsklearn.export.code import identifier, render
 from whsklearn.export.languages import C
@@ -24,8 +24,7 @@ from whsklearn.export.losses import Loss, losses_of
 from whsklearn.export.specialise import Specialiser
 from whsklearn.export.statements import OneOf, Symbol
 from whsklearn.systems import _arm_kernels as kernels
-from whsklearn.systems._servo_pack import plant_of
-from whsklearn.systems._servo_torques import Ends, arranged, load_sum, motor_sum
+from whsklearn.systems._servo_torques import Ends, arranged, load_sum, motor_sum, plant_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -8,8 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from whsklearn.effects import codes
-from whsklearn.effects.equations import quantized
-from whsklearn.effects.signs import smooth_sign
+from whsklearn.effects.equations import quantized, smooth_sign
 from whsklearn.export.languages import Language
 from whsklearn.export.specialise import Specialiser
 from whsklearn.export.statements import Memory, OneOf, Symbol

@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from whsklearn.effects.signs import tanh
+from whsklearn.effects.equations import tanh
 from whsklearn.export.languages import Language
 from whsklearn.export.statements import (
     If,

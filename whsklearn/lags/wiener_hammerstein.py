@@ -14,7 +14,7 @@ from whsklearn._inputs import check_lengths, in_one_sentence, starts, writeable
 from whsklearn._numba import njit
 from whsklearn.effects import FrictionLaw, StaticEffect, as_law
 from whsklearn.recursion.rows.auxiliary_model import auxiliary_size, rebuild, row
-from whsklearn.recursion.rows.delay_line import push
+from whsklearn.recursion.rows.predictor import push
 
 
 class WienerHammersteinLags(TransformerMixin, BaseEstimator):

@@ -13,8 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from whsklearn._numba import njit, part
-from whsklearn.effects.equations import AHEAD, N_STATES, quantized
-from whsklearn.effects.signs import smooth_sign
+from whsklearn.effects.equations import AHEAD, N_STATES, quantized, smooth_sign
 from whsklearn.systems._arm_kernels import move, pay, room, weigh
 from whsklearn.systems._servo_drive import DriveStage, chain_of, effective, held, hold_weights
 from whsklearn.systems._servo_kernel import control, lattice_of

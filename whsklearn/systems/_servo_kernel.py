@@ -20,8 +20,7 @@ import numpy as np
 
 from whsklearn._numba import njit, part
 from whsklearn.effects import codes
-from whsklearn.effects.equations import N_STATES, quantized
-from whsklearn.effects.signs import smooth_sign
+from whsklearn.effects.equations import N_STATES, quantized, smooth_sign
 from whsklearn.systems._servo_drive import chain_of, effective, held, hold_weights
 from whsklearn.systems._servo_step import body_of, fine_step
 from whsklearn.systems._servo_torques import (

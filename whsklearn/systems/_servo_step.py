@@ -16,8 +16,7 @@ from typing import Any, NamedTuple
 
 from whsklearn._numba import njit, part
 from whsklearn.effects import codes
-from whsklearn.effects.equations import AHEAD
-from whsklearn.effects.signs import smooth_sign
+from whsklearn.effects.equations import AHEAD, smooth_sign
 from whsklearn.effects.transmission import contact_damping, contact_stiffness, coupling_torque
 from whsklearn.systems._servo_torques import (
     GAP,

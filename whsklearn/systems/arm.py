@@ -19,8 +19,7 @@ from sklearn.utils import Bunch
 from whsklearn.effects import Effect
 from whsklearn.systems._arm_kernels import N_BODY, Links, fill_mass, fill_regressor, fill_torque
 from whsklearn.systems._arm_pass import DRIVE, MEASURED, N_SIGNALS, POSITION, VELOCITY, Course, Joints, run
-from whsklearn.systems._servo_pack import plant_of
-from whsklearn.systems._servo_torques import KAPPA, LIMIT, N_PARTS, RESOLUTION
+from whsklearn.systems._servo_torques import KAPPA, LIMIT, N_PARTS, RESOLUTION, plant_of
 from whsklearn.systems.arm_files import STANDARD_GRAVITY, across, body_numbers, dh_fields, file_fields
 from whsklearn.systems.base_parameters import BaseParameters, base_parameters
 from whsklearn.systems.consistent_inertias import consistent_numbers

@@ -24,10 +24,10 @@ from whsklearn.effects.equations import (
     lagged,
     parameter_change,
     saturation,
+    smooth_sign,
 )
 from whsklearn.effects.own import WHICH
 from whsklearn.effects.rows import has_memory, load_torque, motor_torque, on_load, reading
-from whsklearn.effects.signs import smooth_sign
 from whsklearn.effects.transmission import play, resonance
 
 LEAST_SLOPE = 0.05  # of a folded reading: below, dividing by it would only amplify noise

@@ -20,8 +20,7 @@ from sklearn.utils import Bunch
 
 from whsklearn.effects import Coulomb, Effect, FrictionLaw, Viscous, as_law
 from whsklearn.systems._servo_drive import chain_of
-from whsklearn.systems._servo_pack import plant_of
-from whsklearn.systems._servo_torques import Plant
+from whsklearn.systems._servo_torques import Plant, plant_of
 from whsklearn.systems.servo_parts import Drive, PIDController, Sensor, Transmission
 from whsklearn.systems.servo_simulation import Conditions, experiment, reading_noise, run
 
@@ -245,16 +244,6 @@ class ServoAxis:
             raise ValueError(f"No effect is called {label!r}; expected one of: {', '.join(labels) or 'none'}.")
         keep = tuple(e for name, e in zip(labels, self.effects, strict=True) if name != label)
         return dataclasses.replace(self, effects=keep)
-
-    def with_law(self, law: FrictionLaw | str | Iterable[Any]) -> Self:
-        """The same axis with another friction law.
-
-        Parameters
-        ----------
-        law : FrictionLaw, str or iterable of StaticEffect
-            As `as_law` takes it.
-        """
-        return dataclasses.replace(self, law=as_law(law))  # type: ignore[arg-type]
 
     def columns(self, signals: Any) -> tuple[NDArray[np.float64], tuple[str, ...]]:
         """Regressors of torque = J a + law + effects, with a label for each column.

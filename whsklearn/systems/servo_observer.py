@@ -27,8 +27,7 @@ from whsklearn.systems._servo_kernel import (
     run,
     torque_along,
 )
-from whsklearn.systems._servo_pack import plant_of
-from whsklearn.systems._servo_torques import Plant
+from whsklearn.systems._servo_torques import Plant, plant_of
 
 Array = NDArray[np.float64]
 

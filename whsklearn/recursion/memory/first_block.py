@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn._numba import njit, part
-from whsklearn.recursion.rows.delay_line import clear, push
+from whsklearn.recursion.rows.predictor import clear, push
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from whsklearn._numba import njit, part
 from whsklearn.effects.codes import COULOMB, STRIBECK_TANH, VISCOUS
-from whsklearn.effects.equations import coulomb, reduced_stribeck, viscous
-from whsklearn.effects.signs import smooth_sign
+from whsklearn.effects.equations import coulomb, reduced_stribeck, smooth_sign, viscous
 from whsklearn.effects.terms import term
 
 Array = NDArray[np.float64]

@@ -30,7 +30,6 @@ from numpy.typing import NDArray
 
 from whsklearn._numba import njit, part
 from whsklearn.effects.terms import directed_term, smooth_sign
-from whsklearn.recursion.rows.delay_line import clear, push
 
 Array = NDArray[np.float64]
 Law = tuple[NDArray[np.int64], NDArray[np.int64], Array]  # dims, codes, shapes
@@ -224,3 +223,20 @@ def record_errors(theta, dims, codes, shapes, kappa, u, y, restart, errors, jaco
             y_past[i] = y_past[i - 1]
         y_past[0] = y[t]
     return errors
+
+
+@part
+def push(past, newest):
+    """Put the newest sample, one number per input, in front of the older ones."""
+    m = newest.size
+    for i in range(past.size - 1, m - 1, -1):
+        past[i] = past[i - m]
+    for i in range(m):
+        past[i] = newest[i]
+
+
+@part
+def clear(past):
+    """Forget the past samples."""
+    for i in range(past.size):
+        past[i] = 0.0

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from whsklearn._numba import njit
 from whsklearn.recursion.rows.auxiliary_model import auxiliary_size, rebuild, row
 from whsklearn.recursion.rows.covariance import inflate, measurement_update
-from whsklearn.recursion.rows.delay_line import push
+from whsklearn.recursion.rows.predictor import push
 
 Array = NDArray[np.float64]
 

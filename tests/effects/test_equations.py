@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from whsklearn.effects.signs import clipped, smooth_sign, tanh, wave
+from whsklearn.effects.equations import clipped, smooth_sign, tanh, wave
 
 
 @given(st.floats(-50, 50))
