@@ -12,7 +12,7 @@ import numpy as np
 
 from benchmarks.blind_logs.wiener_hammerstein import Case
 from whsklearn.effects import reduced_law
-from whsklearn.gap.evidence import DEFAULT_TOLERANCE
+from whsklearn.gap.plant import DEFAULT_TOLERANCE
 from whsklearn.gap.plants.chain import ChainPlant
 from whsklearn.gap.plants.chain_candidates import Term, catalogue
 from whsklearn.gap.plants.chain_fit import base_starts, coloured, cost, minima, polished, sharpened

@@ -40,7 +40,7 @@ from whsklearn import ServoAxis
 from whsklearn.cli.job import ENDED
 from whsklearn.cli.ui import free_port, serve, stop, wait_for
 from whsklearn.datasets import make_servo_log
-from whsklearn.gap.repaired import as_model
+from whsklearn.gap.report import as_model
 from whsklearn.models import save_model
 from whsklearn.tracking.store import initialise
 

@@ -43,8 +43,8 @@ from whsklearn.datasets import make_servo_log
 from whsklearn.effects import Cogging
 from whsklearn.export import export_model
 from whsklearn.gap import GapFinder, ServoRecord
-from whsklearn.gap.repaired import as_model
-from whsklearn.gap.second_record import on_second_record
+from whsklearn.gap.proof import on_second_record
+from whsklearn.gap.report import as_model
 from whsklearn.identification.axis_fit import fit_rigid_axis
 from whsklearn.identification.view import view
 from whsklearn.logs import load_log

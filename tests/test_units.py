@@ -9,7 +9,7 @@ from whsklearn import ServoAxis
 from whsklearn.datasets import make_servo_log
 from whsklearn.effects import Cogging
 from whsklearn.gap import GapFinder, ServoRecord
-from whsklearn.gap.repaired import as_model
+from whsklearn.gap.report import as_model
 from whsklearn.logs import load_log
 from whsklearn.logs.units import factor_of
 from whsklearn.models import save_model

@@ -8,7 +8,7 @@ from whsklearn import ServoAxis
 from whsklearn.cli.own_effects import load_effects
 from whsklearn.effects import base as registry
 from whsklearn.effects import effect_names
-from whsklearn.gap.repaired import as_model
+from whsklearn.gap.report import as_model
 from whsklearn.models import load_model, save_model
 
 FILE = """

@@ -11,7 +11,7 @@ from whsklearn.effects.chain import CHAIN_FORMS
 from whsklearn.export import export_model
 from whsklearn.export.code import code_losses
 from whsklearn.export.model import as_exported
-from whsklearn.gap.repaired import as_model
+from whsklearn.gap.report import as_model
 from whsklearn.models import load_model, save_model
 
 DT = 0.01

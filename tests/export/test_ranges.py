@@ -12,7 +12,7 @@ from whsklearn import ServoAxis
 from whsklearn.cli.export import main
 from whsklearn.compare.series import spread
 from whsklearn.export.ranges import ranges_of
-from whsklearn.gap.repaired import as_model
+from whsklearn.gap.report import as_model
 from whsklearn.models import save_model
 
 

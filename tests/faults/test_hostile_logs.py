@@ -91,7 +91,7 @@ def test_threads_and_time_leave_no_trace_in_the_file(frame, tmp_path):
 
 def test_an_interruption_before_the_report_leaves_no_half_of_one(frame, tmp_path, monkeypatch):
     frame.to_csv(tmp_path / "a.csv", index=False)
-    monkeypatch.setattr("whsklearn.gap.html_report.render", lambda d: (_ for _ in ()).throw(KeyboardInterrupt))
+    monkeypatch.setattr("whsklearn.gap.report.render", lambda d: (_ for _ in ()).throw(KeyboardInterrupt))
     done = run(tmp_path / "a.csv", "--report", tmp_path / "gap")
     assert done.exit_code == 130
     assert list((tmp_path / "gap").iterdir()) == []

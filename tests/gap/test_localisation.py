@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from whsklearn.gap.localisation import locate, order_spectrum
+from benchmarks.blind_logs.servo import COLUMNS, make_case
+from whsklearn.gap import GapFinder
+from whsklearn.gap.localisation import dependence, locate, order_spectrum, sentence
 
 RNG = np.random.default_rng(0)
 N = 8000
@@ -51,3 +53,32 @@ def test_a_spectrum_by_order_is_the_projection_on_each_wave():
         assert abs(found[i] - direct) < 1e-10
     assert orders[np.argmax(found)] == pytest.approx(12.0)
     assert found.max() == pytest.approx(0.7, abs=0.1)
+
+
+SHORT = {"seconds": 16.0, "rate": 500.0, "noise": 1e-4}
+
+
+def test_a_friction_that_drifts_moves_with_time():
+    case = make_case("named", 41, effects=("friction_drift",), size=0.1, **SHORT)
+    d = GapFinder("servo").fit(case.frame, **COLUMNS).diagnosis_
+    first = d.drifting[0]
+    assert (first["name"], first["follows"]) == ("coulomb", "time")
+    assert first["taken"] > 0.5
+    assert "coulomb" in sentence(d.drifting)
+
+
+def test_constants_stay_constant_where_nothing_is_missing():
+    case = make_case("none", 42, **SHORT)
+    d = GapFinder("servo").fit(case.frame, **COLUMNS).diagnosis_
+    assert all(r["taken"] < 0.1 and r["spread"] < 0.02 for r in d.drifting)
+    assert sentence(d.drifting) == ""
+
+
+def test_false_alarms_of_dependent_paths_stay_at_their_level():
+    rng = np.random.default_rng(0)
+    x = np.sin(np.arange(3000) / 90)
+    hits = 0
+    for _ in range(60):
+        path = np.convolve(rng.standard_normal(3200), np.ones(100) / 10, mode="valid")[:3000]
+        hits += dependence(x, path, rng)[1] < 0.05
+    assert hits <= 9  # 3 expected; 10 or more has a probability below 0.1 %

@@ -86,7 +86,7 @@ def test_the_band_of_noise_is_the_floor_that_the_page_states():
 def test_the_bins_of_a_wave_over_position_follow_its_order(unit, turn, order):
     from matplotlib.figure import Figure
 
-    from whsklearn.gap.localisation import Place
+    from whsklearn.gap.diagnosis import Place
     from whsklearn.gap.pictures import _where
 
     angle = np.linspace(0.0, 1.0, 6000) * turn

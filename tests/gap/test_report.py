@@ -2,19 +2,27 @@
 
 from __future__ import annotations
 
+import dataclasses
 import html
 import json
 import sys
 
+import numpy as np
 import pytest
 from jinja2 import UndefinedError
 
-from whsklearn import ServoAxis
+from tests.gap.plants.test_servo_model import friction, started
+from tests.gap.plants.test_servo_model import model as axis_model
+from whsklearn import ServoAxis, WienerHammersteinSystem
 from whsklearn.datasets import make_servo_log
-from whsklearn.effects import Cogging
+from whsklearn.effects import Cogging, FlexibleCoupling, InputOffset, as_law
 from whsklearn.gap import Diagnosis, GapFinder, NamedEffect
-from whsklearn.gap.report import write_report
-from whsklearn.models import load_model
+from whsklearn.gap.diagnosis import VERDICTS
+from whsklearn.gap.plants.servo import ServoPlant
+from whsklearn.gap.plants.servo_candidates import catalogue
+from whsklearn.gap.report import COLOURS, SILENCE, as_model, render, significant, write_report
+from whsklearn.models import AxisModel, load_model, save_model
+from whsklearn.systems.servo_parts import Drive
 
 FOUND = Diagnosis("named", "Cogging is missing.", effects=[NamedEffect(Cogging(0.1, 12.0), {}, 99.0, 1.0, 0.9)])
 FOUND.pictures = {}
@@ -63,3 +71,89 @@ def test_without_matplotlib_all_is_written_but_the_pictures(tmp_path, monkeypatc
     assert {"gap.html", "gap.json", "run.json", "repaired.json"} == {p.name for p in tmp_path.iterdir()}
     assert "whsklearn[plot]" in html.unescape(page.read_text(encoding="utf-8"))
     assert "data:image" not in page.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("verdict", VERDICTS)
+def test_every_verdict_has_a_page_in_its_colour_and_silence_its_reason(verdict):
+    page = render(Diagnosis(verdict, "One sentence."))
+    assert "One sentence." in page
+    assert COLOURS.get(verdict, "#5a6773") in page
+    assert SILENCE.get(verdict, "One")[:30] in page
+    assert 'src="http' not in page  # no file from outside
+
+
+def test_a_name_that_is_markup_is_text():
+    page = render(Diagnosis("no_gap", "<script>alert(1)</script>", file="<b>log</b>", origin="<b>log</b>"))
+    assert "<script>alert" not in page
+    assert "<b>log</b>" not in page
+
+
+@pytest.mark.parametrize(
+    ("value", "text"), [(0.123456, "0.1235"), (12345.6, "1.235e+04"), ("N/A", "N/A"), (None, "None")]
+)
+def test_numbers_have_four_digits(value, text):
+    assert significant(value) == text
+
+
+def test_the_first_card_says_how_many_rows_were_used():
+    rows = {"used": 6000, "given": 11900, "taken": 1, "segments": 2}
+    page = render(Diagnosis("no_gap", "Nothing is missing.", rows=rows))
+    cards = page[page.index('class="tile"') :]
+    assert cards.index("rows used") < cards.index("before")
+    assert "<b>50 %</b>6000 of 11900, in 1 of 2 segments" in cards
+    assert "rows used" not in render(Diagnosis("no_gap", "Nothing is missing."))
+
+
+DRIVE = np.sin(np.arange(400) / 20.0)
+
+
+def test_an_axis_comes_back_with_its_units(tmp_path):
+    axis = ServoAxis(effects=[Cogging(0.1, 12.0)], drive=Drive(delay=0.003), sample_rate=500.0)
+    save_model(as_model(axis, ("A", "rad")), tmp_path / "repaired.json")
+    model = load_model(tmp_path / "repaired.json")
+    assert model.units == {"input": "A", "output": "rad"}
+    own = axis.simulate_drive(DRIVE, noise=False).position
+    np.testing.assert_allclose(model.simulate(DRIVE), own, atol=1e-3 * np.std(own))  # four fine steps in place of 20
+
+
+KINDS = [c for c in catalogue() if c.cls.__module__.startswith("whsklearn")]  # other tests define more
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=lambda c: c.label)
+def test_any_candidate_of_an_axis_is_the_same_free_run_from_its_file(kind, tmp_path):
+    found = dataclasses.replace(axis_model(*friction(0.1, 0.05), started(kind), timing=0.4), n_base=2)
+    axis = ServoPlant.system(None, found)
+    assert [e.name for e in axis.effects] == [kind.name]
+    save_model(as_model(axis), tmp_path / "repaired.json")
+    own = axis.simulate_drive(DRIVE, noise=False).position
+    assert np.ptp(own) > 1e-3
+    np.testing.assert_allclose(load_model(tmp_path / "repaired.json").simulate(DRIVE), own, rtol=0, atol=1e-9)
+
+
+def test_a_slow_log_of_a_coupling_is_simulated_in_steps_that_it_needs():
+    slow = AxisModel(0.05, as_law("viscous"), (FlexibleCoupling(2e-3),), dt=0.01, logged="position")
+    finer = slow.system(substeps=16 * slow.system().substeps)
+    drive = np.repeat(np.random.default_rng(0).normal(size=40), 10)
+    run, fine = (axis.simulate_drive(drive, noise=False).position for axis in (slow.system(), finer))
+    np.testing.assert_allclose(run, fine, rtol=0, atol=1e-4 * np.std(fine))
+
+
+@pytest.mark.parametrize("direct", [0, 1, 2])
+@pytest.mark.parametrize("effects", [(), (InputOffset(0.2),)])
+def test_a_chain_comes_back_with_its_effects_and_direct_paths(effects, direct, tmp_path):
+    system = WienerHammersteinSystem([1.0, 0.5], [-0.5], [1.0], [-0.2], effects=effects, dt=0.01, direct=direct)
+    save_model(as_model(system, ("V", "")), tmp_path / "repaired.json")
+    model = load_model(tmp_path / "repaired.json")
+    np.testing.assert_allclose(model.simulate(DRIVE), system.simulate(DRIVE), atol=1e-12)
+    assert model.units == {"input": "V"}
+
+
+def test_a_simulator_that_writes_itself_is_written(tmp_path, monkeypatch):
+    class Model:
+        def to_xml(self):
+            return "<mujoco/>"
+
+    monkeypatch.setattr("whsklearn.gap.report.render", lambda d: "")
+    write_report(Diagnosis("no_gap", ""), tmp_path, Model())
+    assert (tmp_path / "repaired.xml").read_text() == "<mujoco/>"
+    assert not (tmp_path / "repaired.json").exists()

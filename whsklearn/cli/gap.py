@@ -167,8 +167,8 @@ def diagnose(options: dict[str, Any], log: Bunch, second: Bunch | None, folder: 
     `second` is another record of the axis, of which nothing is fitted.
     """
     from whsklearn.gap import GapFinder
-    from whsklearn.gap.drive_error import with_drive_error
     from whsklearn.gap.finder import STEPS
+    from whsklearn.gap.standard_errors import with_drive_error
     from whsklearn.logs.slips import slips_in
 
     record, columns = as_record(options, log)
@@ -230,7 +230,7 @@ def another(options: dict[str, Any], first: Bunch, file: str) -> Any:
 
 def test(options: dict[str, Any], finder: GapFinder, second: Bunch) -> None:
     """The free run of the repaired model on a second record, into the diagnosis and onto the terminal."""
-    from whsklearn.gap.second_record import on_second_record
+    from whsklearn.gap.proof import on_second_record
 
     record, columns = as_record(options, second)
     d = finder.diagnosis_

@@ -193,7 +193,7 @@ def long_segments(log: Bunch, shortest: float = SHORTEST_SEGMENT) -> Bunch:
     """
     import numpy as np
 
-    from whsklearn.gap.evidence import FEWEST_SAMPLES, SHORTEST_RECORD
+    from whsklearn.gap.data_check import FEWEST_SAMPLES, SHORTEST_RECORD
     from whsklearn.logs.errors import LogError
 
     counts = np.bincount(log.groups)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from whsklearn.compare.rows import Rows, blocks_between, drifting, reversals_of, slowest_of
 from whsklearn.gap.calibration import coloured, n_effective, p_value, smoothed_power
-from whsklearn.gap.evidence import DEFAULT_TOLERANCE
+from whsklearn.gap.plant import DEFAULT_TOLERANCE
 from whsklearn.gap.plants import inverse_dynamics as ols
 from whsklearn.gap.plants import servo_stop as stop
 from whsklearn.gap.plants.servo_candidates import Candidate

@@ -18,8 +18,7 @@ from whsklearn.compare.hypotheses import Difference, hypotheses, smallest
 from whsklearn.compare.pair import between, changes_between
 from whsklearn.compare.rows import Rows
 from whsklearn.compare.series import change_point, scatter, spread
-from whsklearn.gap.data_check import check_servo
-from whsklearn.gap.evidence import FEWEST_SAMPLES, SHORTEST_RECORD
+from whsklearn.gap.data_check import FEWEST_SAMPLES, SHORTEST_RECORD, check_servo
 from whsklearn.gap.record import ServoRecord
 from whsklearn.models.files import as_arm
 

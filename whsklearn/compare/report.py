@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from whsklearn.compare.comparison import Comparison
-from whsklearn.gap.html_report import significant
+from whsklearn.gap.report import significant
 from whsklearn.logs.files import atomic_write
 
 COLOURS = {"moved": "#1b7f4d", "nothing": "#2b6cb0", "cannot_tell": "#b7791f"}

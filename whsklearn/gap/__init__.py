@@ -1,9 +1,8 @@
 """Close the gap: find where simulation and measurement disagree, name what is missing, add it and prove the result."""
 
 from whsklearn.gap.data_check import DataProblem
-from whsklearn.gap.diagnosis import VERDICTS, CandidateLine, Curve, Diagnosis, LearnedTorques, NamedEffect
+from whsklearn.gap.diagnosis import VERDICTS, CandidateLine, Curve, Diagnosis, LearnedTorques, NamedEffect, Place
 from whsklearn.gap.finder import GapFinder
-from whsklearn.gap.localisation import Place
 from whsklearn.gap.record import ServoRecord
 
 __all__ = [

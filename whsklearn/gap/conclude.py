@@ -7,17 +7,33 @@ from typing import Any
 
 import numpy as np
 
-from whsklearn.gap import evidence as rules
-from whsklearn.gap import localisation, parameter_drift
+from whsklearn.gap import localisation
 from whsklearn.gap.calibration import p_value
-from whsklearn.gap.diagnosis import CandidateLine, Diagnosis, LearnedTorques, NamedEffect, families
-from whsklearn.gap.own_units import curve_in, pictures_in, place_in, rows_in
+from whsklearn.gap.diagnosis import (
+    CandidateLine,
+    Diagnosis,
+    LearnedTorques,
+    NamedEffect,
+    curve_in,
+    families,
+    place_in,
+    rows_in,
+)
+from whsklearn.gap.pictures import pictures_in
+from whsklearn.gap.plant import QUIET
 from whsklearn.gap.proof import closure, prove
 from whsklearn.gap.search import Found, Named
 from whsklearn.gap.sentences import next_experiment, summary
 from whsklearn.gap.standard_errors import errors_of, labelled_errors
 from whsklearn.gap.tangent import Look
 from whsklearn.logs.units import respelled
+
+# Closure below which the name of the nearest neighbour says nothing: wrong names close 0.2 in the median ("blind").
+PARTIAL = 0.3
+# Share of the gap in simulation that learned curves must close, or they are left out (`benchmarks.learned`).
+LEARNED_CLOSURE = 0.1
+# Share of effects that are not testable above which "nothing is missing" is "not testable".
+MOSTLY_BLIND = 0.5
 
 UNFINISHED = ("unknown", "partial", "coloured_noise")  # verdicts beside which a nameless torque is learned
 # Share of the rms gap that may still follow the motion without a name beside a verdict of ``named``: true names leave
@@ -164,17 +180,17 @@ def verdict_of(plant: Any, found: Found, alpha: float, run: float) -> str:
     nameless = max((k.size for k in found.remainder if not k.name and k.p_value <= alpha), default=0.0)
     before, after, floor, still = plant.figures(found.base, found.model, nameless)
     # doubled after one empty record of a test; to be calibrated
-    quiet = after**2 <= (rules.QUIET * floor) ** 2 + 2.0 * least**2
+    quiet = after**2 <= (QUIET * floor) ** 2 + 2.0 * least**2
     if plant.exact:  # own records that lack nothing but an effect need no margin
         quiet = quiet and nameless <= least
     if not found.taken:
         if quiet or not found.steps:
             asked = {k.name for k in found.remainder if k.name}
-            blind = len(_unseen(plant, found, alpha)) > rules.MOSTLY_BLIND * len(asked)
+            blind = len(_unseen(plant, found, alpha)) > MOSTLY_BLIND * len(asked)
             return "not_testable" if asked and blind else "no_gap"
         return "unknown" if nameless > least else "coloured_noise"
     share = (before**2 - after**2) / max(before**2 - floor**2, 1e-300)
-    if share < rules.PARTIAL:
+    if share < PARTIAL:
         return "unknown"
     # exact records: the errors are of a free run themselves, and the held-out ones need only be no larger
     if (share if plant.exact else min(share, run)) < MOST:
@@ -266,7 +282,7 @@ def _learned(
     floor = min(r["floor"] for r in grown if r["horizon"] == plant.headline)
     share = closure(before, after, floor)
     worse = any(new["after"] > old["after"] for new, old in zip(grown, rows, strict=True))
-    if share < rules.LEARNED_CLOSURE or worse:
+    if share < LEARNED_CLOSURE or worse:
         return rows
     found.model = learned.model
     diagnosis.learned = LearnedTorques(learned.curves, share)
@@ -306,10 +322,10 @@ def _located(plant: Any, found: Found, diagnosis: Diagnosis, gap_unit: str, rng:
     diagnosis.where = [place_in(p, gap_unit, plant.own_units) for p in localisation.locate(gap.signals, gap.left, rng)]
     diagnosis.where_sentence = localisation.sentence(diagnosis.where) if diagnosis.verdict != "no_gap" else ""
     units = plant.numbers(found.base)
-    for row in parameter_drift.drift(gap, rng):
+    for row in localisation.drift(gap, rng):
         factor, unit = respelled(units.get(row["name"], (0.0, ""))[1], plant.own_units)
         diagnosis.drifting.append(row | {"mean": row["mean"] / factor, "unit": unit})
-    moves = parameter_drift.sentence(diagnosis.drifting) if diagnosis.where_sentence else ""
+    moves = localisation.drift_sentence(diagnosis.drifting) if diagnosis.where_sentence else ""
     if moves:
         stays = diagnosis.where_sentence == localisation.NOWHERE
         diagnosis.where_sentence = moves if stays else f"{diagnosis.where_sentence} {moves}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -12,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn import __version__
-from whsklearn.gap.localisation import Place
 from whsklearn.logs.units import respelled
 
 VERDICTS = ("no_gap", "named", "ambiguous", "partial", "unknown", "coloured_noise", "not_testable", "data_problem")
+CURVE_UNITS = {"velocity": "{1}/s", "speed": "{1}/s", "drive": "{0}"}  # of a signal by drive and motion; else a motion
 MAP_POINTS = 1440  # of a map over one turn: four to a degree, nine to a period of the highest order looked for
 
 
@@ -182,6 +183,63 @@ def in_units(label: str, units: tuple[str, str]) -> str:
         return label
     drive, position = (u.lower() for u in units)
     return re.sub(r"_rad(?=[0-9]*(_|$))", f"_{position}", re.sub(r"_nm(?=_|$)", f"_{drive}", label))
+
+
+@dataclass(frozen=True)
+class Place:
+    """The range of one signal in which the gap is densest.
+
+    Attributes
+    ----------
+    signal : str
+    low, high : float
+        The range, in ``unit``.
+    share : float
+        Share of the power of the gap inside it.
+    width : float
+        Share of the samples inside it.
+    p_value : float
+        Adjusted p-value; small if the gap follows the signal.
+    centres, means, errors : ndarray
+        Mean of the gap and its standard error by bin.
+
+    References
+    ----------
+    Politis and Romano 1992, A circular block-resampling procedure for stationary data, in LePage and Billard (eds.),
+    Exploring the Limits of Bootstrap, Wiley, 263-270; Benjamini and Hochberg 1995, Controlling the False Discovery
+    Rate, J. R. Stat. Soc. B 57(1), 289-300.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from whsklearn.gap import Place
+    >>> empty = np.zeros(0)
+    >>> knock = Place("position", 1.2, 1.3, 0.71, 0.05, 0.01, "rad", empty, empty, empty)
+    >>> f"{100 * knock.share:.0f} % of the gap in {100 * knock.width:.0f} % of the samples"
+    '71 % of the gap in 5 % of the samples'
+    """
+
+    signal: str
+    low: float
+    high: float
+    share: float
+    width: float
+    p_value: float
+    unit: str
+    centres: NDArray[Any]
+    means: NDArray[Any]
+    errors: NDArray[Any]
+
+    def as_dict(self) -> dict[str, Any]:
+        """For the report's file."""
+        return {
+            "signal": self.signal,
+            "from": self.low,
+            "to": self.high,
+            "unit": self.unit,
+            "share_of_gap": self.share,
+            "p_value": self.p_value,
+        }
 
 
 class Curve(NamedTuple):
@@ -464,3 +522,26 @@ def families(effects: list[NamedEffect]) -> list[NamedEffect]:
         else:
             out[e.label] = e
     return list(out.values())
+
+
+def place_in(place: Place, gap: str, own: Mapping[str, str]) -> Place:
+    """A range of a signal, the means of the gap (of the SI unit ``gap``) over it too."""
+    by, unit = respelled(place.unit, own)
+    size = respelled(gap, own)[0]
+    return dataclasses.replace(
+        place, low=place.low / by, high=place.high / by, unit=unit, centres=place.centres / by,
+        means=place.means / size, errors=place.errors / size,
+    )  # fmt: skip
+
+
+def curve_in(curve: Curve, units: tuple[str, str], own: Mapping[str, str]) -> Curve:
+    """A learned torque over its signal; ``units`` are the SI symbols of drive and motion."""
+    by = respelled(CURVE_UNITS.get(curve.signals[0], "{1}").format(*units), own)[0]
+    size = respelled(units[0], own)[0]
+    return curve._replace(x=curve.x / by, y=curve.y / size, band=curve.band / size)
+
+
+def rows_in(rows: list[dict[str, Any]], unit: str, own: Mapping[str, str], *names: str) -> list[dict[str, Any]]:
+    """Rows of a table with the named numbers, of one SI unit, brought over."""
+    by = respelled(unit, own)[0]
+    return [r | {k: r[k] / by for k in names if r.get(k) is not None} for r in rows]

@@ -13,8 +13,8 @@ from threadpoolctl import threadpool_limits
 
 from whsklearn.gap.conclude import conclude
 from whsklearn.gap.diagnosis import Diagnosis
-from whsklearn.gap.evidence import DEFAULT_TOLERANCE
 from whsklearn.gap.joined import joined
+from whsklearn.gap.plant import DEFAULT_TOLERANCE
 from whsklearn.gap.plants import Base, make_plant
 from whsklearn.gap.record import ServoRecord
 from whsklearn.gap.search import Search, Step

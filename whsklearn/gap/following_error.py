@@ -9,10 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn.filtering.gaussian import CUTOFF_SIGMA, filtered, gaussian_derivatives
-from whsklearn.gap import evidence as rules
 from whsklearn.gap.record import ServoRecord
 
 Array = NDArray[Any]
+
+# Share of what is left without a delay, below which the delay of a position servo's command is believed: a delay
+# trades against viscous friction (`benchmarks.real_axes --only so101`).
+WORTH_A_DELAY = 0.9
 LONGEST_DELAY = 0.4  # s between a command's stamp and its effect: a bus of hobby servos needs 0.06 to 0.2
 CUTOFF = 4.0  # Hz: commands of a position servo are slow
 
@@ -55,7 +58,7 @@ def following_error(record: ServoRecord) -> tuple[Array, float]:
 
     losses = [left(k) for k in range(round(LONGEST_DELAY / dt) + 1)]
     best = int(np.argmin(losses))
-    if losses[best] > rules.WORTH_A_DELAY * losses[0]:
+    if losses[best] > WORTH_A_DELAY * losses[0]:
         best = 0
     return record.by_piece(partial(late, samples=best), command) - position, best * dt
 

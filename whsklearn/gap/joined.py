@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn.gap.data_check import check_servo
-from whsklearn.gap.evidence import DEFAULT_TOLERANCE
+from whsklearn.gap.plant import DEFAULT_TOLERANCE
 from whsklearn.gap.plants.servo_start import start_of
 from whsklearn.gap.record import ServoRecord
 

@@ -4,81 +4,35 @@ The p-value is that of the between-bin share of power under circular shifts of t
 axis, which keep the dependence within each (Politis and Romano 1992).  A shift leaves a trend over
 time a trend, so along time whole blocks change places instead.  The p-values are adjusted over the
 axes after Benjamini and Hochberg 1995.
+
+Constants of the base model that drift are looked for by recursive least squares with forgetting (`RLSRegressor`), as
+Young's state-dependent parameters are (Young 2011, Recursive Estimation and Time-Series Analysis, ch. 11): where
+something is missing, the nearest constant moves with the signal that the missing effect depends on.  All of it tells
+where to look and names nothing.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from whsklearn.gap import evidence as rules
+from whsklearn.gap.diagnosis import Place
+from whsklearn.gap.plant import Gap
+from whsklearn.gap.record import rms
 
 Array = NDArray[Any]
 NOWHERE = "The gap follows none of the signals that were looked at."
 N_BINS = 20  # of equally many samples along each signal
 N_SHIFTS = 199  # the least p-value is 1 / 200, a twentieth of it over ten signals
 N_BLOCKS = 30  # that change places along time
-
-
-@dataclass(frozen=True)
-class Place:
-    """The range of one signal in which the gap is densest.
-
-    Attributes
-    ----------
-    signal : str
-    low, high : float
-        The range, in ``unit``.
-    share : float
-        Share of the power of the gap inside it.
-    width : float
-        Share of the samples inside it.
-    p_value : float
-        Adjusted p-value; small if the gap follows the signal.
-    centres, means, errors : ndarray
-        Mean of the gap and its standard error by bin.
-
-    References
-    ----------
-    Politis and Romano 1992, A circular block-resampling procedure for stationary data, in LePage and Billard (eds.),
-    Exploring the Limits of Bootstrap, Wiley, 263-270; Benjamini and Hochberg 1995, Controlling the False Discovery
-    Rate, J. R. Stat. Soc. B 57(1), 289-300.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from whsklearn.gap import Place
-    >>> empty = np.zeros(0)
-    >>> knock = Place("position", 1.2, 1.3, 0.71, 0.05, 0.01, "rad", empty, empty, empty)
-    >>> f"{100 * knock.share:.0f} % of the gap in {100 * knock.width:.0f} % of the samples"
-    '71 % of the gap in 5 % of the samples'
-    """
-
-    signal: str
-    low: float
-    high: float
-    share: float
-    width: float
-    p_value: float
-    unit: str
-    centres: Array
-    means: Array
-    errors: Array
-
-    def as_dict(self) -> dict[str, Any]:
-        """For the report's file."""
-        return {
-            "signal": self.signal,
-            "from": self.low,
-            "to": self.high,
-            "unit": self.unit,
-            "share_of_gap": self.share,
-            "p_value": self.p_value,
-        }
+# Level of the p-value of a place or a drift, and the share of the gap (beyond the share of samples) that is worth a
+# sentence: what a report says of places and constants. No name depends on it.
+LEVEL, WORTH_A_WORD = 0.02, 0.1
+TIME_CONSTANT = 1.0  # s, of forgetting
+SETTLED = 3.0  # time constants before the path counts
 
 
 def locate(axes: dict[str, tuple[Array, str]], gap: Array, rng: np.random.Generator) -> list[Place]:
@@ -236,7 +190,7 @@ def since_reversal(speed: Array, dt: float, quiet: float) -> Array:
 
 def sentence(places: list[Place]) -> str:
     """Where the gap lies, in words."""
-    telling = [p for p in places if p.p_value <= rules.PLACE_LEVEL]
+    telling = [p for p in places if p.p_value <= LEVEL]
     if not telling:
         return NOWHERE
     p = max(telling, key=lambda p: p.share - p.width)
@@ -244,7 +198,67 @@ def sentence(places: list[Place]) -> str:
     if p.signal == "reversal":
         when = f"between {p.low:.2g} and {p.high:.2g} s after a reversal"
         return f"{share:.0f} % of the gap lies {when} ({width:.0f} % of the time)."
-    if p.share - p.width < rules.PLACE_EXCESS:
+    if p.share - p.width < WORTH_A_WORD:
         return f"The gap follows {p.signal}, and is spread over its whole range."
     where = f"{p.signal} is between {p.low:.3g} and {p.high:.3g} {p.unit}"
     return f"{share:.0f} % of the gap lies where {where} ({width:.0f} % of the time)."
+
+
+def paths(g: Gap) -> tuple[dict[str, tuple[float, Array, float]], slice, float]:
+    """(name -> (constant, its change along the record, share of the gap that this takes up), samples, seconds each).
+
+    One constant at a time is let go, on the missing torque and the motion that the observer tracked: viscous and dry
+    friction together cannot be separated within a second, and smoothed derivatives would bias them.
+    """
+    from whsklearn.estimators.rls import RLSRegressor
+
+    columns, gap, step = g.columns, g.left, g.step
+    at = slice(min(int(SETTLED * TIME_CONSTANT / step), gap.size // 2), None)
+    out = {}
+    for name, (value, x) in columns.items():
+        scale = rms(x) + 1e-300
+        rows = np.ascontiguousarray((x / scale)[:, None])
+        # a prior worth one sample of the usual size keeps the constant where the axis shows nothing of it
+        recursion = RLSRegressor(forgetting=float(np.exp(-step / TIME_CONSTANT)), P0=1.0)
+        change = np.empty(gap.size)
+        for i in range(gap.size):
+            change[i] = recursion.partial_fit(rows[i : i + 1], gap[i : i + 1]).theta_[0]
+        left = gap[at] - (change * rows[:, 0])[at]
+        taken = 1.0 - float(left @ left) / max(float(gap[at] @ gap[at]), 1e-300)
+        out[name] = (value, change[at] / scale, taken)
+    return out, at, step
+
+
+def drift(g: Gap, rng: np.random.Generator) -> list[dict]:
+    """For every constant: its mean, how far it moves, and the signal that it follows most; the most drifting first."""
+    constants, at, step = paths(g)
+    if not constants:
+        return []
+    signals = g.signals
+    n = next(iter(constants.values()))[1].size
+    n_blocks = int(np.clip(n * step / (2 * TIME_CONSTANT), 5, 30))
+    out = []
+    for name, (value, change, taken) in constants.items():
+        row: dict[str, Any] = {
+            "name": name, "mean": value, "spread": float(np.std(change)) / max(abs(value), 1e-300), "taken": taken,
+            "follows": "", "share": 0.0, "p_value": 1.0,
+        }  # fmt: skip
+        for signal, (x, _) in signals.items():
+            share, p = dependence(x[at], change, rng, along_time=signal == "time", n_blocks=n_blocks)
+            if p <= LEVEL and share > row["share"]:
+                row |= {"follows": signal, "share": share, "p_value": p}
+        out.append(row)
+    return sorted(out, key=lambda r: -r["taken"])
+
+
+def drift_sentence(rows: list[dict]) -> str:
+    """The parameter that drifts most, in words; empty if none follows a signal."""
+    telling = [r for r in rows[:1] if r["follows"] and r["share"] > WORTH_A_WORD and r["taken"] > WORTH_A_WORD]
+    if not telling:
+        return ""
+    r = telling[0]
+    name = r["name"].replace("_", " ")
+    return (
+        f"Identified with a memory of {TIME_CONSTANT:.0f} s, {name} drifts: it moves by "
+        f"{100 * r['spread']:.1f} % of itself, {100 * r['share']:.0f} % of that with {r['follows']}."
+    )

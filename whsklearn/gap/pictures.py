@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import base64
 import io
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 
 from whsklearn.gap.diagnosis import Diagnosis
+from whsklearn.logs.units import respelled
 
 BEFORE, AFTER, MEASURED, FLOOR = "#c2552d", "#1b7f4d", "#1c2530", "#8a97a5"
 WINDOW = 2.0  # s shown of the overlay
@@ -52,6 +53,21 @@ def draw(d: Diagnosis) -> list[tuple[str, str, str]]:
         caption = "Drive of the joint behind the filter, what the model lacks of it before and after."
         out.append((f"Joint {joint}", caption, _paint(_of_joint(joint), d)))
     return out
+
+
+def pictures_in(pictures: dict[str, Any], gap: str, own: Mapping[str, str]) -> dict[str, Any]:
+    """Series of the page: the motion and its runs, the gap and its spectra, and the signals it may follow."""
+    p = dict(pictures)
+    drive, motion = p["units"]
+    far, size = respelled(motion, own)[0], respelled(gap, own)[0]
+    p["measured"] = p["measured"] / far
+    p["runs"] = {k: y / far for k, y in p["runs"].items()}
+    for name in ("gap_before", "gap_after", "floor"):
+        p[name] = p[name] / size
+    for name in ("spectrum", "order_spectrum"):
+        p[name] = tuple(a / size for a in p[name])
+    p["axes"] = {k: (x / respelled(u, own)[0], respelled(u, own)[1]) for k, (x, u) in p["axes"].items()}
+    return p | {"units": (own.get(drive, drive), own.get(motion, motion)), "gap_unit": own.get(gap, gap)}
 
 
 def width_of(d: Diagnosis) -> float:

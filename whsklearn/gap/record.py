@@ -11,10 +11,30 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
-from whsklearn.gap import evidence as rules
 from whsklearn.logs.units import factor_between, factor_of, own_units, respelled, unit_of
 
 Array = NDArray[Any]
+
+# Standard deviation of a Gaussian over its median absolute deviation: what "robust deviations" are counted in.
+MAD = 1.4826
+# Parts of a record, and the share at the end of each that is held out: 60 % fit and 40 % judge, and every part of a
+# record that drifts is seen by both.
+PARTS, HELD_OUT = 5, 0.4
+# Differences of sorted readings up to this times the smallest one are one step of a grid, whose median is taken: a
+# difference of two steps must stay out, and digits cut off in the file move one step a little.
+ONE_STEP = 1.5
+# Share of a step (times the root of their number) that a difference may miss whole steps by: digits cut off.
+ON_GRID = 0.02
+# Share of differences that must be whole steps.
+MOSTLY_ON_GRID = 0.99
+# Distinct values a sample: above, each is met once and a grid is no coarser than the noise.
+DISTINCT = 0.9
+# Share of a step: the mean distance of readings from the grid above which the step was rounded in the file and is
+# taken from the whole span. A right step leaves hundredths, a wrong one a quarter.
+STEP_ROUNDED = 0.15
+# Share of the sixth differences that tells the noise, and what makes up for the largest ones, which impacts and steps
+# of the drive make: 1.07 for a Gaussian.
+NOISE_KEPT, NOISE_MADE_UP = 0.98, 1.06
 
 
 SPLIT = "60 % of the record in five parts is used for fitting, the 40 % between them for judging."
@@ -261,8 +281,8 @@ def noise_level(position: ArrayLike) -> float:
     The squares of their weights (1, 6, 15, 20, ...) sum to 924.
     """
     d = np.abs(np.diff(np.asarray(position, dtype=float), 6))
-    kept = np.sort(d)[: max(1, int(rules.NOISE_KEPT * d.size))]
-    return float(np.sqrt(np.mean(kept**2) / 924.0) * rules.NOISE_MADE_UP)
+    kept = np.sort(d)[: max(1, int(NOISE_KEPT * d.size))]
+    return float(np.sqrt(np.mean(kept**2) / 924.0) * NOISE_MADE_UP)
 
 
 def lattice(position: ArrayLike) -> float:
@@ -279,20 +299,20 @@ def lattice(position: ArrayLike) -> float:
     gaps = gaps[gaps > 1e-12 * span]
     if gaps.size < 3:
         return 0.0
-    step = float(np.median(gaps[gaps < rules.ONE_STEP * gaps.min()]))
+    step = float(np.median(gaps[gaps < ONE_STEP * gaps.min()]))
     ratio = gaps / step
-    on_grid = np.abs(ratio - np.round(ratio)) < rules.ON_GRID * np.maximum(1.0, np.round(ratio) ** 0.5)
-    if np.mean(on_grid) < rules.MOSTLY_ON_GRID or values.size > rules.DISTINCT * np.asarray(position).size:
+    on_grid = np.abs(ratio - np.round(ratio)) < ON_GRID * np.maximum(1.0, np.round(ratio) ** 0.5)
+    if np.mean(on_grid) < MOSTLY_ON_GRID or values.size > DISTINCT * np.asarray(position).size:
         return 0.0
     offsets = (values - values[0]) / step
     slack = np.abs(offsets - np.round(offsets))
-    if np.mean(slack) > rules.STEP_ROUNDED:
+    if np.mean(slack) > STEP_ROUNDED:
         step = span / np.round(span / step)
     return step
 
 
 def held_out_blocks(
-    n: int, n_pairs: int = rules.PARTS, share: float = rules.HELD_OUT
+    n: int, n_pairs: int = PARTS, share: float = HELD_OUT
 ) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
     """Number of the held-out block (or -1) and the training mask of every sample: 60 and 40 % interleaved."""
     period = n / n_pairs

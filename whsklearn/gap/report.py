@@ -11,9 +11,31 @@ from pathlib import Path
 from typing import Any
 
 from whsklearn.gap.diagnosis import Diagnosis
-from whsklearn.gap.repaired import as_model
 from whsklearn.logs.files import atomic_write
-from whsklearn.models import save_model
+from whsklearn.models import ArmModel, AxisModel, ChainModel, save_model
+
+COLOURS = {
+    "named": "#1b7f4d",
+    "no_gap": "#2b6cb0",
+    "partial": "#b7791f",
+    "ambiguous": "#b7791f",
+    "data_problem": "#b83232",
+}
+SILENCE = {
+    "no_gap": "The base model, with its numbers refitted, explains the log to the noise of its encoder. That is "
+    "said of this record only: effects marked not testable would not have shown.",
+    "unknown": "More is left than noise, and it can be predicted from the motion on samples not fitted, and no "
+    "effect of the catalogue explains it. No name is given rather than that of the nearest neighbour.",
+    "coloured_noise": "More is left than encoder noise, but none of it can be predicted from motion, drive or time: "
+    "disturbances, or noise with a colour of its own. No name is given.",
+    "not_testable": "Nothing is seen, but most effects of the catalogue could not have been seen either: the axis "
+    "moves too little or too uniformly.",
+    "ambiguous": "Two or more effects explain this record about as well. The next experiment would distinguish them.",
+    "partial": "What was added explains only a part of the gap. Something else is missing too.",
+}
+NO_PICTURES = (
+    "The report has no pictures, because matplotlib is not installed; pip install 'whsklearn[plot]' and write it again."
+)
 
 
 def write_report(diagnosis: Diagnosis, folder: str | os.PathLike[str], model: Any = None) -> Path:
@@ -23,8 +45,6 @@ def write_report(diagnosis: Diagnosis, folder: str | os.PathLike[str], model: An
     left of a repaired model goes: an interruption leaves no page beside the numbers of another log.  Without matplotlib
     the page has no pictures, and a warning says so.
     """
-    from whsklearn.gap.html_report import NO_PICTURES, can_draw, render
-
     target = Path(folder)
     if diagnosis.pictures and not can_draw():
         warnings.warn(NO_PICTURES, stacklevel=3)
@@ -46,3 +66,81 @@ def write_report(diagnosis: Diagnosis, folder: str | os.PathLike[str], model: An
 
 def _json(data: dict[str, Any]) -> bytes:
     return (json.dumps(data, indent=2, allow_nan=False) + "\n").encode()
+
+
+def can_draw() -> bool:
+    """Whether matplotlib is installed."""
+    try:
+        import matplotlib  # noqa: F401
+    except ImportError:
+        return False
+    return True
+
+
+def significant(value: Any) -> str:
+    """Four significant digits; text as it is."""
+    if isinstance(value, str) or value is None:
+        return str(value)
+    return f"{value:.4g}"
+
+
+def render(diagnosis: Diagnosis) -> str:
+    """The page as text."""
+    from jinja2 import Environment
+
+    environment = Environment(autoescape=True)
+    environment.filters["sig"] = significant
+    source = Path(__file__).with_name("report.html.j2").read_text(encoding="utf-8")
+    pictures: list[tuple[str, str, str]] = []
+    drawn = can_draw()
+    if diagnosis.pictures and drawn:
+        from whsklearn.gap.pictures import draw
+
+        pictures = draw(diagnosis)
+    return environment.from_string(source).render(
+        d=diagnosis,
+        pictures=pictures,
+        no_pictures="" if drawn else NO_PICTURES,
+        unit=diagnosis.pictures.get("units", ("", ""))[1],
+        gap_unit=diagnosis.pictures.get("gap_unit", ""),
+        colour=COLOURS.get(diagnosis.verdict, "#5a6773"),
+        silence=SILENCE.get(diagnosis.verdict, ""),
+    )
+
+
+def as_model(system: Any, units: tuple[str, str] = ("Nm", "rad")) -> AxisModel | ChainModel | ArmModel | None:
+    """A repaired `ServoAxis` or `WienerHammersteinSystem` as an identified model; None for a user's simulator.
+
+    Parameters
+    ----------
+    system : object
+        What a finder handed back as ``model_``.
+    units : tuple of str
+        Of drive (or input) and position (or output), as logged; empty where the log states none.
+
+    Examples
+    --------
+    >>> from whsklearn import ServoAxis
+    >>> from whsklearn.effects import Cogging
+    >>> from whsklearn.gap.report import as_model
+    >>> model = as_model(ServoAxis(inertia=0.05, law="coulomb", effects=[Cogging(0.2, 12.0)]), units=("A", "rad"))
+    >>> model.effects, dict(model.units)
+    ((Cogging(amplitude=0.2, order=12.0, phase=0.0),), {'input': 'A', 'output': 'rad'})
+    """
+    from whsklearn.effects import InputDelay
+    from whsklearn.systems.servo import ServoAxis
+    from whsklearn.systems.wiener_hammerstein import WienerHammersteinSystem
+
+    known = {k: u for k, u in zip(("input", "output"), units, strict=True) if u}
+    if isinstance(system, ArmModel):
+        return system
+    if isinstance(system, ServoAxis):
+        delay = (InputDelay(system.drive.delay),) if system.drive.delay else ()
+        return AxisModel(
+            system.inertia, system.law, (*system.effects, *delay), dt=1.0 / system.sample_rate, units=known,
+            logged="position",
+        )  # fmt: skip
+    if isinstance(system, WienerHammersteinSystem):
+        b1, f1, b2, f2 = (tuple(p.tolist()) for p in system.polynomials)
+        return ChainModel(b1, f1, system.law, b2, f2, effects=system.effects, dt=system.dt, units=known)
+    return None

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from whsklearn.gap import evidence as rules
 from whsklearn.gap.localisation import NOWHERE
+
+# Multiple of the floor: what no uncertainty of a floor explains, so that a page does not call it noise.
+ABOVE_NOISE = 2.0
 
 MENU = {
     frozenset(pair.split()): text
@@ -105,7 +107,7 @@ def summary(d: Any, plant: Any) -> str:
         )
     if d.verdict == "not_testable":
         return opening + "No gap is seen, but this record could not have shown most effects."
-    if before > rules.ABOVE_NOISE * floor:
+    if before > ABOVE_NOISE * floor:
         return opening + "That is more than noise and less than the tolerance: too little to look for a name."
     return opening + "The model explains the log to the noise floor: nothing is missing that this record could show."
 

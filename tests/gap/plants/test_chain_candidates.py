@@ -19,7 +19,7 @@ from whsklearn.gap.plants.chain import ChainPlant
 from whsklearn.gap.plants.chain_candidates import Term, catalogue
 from whsklearn.gap.plants.chain_law import law_choice
 from whsklearn.gap.plants.chain_model import free_run
-from whsklearn.gap.repaired import as_model
+from whsklearn.gap.report import as_model
 from whsklearn.models import load_model, save_model
 
 

@@ -19,7 +19,7 @@ from whsklearn.gap.plants.servo_columns import ColumnSignals
 from whsklearn.gap.plants.servo_learned import thinned
 from whsklearn.gap.proof import prove
 from whsklearn.gap.record import ServoRecord
-from whsklearn.gap.repaired import as_model
+from whsklearn.gap.report import as_model
 from whsklearn.models import load_model, save_model
 from whsklearn.systems import Sensor, ServoAxis
 

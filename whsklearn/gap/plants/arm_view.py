@@ -20,11 +20,10 @@ from whsklearn.effects import Scales
 from whsklearn.filtering import Motion, zero_phase
 from whsklearn.filtering.encoder import encoder_noise
 from whsklearn.gap.calibration import coloured, n_effective, smoothed_power
-from whsklearn.gap.evidence import MAD
 from whsklearn.gap.plants.arm_terms import AtJoint, JointInertia, JointTerm, Load, Weight
 from whsklearn.gap.plants.servo_columns import ColumnSignals
 from whsklearn.gap.plants.servo_inverse import later, reaching
-from whsklearn.gap.record import lattice, rms
+from whsklearn.gap.record import MAD, lattice, rms
 from whsklearn.lags.rigid_body import RigidBodyLags
 from whsklearn.systems._arm_kernels import N_BODY
 from whsklearn.systems.arm_files import STANDARD_GRAVITY, body_numbers

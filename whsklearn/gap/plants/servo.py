@@ -17,9 +17,8 @@ from whsklearn.effects import get_effect
 from whsklearn.gap.calibration import gain
 from whsklearn.gap.data_check import DataProblem, check_servo
 from whsklearn.gap.diagnosis import NamedEffect
-from whsklearn.gap.evidence import QUIET
 from whsklearn.gap.filters import whiteness
-from whsklearn.gap.plant import Figures, Gap, Learned, Linearised, PlantDefaults, Reading, Told
+from whsklearn.gap.plant import QUIET, Figures, Gap, Learned, Linearised, PlantDefaults, Reading, Told
 from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants import (
     servo_families,

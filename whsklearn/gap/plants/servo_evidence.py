@@ -1,4 +1,4 @@
-"""Thresholds of the rules that apply only to a servo axis (those of the engine are in `whsklearn.gap.evidence`).
+"""Thresholds of the rules that apply only to a servo axis.
 
 The comment above each number gives its purpose and source.  "blind" is `python -m benchmarks.blind` and "real" is
 `python -m benchmarks.real_axes`; both print the rates that change with a number.
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from whsklearn.gap.evidence import MAD as MAD  # for the modules of this plant
+from whsklearn.gap.record import MAD as MAD  # for the modules of this plant
 from whsklearn.identification.drive_lead import LATEST as LATEST
 from whsklearn.identification.drive_lead import OLDEST as OLDEST
 

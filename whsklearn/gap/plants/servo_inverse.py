@@ -19,9 +19,8 @@ from scipy.signal import lfilter
 
 from whsklearn.effects import Scales, codes
 from whsklearn.filtering.gaussian import CUTOFF_SIGMA, filtered, gaussian_derivatives
-from whsklearn.gap.evidence import QUIET
 from whsklearn.gap.least_squares import jacobian
-from whsklearn.gap.plant import Linearised
+from whsklearn.gap.plant import QUIET, Linearised
 from whsklearn.gap.plants import inverse_dynamics as ols
 from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants import servo_stop as stop

@@ -22,7 +22,6 @@ from whsklearn.effects import LearnedTorque
 from whsklearn.effects.equations import hill
 from whsklearn.filtering.gaussian import filtered
 from whsklearn.gap.diagnosis import Curve
-from whsklearn.gap.evidence import LEARNED_SHARE, LEAST_MARGIN, MOST_CURVES
 from whsklearn.gap.plant import Learned
 from whsklearn.gap.plants import inverse_dynamics as ols
 from whsklearn.gap.plants import servo_evidence as rules
@@ -31,6 +30,13 @@ from whsklearn.gap.plants.servo_columns import ColumnSignals
 from whsklearn.gap.plants.servo_model import AxisModel, Term
 
 Array = NDArray[Any]
+
+# Delta BIC to the runner-up: "very strong" of Kass and Raftery 1995, JASA 90(430).
+LEAST_MARGIN = 10.0
+# Learned curves of one record: each is a function of one or two signals (`benchmarks.learned`).
+MOST_CURVES = 2
+# Share of the cross-validated power left over that a learned curve must explain (`benchmarks.learned`).
+LEARNED_SHARE = 0.1
 KNOTS = (16, 48, 120)  # hills over the range of a signal; the finest are half a percent of the travel wide
 PENALTIES = np.geomspace(1e-5, 1.0, 6)  # of second differences, as a share of the columns' power
 # Gain of a learned curve, cross-validated: 25 kept every true first effect and no false one on 15 real logs and 21

@@ -11,8 +11,8 @@ from scipy.signal import fftconvolve
 
 from whsklearn.effects import Scales
 from whsklearn.filtering.gaussian import CUTOFF_SIGMA, gaussian_derivatives
-from whsklearn.gap.evidence import DEFAULT_TOLERANCE
 from whsklearn.gap.filters import residual_filter
+from whsklearn.gap.plant import DEFAULT_TOLERANCE
 from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants.servo_candidates import candidate
 from whsklearn.gap.plants.servo_inverse import InverseView
