@@ -11,7 +11,10 @@ commands read are those that were written.  The dialects, by where they are docu
   each variable
 - ODrive: the control loop runs at 8 kHz, and scripts log its ticks; positions are turns, currents amperes
 - Arduino: ``Serial.print`` of labels and numbers, as the Serial Plotter takes them (``label:value``)
-- ROS: ``rostopic echo -p`` (``%time`` in ns, ``field.`` names)
+- ROS: ``rostopic echo -p`` (``%time`` in ns, ``field.`` names), PlotJuggler's export of several topics
+- LabVIEW: LVM measurement file (two heads, labels of units); Simulink: "structure with time" in a MAT file
+- from what their tools write, without a document: VESC Tool, moteus, Dynamixel Wizard, Feetech scripts, EPOS Studio,
+  Siemens and Elmo traces
 """
 
 from __future__ import annotations
@@ -189,6 +192,114 @@ def rostopic(m: Motion) -> str:
     return "%time,field.header.seq,field.position0,field.effort0\n" + table(ns, seq, m.q, m.u)
 
 
+def plotjuggler(m: Motion) -> str:
+    """Signals of two topics in one table, a row for each message: blanks where the other one spoke."""
+    rows = zip((1.7e9 + m.t).tolist(), m.q.tolist(), m.u.tolist(), strict=True)
+    return "__time,/imu/x,/joint/position [rad],/joint/torque [Nm]\n" + "".join(
+        f"{t:.9f},,{q:.8f},{u:.8f}\n{t + 3e-4:.9f},0.5,,\n" for t, q, u in rows
+    )
+
+
+def lvm(m: Motion) -> str:
+    """LabVIEW's measurement file."""
+    head = "LabVIEW Measurement\t\nWriter_Version\t2\nSeparator\tTab\nDecimal_Separator\t.\nX_Columns\tOne\n"
+    head += "***End_of_Header***\t\t\t\nChannels\t2\t\t\nSamples\t4000\t4000\t\nDate\t2026/03/25\t2026/03/25\t\n"
+    head += "Y_Unit_Label\tmN·m\tdeg\t\nX_Dimension\tTime\tTime\t\nX0\t0.0\t0.0\t\nDelta_X\t0.001000\t0.001000\t\n"
+    head += "***End_of_Header***\t\t\t\nX_Value\tTorque\tPosition\tComment\n"
+    return head + table(m.t, 1e3 * m.u, np.degrees(m.q), np.full(m.t.size, ""), sep="\t")
+
+
+def vesc(m: Motion) -> str:
+    """VESC Tool: milliseconds of the day, semicolons."""
+    ms = (1e3 * m.t).round().astype(int) + 45296000
+    head = "ms_today;input_voltage;current_motor;current_in;encoder_position;erpm\n"
+    one = np.ones(m.t.size)
+    return head + table(ms, 24 * one, m.u / 0.12, one, np.degrees(m.q), one, sep=";")
+
+
+def moteus(m: Motion) -> str:
+    """A script's table of moteus: torque and revolutions, seconds since 1970."""
+    stamps = np.array([f"{1.7e9 + t:.6f}" for t in m.t.tolist()])
+    mode = np.full(m.t.size, 10)
+    return "timestamp,mode,position,velocity,torque,q_current\n" + table(stamps, mode, m.q / TURN, m.q, m.u, m.u / 0.12)
+
+
+def dynamixel(m: Motion) -> str:
+    """Dynamixel Wizard: ms and mA in the names, counts of 1e6 a turn (4096 would hide an error of reading)."""
+    return "Time [ms],Present Position,Present Current [mA]\n" + table(
+        (1e3 * m.t).round().astype(int), (m.q / TURN * 1e6).round().astype(int), 1e3 * m.u / 0.12
+    )
+
+
+def feetech(m: Motion) -> str:
+    """A script for a bus of servos: stamps of 10 ms on rows of 1 ms, millis in the name, words in every row."""
+    ticks = (10 * np.floor(1e3 * m.t / 10)).astype(int)
+    return "millis,mode,torque_mNm,pos_mrad\n" + table(ticks, np.full(m.t.size, "RUN"), 1e3 * m.u, 1e3 * m.q)
+
+
+def epos(m: Motion) -> str:
+    """EPOS Studio: names, units in the row below, decimal commas, tabs, UTF-16."""
+    head = "Time\tPosition actual value\tTorque actual value\n[ms]\t[arcsec]\t[mN·m]\n"
+    return head + table(1e3 * m.t, np.degrees(m.q) * 3600, 1e3 * m.u, sep="\t", comma=True)
+
+
+def siemens(m: Motion) -> str:
+    """A trace with a head of ``key:;value``, and statistics below."""
+    head = "Trace:;Axis\nDate:;25.03.2026\nSampling:;1 ms\n\n"
+    head += "Sample;Timestamp [ms];Axis_1.ActualPosition [°];Axis_1.ActualTorque [Nm]\n"
+    n = m.t.size
+    rows = table(np.arange(n), (1e3 * m.t).round().astype(int), np.degrees(m.q), m.u, sep=";")
+    return head + rows + "\nStatistics\n" + "".join(f"{w};;{k}.5;0.1\n" for k, w in enumerate(("Min", "Max", "Mean")))
+
+
+def german(m: Motion) -> str:
+    """A spreadsheet's: date and time of the day in two columns, words for units."""
+    day = [
+        f"11:59:{58 + t:06.3f}".replace(".", ",") if t < 2 else f"12:00:{t - 2:06.3f}".replace(".", ",") for t in m.t
+    ]
+    head = "Datum;Uhrzeit;Drehmoment in Ncm;Gemessener Winkel in Grad\n"
+    cells = table(1e2 * m.u, np.degrees(m.q), sep=";", comma=True).splitlines()
+    return head + "".join(f"25.03.2026;{t};{c}\n" for t, c in zip(day, cells, strict=True))
+
+
+def glued(m: Motion) -> str:
+    """Units behind the numbers, a level of the logger before them."""
+    rows = zip((1e3 * m.t).round().astype(int).tolist(), m.q.tolist(), m.u.tolist(), strict=True)
+    return "".join(f"[INFO] t={t}ms pos={q:.8f}rad tau={u:.8f}Nm\n" for t, q, u in rows)
+
+
+def gains_above(m: Motion) -> str:
+    """A small table of gains above the log."""
+    return "kp,ki,kd\n40,0.001,0.2\n\ntime_s,torque_nm,position_rad\n" + table(m.t, m.u, m.q)
+
+
+def joints(m: Motion) -> str:
+    """Two joints in turns, by their names."""
+    rows = zip(m.t.tolist(), m.q.tolist(), m.u.tolist(), strict=True)
+    return "time_s,joint,position_rad,torque_nm\n" + "".join(
+        f"{t:.6f},shoulder,0.1,0\n{t:.6f},elbow,{q:.8f},{u:.8f}\n" for t, q, u in rows
+    )
+
+
+def imperial(m: Motion) -> str:
+    """Time in minutes, torque in inch pounds, a rule below the names as Markdown has it."""
+    body = table(
+        np.array([f"{t / 60:.12f}" for t in m.t.tolist()]), m.u / 0.1129848290276167, np.degrees(m.q), sep=" | "
+    )
+    head = "| time [min] | torque [lbf·in] | angle [deg] |\n|---|---|---|\n"
+    return head + "".join(f"| {row} |\n" for row in body.splitlines())
+
+
+def simulink(folder: Path, m: Motion) -> Path:
+    """To Workspace, "structure with time"."""
+    from scipy.io import savemat
+
+    signals = np.empty(2, dtype=object)
+    signals[:] = {"values": m.u, "label": "torque"}, {"values": m.q, "label": "position"}
+    savemat(folder / "a.mat", {"out": {"time": m.t, "signals": signals}})
+    return folder / "a.mat"
+
+
 def one_file_a_signal(folder: Path, m: Motion) -> Path:
     """A folder with a table for each signal, the torque at another rate and offset."""
     path = folder / "run 7"
@@ -198,11 +309,11 @@ def one_file_a_signal(folder: Path, m: Motion) -> Path:
     return path
 
 
-def text(maker: Callable[[Motion], str], name: str) -> Callable[[Path, Motion], Path]:
+def text(maker: Callable[[Motion], str], name: str, encoding: str = "utf-8") -> Callable[[Path, Motion], Path]:
     """A writer of one file."""
 
     def write(folder: Path, m: Motion) -> Path:
-        (folder / name).write_text(maker(m), encoding="utf-8")
+        (folder / name).write_text(maker(m), encoding=encoding)
         return folder / name
 
     return write
@@ -229,6 +340,26 @@ LOGS: dict[str, tuple[Callable[[Path, Motion], Path], list[str]]] = {
     "last row cut amid a number": (text(cut, "a.csv"), []),
     "names with dashes before them": (text(dashes, "a.csv"), []),
     "an effort with its unit given": (text(effort, "a.csv"), ["--drive", "joint_effort", "--unit", "drive=Nm"]),
+    "PlotJuggler, signals with stamps of their own": (text(plotjuggler, "a.csv"), ["--time", "__time"]),
+    "LabVIEW measurement file": (text(lvm, "a.lvm"), []),
+    "VESC Tool": (text(vesc, "a.csv"), ["--drive", "current_motor", "--unit", "position=deg", *CONSTANT]),
+    "moteus": (text(moteus, "a.csv"), ["--unit", "position=turns", "--unit", "drive=Nm"]),
+    "Dynamixel Wizard": (text(dynamixel, "a.csv"), ["--unit", "position=ticks/1000000", *CONSTANT]),
+    "Feetech script, stamps of 10 ms": (text(feetech, "a.csv"), []),
+    "EPOS Studio": (text(epos, "a.txt", "utf-16"), []),
+    "Siemens trace, statistics below": (text(siemens, "a.csv"), []),
+    "date and time of the day, German": (text(german, "a.csv", "cp1252"), []),
+    "numbers with units, levels of a logger": (text(glued, "a.log"), []),
+    "gains above the log": (text(gains_above, "a.csv"), []),
+    "two joints by their names": (
+        text(joints, "a.csv"),
+        ["--position", "position_rad.elbow", "--drive", "torque_nm.elbow"],
+    ),
+    "minutes and inch pounds in a Markdown table": (text(imperial, "a.md"), []),
+    "Simulink, structure with time": (
+        simulink,
+        "--time out.time --drive out.signals.0.values --position out.signals.1.values --unit drive=Nm".split(),
+    ),
     "rostopic echo -p": (text(rostopic, "a.csv"), ["--drive", "field.effort0", "--unit", "drive=Nm"]),
 }
 
@@ -259,12 +390,13 @@ def wrong(name: str, folder: Path) -> str:
     if abs(log.sample_rate * every / RATE - 1.0) > 1e-3 or not 0 <= short <= 2:
         told.append(f"{q.size} samples at {log.sample_rate:.6g} Hz for {known.t.size} at {RATE / every:g} Hz")
         return "; ".join(told)
-    if not np.allclose(q, known.q[: q.size], atol=2e-7):
+    fine = 4e-6 if name.startswith("Dynamixel") else 2e-7  # half a count
+    if not np.allclose(q, known.q[: q.size], atol=fine):
         told.append(f"position differs by up to {np.abs(q - known.q[: q.size]).max():.2g} rad")
     odd = slice(0, None, 2) if "two rates" in name or name.startswith("a folder") else slice(None)  # between: a line
     if not np.allclose(u[odd], known.u[: u.size][odd], atol=2e-7):
         told.append(f"drive differs by up to {np.abs(u[odd] - known.u[: u.size][odd]).max():.2g} Nm")
-    if log.units["drive"] != "Nm":
+    if factor_of(log.units["drive"])[1] != "Nm":
         told.append(f"the drive is in {log.units['drive']}")
     return "; ".join(told)
 

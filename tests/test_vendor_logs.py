@@ -14,10 +14,6 @@ def test_a_dialect_is_read_as_it_was_written(name, tmp_path):
     assert wrong(name, tmp_path) == ""
 
 
-def test_there_are_seventeen_dialects():
-    assert len(LOGS) == 17
-
-
 def test_ticks_without_a_rate_are_asked_for_and_take_one(tmp_path):
     m = motion()
     ticks = (8 * 1e3 * m.t).round().astype(int)

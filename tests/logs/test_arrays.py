@@ -20,6 +20,13 @@ def test_parquet_with_lists_and_numbers(tmp_path):
     same(load_log(path, time="time_s", drive="torque_nm", position="state.0"))
 
 
+def test_feather(tmp_path):
+    pd.DataFrame({"t": [0.0, 1.0, 2.0], "q": [1, 2, 3]}).to_feather(tmp_path / "a.feather")
+    source = open_source(tmp_path / "a.feather")
+    assert source.names == ["t", "q"]
+    assert source.fetch(["q"])["q"].values.tolist() == [1, 2, 3]
+
+
 def test_matlab_vectors_structures_and_matrices(tmp_path):
     from scipy.io import savemat
 

@@ -15,6 +15,8 @@ from whsklearn.logs.units import (
     stated,
     symbol_of,
     turn_of,
+    unit_for,
+    unit_of,
 )
 
 
@@ -26,7 +28,45 @@ def test_factors_lead_to_si(unit, si, factor):
     assert factor_of(si) == (1.0, si)  # what is SI already stays
 
 
-@pytest.mark.parametrize("unit", ["rad", "deg", "counts/4096"])
+@pytest.mark.parametrize(
+    ("column", "unit", "in_si"),
+    [
+        ("torque [µNm]", "uNm", 1e-6),  # read as Nm before, a million times too much
+        ("torque (mN·m)", "mNm", 1e-3),
+        ("torque_mN_m", "mNm", 1e-3),
+        ("Moment in Ncm", "Ncm", 1e-2),
+        ("torque [lbf·in]", "lbf in", 4.4482216152605 * 0.0254),
+        ("torque [ft-lb]", "lbf ft", 4.4482216152605 * 12 * 0.0254),
+        ("torque_ozin", "ozf in", 4.4482216152605 / 16 * 0.0254),
+        ("torque [kg·cm]", "kgf cm", 9.80665e-2),
+        ("position [µrad]", "urad", 1e-6),
+        ("Winkel in Grad", "deg", math.pi / 180),
+        ("angle [arcsec]", "arcsec", math.pi / 648000),
+        ("x [cm]", "cm", 1e-2),
+        ("n [1/min]", "rpm", math.pi / 30),
+        ("time [min]", "min", 60.0),
+        ("time_h", "h", 3600.0),
+        ("torque_min", "as logged", 1.0),
+        ("torque_nm (motor 1)", "Nm", 1.0),
+    ],
+)
+def test_units_as_rigs_write_them(column, unit, in_si):
+    assert unit_of(column) == unit
+    assert factor_of(unit)[0] == pytest.approx(in_si, rel=1e-12)
+
+
+def test_a_position_in_nm_is_in_nanometres():
+    assert factor_of(unit_for("position", unit_of("x [nm]"))) == (1e-9, "m")
+    assert factor_of(unit_for("drive", unit_of("torque_nm"))) == (1.0, "Nm")
+    assert stated({"position": "nm", "drive": "nm"}) == {"position": "nm", "drive": "Nm"}
+
+
+@pytest.mark.parametrize("unit", ["counts/0", "counts/1e", "counts/x"])
+def test_counts_of_no_turn_are_no_unit(unit):
+    assert symbol_of(unit) is None
+
+
+@pytest.mark.parametrize("unit", ["rad", "deg", "counts/4096", "ticks/4096"])
 def test_a_turn_is_two_pi_in_any_angle(unit):
     assert turn_of(unit) * factor_of(unit)[0] == pytest.approx(2 * math.pi)
 

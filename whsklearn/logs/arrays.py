@@ -50,6 +50,23 @@ def open_parquet(path: Path) -> Source:
     return Source(path.name, names, fetch)
 
 
+def open_feather(path: Path) -> Source:
+    """A Feather file: Arrow's own format, of version 2."""
+    try:
+        from pyarrow import ArrowException, feather
+    except ImportError:
+        raise missing(path, "pyarrow", "parquet") from None
+    try:
+        table = feather.read_table(path)
+    except (ArrowException, OSError) as error:
+        raise _damaged(path, "Feather", error) from None
+    return Source(
+        path.name,
+        list(table.column_names),
+        lambda wanted: {w: Column(table.column(w).to_pandas().to_numpy()) for w in wanted},
+    )
+
+
 def _list_width(file: Any, name: str) -> int:
     first = next(file.iter_batches(1, columns=[name])).column(0).to_pylist() if file.metadata.num_rows else [[]]
     return len(first[0] or [])
@@ -80,12 +97,16 @@ def open_matlab(path: Path) -> Source:
 
 
 def _flatten(out: dict[str, Any], name: str, value: Any, depth: int = 0) -> None:
-    """Arrays of numbers under their paths."""
+    """Arrays of numbers under their paths; elements of cells and of arrays of structures by their numbers from 0."""
     if hasattr(value, "_fieldnames") and depth < 6:
         for field in value._fieldnames:
             _flatten(out, f"{name}.{field}", getattr(value, field), depth + 1)
         return
     array = np.asarray(value)
+    if array.dtype == object and array.size <= 256 and depth < 6:
+        for i, item in enumerate(array.ravel()):
+            _flatten(out, f"{name}.{i}", item, depth + 1)
+        return
     if array.dtype.kind in "fiub" and array.size > 1:
         _columns(out, name, array)
 

@@ -11,6 +11,7 @@ from whsklearn.logs.heads import COMMENTS, Head, commented, headings
 SEPARATORS = (",", ";", "\t", "|", r"\s+")
 _DATE = re.compile(r"\d{1,4}[-/.:]\d{1,2}[-/.:]\d{1,4}")
 _BODY = 50  # rows that tell what a column holds
+_FEW = 4  # rows; a table of fewer, above another one with names, is no log
 
 
 class Dialect(NamedTuple):
@@ -39,7 +40,7 @@ def dialect_of(lines: list[str]) -> Dialect | None:
     >>> dialect_of(["1 2.5", "2 2.6", "3 2.7"]).names is None
     True
     """
-    live = [(i, t) for i, t in enumerate(lines) if t.strip() and not t.lstrip().startswith(COMMENTS)]
+    live = [(i, t) for i, t in enumerate(lines) if _says(t) and not t.lstrip().startswith(COMMENTS)]
     best: tuple[float, Dialect] | None = None
     for separator in SEPARATORS:
         for decimal in (".", ",") if separator != "," else (".",):
@@ -58,6 +59,11 @@ def split(line: str, separator: str) -> list[str]:
     return [plain(c) for c in cells]
 
 
+def _says(line: str) -> bool:
+    """Whether a line holds anything but blanks, or the rule that is drawn below the names of a table."""
+    return re.fullmatch(r"[\s|+=-]*", line) is None
+
+
 def _is_data(cells: list[str], decimal: str) -> bool:
     """A row of data has numbers or dates in most of its cells, and one that is no blank."""
     good = [is_number(c, decimal) or bool(_DATE.match(c)) for c in cells]
@@ -70,14 +76,7 @@ def _read_as(
     """The layout under one separator and decimal sign, and how well it fits the first rows."""
     rows = [(i, split(t, separator)) for i, t in live]
     widths = [len(c) for _, c in rows]
-    start = next(
-        (
-            k
-            for k, (_, c) in enumerate(rows)
-            if _is_data(c, decimal) and _goes_on(widths, k) and not _label(rows, k, decimal)
-        ),
-        None,
-    )
+    start = _first_row(rows, widths, decimal)
     if start is None:
         return None
     width = widths[start]
@@ -99,6 +98,25 @@ def _read_as(
     good = sum(is_number(x, decimal) or bool(_DATE.match(x)) for c in body for x in c) / sum(map(len, body))
     score = 10.0 * fits * good + min(numeric, 8.0) / 8.0 + 0.01 * (decimal == ".") + 0.5 * (width > 1)
     return score, Dialect(separator, decimal, first, head.names, head.units, width, comment, cells, head.clocks, header)
+
+
+def _first_row(rows: list[tuple[int, list[str]]], widths: list[int], decimal: str, above: int = 0) -> int | None:
+    """The first row of data at `above` or below it; a few numbers above another head are no log, but gains or so."""
+    start = next(
+        (
+            k
+            for k, (_, c) in enumerate(rows)
+            if k >= above and _is_data(c, decimal) and _goes_on(widths, k) and not _label(rows, k, decimal)
+        ),
+        None,
+    )
+    if start is None:
+        return None
+    for k in range(start + 1, min(start + _FEW, len(rows))):
+        cells = rows[k][1]
+        if len(cells) > 1 and all(map(is_word, cells)) and (start == 0 or cells != rows[start - 1][1]):
+            return _first_row(rows, widths, decimal, k + 1) or start
+    return start
 
 
 def _goes_on(widths: list[int], k: int) -> bool:

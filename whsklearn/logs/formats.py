@@ -12,6 +12,7 @@ from whsklearn.logs.source import Source
 
 _MAGIC: tuple[tuple[bytes, Callable[[Path], Source]], ...] = (
     (b"PAR1", arrays.open_parquet),
+    (b"ARROW1", arrays.open_feather),
     (b"\x89HDF", arrays.open_hdf5),
     (b"MATLAB", arrays.open_matlab),
     (b"\x93NUMPY", arrays.open_numpy),
@@ -22,8 +23,9 @@ _MAGIC: tuple[tuple[bytes, Callable[[Path], Source]], ...] = (
     (b"#ROSBAG", robots.open_bag),
 )
 _ENDINGS: dict[str, Callable[[Path], Source]] = {
-    ".parquet": arrays.open_parquet, ".pq": arrays.open_parquet, ".mat": arrays.open_matlab,
-    ".h5": arrays.open_hdf5, ".hdf5": arrays.open_hdf5, ".npz": arrays.open_numpy, ".npy": arrays.open_numpy,
+    ".parquet": arrays.open_parquet, ".pq": arrays.open_parquet, ".feather": arrays.open_feather,
+    ".mat": arrays.open_matlab, ".h5": arrays.open_hdf5, ".hdf5": arrays.open_hdf5,
+    ".npz": arrays.open_numpy, ".npy": arrays.open_numpy,
     ".tdms": recorders.open_tdms, ".mf4": recorders.open_mdf, ".mdf": recorders.open_mdf,
     ".mcap": robots.open_mcap, ".bag": robots.open_bag,
 }  # fmt: skip

@@ -14,7 +14,7 @@ from whsklearn.logs.units import symbol_of
 
 COMMENTS = ("#", "%", "//", "!")
 _NAMES = {"name", "names", "signal", "signals", "channel", "channels", "variable", "variables", "kanal", "signalname"}
-_UNITS = {"unit", "units", "einheit", "einheiten", "dimension"}
+_UNITS = {"unit", "units", "einheit", "einheiten", "dimension", "y_unit_label"}
 _TIME = {"time", "timestamp", "timestamps", "zeit", "zeitstempel", "t"}
 _TICKS = {"tick", "ticks"}
 _ODRIVE = 8000.0  # Hz; the loop of an ODrive v3, whose scripts log its ticks
@@ -56,7 +56,10 @@ def headings(above: list[list[str]], width: int) -> Head | None:
     >>> headings([["Rig 7", ""], ["t", "q"], ["ms", "deg"]], 2)[:2]
     (['t', 'q'], ['ms', 'deg'])
     """
-    labelled = [c for c in above if _label(c) in _NAMES and len(c) in (width, width + 1)]
+    labelled = [
+        c for c in above
+        if _label(c) in _NAMES and len(c) in (width, width + 1) and not any(x and is_number(x) for x in c)
+    ]  # fmt: skip
     rows = [c for c in above if len(c) == (len(labelled[-1]) if labelled else width)]
     if labelled and len(above) > 1:
         names = labelled[-1]
@@ -70,8 +73,15 @@ def headings(above: list[list[str]], width: int) -> Head | None:
     if not rows:
         return None
     last = max((i for i, c in enumerate(rows) if _all_units(c)), default=0)
-    names, units = (rows[last - 1], rows[last]) if last else (rows[-1], None)
-    return Head(unique(names), [_unit(u) for u in units] if units else None, _clocks(_times(names), width))
+    if _label(rows[last]) in _UNITS and last < len(rows) - 1:  # a head of labelled rows, and the names below it
+        names, units = rows[-1], rows[last]
+    elif last:
+        # Types may stand between names and units, MATLAB's above all; a row that says one thing twice names nothing.
+        names = next((c for c in reversed(rows[:last]) if len(set(c)) == len(c)), rows[last - 1])
+        units = rows[last]
+    else:
+        names, units = rows[-1], []
+    return Head(unique(names), [_unit(u) for u in units] or None, _clocks(_times(names), width))
 
 
 def commented(lines: list[str], width: int) -> list[str] | None:
@@ -79,7 +89,7 @@ def commented(lines: list[str], width: int) -> list[str] | None:
     for line in reversed(lines):
         if line.lstrip().startswith(COMMENTS):
             text = line.strip().lstrip("#%/! ").rstrip(";, ")
-            for separator in (r"\s*[,;\t|]\s*", r"\s+"):
+            for separator in (r"\s*[,;\t|]\s*", r"\s{2,}", r"\s+"):
                 cells = re.split(separator, text)
                 if len(cells) == width > 1 and not any(is_number(c) for c in cells):
                     return unique(cells)

@@ -11,14 +11,16 @@ import numpy as np
 from whsklearn.logs.errors import LogError
 from whsklearn.logs.packed import DAMAGE, opened
 from whsklearn.logs.source import Column, Source
+from whsklearn.logs.units import symbol_of
 
 _PAIR = (
     r"([A-Za-z_\u00b5\u03bc][\w .\[\]()/\u00b0\u00b5\u03bc-]*?)\s*[:=]\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)"
 )
-_PAIRS = re.compile(_PAIR)
-_UNIT = r"(?:\s?(?:[a-zA-Z%\u00b0\u00b5]{1,5}(?:/s)?)(?=[,;\s|]|$))?"
+_UNIT = r"(?:\s?([a-zA-Z%\u00b0\u00b5\u03bc]{1,5}(?:/s)?)(?=[,;\s|]|$)(?!\s*[:=]))?"  # a word before a colon is a name
+_PAIRS = re.compile(_PAIR + _UNIT)
 _LINE = re.compile(rf"(?:{_PAIR}{_UNIT}\s*[,;|]?\s*)+")
-_MONITOR = re.compile(r"^[\d:.]+\s*->\s*")  # the time of day that the serial monitor writes before each line
+# The time of day that the serial monitor writes before each line, or levels and stamps in brackets as loggers do.
+_MONITOR = re.compile(r"^\s*(?:[\d:.]+\s*->\s*|(?:\[[^\]]*\]:?\s*)+)")
 _MOST = 0.8  # share of the first lines that name their numbers; the others are greetings of the sketch
 _FEWEST = 3
 
@@ -55,22 +57,23 @@ def open_labelled(path: Path) -> Source:
         raise LogError(f"{path.name} is no whole archive ({error}); copy or pack it again.") from None
     labels = [_labels(t) for t in lines]
     names = Counter(filter(None, labels)).most_common(1)[0][0]
-    kept = [
-        [float(v) for _, v in _PAIRS.findall(_MONITOR.sub("", t))]
-        for t, n in zip(lines, labels, strict=True)
-        if n == names
-    ]
-    table = np.array(kept)
+    kept = [_PAIRS.findall(_MONITOR.sub("", t)) for t, n in zip(lines, labels, strict=True) if n == names]
+    table = np.array([[float(v) for _, v, _ in row] for row in kept])
+    units = {n: u for n, (_, _, word) in zip(names, kept[0], strict=True) if (u := symbol_of(word))}
     notes = [f"Each line names its numbers: {', '.join(names)}."]
     left = sum(bool(t.strip()) for t in lines) - len(kept)
     if left:
         notes.append(f"{left} line(s) that name other numbers, or none, were left out.")
     return Source(
-        path.name, list(names), lambda wanted: {w: Column(table[:, names.index(w)]) for w in wanted}, notes=notes
+        path.name,
+        list(names),
+        lambda wanted: {w: Column(table[:, names.index(w)]) for w in wanted},
+        units=units,
+        notes=notes,
     )
 
 
 def _labels(line: str) -> tuple[str, ...]:
     """The names in a line that holds named numbers and nothing else."""
     text = _MONITOR.sub("", line.strip())
-    return tuple(n.strip() for n, _ in _PAIRS.findall(text)) if _LINE.fullmatch(text) else ()
+    return tuple(n.strip() for n, _, _ in _PAIRS.findall(text)) if _LINE.fullmatch(text) else ()

@@ -19,7 +19,7 @@ from whsklearn.logs.formats import open_source
 from whsklearn.logs.grid import even
 from whsklearn.logs.source import Column, Source
 from whsklearn.logs.timebase import in_order, to_seconds
-from whsklearn.logs.units import UNKNOWN, stated, symbol_of, unit_of
+from whsklearn.logs.units import UNKNOWN, stated, symbol_of, time_unit_of, unit_for, unit_of, written_unit
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -233,6 +233,7 @@ def read_columns(
             sample_rate = 1.0
         else:
             clock = np.arange(n) / (sample_rate or 1.0)
+    doubtful = "time" in columns and units["time"] == UNKNOWN and written_unit(columns["time"]) != ""
     units["time"] = "s" if "time" in columns or sample_rate else "samples"
     lengths = {r: len(v) for r, v in values.items()} | {"time": len(clock)}
     if len(set(lengths.values())) > 1:
@@ -243,8 +244,9 @@ def read_columns(
     for role, column in columns.items():
         if role != "time":
             mend.too_small(role, column, values[role])
-            if units[role] == UNKNOWN:
-                found.append(Finding("LOG019", "info", f"The unit of {role}, column {column!r}, is not known."))
+        if units[role] == UNKNOWN or (role == "time" and doubtful):
+            text = f"The unit of {role}, column {column!r}, is not known; --unit {role}=UNIT states it."
+            found.append(Finding("LOG019", "info", text))
     return _Table(time=clock, signals=values, columns=dict(columns), units=units, findings=found)
 
 
@@ -288,8 +290,8 @@ def _unit(role: str, column: str, read: Column, source: Source, given: Mapping[s
     """The unit stated on the call, in the file, or at the end of the column's name."""
     if role in given:
         return given[role]
-    inside = symbol_of(source.units.get(column, "") or read.unit or "")
-    return inside or unit_of(column, UNKNOWN)
+    inside = symbol_of(source.units.get(column, "") or read.unit or "") or unit_of(column, UNKNOWN)
+    return time_unit_of(column, inside) if role == "time" else unit_for(role, inside)
 
 
 def _rate_of_ticks(column: str, unit: str, name: str) -> None:

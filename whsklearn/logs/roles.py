@@ -11,28 +11,18 @@ from whsklearn.logs.units import factor_of, symbol_of, unit_of
 
 # In the order in which a name is believed; one word of the column's name must equal one of these.
 WORDS: dict[str, tuple[str, ...]] = {
-    "time": ("time", "t", "timestamp", "stamp", "timestamps", "zeit", "clock", "seconds", "ticks", "tick"),
+    "time": (
+        "time", "t", "timestamp", "stamp", "timestamps", "zeit", "uhrzeit", "clock", "ts", "seconds", "millis",
+        "micros", "milliseconds", "microseconds", "ms", "us", "ticks", "tick", "datetime", "date", "datum", "xvalue",
+    ),
     "drive": (
-        *(
-            "torque",
-            "tau",
-            "drive",
-            "moment",
-            "drehmoment",
-            "current",
-            "strom",
-            "iq",
-            "effort",
-            "force",
-            "kraft",
-            "load",
-        ),
-        *("voltage", "u", "input"),
+        "torque", "tau", "drive", "moment", "drehmoment", "current", "strom", "iq", "effort", "force", "kraft", "load",
+        "voltage", "u", "input",
     ),
     "position": ("position", "pos", "angle", "theta", "q", "lage", "winkel", "encoder", "enc", "y", "output"),
     "reference": ("reference", "ref", "setpoint", "desired", "target", "goal", "soll"),
     "velocity": ("velocity", "vel", "speed", "omega", "geschwindigkeit", "drehzahl"),
-}
+}  # fmt: skip
 _NOT_MEASURED = {*WORDS["reference"], "command", "cmd", "error", *WORDS["velocity"], "acceleration", "acc"}
 
 # What a unit says where no word does. It also outweighs a word of one letter: "i_q [A]" is no position.
@@ -75,7 +65,8 @@ def guess(source: Source, role: str) -> str | None:
 def words_of(column: str) -> list[str]:
     """The words in a column's name, its unit among them; i_q, the current that makes torque, is one word."""
     spelled = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", column).lower()
-    words = re.split(r"[^a-z0-9]+", re.sub(r"(?<![a-z0-9])i_?q(?![a-z0-9])", "iq", spelled))
+    spelled = re.sub(r"(?<![a-z0-9])(i_?q|x_value)(?![a-z0-9])", lambda m: m[1].replace("_", ""), spelled)
+    words = re.split(r"[^a-z0-9]+", spelled)
     return [re.sub(r"(?<=[a-z]{4})\d+$", "", w) for w in words if w]  # position0 is a position
 
 

@@ -25,7 +25,7 @@ FEW_ROWS = 50  # lines of data that tell what a column holds
 _NOTHING = b"\0 \t\r\n\xef\xbb\xbf"
 _BLOCK = 1 << 20
 _ROWS = 200_000  # of a chunk
-_FOOTER = 5  # rows at the end that may hold words and not data
+_FOOTER = 50  # rows at the end that may hold words and not data: the statistics and signatures of recorders
 _DATE = r".*\d[-/:.T]\d.*"
 
 
@@ -255,7 +255,8 @@ def _read(
             ) from None
         reason = str(error).strip().rstrip(".")
         raise LogError(f"{path.name} is no readable CSV ({reason}); export it again as UTF-8.") from None
-    return _typed({name: parts[i][:-1] if cut else parts[i] for name, i in columns.items()}, layout.decimal, notes)
+    inorder = sorted(columns.items(), key=lambda c: c[1])
+    return _typed({name: parts[i][:-1] if cut else parts[i] for name, i in inorder}, layout.decimal, notes)
 
 
 def _typed(cells: dict[str, Any], decimal: str, notes: list[str]) -> dict[str, Column]:
@@ -265,16 +266,20 @@ def _typed(cells: dict[str, Any], decimal: str, notes: list[str]) -> dict[str, C
     text = {n: pd.Series(v, dtype="string") for n, v in cells.items() if not pd.api.types.is_numeric_dtype(v)}
     rows = len(next(iter(cells.values())))
     again = np.zeros(rows, dtype=bool)
-    empty = np.ones(rows, dtype=bool)  # no number and no date in any column
-    for name, cell in cells.items():
-        if name not in text:
-            empty &= np.isnan(cell)
-            continue
-        values = text[name]
-        empty &= as_numbers(values, decimal)[0].isna().to_numpy() & ~_true(values.str.fullmatch(_DATE))
+    words = {n: np.zeros(rows, dtype=bool) for n in cells}
+    for name, values in text.items():
         again |= _true(values.str.strip().str.strip('"') == name)
-    empty[:-_FOOTER] = False
-    out = again | empty
+        odd = np.asarray(no_numbers(values, as_numbers(values, decimal)[0]), dtype=bool)
+        if 2 * odd.sum() > rows:
+            odd = ~_true(values.str.fullmatch(_DATE)) & ~_true(values.isna())
+        if 2 * odd.sum() > rows:  # neither numbers nor dates: a column of words tells nothing of its rows
+            del words[name]
+        else:
+            words[name] = odd
+    # A line of a footer begins with a word, as "Mean;0.3;0.1" does; a word further on is a reading that failed.
+    footer = next(iter(words.values()), np.zeros(rows, dtype=bool)).copy()
+    footer[: max(rows - int(np.argmin(footer[::-1])), rows - _FOOTER)] = False
+    out = again | footer
     if out.any() and out.sum() < rows:
         notes.append(
             f"{out.sum()} row(s) of words amid or below the data were left out, the first is row {out.argmax()}."

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 LONG_GAP = 5.0  # periods; four lost samples can be drawn across, over more an axis may have turned round
 TURNED = 0.9  # share of steps backwards above which a log is written newest first
+ROUNDED = 1.05  # ticks; rounding scatters stamps by less than one about their line, which is fitted to 5 % of it
 RESTART = 20.0  # periods back; less is rows out of order, as two threads write them
 _SINCE_1970 = (  # stamps between 2001 and 2100, by what they count
     ("s", 1e9, 4.2e9, 1.0), ("ms", 1e12, 4.2e12, 1e-3), ("us", 1e15, 4.2e15, 1e-6), ("ns", 1e18, 4.2e18, 1e-9),
@@ -235,16 +236,24 @@ def _period(time: Array) -> float:
 
 
 def _spread(time: Array, same_rows: NDArray[np.bool_], period: float) -> tuple[Array, list[Finding]]:
-    """Stamps coarser than the sampling, 0 0 1 1 2 2, spread evenly between their changes."""
+    """Stamps coarser than the sampling, 0 0 1 1 2 2: an even line if all of them are one rounded, else spread evenly
+    between their changes.
+    """
     double = np.r_[False, np.diff(time) == 0]
     if double.sum() < 0.2 * time.size or (double & same_rows).sum() > 0.5 * double.sum() or period == 0.0:
         return time, []
     first = np.flatnonzero(~double)
     counts = np.diff(np.r_[first, time.size])
-    last = time[first[-1]] + period
-    spread = np.interp(np.arange(time.size), np.r_[first, time.size], np.r_[time[first], last])
-    text = f"Up to {counts.max()} rows share a stamp, which tells {period:.3g} s at best; they were spread evenly."
-    return spread, [finding("LOG003", "warning", np.flatnonzero(double), text, float(double.sum()))]
+    place = np.arange(time.size)
+    slope, start = np.polyfit(place, time, 1)
+    line = start + slope * place
+    if np.ptp(time - line) <= ROUNDED * period:
+        out, how = line, f"every {slope:.6g} s, as all stamps allow"
+    else:
+        last = time[first[-1]] + period
+        out, how = np.interp(place, np.r_[first, time.size], np.r_[time[first], last]), "evenly"
+    text = f"Up to {counts.max()} rows share a stamp, which tells {period:.3g} s at best; they were spread {how}."
+    return out, [finding("LOG003", "warning", np.flatnonzero(double), text, float(double.sum()))]
 
 
 def _without_strays(

@@ -13,23 +13,53 @@ from collections.abc import Mapping
 UNKNOWN = "as logged"
 UNSTATED = frozenset({"", UNKNOWN})  # what stands for a unit that nothing states
 
-# Spelling in a name or a header -> (symbol, factor to SI, SI symbol). Radians count as SI.
-_KNOWN: dict[str, tuple[str, float, str]] = {
-    "s": ("s", 1.0, "s"), "sec": ("s", 1.0, "s"), "seconds": ("s", 1.0, "s"),
-    "ms": ("ms", 1e-3, "s"), "us": ("us", 1e-6, "s"), "ns": ("ns", 1e-9, "s"),
-    "rad": ("rad", 1.0, "rad"), "mrad": ("mrad", 1e-3, "rad"),
-    "deg": ("deg", math.pi / 180, "rad"), "degrees": ("deg", math.pi / 180, "rad"), "°": ("deg", math.pi / 180, "rad"),
-    "turns": ("turns", 2 * math.pi, "rad"), "rev": ("turns", 2 * math.pi, "rad"),
-    "m": ("m", 1.0, "m"), "mm": ("mm", 1e-3, "m"), "um": ("um", 1e-6, "m"),
-    "counts": ("counts", 1.0, "counts"), "count": ("counts", 1.0, "counts"), "ticks": ("counts", 1.0, "counts"),
-    "nm": ("Nm", 1.0, "Nm"), "mnm": ("mNm", 1e-3, "Nm"), "n": ("N", 1.0, "N"), "kn": ("kN", 1e3, "N"),
-    "v": ("V", 1.0, "V"), "mv": ("mV", 1e-3, "V"), "a": ("A", 1.0, "A"), "ma": ("mA", 1e-3, "A"),
-    "rad_s": ("rad/s", 1.0, "rad/s"), "deg_s": ("deg/s", math.pi / 180, "rad/s"), "m_s": ("m/s", 1.0, "m/s"),
-    "mm_s": ("mm/s", 1e-3, "m/s"), "rpm": ("rpm", math.pi / 30, "rad/s"),
-    "percent": ("%", 1.0, "%"), "%": ("%", 1.0, "%"),
+# Symbol -> factor to SI, SI symbol, other spellings. Radians count as SI. Signs between letters and case do not matter:
+# N·m, N m and nm are one spelling. The pound's, ounce's and kilogram's forces are those of ISO 80000-4.
+_KNOWN: dict[str, tuple[float, str, tuple[str, ...]]] = {
+    "s": (1.0, "s", ("sec", "secs", "second", "seconds")),
+    "ms": (1e-3, "s", ("msec", "millis", "millisecond", "milliseconds")),
+    "us": (1e-6, "s", ("usec", "micros", "microsecond", "microseconds")),
+    "ns": (1e-9, "s", ("nsec", "nanos", "nanosecond", "nanoseconds")),
+    "min": (60.0, "s", ("mins", "minute", "minutes")), "h": (3600.0, "s", ("hr", "hrs", "hour", "hours")),
+    "rad": (1.0, "rad", ("radian", "radians")), "mrad": (1e-3, "rad", ()), "urad": (1e-6, "rad", ()),
+    "deg": (math.pi / 180, "rad", ("degree", "degrees", "°", "grad")),  # Grad: German for degree
+    "arcmin": (math.pi / 10800, "rad", ()), "arcsec": (math.pi / 648000, "rad", ()),
+    "turns": (2 * math.pi, "rad", ("turn", "rev", "revs", "revolution", "revolutions")),
+    "m": (1.0, "m", ()), "cm": (1e-2, "m", ()), "mm": (1e-3, "m", ()), "um": (1e-6, "m", ()),
+    "inch": (0.0254, "m", ("inches",)),
+    "counts": (1.0, "counts", ("count", "counts", "ticks", "cnt", "inc", "incs")),
+    "Nm": (1.0, "Nm", ()), "mNm": (1e-3, "Nm", ("nmm",)), "uNm": (1e-6, "Nm", ()), "kNm": (1e3, "Nm", ()),
+    "Ncm": (1e-2, "Nm", ()), "kgf cm": (0.0980665, "Nm", ("kgcm",)), "gf cm": (9.80665e-5, "Nm", ("gcm",)),
+    "lbf in": (0.1129848290276167, "Nm", ("lbin", "inlb", "inlbf")),
+    "lbf ft": (1.3558179483314004, "Nm", ("lbft", "ftlb", "ftlbf")),
+    "ozf in": (0.00706155181422604, "Nm", ("ozin", "inoz")),
+    "N": (1.0, "N", ()), "mN": (1e-3, "N", ()), "kN": (1e3, "N", ()),
+    "kgf": (9.80665, "N", ()), "lbf": (4.4482216152605, "N", ()),
+    "V": (1.0, "V", ("volt", "volts")), "mV": (1e-3, "V", ()),
+    "A": (1.0, "A", ("amp", "amps", "ampere", "amperes")), "mA": (1e-3, "A", ()),
+    "rad/s": (1.0, "rad/s", ("rad/sec",)), "mrad/s": (1e-3, "rad/s", ()),
+    "deg/s": (math.pi / 180, "rad/s", ("deg/sec", "°/s")), "turns/s": (2 * math.pi, "rad/s", ("rev/s", "rps")),
+    "rpm": (math.pi / 30, "rad/s", ("1/min", "u/min", "rev/min", "min1")),
+    "m/s": (1.0, "m/s", ()), "mm/s": (1e-3, "m/s", ()),
+    "%": (1.0, "%", ("percent",)),
 }  # fmt: skip
-_SPELLED = {symbol.lower(): key for key, (symbol, _, _) in _KNOWN.items()} | {"n·m": "nm", "n*m": "nm", "n m": "nm"}
-_TIMES = {"s", "ms", "us", "ns"}
+_NANOMETRE = (1e-9, "m")  # "nm" of a position; of a drive it is how columns spell Nm
+_TIMES = {"s", "ms", "us", "ns", "min", "h"}
+_ONLY_MARKED = {
+    "min",
+    "h",
+    "grad",
+    "amp",
+}  # at the end of a name units only after one of _MARKS: torque_min is a minimum
+_MARKS = {"in", "time", "t", "zeit"}
+
+
+def _plain(spelling: str) -> str:
+    """A spelling in small letters, without the signs between them."""
+    return re.sub(r"[\s·⋅*.^-]", "", spelling.strip().lower().replace("µ", "u").replace("μ", "u"))
+
+
+_SPELLED = {_plain(s): symbol for symbol, (_, _, others) in _KNOWN.items() for s in (symbol, *others)}
 
 
 def unit_of(column: str, default: str = UNKNOWN) -> str:
@@ -37,38 +67,63 @@ def unit_of(column: str, default: str = UNKNOWN) -> str:
 
     Examples
     --------
-    >>> unit_of("position_deg"), unit_of("Torque [Nm]"), unit_of("speed (rad/s)"), unit_of("velocity_rad_s")
-    ('deg', 'Nm', 'rad/s', 'rad/s')
-    >>> unit_of("current"), unit_of("a")
-    ('as logged', 'as logged')
+    >>> unit_of("position_deg"), unit_of("Torque [mN·m]"), unit_of("speed (rad/s)"), unit_of("velocity_rad_s")
+    ('deg', 'mNm', 'rad/s', 'rad/s')
+    >>> unit_of("current"), unit_of("a"), unit_of("torque_min"), unit_of("time [min]")
+    ('as logged', 'as logged', 'as logged', 'min')
     """
-    text = str(column).strip()
-    bracket = re.search(r"[\[(<]\s*([^\])>]+?)\s*[\])>]\s*$", text)
-    if bracket and (symbol := symbol_of(bracket.group(1))) is not None:
+    written = written_unit(column)
+    if (symbol := symbol_of(written)) is not None:
         return symbol
-    words = [w for w in re.split(r"[^a-z0-9%°]+", text.lower()) if w]
+    text = str(column).rpartition(written)[0] if written else str(column)
+    words = [w for w in re.split(r"[^a-z0-9%°u]+", text.lower().replace("µ", "u").replace("μ", "u")) if w]
     for n in (2, 1):
-        tail = "_".join(words[-n:])
-        if len(words) > n and tail in _KNOWN:
-            return _KNOWN[tail][0]
+        if len(words) <= n:
+            continue
+        tail = words[-n:]
+        symbol = _SPELLED.get("/".join(tail)) or _SPELLED.get("".join(tail))
+        if symbol and not (n == 1 and tail[0] in _ONLY_MARKED and words[-2] not in _MARKS):
+            return symbol
     return default
+
+
+def written_unit(column: str) -> str:
+    """What stands in brackets at the end of a column's name, a unit or not; empty without.
+
+    Examples
+    --------
+    >>> written_unit("Torque [N·m]"), written_unit("torque_nm")
+    ('N·m', '')
+    """
+    bracket = re.search(r"[\[(<]\s*([^\])>]+?)\s*[\])>]\s*$", str(column).strip())
+    return bracket[1] if bracket else ""
 
 
 def symbol_of(text: str) -> str | None:
     """The symbol for a unit as people spell it; None for a word that is no unit we know.
 
-    ``counts/4096`` and ``turns/16384`` say how many counts make a turn.
+    ``counts/4096`` and ``ticks/16384`` say how many counts make a turn; of a time, how many ticks make a second.
 
     Examples
     --------
-    >>> symbol_of("NM"), symbol_of("deg/s"), symbol_of("counts/4096"), symbol_of("furlong")
-    ('Nm', 'deg/s', 'counts/4096', None)
+    >>> symbol_of("NM"), symbol_of("deg/s"), symbol_of("counts/4096"), symbol_of("oz-in"), symbol_of("furlong")
+    ('Nm', 'deg/s', 'counts/4096', 'ozf in', None)
     """
     word = text.strip().lower()
-    if re.fullmatch(r"(counts|ticks)/[0-9.e+]+", word):
-        return word
-    key = _SPELLED.get(word, word)
-    return _KNOWN[key][0] if key in _KNOWN else None
+    if (of := re.fullmatch(r"(?:counts|ticks)/(\d+\.?\d*(?:e\+?\d+)?)", word)) is not None:
+        return word if float(of[1]) > 0 else None
+    return _SPELLED.get(_plain(word))
+
+
+def unit_for(role: str, symbol: str) -> str:
+    """The unit of a signal: ``Nm`` of a position is a nanometre, spelled as columns spell newton metres.
+
+    Examples
+    --------
+    >>> unit_for("position", "Nm"), unit_for("drive", "Nm")
+    ('nm', 'Nm')
+    """
+    return "nm" if symbol == "Nm" and role in ("position", "reference", "command") else symbol
 
 
 def factor_of(symbol: str) -> tuple[float, str]:
@@ -81,13 +136,12 @@ def factor_of(symbol: str) -> tuple[float, str]:
     >>> round(factor_of("counts/4096")[0] * 4096, 6), factor_of("counts/4096")[1]
     (6.283185, 'rad')
     """
-    if symbol.startswith("counts/"):
+    if symbol.startswith(("counts/", "ticks/")):
         return 2 * math.pi / float(symbol.partition("/")[2]), "rad"
-    key = _SPELLED.get(symbol.lower(), symbol.lower())
-    if key not in _KNOWN:
-        return 1.0, symbol
-    _, factor, si = _KNOWN[key]
-    return factor, si
+    if symbol == "nm":
+        return _NANOMETRE
+    known = _KNOWN.get(symbol) or _KNOWN.get(_SPELLED.get(_plain(symbol), ""))
+    return known[:2] if known else (1.0, symbol)
 
 
 def factor_between(source: str, target: str) -> float:
@@ -163,7 +217,7 @@ def readable(symbol: str, default: str = "") -> str:
     """
     if symbol in UNSTATED:
         return default
-    if symbol.startswith("counts/") or symbol == "rpm":
+    if symbol.startswith(("counts/", "ticks/")) or symbol == "rpm":
         return "rad"
     return symbol.removesuffix("/s")
 
@@ -189,6 +243,20 @@ def turn_of(symbol: str) -> float | None:
 def is_time(symbol: str) -> bool:
     """Whether a unit is one of time, ticks among them."""
     return symbol in _TIMES or symbol.startswith("ticks/")
+
+
+def time_unit_of(column: str, symbol: str) -> str:
+    """The unit of a column of time: the one at its end, or one that its name holds elsewhere, as ``ms_today`` does.
+
+    Examples
+    --------
+    >>> time_unit_of("ms_today", UNKNOWN), time_unit_of("micros", UNKNOWN), time_unit_of("time", UNKNOWN)
+    ('ms', 'us', 'as logged')
+    """
+    if symbol != UNKNOWN:
+        return symbol
+    words = (_SPELLED.get(w, "") for w in re.split(r"[^a-z]+", column.lower()) if len(w) > 1)
+    return next((s for s in words if s in _TIMES - {"min", "h"}), symbol)
 
 
 def seconds_of(symbol: str) -> float:
@@ -219,9 +287,9 @@ def stated(units: dict[str, str] | None) -> dict[str, str]:
                 f"A unit was given for {role!r}; expected one of time, drive, position, reference, command, velocity, "
                 "such as --unit position=deg."
             )
-        out[name] = symbol_of(unit) or unit
+        out[name] = unit_for(name, symbol_of(unit) or unit)
         if name == "time" and not is_time(out[name]):
             raise ValueError(
-                f"The unit of time is {unit!r}; expected s, ms, us, ns or, for ticks of 8 kHz, ticks/8000."
+                f"The unit of time is {unit!r}; expected s, ms, us, ns, min, h or, for ticks of 8 kHz, ticks/8000."
             )
     return out
