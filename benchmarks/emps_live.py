@@ -20,8 +20,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
+from whsklearn.filtering.between_samples import fine_drive
 from whsklearn.identification.view import derivative
-from whsklearn.recursion.batch.axis_free_run import AxisLog, beside_the_states, sensitivities, settled
+from whsklearn.recursion.batch.axis_free_run import AxisForm, AxisLog, beside_the_states, sensitivities, settled
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -46,7 +47,8 @@ def windows(frame: pd.DataFrame, begins: ArrayLike, length: int) -> AxisLog:
     take = (first[:, None] + np.arange(whole)).ravel()
     at, counts = np.arange(len(first) + 1) * whole, np.tile(np.arange(whole) < BEFORE, len(first))
     v = derivative(q, DT)[0]
-    return AxisLog(u[take], q[take], counts, at, v[first], q[first], DT, np.empty(0), CENTRE, True)
+    form = AxisForm(powers=2, centre=CENTRE)
+    return AxisLog(fine_drive(u[take], 4), q[take], counts, at, v[first], q[first], DT, form, True)
 
 
 def misses(theta: np.ndarray, log: AxisLog) -> tuple[np.ndarray, np.ndarray]:

@@ -20,6 +20,7 @@ import pandas as pd
 from scipy.signal import lfilter
 
 from whsklearn.datasets import make_servo_log
+from whsklearn.filtering.between_samples import fine_drive
 from whsklearn.identification import Identification, identify
 from whsklearn.logs import LogWarning, load_log
 from whsklearn.recursion.batch.axis_free_run import AxisLog, free_run
@@ -44,8 +45,8 @@ def drawn_axis(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, float,
     coulomb = rng.uniform(0.15, 0.4) * amplitude
     u = amplitude * lfilter([1.0], [1.0, -0.985], rng.standard_normal(n))
     u *= amplitude / np.std(u)
-    theta = np.array([inertia, viscous, coulomb, 0.05 * rng.standard_normal(), 0.0, 0.0])
-    log = AxisLog(u, u, u == u, np.array([0, n]), np.zeros(1), np.zeros(1), dt, np.empty(0))
+    theta = np.array([inertia, viscous, coulomb, 0.05 * rng.standard_normal()])
+    log = AxisLog(fine_drive(u, 4), u, u == u, np.array([0, n]), np.zeros(1), np.zeros(1), dt)
     if rng.random() < 0.5:
         q = free_run(theta, log._replace(of_position=True))
         return u, q + 2e-5 * np.std(q) * rng.standard_normal(n), dt, "axis"

@@ -8,16 +8,16 @@ import pytest
 from tests.recursion.axis_log import TRUTH, axis_log, slow_drive
 from whsklearn.identification.axis_inverse import balance, inverse_starts, solved
 from whsklearn.identification.view import view
-from whsklearn.recursion.batch.axis_free_run import free_run
+from whsklearn.recursion.batch.axis_free_run import AxisForm, free_run
 
 U = slow_drive(3000, 1)
 LOG = axis_log(U)
 VELOCITY = free_run(TRUTH, LOG)
-NONE = np.empty(0)
+RIGID = AxisForm()
 
 
 def test_starts_are_near_the_truth():
-    for start in inverse_starts(view(U, VELOCITY, 0.005, "velocity"), NONE, hangs=False)[:2]:
+    for start in inverse_starts(view(U, VELOCITY, 0.005, "velocity"), RIGID)[:2]:
         assert start.theta[:4] == pytest.approx(TRUTH[:4], rel=0.2, abs=0.02)
         assert start.holds(start.theta)
         assert not start.holds(np.r_[20.0 * start.theta[0], start.theta[1:]])
@@ -25,7 +25,7 @@ def test_starts_are_near_the_truth():
 
 def test_a_drive_that_works_the_other_way_is_no_axis():
     with pytest.raises(ValueError, match="no rigid axis"):
-        inverse_starts(view(-U, VELOCITY, 0.005, "velocity"), NONE, hangs=False)
+        inverse_starts(view(-U, VELOCITY, 0.005, "velocity"), RIGID)
 
 
 def test_the_direction_is_judged_with_gravity_in():
@@ -35,8 +35,8 @@ def test_the_direction_is_judged_with_gravity_in():
     v, a = np.gradient(q, t), np.gradient(np.gradient(q, t), t)
     record = view(0.05 * a + 0.02 * v + 0.05 * np.sign(v) + 2.0 * np.sin(q), q, 0.005, "position")
     with pytest.raises(ValueError, match="see the axis with gravity"):
-        inverse_starts(record, NONE, hangs=False)
-    start = inverse_starts(record, NONE, hangs=True)[0].theta
+        inverse_starts(record, RIGID)
+    start = inverse_starts(record, AxisForm(hangs=True))[0].theta
     assert start[[0, 4]] == pytest.approx([0.05, 2.0], rel=0.05)
 
 
@@ -45,5 +45,5 @@ def test_segments_do_not_reach_into_each_other(width):
     position = free_run(TRUTH, LOG._replace(of_position=True))
     y, u = np.r_[position[:1400], position[1600:] + 5.0], np.r_[U[:1400], U[1600:]]
     cut = view(u, y, 0.005, "position", np.r_[np.zeros(1400), np.ones(1400)])
-    theta = solved(*balance(cut, width, NONE, hangs=False))
+    theta = solved(*balance(cut, width, RIGID))
     assert theta[:4] == pytest.approx(TRUTH[:4], rel=0.3, abs=0.03)

@@ -8,11 +8,11 @@ from scipy.signal import lfilter
 
 from tests.recursion.axis_log import TRUTH, axis_log, slow_drive
 from whsklearn.effects import Coulomb, FrictionLaw, InputOffset, Viscous
-from whsklearn.identification.axis_fit import gravity_of
+from whsklearn.identification.axis_numbers import position_effects
 from whsklearn.identification.view import view
 from whsklearn.identification.windows import horizons, lead, window_errors
 from whsklearn.models import AxisModel, LinearModel
-from whsklearn.recursion.batch.axis_free_run import free_run
+from whsklearn.recursion.batch.axis_free_run import AxisForm, free_run
 
 RNG = np.random.default_rng(0)
 U = RNG.standard_normal(1000)
@@ -51,12 +51,16 @@ def test_a_true_axis_errs_nowhere():
 
 def test_a_true_pendulum_errs_nowhere_whatever_the_log_is_taken_for():
     u, theta = 2.0 * slow_drive(2000, 1), np.array([0.05, 0.1, 0.2, 0.02, 1.5, 0.4])
-    y = free_run(theta, axis_log(u)._replace(hangs=True, of_position=True))
+    y = free_run(theta, axis_log(u, hangs=True)._replace(of_position=True))
     law = FrictionLaw([Viscous(0.1), Coulomb(0.2)])
-    model = AxisModel(0.05, law, (InputOffset(0.02), gravity_of(1.5, 0.4)), dt=0.005, logged="position")
+
+    def gravity(*weights):
+        return position_effects(np.array(weights), AxisForm(hangs=True))[1][0]
+
+    model = AxisModel(0.05, law, (InputOffset(0.02), gravity(1.5, 0.4)), dt=0.005, logged="position")
     errors = [window_errors(model, view(u, y, 0.005, logged), 100, 60) for logged in ("output", "position")]
     np.testing.assert_array_equal(*errors)
-    wrong = AxisModel(0.05, law, (InputOffset(0.02), gravity_of(1.3, 0.4)), dt=0.005, logged="position")
+    wrong = AxisModel(0.05, law, (InputOffset(0.02), gravity(1.3, 0.4)), dt=0.005, logged="position")
     assert np.std(errors[0]) < 0.05 * np.std(window_errors(wrong, view(u, y, 0.005, "output"), 100, 60))
 
 

@@ -6,6 +6,7 @@ from whsklearn.datasets.drawn_effects import draw_effect
 from whsklearn.datasets.real import fetch_emps, fetch_kr300
 from whsklearn.datasets.references import reference_signal
 from whsklearn.datasets.servo import default_axis, make_servo_log
+from whsklearn.datasets.silverbox import make_silverbox
 from whsklearn.datasets.turntable import load_turntable
 from whsklearn.datasets.wiener_hammerstein import make_wiener_hammerstein
 from whsklearn.logs import Finding, LogReport, check_log, load_log
@@ -24,6 +25,7 @@ __all__ = [
     "make_arm_log",
     "make_coupled_drives",
     "make_servo_log",
+    "make_silverbox",
     "make_wiener_hammerstein",
     "reference_signal",
 ]

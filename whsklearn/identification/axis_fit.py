@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import functools
+import itertools
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from whsklearn.effects import Coulomb, FrictionLaw, InputOffset, SpeedHinge, Viscous
-from whsklearn.identification.axis_inverse import Start, inverse_starts
-from whsklearn.identification.axis_numbers import axis_log, axis_residual, gravity_of, shooting_log
+from whsklearn.filtering.between_samples import HOLDS
+from whsklearn.identification.axis_inverse import Start, inverse_starts, position_columns
+from whsklearn.identification.axis_numbers import axis_log, axis_residual, position_effects, shooting_log
+from whsklearn.identification.linear_fit import fit_output_error
 from whsklearn.identification.view import derivative, window_of
 from whsklearn.identification.windows import axis_score
 from whsklearn.models import AxisModel
-from whsklearn.recursion.batch.axis_free_run import AxisFit, AxisLog, fit_axis, fit_pieces, free_run
+from whsklearn.models.axis import spring_steps
+from whsklearn.recursion.batch.axis_free_run import AxisFit, AxisForm, AxisLog, fit_axis, fit_pieces, free_run
 from whsklearn.validation import whiteness_test
 
 if TYPE_CHECKING:
@@ -22,7 +26,6 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from whsklearn.effects import Effect
     from whsklearn.identification.view import View
 
     Array = NDArray[np.float64]
@@ -36,6 +39,8 @@ SHOOTING = (
 # Of the drive's rms: what is fitted where there is no gravity, and held-out data happen to like, is up to 0.2 %
 # (benchmarks/which_structure.py, axes of MuJoCo)
 LEAST_GRAVITY = 0.01
+LEAST_LINEAR = 0.5  # of the variance that the best linear model may leave, or no start is near
+LONG = 20_000  # samples of the first fits of an axis on a spring; the last one has all
 LEVEL = 0.01  # of the test for whiteness
 LEAST_TESTED = 60  # samples, twice the lags of the test and some
 BLOCKS = 20  # of the scores of inverse dynamics: each is to be longer than what is missing is correlated
@@ -43,13 +48,13 @@ BLOCKS = 20  # of the scores of inverse dynamics: each is to be longer than what
 
 def fit_rigid_axis(log: View) -> AxisModel:
     """Inertia, viscous and Coulomb friction, offset, in SI."""
-    return _fit(log, np.empty(0))
+    return _fit(log, AxisForm())
 
 
 def fit_free_law_axis(log: View) -> AxisModel:
     """The same with friction bent at four speeds."""
     speed = np.abs(log.target)
-    return _fit(log, np.unique(np.quantile(speed[speed > 0.02 * speed.max()], KNOTS)))
+    return _fit(log, AxisForm(np.unique(np.quantile(speed[speed > 0.02 * speed.max()], KNOTS))))
 
 
 def fit_hanging_axis(log: View) -> AxisModel:
@@ -60,64 +65,128 @@ def fit_hanging_axis(log: View) -> AxisModel:
     ValueError
         If gravity is next to nothing, or as `inverse_starts`.
     """
-    model = _fit(
-        replace(log, logged="position", target=derivative(log.y, log.dt, log.bounds)[0]), np.empty(0), hangs=True
-    )
+    model = _fit(_of_position(log), AxisForm(hangs=True))
     share = model.parameters["gravity_imbalance"] / np.std(log.u)
     if share < LEAST_GRAVITY:
         raise ValueError(f"Gravity would be {100 * share:.2g} % of the drive, so the axis without it is the same.")
     return model
 
 
-def _fit(log: View, knots: Array, *, hangs: bool = False) -> AxisModel:
+def fit_sprung_axis(log: View, powers: int) -> AxisModel:
+    """The rigid axis on a spring of so many powers of the position, which is the output.
+
+    The drive is taken as held between samples and as a smooth signal, whichever leaves less: an axis that turns by half
+    a radian a sample, as the Silverbox does, knows the one from the other.
+
+    Raises
+    ------
+    ValueError
+        If the best linear model of second order is no mass on a spring, or says next to nothing of the record.
+    """
+    record = _of_position(log)
+    theta, form = spring_start(log), AxisForm(powers=powers)
+    theta = np.r_[theta, np.zeros(powers - 1)]
+    steps = spring_steps(theta[4] / theta[0], log.dt)
+    short = record.part(0, min(record.u.size, LONG))
+    found = []
+    for hold in HOLDS:
+        early = replace(short, steps=steps, hold=hold)
+        ended = AxisFit(theta, theta, theta, np.inf)
+        for seconds in (*SHOOTING, np.inf):
+            ended = fit_pieces(ended.theta, shooting_log(early, seconds, form))
+        found.append((ended.cost, ended.theta, hold))
+    _, theta, hold = min(found, key=lambda f: f[0])
+    whole = replace(record, steps=steps, hold=hold)
+    best = fit_pieces(theta, shooting_log(whole, np.inf, form))
+    if not np.isfinite(best.cost):
+        raise ValueError("The run of an axis on a spring does not stay finite.")
+    return _model(best, whole, form)
+
+
+def _of_position(log: View) -> View:
+    """The record with its output as the position of an axis."""
+    return replace(log, logged="position", target=derivative(log.y, log.dt, log.bounds)[0])
+
+
+def spring_start(log: View) -> Array:
+    """Inertia, viscous and Coulomb friction, offset and stiffness of the best linear model of second order."""
+    linear = fit_output_error(log, 2)
+    left = np.concatenate([log.y[a:b] - linear.simulate(log.u[a:b]) for a, b in itertools.pairwise(log.bounds)])
+    if not np.var(left) < LEAST_LINEAR * np.var(log.y):
+        raise ValueError("The best linear model of second order says next to nothing of the output.")
+    poles = np.log(np.roots(linear.denominator).astype(complex)) / log.dt
+    gain = sum(linear.numerator) / sum(linear.denominator)
+    square, fade = float(np.prod(poles).real), float(-np.sum(poles).real)
+    if not (gain > 0.0 and square > 0.0 and fade > 0.0 and abs(np.sum(poles).imag) < 1e-9 * abs(poles).max()):
+        raise ValueError("The best linear model of second order is no mass on a spring.")
+    stiffness = 1.0 / gain
+    return np.array([stiffness / square, stiffness * fade / square, 0.0, -stiffness * linear.offset, stiffness])
+
+
+def _fit(log: View, form: AxisForm) -> AxisModel:
     """The numbers that simulate best over windows of the record, of all that the fits ended at."""
-    best = _best_minimum(log, knots, hangs=hangs)
-    theta, errors = best.theta, np.sqrt(np.maximum(np.diag(best.covariance), 0.0))
-    if not white(axis_residual(theta, log, knots, hangs=hangs), log):
-        other, spread = inverse_dynamics(log, knots, hangs=hangs)
+    return _model(_best_minimum(log, form), log, form)
+
+
+def _model(best: AxisFit, log: View, form: AxisForm) -> AxisModel:
+    """The numbers of a fit as an axis, with standard errors."""
+    covariance = best.covariance
+    if not form.powers and not white(axis_residual(best.theta, log, form), log):
+        other, spread = inverse_dynamics(log, form)
         # two estimators agree where nothing is missing, and how far they lie apart tells what is (Hausman 1978)
-        errors = np.hypot(np.hypot(errors, spread), theta - other)
-    law = FrictionLaw(
-        [Viscous(theta[1]), Coulomb(theta[2]), *(SpeedHinge(w, k) for w, k in zip(theta[6:], knots, strict=True))]
-    )
-    effects: list[Effect] = [InputOffset(float(theta[3]))]
-    named = dict(
-        zip(("inertia", *law.labels, "input_offset"), np.r_[errors[:3], errors[6:], errors[3]].tolist(), strict=True)
-    )
-    if hangs:
-        gravity = gravity_of(*theta[4:6])
-        effects.append(gravity)
-        wider = np.diag(errors[4:6] / np.sqrt(np.maximum(np.diag(best.covariance)[4:6], 1e-300)))
-        named |= _gravity_errors(theta[4:6], wider @ best.covariance[4:6, 4:6] @ wider)
+        errors = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        wider = np.hypot(np.hypot(errors, spread), best.theta - other)
+        scale = wider / np.maximum(errors, 1e-300)
+        covariance = covariance * np.outer(scale, scale) if errors.all() else np.diag(wider**2)
+    model = axis_of(best.theta, log, form)
+    return replace(model, standard_errors=standard_errors(best.theta, covariance, log, form))
+
+
+def axis_of(theta: Array, log: View, form: AxisForm) -> AxisModel:
+    """The kernel's numbers as an axis."""
+    more, effects = position_effects(theta[4 : 4 + form.of_position], form)
+    hinges = [SpeedHinge(w, k) for w, k in zip(theta[4 + form.of_position :], form.knots, strict=True)]
     return AxisModel(
         float(theta[0]),
-        law,
-        tuple(effects),
+        FrictionLaw([Viscous(theta[1]), Coulomb(theta[2]), *hinges]),
+        (InputOffset(float(theta[3]) + more), *effects),
+        hold=log.hold,
         dt=log.dt,
         logged="position" if log.logged == "position" else "velocity",
-        standard_errors=named,
     )
 
 
-def _best_minimum(log: View, knots: Array, *, hangs: bool) -> AxisFit:
+def standard_errors(theta: Array, covariance: Array, log: View, form: AxisForm) -> dict[str, float]:
+    """Of the axis' own numbers, to first order; those of a knot, which is set, are left out."""
+    names = [k for k in axis_of(theta, log, form).parameters if not k.endswith("__knot")]
+
+    def numbers(at: Array) -> Array:
+        known = axis_of(at, log, form).parameters
+        return np.array([known[k] for k in names])
+
+    steps = np.maximum(1e-6 * np.abs(theta), 1e-9 * np.sqrt(np.maximum(np.diag(covariance), 0.0)) + 1e-300)
+    slopes = np.array([(numbers(theta + d) - numbers(theta)) / h for d, h in zip(np.diag(steps), steps, strict=True)]).T
+    spread = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", slopes, covariance, slopes), 0.0))
+    return dict(zip(names, spread.tolist(), strict=True))
+
+
+def _best_minimum(log: View, form: AxisForm) -> AxisFit:
     """Starts by inverse dynamics, fits by multiple shooting over short and long pieces, and by one free run.
 
     Where gravity is large against the inertia the free run of a start that is a little wrong is lost within a second,
     and its least squares end anywhere.  So the best start goes first over pieces short enough for it, and of all
     that is found the numbers whose windows are simulated best are taken.
     """
-    free = np.r_[np.ones(4, bool), np.full(2, hangs), np.ones(knots.size, bool)]
 
     def score(theta: Array) -> float:
-        return axis_score(theta, knots, log, hangs=hangs)
+        return axis_score(theta, form, log)
 
-    least, start = min(((score(s.theta), s) for s in inverse_starts(log, knots, hangs=hangs)), key=lambda pair: pair[0])
-    whole = axis_log(log, knots, hangs=hangs)
+    least, start = min(((score(s.theta), s) for s in inverse_starts(log, form)), key=lambda pair: pair[0])
+    whole = axis_log(log, form)
     best = start_as_fit(start, whole)
-    fits: list[Callable[[Array], AxisFit]] = [functools.partial(fit_axis, log=whole, free=free)]
+    fits: list[Callable[[Array], AxisFit]] = [functools.partial(fit_axis, log=whole)]
     if log.logged == "position":
-        pieces = [shooting_log(log, seconds, knots, hangs=hangs) for seconds in SHOOTING]
-        fits += [functools.partial(fit_pieces, log=p, free=free) for p in pieces]
+        fits += [functools.partial(fit_pieces, log=shooting_log(log, seconds, form)) for seconds in SHOOTING]
     for fit in fits:
         ended = fit(best.theta)
         if np.isfinite(ended.cost) and start.holds(ended.theta) and (reached := score(ended.theta)) < least:
@@ -141,7 +210,7 @@ def white(error: Array, log: View) -> bool:
     return whiteness_test(apart).p_value > LEVEL
 
 
-def inverse_dynamics(log: View, knots: Array, *, hangs: bool) -> tuple[Array, Array]:
+def inverse_dynamics(log: View, form: AxisForm) -> tuple[Array, Array]:
     """The numbers by least squares of the torque balance along the measured motion, and their standard errors.
 
     In closed loop the motion hardly knows what is missing, and the drive carries it: these estimates stay near the
@@ -158,8 +227,8 @@ def inverse_dynamics(log: View, knots: Array, *, hangs: bool) -> tuple[Array, Ar
         velocity, acceleration = savgol_filter(log.target, window, 2), velocity
     side = np.sign(velocity)
     columns = [acceleration, velocity, side, np.ones_like(velocity)]
-    columns += [np.sin(log.y), np.cos(log.y)] if hangs else [np.zeros_like(velocity)] * 2
-    columns += [side * np.maximum(np.abs(velocity) - k, 0.0) for k in knots]
+    columns += position_columns(log.y, form)
+    columns += [side * np.maximum(np.abs(velocity) - k, 0.0) for k in form.knots]
     moving = np.abs(velocity) > 0.02 * np.abs(velocity).max()
     rows = np.column_stack(columns) * moving[:, None]
     scale = np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
@@ -170,11 +239,3 @@ def inverse_dynamics(log: View, knots: Array, *, hangs: bool) -> tuple[Array, Ar
     edges = np.linspace(0, drive.size, BLOCKS + 1).astype(int)[:-1]
     scores = np.add.reduceat(rows * (drive - rows @ theta)[:, None], edges, axis=0)
     return theta / scale, np.sqrt(np.maximum(np.diag(inverse @ (scores.T @ scores) @ inverse), 0.0)) / scale
-
-
-def _gravity_errors(forces: Array, covariance: Array) -> dict[str, float]:
-    """Standard errors of amplitude and phase, to first order."""
-    (sine, cosine), amplitude = forces, max(np.hypot(*forces), 1e-300)
-    slopes = np.array([[sine, cosine], [-cosine / amplitude, sine / amplitude]]) / amplitude
-    errors = np.sqrt(np.maximum(np.diag(slopes @ covariance @ slopes.T), 0.0))
-    return dict(zip(("gravity_imbalance", "gravity_imbalance__phase"), errors.tolist(), strict=True))

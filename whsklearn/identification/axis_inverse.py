@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from whsklearn.filtering.gaussian import filtered, gaussian_derivatives
+from whsklearn.recursion.batch.axis_free_run import AxisForm
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -30,10 +31,10 @@ LEAST_INERTIA = 1e-3
 FEWEST = 20  # samples of a balance: its six numbers and a few
 
 
-def balance(log: View, width: float, knots: Array, *, hangs: bool) -> tuple[Array, Array]:
-    """(columns, drive) of u = J a + B v + C sign(v) + o + k1 sin q + k2 cos q + sum w_k hinge_k, (m, 6 + knots), (m,).
+def balance(log: View, width: float, form: AxisForm) -> tuple[Array, Array]:
+    """(columns, drive) of u = J a + B v + C sign(v) + o + p(q) + sum w_k hinge_k, shapes (m, p) and (m,).
 
-    Columns as in `whsklearn.recursion.batch.axis_free_run`; those of gravity are zero unless the axis ``hangs``.
+    Columns as theta of `whsklearn.recursion.batch.axis_free_run.AxisForm`.
     Where the axis rests for longer than the Gaussian is wide friction can have any value, and these samples are
     left out.
 
@@ -63,14 +64,20 @@ def balance(log: View, width: float, knots: Array, *, hangs: bool) -> tuple[Arra
         slow = SLOW * max(float(np.sqrt(np.mean(v**2))), 1e-300)
         side = np.tanh(v / slow)
         columns = [v, side, np.ones_like(v)]
-        columns += [np.sin(q), np.cos(q)] if hangs else [np.zeros_like(v)] * 2
-        columns += [side * np.maximum(np.abs(v) - k, 0.0) for k in knots]
+        columns += position_columns(q, form)
+        columns += [side * np.maximum(np.abs(v) - k, 0.0) for k in form.knots]
         blurred = filtered(np.column_stack([*columns, np.abs(v) > slow, log.u[a:b]]), g, 1)
         keep = blurred[:, -2] > 0.5
         keep[:half] = keep[b - a - half :] = False
         parts.append(np.column_stack([acceleration, blurred[:, :-2], blurred[:, -1]])[keep])
-    rows = np.concatenate(parts) if parts else np.empty((0, 7 + knots.size))
+    rows = np.concatenate(parts) if parts else np.empty((0, form.size + 1))
     return rows[:, :-1], rows[:, -1]
+
+
+def position_columns(q: Array, form: AxisForm) -> list[Array]:
+    """Forces of the position at weight one, shape (n,) each."""
+    e = q - form.centre
+    return [np.sin(e), np.cos(e)] if form.hangs else [e ** (k + 1) for k in range(form.powers)]
 
 
 def solved(columns: Array, drive: Array) -> Array:
@@ -109,7 +116,7 @@ class Start(NamedTuple):
         return left <= max(WORSE * least, ALIKE * _rms(self.drive))
 
 
-def inverse_starts(log: View, knots: Array, *, hangs: bool) -> list[Start]:
+def inverse_starts(log: View, form: AxisForm) -> list[Start]:
     """Starts of a fit, one a width of the Gaussian that leaves an inertia; friction is at least next to nothing.
 
     Raises
@@ -121,7 +128,7 @@ def inverse_starts(log: View, knots: Array, *, hangs: bool) -> list[Start]:
     found: list[Start] = []
     least = 1e-3 * np.std(log.u) / np.array([np.std(log.target) or 1.0, 1.0])
     for width in WIDTHS:
-        columns, drive = balance(log, width, knots, hangs=hangs)
+        columns, drive = balance(log, width, form)
         if drive.size < FEWEST:
             continue
         theta = solved(columns, drive)
@@ -129,7 +136,7 @@ def inverse_starts(log: View, knots: Array, *, hangs: bool) -> list[Start]:
             theta[1:3] = np.maximum(theta[1:3], least)
             found.append(Start(theta, columns, drive))
     if not found:
-        raise ValueError(_backwards(log, hangs=hangs))
+        raise ValueError(_backwards(log, form))
     return found
 
 
@@ -142,11 +149,11 @@ def _rms(x: Array) -> float:
     return float(np.sqrt(np.mean(x**2)))
 
 
-def _backwards(log: View, *, hangs: bool) -> str:
+def _backwards(log: View, form: AxisForm) -> str:
     """Why there is no inertia: a force that grows with the position may be all that hides it."""
-    if not hangs and log.logged == "position":
+    if not form.of_position and log.logged == "position":
         for width in WIDTHS:
-            columns, drive = balance(log, width, np.empty(0), hangs=True)
+            columns, drive = balance(log, width, AxisForm(hangs=True))
             if drive.size >= FEWEST and _accelerates(solved(columns, drive), columns, drive):
                 return "Without gravity no inertia fits: see the axis with gravity."
     return "The drive does not accelerate the output in its own direction, so this is no rigid axis."

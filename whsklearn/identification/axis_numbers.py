@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from whsklearn.effects import GravityImbalance, SpeedHinge
-from whsklearn.recursion.batch.axis_free_run import AxisLog, free_run, settled
+from whsklearn.effects import CableSpring, GravityImbalance, HardeningSpring, SpeedHinge
+from whsklearn.recursion.batch.axis_free_run import AxisForm, AxisLog, free_run, settled
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from whsklearn.effects import Effect
     from whsklearn.identification.view import View
     from whsklearn.models import AxisModel
 
@@ -23,56 +24,80 @@ LEAST_PIECE = 100  # samples of it
 FEWEST_SHOT = 20  # samples of a piece of multiple shooting, ten for each number of its state
 
 
-def axis_log(log: View, knots: Array, *, hangs: bool) -> AxisLog:
+def axis_log(log: View, form: AxisForm) -> AxisLog:
     """The record as the fit of an axis takes it, in one piece, or in short ones where gravity pulls.
 
     Where it does the place counts, and a free run is off it after some seconds.
     """
-    n = log.u.size
-    piece = max(round(PIECE / log.dt), LEAST_PIECE) if hangs else n
+    n, placed = log.u.size, form.of_position > 0
+    piece = max(round(PIECE / log.dt), LEAST_PIECE) if placed else n
     begins = np.concatenate([np.arange(a, b, piece) for a, b in itertools.pairwise(log.bounds)])
     return AxisLog(
-        log.u, log.target, np.arange(n) >= 0, np.append(begins, n), log.target[begins], log.y[begins] * hangs, log.dt,
-        knots, hangs=hangs,
+        log.drive, log.target, np.arange(n) >= 0, np.append(begins, n), log.target[begins], log.y[begins] * placed,
+        log.dt, form,
     )  # fmt: skip
 
 
-def shooting_log(log: View, seconds: float, knots: Array, *, hangs: bool) -> AxisLog:
+def shooting_log(log: View, seconds: float, form: AxisForm) -> AxisLog:
     """A logged position in pieces of so many seconds, each of `FEWEST_SHOT` samples at least, for multiple shooting."""
-    piece = max(round(seconds / log.dt), FEWEST_SHOT)
-    ends = log.bounds.tolist()
+    piece = max(seconds / log.dt, FEWEST_SHOT)
     begins = np.concatenate(
-        [np.linspace(a, b, max((b - a) // piece, 1) + 1)[:-1].astype(int) for a, b in itertools.pairwise(ends)]
+        [
+            np.linspace(a, b, max(int((b - a) / piece), 1) + 1)[:-1].astype(int)
+            for a, b in itertools.pairwise(log.bounds.tolist())
+        ]
     )
     return AxisLog(
-        log.u, log.y, np.ones(log.u.size, dtype=bool), np.append(begins, log.u.size), log.target[begins], log.y[begins],
-        log.dt, knots, of_position=True, hangs=hangs,
+        log.drive, log.y, np.ones(log.u.size, dtype=bool), np.append(begins, log.u.size), log.target[begins],
+        log.y[begins], log.dt, form, of_position=True,
     )  # fmt: skip
 
 
-def axis_residual(theta: Array, log: View, knots: Array, *, hangs: bool) -> Array:
+def axis_residual(theta: Array, log: View, form: AxisForm) -> Array:
     """What the axis leaves of a record in SI: of a position in pieces, each with its own state; else of one run."""
     if log.logged == "position":
-        pieces = settled(theta, shooting_log(log, PIECE, knots, hangs=hangs))
+        pieces = settled(theta, shooting_log(log, PIECE, form))
         return pieces.target - free_run(theta, pieces)
-    return log.target - free_run(theta, axis_log(log, knots, hangs=hangs))
+    return log.target - free_run(theta, axis_log(log, form))
 
 
-def axis_theta(model: AxisModel) -> tuple[Array, Array, bool]:
-    """The kernel's parameters of an axis that `axis_fit` made, its knots, and whether it hangs."""
+def axis_theta(model: AxisModel) -> tuple[Array, AxisForm]:
+    """The kernel's parameters of an axis that `axis_fit` made, and its form."""
     p = model.parameters
     hinges = [t for t in model.law.terms if isinstance(t, SpeedHinge)]
-    gravity = [e for e in model.effects if isinstance(e, GravityImbalance)]
-    forces = sine_and_cosine(gravity[0]) if gravity else (0.0, 0.0)
-    theta = [model.inertia, p["viscous"], p["coulomb"], model.effects[0].magnitude, *forces]
-    return np.array(theta + [t.magnitude for t in hinges]), np.array([t.knot for t in hinges]), bool(gravity)
+    offset, *rest = model.effects
+    forces, base = position_weights(rest)
+    hangs = any(isinstance(e, GravityImbalance) for e in rest)
+    knots = np.array([t.knot for t in hinges])
+    theta = [model.inertia, p["viscous"], p["coulomb"], offset.magnitude + base, *forces]
+    return np.array(theta + [t.magnitude for t in hinges]), AxisForm(knots, hangs, 0 if hangs else len(forces))
 
 
-def gravity_of(sine: float, cosine: float) -> GravityImbalance:
-    """k1 sin q + k2 cos q as A cos(q + phi)."""
-    return GravityImbalance(float(np.hypot(sine, cosine)), phase=float(np.arctan2(-sine, cosine)))
+def position_effects(weights: Array, form: AxisForm) -> tuple[float, list[Effect]]:
+    """What the forces of the position add to the offset, and their effects.
+
+    w_1 sin q + w_2 cos q is A cos(q + phi); w_1 q + w_2 q^2 + w_3 q^3 is a cubic about c = -w_2 / (3 w_3) and a line.
+    """
+    if form.hangs:
+        return 0.0, [GravityImbalance(float(np.hypot(*weights)), phase=float(np.arctan2(-weights[0], weights[1])))]
+    line, square, cube = np.r_[weights, np.zeros(3 - weights.size)].tolist()
+    if weights.size < 2:
+        return 0.0, [CableSpring(line)] * weights.size
+    centre = -square / (3.0 * cube)
+    return cube * centre**3, [CableSpring(line - 3.0 * cube * centre**2), HardeningSpring(cube, centre)]
 
 
-def sine_and_cosine(gravity: GravityImbalance) -> tuple[float, float]:
-    """The reverse of `gravity_of`."""
-    return -gravity.amplitude * np.sin(gravity.phase), gravity.amplitude * np.cos(gravity.phase)
+def position_weights(effects: list[Effect]) -> tuple[list[float], float]:
+    """The reverse of `position_effects`: weights, and what the cubic adds to the offset."""
+    if not effects:
+        return [], 0.0
+    first, *more = effects
+    if isinstance(first, GravityImbalance):
+        return [-first.amplitude * np.sin(first.phase), first.amplitude * np.cos(first.phase)], 0.0
+    assert isinstance(first, CableSpring)
+    if not more:
+        return [first.stiffness], 0.0
+    (cubic,) = more
+    assert isinstance(cubic, HardeningSpring)
+    cube, centre = cubic.stiffness, cubic.centre
+    return [first.stiffness + 3.0 * cube * centre**2, -3.0 * cube * centre, cube], -cube * centre**3

@@ -12,7 +12,13 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from whsklearn._numba import compiling_seconds
-from whsklearn.identification.axis_fit import fit_free_law_axis, fit_hanging_axis, fit_rigid_axis, white
+from whsklearn.identification.axis_fit import (
+    fit_free_law_axis,
+    fit_hanging_axis,
+    fit_rigid_axis,
+    fit_sprung_axis,
+    white,
+)
 from whsklearn.identification.chain_fit import fit_chain
 from whsklearn.identification.drive_lead import moved, skew
 from whsklearn.identification.linear_fit import fit_arx, fit_output_error
@@ -252,7 +258,7 @@ def identify(
     _score(trivial, held_out)
     tried: list[Compared] = []
     angle = whole.logged != "velocity" and smooth(whole.y, whole.bounds) and output[1] in ("rad", UNKNOWN)
-    structures = list(candidates(cut, angle=angle, rectified=loses_sign(whole)))
+    structures = list(candidates(cut, angle=angle, sprung=whole.logged == "output", rectified=loses_sign(whole)))
     for compared, fit in structures:
         if compared.kind == "wiener-hammerstein" and min(c.score for c in tried) < AT_FLOOR:
             compared.failure = "left out, as a simpler structure is at the noise floor"
@@ -281,7 +287,9 @@ def identify(
     return Identification(tried, chosen, trivial, reason, whole.floor, whole, judged, np.size(y), is_white)
 
 
-def candidates(n: int, *, angle: bool, rectified: bool) -> Iterator[tuple[Compared, Callable[[View], Any]]]:
+def candidates(
+    n: int, *, angle: bool, sprung: bool, rectified: bool
+) -> Iterator[tuple[Compared, Callable[[View], Any]]]:
     """Every structure for ``n`` samples and how it is fitted.
 
     With gravity where the output may be an ``angle``, without a sign where it may be ``rectified``.
@@ -304,6 +312,10 @@ def candidates(n: int, *, angle: bool, rectified: bool) -> Iterator[tuple[Compar
     if angle:
         law = {"law": ["viscous", "coulomb"], "effects": ["gravity_imbalance"]}
         yield Compared("axis with gravity", "axis", law, "simulation"), fit_hanging_axis
+    for name, powers in (("axis on a spring", 1), ("axis on a hardening spring", 3)) if sprung else ():
+        effects = ["cable_spring", "hardening_spring"][: 1 + (powers > 1)]
+        law = {"law": ["viscous", "coulomb"], "effects": effects}
+        yield Compared(name, "axis", law, "simulation"), functools.partial(fit_sprung_axis, powers=powers)
     for order in ORDERS[1:] if rectified else ():
         structure = {"order": order, "effects": ["sensor_rectification"]}
         yield (

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from whsklearn.identification.axis_inverse import FEWEST, balance, solved
+from whsklearn.recursion.batch.axis_free_run import AxisForm
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -78,13 +79,13 @@ def skew(log: View) -> int:
     width = max(WIDTH / log.dt, FEWEST_WIDE)
     if 2 * OLDEST < log.dt or log.logged == "output":
         return 0
-    hangs = log.logged == "position"
-    columns, drive = balance(log, width, np.empty(0), hangs=hangs)
+    form = AxisForm(hangs=log.logged == "position")
+    columns, drive = balance(log, width, form)
     if drive.size < 10 * FEWEST:
         return 0
 
     def look(lead: int) -> tuple[float, float]:
-        columns, drive = balance(moved(log, lead), width, np.empty(0), hangs=hangs)
+        columns, drive = balance(moved(log, lead), width, form)
         theta = solved(columns, drive)
         rate = np.gradient(columns @ theta, log.dt)
         both = np.column_stack([columns, rate])

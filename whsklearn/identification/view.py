@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from whsklearn.filtering.between_samples import fine_drive
 from whsklearn.recursion.batch.best_linear import IOData, least_squares_arx
 
 if TYPE_CHECKING:
@@ -43,6 +45,10 @@ class View:
         Where a segment begins after a hole or a restart, beside sample 0.
     lead : int
         Samples by which ``u`` is earlier than it was logged.
+    steps : int
+        Fine steps a sample in which an axis is run.
+    hold : {"zero", "cubic"}
+        What the drive does between samples, see `whsklearn.filtering.between_samples.fine_drive`.
 
     References
     ----------
@@ -67,6 +73,13 @@ class View:
     si: tuple[float, float] = (1.0, 1.0)
     starts: tuple[int, ...] = ()
     lead: int = 0
+    steps: int = 4
+    hold: str = "zero"
+
+    @functools.cached_property
+    def drive(self) -> Array:
+        """The drive in every fine step of an axis' run, shape (n, steps)."""
+        return fine_drive(self.u, self.steps, self.hold, self.bounds)
 
     @property
     def bounds(self) -> NDArray[np.int64]:

@@ -11,7 +11,7 @@ import numpy as np
 from whsklearn.identification.axis_numbers import axis_residual, axis_theta
 from whsklearn.identification.view import smooth
 from whsklearn.models import AxisModel, ChainModel, LinearModel
-from whsklearn.recursion.batch.axis_free_run import AxisLog, fit_state, free_run
+from whsklearn.recursion.batch.axis_free_run import AxisForm, AxisLog, fit_state, free_run
 from whsklearn.recursion.batch.simulation_search import SKIP
 
 if TYPE_CHECKING:
@@ -76,13 +76,13 @@ def _steady(log: View, start: int, horizon: int, before: int) -> Array:
 
 def _axis_errors(model: AxisModel, log: View, begins: NDArray[np.int64], horizon: int, before: int) -> Array:
     """In the record's unit, while the model and its run are in SI."""
-    theta, knots, hangs = axis_theta(model)
-    logged = replace(log.in_si, logged=model.logged)
-    return _theta_errors(theta, knots, logged, begins, horizon, before, hangs=hangs) / log.si[1]
+    theta, form = axis_theta(model)
+    logged = replace(log.in_si, logged=model.logged, steps=model.steps, hold=model.hold)
+    return _theta_errors(theta, form, logged, begins, horizon, before) / log.si[1]
 
 
 def _theta_errors(
-    theta: Array, knots: Array, log: View, begins: NDArray[np.int64], horizon: int, before: int, *, hangs: bool
+    theta: Array, form: AxisForm, log: View, begins: NDArray[np.int64], horizon: int, before: int
 ) -> Array:
     """State by Gauss-Newton over the lead, then the run on from there; (windows, horizon)."""
     position = log.logged == "position"
@@ -94,8 +94,8 @@ def _theta_errors(
     def pieces(at: NDArray[np.int64]) -> AxisLog:
         flat, bounds = at.ravel(), np.arange(begins.size + 1) * at.shape[1]
         return AxisLog(
-            log.u[flat], log.y[flat], np.ones(flat.size, dtype=bool), bounds, slope.copy(), first[:, 0].copy(), log.dt,
-            knots, of_position=position, hangs=hangs,
+            log.drive[flat], log.y[flat], np.ones(flat.size, dtype=bool), bounds, slope.copy(), first[:, 0].copy(),
+            log.dt, form, of_position=position,
         )  # fmt: skip
 
     v0, q0 = fit_state(theta, pieces(lead_at))
@@ -103,12 +103,12 @@ def _theta_errors(
     return (log.y[whole_at] - run.reshape(whole_at.shape))[:, before:]
 
 
-def axis_score(theta: Array, knots: Array, log: View, *, hangs: bool) -> float:
+def axis_score(theta: Array, form: AxisForm, log: View) -> float:
     """Geometric mean of the errors over windows of all lengths, of a record in SI."""
     longest = log.longest.u.size
     before = lead(longest, log.dt)
     rms = [
-        rms_of(_theta_errors(theta, knots, log, _begins(log, h, before), h, before, hangs=hangs))
+        rms_of(_theta_errors(theta, form, log, _begins(log, h, before), h, before))
         for h in horizons(longest - before, log.dt)
     ]
     return mean_error(rms, log, 1e-6 * float(np.std(log.y)))
@@ -134,8 +134,9 @@ def residual(model: Any, log: View) -> Array:
     """What the fit of a model left of the signal that it was fitted to, in SI."""
     si = log.in_si
     if isinstance(model, AxisModel):
-        theta, knots, hangs = axis_theta(model)
-        return axis_residual(theta, replace(si, logged=model.logged), knots, hangs=hangs)
+        theta, form = axis_theta(model)
+        as_run = replace(si, logged=model.logged, steps=model.steps, hold=model.hold)
+        return axis_residual(theta, as_run, form)
     plain = replace(model, logged="output", units={})
     pieces = [si.target[a:b] - plain.simulate(si.u[a:b]) for a, b in itertools.pairwise(si.bounds)]
     return np.concatenate([e[min(SKIP, e.size // 10) :] for e in pieces])
