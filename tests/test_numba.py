@@ -31,9 +31,10 @@ print(value, sum(law_values.stats.cache_hits.values()))
 """
 
 
-def run(folder):
-    """What the kernel gives in a process of its own, and whether it came from the cache."""
+def run(folder, home):
+    """What the kernel gives in a process of its own, and whether it came from the user's cache."""
     environment = {k: v for k, v in os.environ.items() if not k.startswith(("NUMBA_", "PYTHONPATH"))}
+    environment["XDG_CACHE_HOME"] = str(home)
     out = subprocess.run(
         [sys.executable, "-c", SCRIPT], cwd=folder, env=environment, capture_output=True, text=True, check=True
     )
@@ -41,15 +42,33 @@ def run(folder):
     return float(value), int(hits)
 
 
+def copied(to):
+    shutil.copytree(PACKAGE, to / "whsklearn", ignore=shutil.ignore_patterns("__pycache__"))
+    return to
+
+
 def test_an_edited_equation_is_run_and_an_unchanged_one_comes_from_the_cache(tmp_path):
-    shutil.copytree(PACKAGE, tmp_path / "whsklearn", ignore=shutil.ignore_patterns("__pycache__"))
-    assert run(tmp_path) == (1.0, 0)
-    assert run(tmp_path) == (1.0, 1)
-    equations = tmp_path / "whsklearn" / "effects" / "equations.py"
+    here, home = copied(tmp_path / "here"), tmp_path / "home"
+    assert run(here, home) == (1.0, 0)
+    assert run(here, home) == (1.0, 1)
+    assert run(copied(tmp_path / "another environment"), home) == (1.0, 1)
+    equations = here / "whsklearn" / "effects" / "equations.py"
     before, after = "return dx, 0.0, 1.0", "return 3.0 * dx, 0.0, 3.0"
     assert equations.read_text().count(before) == 1
     equations.write_text(equations.read_text().replace(before, after))
-    assert run(tmp_path) == (3.0, 0)
+    assert run(here, home) == (3.0, 0)
+
+
+def test_kernels_that_nobody_declared_for_long_make_room(tmp_path, monkeypatch):
+    monkeypatch.setattr(_numba._settings, "CACHE_DIR", str(tmp_path))
+    (base,) = list(_numba._bases())[:1]
+    for name in ("old", "young"):
+        (base / name).mkdir(parents=True)
+    os.utime(base / "old", (0, 0))
+    _numba.njit(_quartered)(8.0)
+    assert (base / "young").is_dir()
+    assert not (base / "old").exists()
+    assert len(list(base.iterdir())) == 2
 
 
 def test_imports_are_found_however_they_are_written():
@@ -61,11 +80,12 @@ def test_imports_are_found_however_they_are_written():
 
 def test_a_kernel_depends_on_what_it_inlines_two_files_down():
     assert "equations.py" in {f.name for f in imported((PACKAGE / "effects" / "terms.py").read_text())}
-    assert fingerprint(PACKAGE / "effects" / "terms.py") != fingerprint(PACKAGE / "effects" / "signs.py")
+    assert fingerprint(PACKAGE / "effects" / "terms.py") != fingerprint(PACKAGE / "systems" / "stability.py")
 
 
 def test_the_users_own_setting_is_left_as_it_was():
-    assert not str(numba.config.CACHE_DIR).startswith(str(PACKAGE))
+    assert "kernels-numba" not in str(numba.config.CACHE_DIR)
+    assert not getattr(numba.config, "CACHE_LOCATOR_CLASSES", "")
 
 
 def test_a_first_run_says_once_that_it_compiles_and_no_model_is_charged_for_it(tmp_path):
@@ -75,7 +95,7 @@ def test_a_first_run_says_once_that_it_compiles_and_no_model_is_charged_for_it(t
         "from whsklearn._numba import compiling_seconds\n"
         "rng = np.random.default_rng(0); u = rng.normal(size=(200, 1))\n"
         "began = time.process_time()\n"
-        "w.PEMRegressor(w.WienerHammersteinLags(n_a=1, n_b=1, n_c=1, n_d=1), n_starts=1).fit(u, 0.5 * u[:, 0] + 0.1)\n"
+        "w.RLSRegressor(w.WienerHammersteinLags(), n_starts=1, memory=0).fit(u, 0.5 * u[:, 0] + 0.1)\n"
         "print(compiling_seconds(), time.process_time() - began)"
     )
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path), "PYTHONWARNINGS": "ignore"}

@@ -3,8 +3,11 @@
 Numba keys its cache on the file of the function itself; what that function inlines from other files may
 change without it, and yesterday's physics is run.  Here every module's kernels are cached in a folder named
 by a fingerprint of that file and of all files of the package that it imports, directly or not, so a change
-anywhere below gives another folder.  Only documented means are used: ``numba.config.CACHE_DIR`` (the setting
-behind ``NUMBA_CACHE_DIR``) is set while a kernel is declared and put back after.
+anywhere below gives another folder.  Nothing else names it: an environment made anew, an upgrade that leaves these
+files as they are and a second checkout find what the first compiled, in the user's cache folder.  Only documented
+means are used: the settings behind ``NUMBA_CACHE_DIR`` and ``NUMBA_CACHE_LOCATOR_CLASSES`` are set while a kernel is
+declared and put back after.  A Numba that does not know the second one yet asks for the path of the file too, so
+there a new environment compiles again.
 
 How functions are compiled is Numba's own pipeline, less what is for nothing here.  A compiler of one's own is an
 option of ``numba.njit`` (``pipeline_class``, "Customizing the Compiler" in Numba's manual), and there are three:
@@ -34,6 +37,7 @@ import hashlib
 import logging
 import os
 import re
+import shutil
 import stat
 import tempfile
 import time
@@ -43,6 +47,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import numba
+import numpy
 from numba.core import event
 
 KERNEL: Any = None  # for the option ``pipeline_class``, where None is Numba's own
@@ -210,6 +215,7 @@ if _KNOWN:
 # Of Python's garbage collection while a kernel is compiled, which makes millions of small objects that nobody drops
 # before its end: looking through them again and again was a tenth of the time.
 THRESHOLDS = 50_000, 50, 50
+STALE_SECONDS = 90 * 86_400.0  # a source that no process has declared for so long was edited or upgraded since
 _settings: Any = numba.config  # its attributes are made at run time
 _declare: Any = numba.njit
 _ROOT = Path(__file__).resolve().parent
@@ -325,14 +331,44 @@ def njit(*signature: Any, cache: bool = True, short: bool = False, **options: An
         )
         if folder is None:
             return declare(function)
-        before = _settings.CACHE_DIR
-        _settings.CACHE_DIR = str(folder)
+        before = {name: getattr(_settings, name, "") for name in ("CACHE_DIR", "CACHE_LOCATOR_CLASSES")}
+        _settings.CACHE_DIR, _settings.CACHE_LOCATOR_CLASSES = str(folder), f"{__name__}.{Locator.__name__}"
         try:
             return declare(function)
         finally:
-            _settings.CACHE_DIR = before
+            for name, value in before.items():
+                setattr(_settings, name, value)
 
     return decorate
+
+
+class Locator:
+    """Where Numba keeps a kernel: in the folder that is set while it is declared, whose name tells its source."""
+
+    def __init__(self, line: int) -> None:
+        self._folder, self._line = str(_settings.CACHE_DIR), line
+
+    @classmethod
+    def from_function(cls, function: Any, _file: str) -> Locator:
+        """For a function that is being declared."""
+        Path(_settings.CACHE_DIR).mkdir(parents=True, exist_ok=True)
+        return cls(function.__code__.co_firstlineno)
+
+    def ensure_cache_path(self) -> None:
+        """Make the folder; somebody may have emptied the cache since."""
+        Path(self._folder).mkdir(parents=True, exist_ok=True)
+
+    def get_cache_path(self) -> str:
+        """The folder."""
+        return self._folder
+
+    def get_source_stamp(self) -> str:
+        """What changes with the source: the folder's name."""
+        return Path(self._folder).name
+
+    def get_disambiguator(self) -> str:
+        """Tells functions of one name apart."""
+        return str(self._line)
 
 
 def part(function: Callable[..., Any]) -> Any:
@@ -376,27 +412,39 @@ def _file(module: str) -> Path | None:
 
 
 def _folder(path: Path) -> Path | None:
-    """Where the kernels of a file are cached: where the user says, else beside it, or in the user's cache.
+    """Where the kernels of a file are cached: where the user says, else in the user's cache, or beside the package.
 
     The temporary folder where none of these can be written to, as in a container; None where that cannot either.
     """
-    for base in _bases(path.parent / "__pycache__"):
+    for base in _bases():
         if _writable(base):
-            return base / fingerprint(path.resolve())
+            folder = base / fingerprint(path.resolve())
+            with contextlib.suppress(OSError):  # it was used today; made anew, those that nobody uses make room
+                os.utime(folder) if folder.is_dir() else _sweep(base)
+            return folder
     _compiling.kept = False
     return None
 
 
-def _bases(beside: Path) -> Iterator[Path]:
-    """Folders to try, the best first."""
+def _bases() -> Iterator[Path]:
+    """Folders to try, the best first; what Numba and NumPy of other versions compiled is theirs."""
+    own = f"kernels-numba-{numba.__version__}-numpy-{numpy.__version__}"
     if _settings.CACHE_DIR:
-        yield Path(_settings.CACHE_DIR)
+        yield Path(_settings.CACHE_DIR) / own
     else:
-        yield beside
         with contextlib.suppress(RuntimeError):  # no home at all
-            yield Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "whsklearn"
+            yield Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "whsklearn" / own
+        yield _ROOT / "__pycache__" / own
     with contextlib.suppress(FileNotFoundError):  # no temporary folder either
-        yield _own_temporary_folder()
+        yield _own_temporary_folder() / own
+
+
+@cache
+def _sweep(base: Path) -> None:
+    """Remove kernels of sources that no process has declared for long."""
+    for folder in base.iterdir():
+        if time.time() - folder.stat().st_mtime > STALE_SECONDS:
+            shutil.rmtree(folder, ignore_errors=True)
 
 
 @cache
