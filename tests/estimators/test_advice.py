@@ -13,7 +13,7 @@ from sklearn.model_selection import KFold, TimeSeriesSplit, cross_val_score, tra
 from whsklearn import InverseDynamicsLags, PEMRegressor, RLSRegressor, RMILSRegressor, WienerHammersteinLags
 from whsklearn.datasets import make_servo_log, make_wiener_hammerstein
 from whsklearn.effects import as_law
-from whsklearn.estimators import _advice, base
+from whsklearn.estimators import _advice, _checked
 from whsklearn.metrics import nmse
 
 LAW = as_law(None)
@@ -138,13 +138,13 @@ def test_a_pure_recursion_says_that_it_does_not_reach_the_scale(record, scale):
 def test_shuffled_samples_are_told_once(record, monkeypatch):
     X, y = record
     model = RMILSRegressor(WienerHammersteinLags(), n_starts=2, memory=64, random_state=0)
-    monkeypatch.setattr(base, "TOLD", set())
+    monkeypatch.setattr(_checked, "TOLD", set())
     for folds in (KFold(3), TimeSeriesSplit(3)):
         cross_val_score(model, X, y, cv=folds)
     with pytest.warns(UserWarning, match="not in their order") as told:
         cross_val_score(model, X, y, cv=KFold(3, shuffle=True, random_state=0))
     assert len(told) == 1
-    monkeypatch.setattr(base, "TOLD", set())
+    monkeypatch.setattr(_checked, "TOLD", set())
     frame = pd.DataFrame(X, columns=["u"])
     model.fit(frame[::2], y[::2])
     part, _, target, _ = train_test_split(frame, y, random_state=0)

@@ -2,25 +2,20 @@
 
 from __future__ import annotations
 
-import pickle
-
 import numpy as np
 import pandas as pd
 import pytest
 from sklearn.base import clone
-from sklearn.exceptions import NotFittedError
 from sklearn.metrics import r2_score
 from sklearn.model_selection import GridSearchCV, TimeSeriesSplit
 from sklearn.pipeline import Pipeline
 from sklearn.preprocessing import StandardScaler
 
 import whsklearn.metrics  # noqa: F401  enters the scorers' names
+from tests.estimators.fitted_models import MODELS
 from whsklearn import (
-    DifferentialEvolutionRegressor,
     InverseDynamicsLags,
     MILSRegressor,
-    MultiInnovationGradientRegressor,
-    PEMRegressor,
     RLSRegressor,
     RMILSRegressor,
     StreamingPEMRegressor,
@@ -28,27 +23,6 @@ from whsklearn import (
 )
 from whsklearn.checks import state_difference
 from whsklearn.datasets import make_wiener_hammerstein
-from whsklearn.effects.law import polynomial_law
-
-FAST = {"n_starts": 2, "memory": 64, "random_state": 0}
-MODELS = {
-    "RMILS": RMILSRegressor(WienerHammersteinLags(), **FAST),
-    "published": RMILSRegressor(WienerHammersteinLags(), gradient="pseudolinear"),
-    "gradient": MultiInnovationGradientRegressor(WienerHammersteinLags()),
-    "PEM": PEMRegressor(n_starts=1, random_state=0),
-    "swarm": DifferentialEvolutionRegressor(n_generations=2, random_state=0),
-    "polynomial": RMILSRegressor(WienerHammersteinLags(1, 0, 2, 1, law=polynomial_law([0.0, 1.0, 0.3])), **FAST),
-}
-
-
-@pytest.fixture(scope="module")
-def record():
-    return make_wiener_hammerstein(160, random_state=0)
-
-
-@pytest.fixture(scope="module")
-def fitted(record):
-    return {name: clone(model).fit(*record) for name, model in MODELS.items()}
 
 
 @pytest.mark.filterwarnings("ignore:The free run is worse")
@@ -135,58 +109,6 @@ def test_experiments_are_predicted_from_rest(fitted, record, name):
     np.testing.assert_array_equal(fitted[name].predict(X, groups=groups), apart)
     ahead = [fitted[name].predict_ahead(X[s], y[s]) for s in (slice(80), slice(80, None))]
     np.testing.assert_array_equal(fitted[name].predict_ahead(X, y, groups=groups), np.concatenate(ahead))
-
-
-@pytest.mark.parametrize("name", list(MODELS))
-def test_saved_and_loaded_it_is_the_same_model(fitted, record, name, tmp_path):
-    model = fitted[name]
-    model.save(tmp_path / "model.whs")
-    loaded = type(model).load(tmp_path / "model.whs")
-    assert state_difference(model.get_state(), loaded.get_state()) == 0.0
-    np.testing.assert_array_equal(loaded.predict(record[0]), model.predict(record[0]))
-    np.testing.assert_array_equal(loaded.theta_, model.theta_)
-    again = pickle.loads(pickle.dumps(model))
-    np.testing.assert_array_equal(again.predict(record[0]), model.predict(record[0]))
-
-
-def test_a_file_of_another_estimator_is_refused(fitted, tmp_path):
-    fitted["PEM"].save(tmp_path / "model.whs")
-    with pytest.raises(ValueError, match="state of a PEMRegressor"):
-        RMILSRegressor.load(tmp_path / "model.whs")
-
-
-@pytest.mark.parametrize("name", list(MODELS))
-def test_parameters_and_theta_are_one_model(fitted, name):
-    """The paper's products undone are the named parameters."""
-    model = fitted[name]
-    named, theta = model.parameters_, model.theta_
-    law = [k for k in named if k not in "abcd"]
-    g = named[law[0]] if name != "polynomial" else named["x1"]
-    np.testing.assert_allclose(theta[: len(named["a"])], g * named["a"], rtol=1e-6, atol=1e-9)
-    np.testing.assert_allclose(theta[len(theta) - len(named["d"]) :], named["d"])
-    assert named["a"][0] == named["c"][0] == 1.0
-    assert {k: np.shape(v) for k, v in model.parameter_standard_errors_.items()} == {
-        k: np.shape(v) for k, v in named.items()
-    }
-    assert model.covariance_.shape == (theta.size, theta.size)
-
-
-def test_names_of_given_rows():
-    frame = pd.DataFrame(np.random.default_rng(0).standard_normal((30, 2)), columns=["mass", "drag"])
-    model = RLSRegressor().fit(frame, frame @ [1.0, 2.0])
-    assert model.parameters_ == pytest.approx({"mass": 1.0, "drag": 2.0}, rel=1e-4)
-    assert list(model.parameter_standard_errors_) == ["mass", "drag"]
-    assert list(RLSRegressor().fit(frame.to_numpy(), np.ones(30)).parameters_) == ["x0", "x1"]
-
-
-@pytest.mark.parametrize("attribute", ["theta_", "covariance_", "standard_errors_", "parameters_"])
-def test_nothing_before_fit(attribute, record):
-    model = clone(MODELS["RMILS"])
-    with pytest.raises(NotFittedError):
-        getattr(model, attribute)
-    for call in (model.predict, model.get_state, lambda X: model.predict_ahead(X, record[1])):
-        with pytest.raises(NotFittedError):
-            call(record[0]) if call != model.get_state else call()
 
 
 def test_grid_search_over_window_prior_and_orders_by_the_library_s_scorers(record):

@@ -15,10 +15,11 @@ from sklearn.utils.validation import check_is_fitted
 from whsklearn._inputs import starts
 from whsklearn.estimators import _advice
 from whsklearn.estimators import _model as wh
+from whsklearn.estimators._checked import warn
 from whsklearn.estimators._records import Given, checked_weights, is_plain, joined
 from whsklearn.estimators._streams import AnyStream, FullStream, PublishedStream, RowsStream, noise_variance
 from whsklearn.estimators._undo import copied
-from whsklearn.estimators.base import AxisRegressor, warn
+from whsklearn.estimators.base import AxisRegressor
 from whsklearn.recursion.memory.settings import FIRST_RERUN, Settings
 from whsklearn.recursion.rows.pseudolinear import BLOCK
 

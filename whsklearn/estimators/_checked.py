@@ -1,0 +1,105 @@
+"""What a user gives, checked, and what there is to say of it."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from sklearn.utils import check_random_state
+from sklearn.utils.validation import validate_data
+
+from whsklearn._inputs import check_lengths, in_one_sentence, starts, writeable
+from whsklearn.estimators import _advice
+from whsklearn.estimators._kept import KeptModel
+from whsklearn.estimators._records import Given, checked_weights, sample_numbers
+
+Array = NDArray[np.float64]
+
+
+TOLD: set[str] = set()  # warnings that are given once per process
+
+
+class CheckedModel(KeptModel):
+    """A model that refuses, in one sentence and unchanged, what cannot be used, and warns of what will not do."""
+
+    _finds_constant = False  # whether the model can have a constant besides those of its law
+
+    def _validate(self, X: ArrayLike, y: ArrayLike, reset: bool) -> tuple[Array, Array]:
+        """X and y as contiguous float64, checked."""
+        with in_one_sentence(X, y):
+            u, target = validate_data(
+                self, X, y, reset=reset, dtype=np.float64, order="C", y_numeric=True, multi_output=self._answers_several
+            )
+        target = np.asarray(target, dtype=np.float64)
+        check_lengths(u, target)
+        return writeable(u), writeable(target)
+
+    def _checked_record(self, given: Given) -> tuple[Array, Array, NDArray[np.bool_], Array | None]:
+        """X, y, starts of experiments and weights for a batch fit; attributes stay unchanged if they are refused."""
+        with self._unchanged_if_refused():
+            self._keep_lags()
+            X, y = self._validate(given.X, given.y, reset=True)
+            self._need_rows(len(X))
+            restart = starts(given.groups, len(X), first=True)
+            weights = checked_weights(given.sample_weight, len(X), some=True)
+            self._structure()
+            self._warn_of_order(given.X, stacklevel=4)
+            self._warn_of_record(X, y, stacklevel=4)
+            self._warn_of_structure(X, y, restart, stacklevel=5)
+        return X, y, restart, weights
+
+    def _rows(self, X: Array, y: Array, groups: ArrayLike | None) -> tuple[Array, Array]:
+        """Rows and targets of a record, made by lags other than the Wiener-Hammerstein ones."""
+        return (X, y) if self.lags is None else self.lags_.rows(X, y, groups)
+
+    def _need_rows(self, n: int) -> None:
+        """Raise if a record is too short to fill the lags once; warn if it has no more samples than parameters."""
+        needed = self._lags.max_lag + 1 if self._is_wiener_hammerstein else 1
+        if n < needed:
+            raise ValueError(
+                f"Found {n} sample{'s' if n != 1 else ''} (n_samples={n}), expected at least {needed}, as many as the "
+                "lags reach back and one more; give a longer record."
+            )
+        n_parameters = int(self._structure().slices()[-1].stop) if self._is_wiener_hammerstein else 0
+        warn(_advice.of_few_samples(n, n_parameters), stacklevel=5)
+
+    def _warn_of_record(self, X: Array, y: Array, stacklevel: int = 3) -> None:
+        """Warn of records that do not show the dynamics, or that need a constant the model lacks."""
+        if not self._is_wiener_hammerstein or len(X) <= self._lags.max_lag:
+            return
+        said = _advice.of_a_signal_at_rest(X, y)
+        if said is None and not self._finds_constant:
+            said = _advice.of_a_constant(self._structure().law, X, y)
+        warn(said, stacklevel + 1)
+
+    def _warn_of_order(self, X: Any, stacklevel: int = 3) -> None:
+        """Warn of a dynamic model that is fitted to shuffled samples; once, not for every fold."""
+        said = None if self.lags is None else _advice.of_the_order(sample_numbers(X))
+        if said is not None and said not in TOLD:
+            TOLD.add(said)
+            warn(said, stacklevel + 1)
+
+    def _warn_of_structure(self, X: Array, y: Array, restart: NDArray[np.bool_], stacklevel: int = 3) -> None:
+        """Say which structure is used where ``lags`` was not given, because its default differs between estimators."""
+        if self.lags is not None:
+            return
+        name = type(self).__name__
+        if self._is_wiener_hammerstein:
+            said = _advice.of_several_inputs(name, X.shape[1])
+        else:
+            said = _advice.of_a_dynamic_record(name, X, y, restart)
+        warn(said, stacklevel + 1)
+
+    def _draw_seed(self) -> int:
+        """One whole number from ``random_state``; 0 where nothing is drawn."""
+        if not self._is_wiener_hammerstein or getattr(self, "gradient", "full") != "full":
+            return 0
+        return int(check_random_state(getattr(self, "random_state", None)).randint(2**31 - 1))
+
+
+def warn(said: str | None, stacklevel: int) -> None:
+    """Pass on what there is to say."""
+    if said is not None:
+        warnings.warn(said, UserWarning, stacklevel=stacklevel)

@@ -1,0 +1,192 @@
+"""What an identified model is, and what was learnt of it."""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from sklearn.base import BaseEstimator
+from sklearn.utils.validation import check_is_fitted
+
+from whsklearn.effects import as_law
+from whsklearn.estimators import _model as wh
+from whsklearn.estimators._summary import Summary, described
+from whsklearn.lags.wiener_hammerstein import WienerHammersteinLags
+
+Array = NDArray[np.float64]
+
+
+class FittedModel(BaseEstimator):
+    """A model that was fitted: its structure, its parameters with their errors, and both in words.
+
+    A subclass learns in ``fit`` and leaves ``state_``, a dict of arrays, from which
+    `_natural`, `_theta` and `_covariance` read the answer.
+    """
+
+    lags: Any
+    _states_errors: ClassVar[bool] = True  # False if the method has no covariance, as its docstring says
+    _fits_free_run = False  # whether the error minimised is that of the free run, not the one-step error
+
+    # -- what the model is ---------------------------------------------------------------
+
+    @property
+    def _is_wiener_hammerstein(self) -> bool:
+        """Whether the rows are built from u and past y inside the estimator."""
+        return hasattr(self.lags, "key_term")
+
+    @property
+    def _answers_several(self) -> bool:
+        """Whether y has one column per joint, as for the lags of an arm."""
+        return bool(getattr(self.lags, "multi_output", False))
+
+    @property
+    def _takes_direct_paths(self) -> bool:
+        """Whether the blocks may respond without the paper's delay of one sample each."""
+        return False
+
+    @property
+    def _given_lags(self) -> WienerHammersteinLags:
+        """The transformer that holds orders and law, as the user gave it."""
+        return self.lags
+
+    @property
+    def _lags(self) -> WienerHammersteinLags:
+        """The transformer as it was when learning began: changing ``lags`` later does not change a fitted model."""
+        return self.__dict__.get("lags_", self._given_lags)
+
+    def _structure(self) -> wh.Structure:
+        """Orders and law in the form that the kernels take."""
+        lags = self._lags
+        dims = lags.dims()
+        dims[0] *= self.n_features_in_
+        try:
+            key = lags.key_term()
+        except ValueError:
+            key = -1
+        return wh.Structure(dims, self.n_features_in_, as_law(lags.law), key, lags.advance())
+
+    def _theta(self) -> Array:
+        raise NotImplementedError
+
+    def _natural(self) -> Array:
+        return wh.natural_vector(self._theta(), self._structure())
+
+    def _covariance(self) -> Array:
+        raise NotImplementedError
+
+    def _natural_covariance(self) -> Array:
+        """Covariance of the natural parameters, by the delta method."""
+        jacobian = np.linalg.pinv(wh.paper_jacobian(self._natural(), self._structure()))
+        return jacobian @ self._covariance() @ jacobian.T
+
+    def _noise_variance(self) -> float:
+        """Variance of the error that was minimised; NaN where it is not known."""
+        return float("nan")
+
+    # -- what was learnt -----------------------------------------------------------------
+
+    @property
+    def theta_(self) -> Array:
+        """Estimate of shape (n_parameters,), in the paper's order, (6)."""
+        check_is_fitted(self, "state_")
+        return self._theta()
+
+    @property
+    def covariance_(self) -> Array:
+        """Covariance of `theta_`, shape (n_parameters, n_parameters)."""
+        check_is_fitted(self, "state_")
+        return self._covariance()
+
+    @property
+    def standard_errors_(self) -> Array:
+        """Standard errors of `theta_`, shape (n_parameters,); NaN, with a warning, if the record cannot give them."""
+        return self._told(np.sqrt(np.maximum(np.diag(self.covariance_), 0.0)))
+
+    @property
+    def parameters_(self) -> dict[str, Any]:
+        """``a``, ``b``, ``c``, ``d`` and one weight per term of the law; for given rows, one weight per column."""
+        check_is_fitted(self, "state_")
+        if self._is_wiener_hammerstein:
+            return wh.named(self._natural(), self._structure())
+        return dict(zip(self._column_names(), self._theta().tolist(), strict=True))
+
+    @property
+    def parameter_standard_errors_(self) -> dict[str, Any]:
+        """Standard errors in the layout of `parameters_`; NaN, with a warning, if the record cannot give them."""
+        check_is_fitted(self, "state_")
+        if self._is_wiener_hammerstein:
+            return wh.named_errors(self._told(np.diag(self._natural_covariance())), self._structure())
+        return dict(zip(self._column_names(), self.standard_errors_.tolist(), strict=True))
+
+    def _told(self, values: Array) -> Array:
+        """The same values, with a warning if some are NaN."""
+        if self._states_errors and not np.isfinite(values).all():
+            warnings.warn(
+                "Some standard errors are NaN, because the samples so far do not determine them: there was too little "
+                "motion for the parameters; give a longer record of an axis that moves.",
+                UserWarning,
+                stacklevel=3,
+            )
+        return values
+
+    def _column_names(self) -> list[str]:
+        """Names of the weights for given rows."""
+        if self.lags is not None:
+            return [str(n) for n in self.lags_.get_feature_names_out()]
+        names = getattr(self, "feature_names_in_", [f"x{i}" for i in range(self.n_features_in_)])
+        return [str(n) for n in names]
+
+    # -- in words, and for other tools -----------------------------------------------------
+
+    def summary(self) -> Summary:
+        """Structure, parameters with 95 % intervals, poles and noise, to print or to show in a notebook.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from whsklearn import RLSRegressor
+        >>> X = np.random.default_rng(0).standard_normal((100, 2))
+        >>> RLSRegressor().fit(X, X @ [1.0, -2.0] + 0.1 * X[:, 0] ** 2).summary().table.index.tolist()
+        ['x0', 'x1']
+        """
+        check_is_fitted(self, "state_")
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # the table shows which errors are NaN
+            return described(self, self._noise_variance())
+
+    def to_dlti(self, dt: float = 1.0) -> tuple[Any, Any]:
+        """L1 and L2 as linear systems in discrete time; the law between them is in `parameters_`.
+
+        Parameters
+        ----------
+        dt : float, default=1.0
+            Sampling interval in seconds.
+
+        Returns
+        -------
+        first, second : scipy.signal.dlti
+            u to x and v to y, with their delays. With several inputs the first is a tuple of systems, one per input.
+
+        Raises
+        ------
+        ValueError
+            If the estimator works on rows and has no blocks, or if ``dt`` is not a positive number.
+
+        Examples
+        --------
+        >>> from whsklearn import RMILSRegressor, WienerHammersteinLags
+        >>> from whsklearn.datasets import make_wiener_hammerstein
+        >>> X, y = make_wiener_hammerstein(400, snr_db=40, random_state=0)
+        >>> first, second = RMILSRegressor(WienerHammersteinLags(), random_state=0).fit(X, y).to_dlti(dt=0.01)
+        >>> first.num.round(1), first.den.round(1)
+        (array([1. , 2.2]), array([1. , 1. , 0.5]))
+        """
+        check_is_fitted(self, "state_")
+        if not self._is_wiener_hammerstein:
+            raise ValueError(
+                f"This {type(self).__name__} was fitted on rows and has no linear blocks; give "
+                "lags=WienerHammersteinLags()."
+            )
+        return wh.linear_blocks(self._natural(), self._structure(), self._lags.delays, dt)
