@@ -14,6 +14,7 @@ from whsklearn.cli.export import main as export
 from whsklearn.cli.gap import main as gap
 from whsklearn.cli.identify import main as identify
 from whsklearn.cli.simulate import main as simulate
+from whsklearn.cli.stream import main as stream
 from whsklearn.datasets import default_arm, make_arm_log
 from whsklearn.effects import Cogging
 from whsklearn.export import export_model
@@ -165,3 +166,50 @@ def test_gap_refuses_half_a_load_in_a_sentence(folder):
         gap, out / "arm.csv", "--robot", out / "arm.xml", "--gains", "hip:1", "--report", out / "g", "--no-track"
     )
     assert "names 'hip'" in " ".join(done.output.split())
+
+
+def records(path, kind):
+    return [r for r in map(json.loads, path.read_text().splitlines()) if r["kind"] == kind]
+
+
+def test_a_stream_learns_the_joints_and_goes_on_where_it_stopped(folder):
+    out, _ = folder
+    log = make_arm_log(duration=12.0, random_state=5)
+    in_units = log.rename(columns={"pitch_position_rad": "pitch_position_deg", "yaw_torque_nm": "yaw_torque_mnm"})
+    in_units["pitch_position_deg"] = np.rad2deg(in_units["pitch_position_deg"])
+    in_units["yaw_torque_mnm"] *= 1e3
+    options = ["--robot", out / "model" / "model.json", "--time", "time_s", "--every", "1000", "--no-track"]
+    for name, table in (("whole", log), ("half", in_units[:3000])):
+        table.to_csv(out / f"{name}.csv", index=False)
+        done = run(stream, out / f"{name}.csv", *options, "--out", out / f"{name}.jsonl")
+        assert done.exit_code == 0, done.output
+    in_units.to_csv(out / "half.csv", index=False)
+    done = run(stream, out / "half.csv", *options, "--out", out / "half.jsonl")
+    assert done.exit_code == 0, done.output
+    assert "Going on after row 3000" in done.output
+    whole, halves = (records(out / f"{name}.jsonl", "estimate") for name in ("whole", "half"))
+    assert len(whole) == len(halves) == 6
+    for name, value in whole[-1]["parameters"].items():
+        assert halves[-1]["parameters"][name] == pytest.approx(value, rel=1e-4, abs=1e-5)
+    found, errors = whole[-1]["parameters"], whole[-1]["standard_errors"]
+    for name, truth in (("pitch.coulomb", 0.2), ("yaw.coulomb", 0.3), ("pitch.viscous", 0.1)):
+        assert abs(found[name] - truth) < min(4.0 * errors[name] + 0.005, 0.2 * truth)
+    assert set(whole[-1]["innovation_rmse"]) == {"yaw", "pitch"}
+    assert not records(out / "whole.jsonl", "alarm")
+
+
+@pytest.mark.parametrize(
+    ("log", "more", "said"),
+    [
+        ("arm.csv", ["--orders", "1,1,1,1"], "which has no orders"),
+        ("arm.csv", ["--joints", "yaw:a,b"], "names no columns for 'pitch'"),
+        ("-", [], "name them with --joints"),
+    ],
+)
+def test_what_a_stream_of_an_arm_cannot_take_is_told(folder, log, more, said):
+    out, _ = folder
+    log = log if log == "-" else out / log
+    done = run(stream, log, "--robot", out / "model" / "model.json", "--no-track", *more)
+    assert done.exit_code != 0
+    assert said in " ".join(done.output.split())
+    assert "Traceback" not in done.output

@@ -72,6 +72,13 @@ def test_intervals_hold_the_spread_of_numbers_whose_errors_last():
     np.testing.assert_allclose(np.mean(wide, axis=0), np.std(found, axis=0), rtol=0.4)
 
 
+def test_joints_that_all_move_along_one_line_are_told():
+    phase = np.linspace(0.0, 20.0, 4000)
+    one = np.column_stack([np.sin(phase), 0.3 - 0.5 * np.sin(phase)])
+    assert ["one line" in text for text in suspicions(ARM, one, np.ones_like(one))] == [True]
+    assert not suspicions(ARM, np.column_stack([np.sin(phase), np.sin(phase + 0.3)]), np.ones_like(one))
+
+
 def test_nothing_is_nominal_where_the_file_names_no_mass(found):
     bare = dataclasses.replace(ARM, inertial=None)
     assert identify_arm(Q[:5000], TORQUE[:5000], dt=DT, robot=bare).nominal == {}

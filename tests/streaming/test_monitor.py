@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from tests.streaming.recorded_stream import QUICK, axis, carried, records, stream, write
-from whsklearn import RLSRegressor
+from whsklearn import RigidBodyLags, RLSRegressor
 from whsklearn.change import ChangeAlarm
+from whsklearn.datasets import default_arm, make_arm_log
+from whsklearn.effects import Coulomb
 from whsklearn.streaming import Options, Refused, StreamMonitor
 from whsklearn.streaming.rows import CsvParser
 
@@ -103,3 +105,24 @@ def test_rows_of_numbers_are_taken_as_lines_of_text_are(refuse):
     told = [repr([{k: v for k, v in r.items() if k != "reason"} for r in seen[way]]) for way in seen]  # NaN too
     assert told[0] == told[1]
     assert any(r["kind"] == "bad_row" for r in seen["take"]) is not refuse
+
+
+def test_a_change_at_one_joint_of_an_arm_is_an_alarm_there():
+    arm = default_arm()
+    parts = [make_arm_log(arm, changed, duration=16.0, sample_rate=250.0, random_state=k, return_arrays=True)
+             for k, changed in enumerate(({}, {"pitch": [Coulomb(0.3)]}))]  # fmt: skip
+    rows = [np.column_stack([np.arange(len(q)) / 250.0 + 20.0 * k, q, u])[200:] for k, (q, u) in enumerate(parts)]
+    lags = RigidBodyLags.of_arm(arm, 250.0, causal=True)
+    told = []
+    options = Options(every=1000, timed=True, max_step=0.01, outputs=arm.joints, predictions=True)
+    alarm = ChangeAlarm(interval=1e5, n_reference=400, n_settle=100)
+    monitor = StreamMonitor(RLSRegressor(lags, P0=1.0), alarm, options, told.append)
+    monitor.take(np.concatenate(rows))
+    raised = [r for r in told if r["kind"] == "alarm"]
+    assert [(r["cause"], r.get("joint")) for r in raised] == [("change", "pitch")], raised
+    assert 3800 < raised[0]["row"] < 4000
+    last = [r for r in told if r["kind"] == "estimate"][-1]
+    assert last["parameters"]["pitch.coulomb"] == pytest.approx(0.5, abs=0.04)
+    assert last["parameters"]["yaw.coulomb"] == pytest.approx(0.3, abs=0.03)
+    errors = [r["y"]["pitch"] - r["y_hat"]["pitch"] for r in told if r["kind"] == "prediction" and r["row"] > 7000]
+    assert np.nanstd(errors) < 0.2 * np.std(rows[1][:, 4])  # encoder noise of the acceleration

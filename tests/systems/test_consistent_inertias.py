@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tests.systems.drawn_arms import drawn_arm
+from whsklearn import RigidBodyLags
 from whsklearn.systems.consistent_inertias import from_log_cholesky, log_cholesky, pseudo_inertia
 
 
@@ -39,6 +40,18 @@ def test_torques_are_kept_and_all_links_are_bodies(seed):
     wanted = arm.inverse_dynamics(*motion)
     assert np.abs(found.inverse_dynamics(*motion) - wanted).max() < 5e-3 * np.abs(wanted).max()
     assert np.abs(nominal.inverse_dynamics(*motion) - wanted).max() > 0.1 * np.abs(wanted).max()
+
+
+def test_a_motor_that_the_file_does_not_name_is_found():
+    arm = drawn_arm(3, 4, slides=0.0, branch=0.0)
+    inertia = np.diagonal(arm.mass_matrix(np.zeros((1, 3)))[0])
+    geared = dataclasses.replace(arm, armature=[0.0, 0.5 * inertia[1], 2.0 * inertia[2]])
+    lags = RigidBodyLags(arm).fit(np.zeros((9, 3)))
+    theta = lags.weights_of(geared)
+    found = lags.interpret(theta, np.diag((0.03 * np.abs(theta) + 1e-6) ** 2))
+    at = np.random.default_rng(0).uniform(-2.0, 2.0, (5, 3))
+    np.testing.assert_allclose(found.mass_matrix(at), geared.mass_matrix(at), rtol=0.05, atol=0.01 * inertia.min())
+    assert found.armature[2] > inertia[2]
 
 
 def test_numbers_that_no_body_has_become_the_nearest_that_one_has():

@@ -133,6 +133,11 @@ class ChangeAlarm(BaseEstimator):
         self.n_samples_ += np.size(innovations)
         return active[alarms]
 
+    def begin(self) -> None:
+        """Learn what is normal anew, as after an alarm: for a model that is about to change for another reason."""
+        if self.started:
+            self._begin()
+
     @property
     def started(self) -> bool:
         """Whether an innovation was seen."""

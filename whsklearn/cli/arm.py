@@ -7,7 +7,7 @@ import re
 import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
@@ -21,6 +21,9 @@ if TYPE_CHECKING:
     from whsklearn.systems import Arm
 
 WINDOW = 0.5  # s of a free run in `simulate`: an arm from its drives alone falls away within seconds
+AT_FIRST = 200  # rows of a stream's file that tell its rate
+A_ROW = 1.0  # P(0) of a stream: the file's numbers weigh as much as one row, and first rows do not throw them away
+LONGEST_STEP = 2.5  # samples: a longer one begins a new experiment, as no derivative reaches across it
 POSITIONS, DRIVES = ("position", "angle", "pos"), ("torque", "effort", "force", "tau", "current")
 
 
@@ -89,6 +92,42 @@ def gains_of(text: str) -> dict[str, tuple[float, float]]:
     return out
 
 
+def columns_of(options: Mapping[str, Any], arm: Arm, names: Sequence[str]) -> dict[str, tuple[str, str]]:
+    """Columns of position and drive of every joint: those of ``--joints``, or those that the log's names tell."""
+    given = joint_columns(options["joints"]) if options.get("joints") else guessed_columns(arm.joints, names)
+    if missing := [j for j in arm.joints if j not in given]:
+        raise ValueError(
+            f"--joints names no columns for {missing[0]!r}; the robot's joints are {', '.join(arm.joints)}."
+        )
+    return given
+
+
+def checked_gains(options: Mapping[str, Any], arm: Arm) -> dict[str, tuple[float, float]]:
+    """The gains of ``--gains``, all of them of joints of the robot."""
+    gains = gains_of(options["gains"]) if options.get("gains") else {}
+    if unknown := [j for j in gains if j not in arm.joints]:
+        raise ValueError(f"--gains names {unknown[0]!r}; the robot's joints are {', '.join(arm.joints)}.")
+    return gains
+
+
+def to_si(joint: str, slides: bool, position: str, drive: str, gains: Mapping[str, Any]) -> tuple[float, float]:
+    """By what positions and drives of a joint in these units are multiplied to be rad and Nm, or m and N.
+
+    Examples
+    --------
+    >>> [round(x, 4) for x in to_si("hip", False, "deg", "mA", {"hip": (11.0, 0.2)})]
+    [0.0175, 0.011]
+    """
+    from whsklearn.logs.units import UNSTATED, factor_between
+
+    place, force = ("m", "N") if slides else ("rad", "Nm")
+    if joint in gains:
+        return factor_between(position, place), gains[joint][0] * factor_between(drive, "A")
+    if drive not in UNSTATED and drive.endswith("A"):
+        raise ValueError(f'The drive of {joint} is in {drive}; give --gains "{joint}:NM_PER_AMPERE;...".')
+    return factor_between(position, place), factor_between(drive, force)
+
+
 def read_arm(path: str, options: Mapping[str, Any], arm: Arm) -> Bunch:
     """Time (n,), position and drive (n, n_joints) of a log in rad, m, Nm and N, and its rate, by the robot's joints."""
     import numpy as np
@@ -96,27 +135,16 @@ def read_arm(path: str, options: Mapping[str, Any], arm: Arm) -> Bunch:
 
     from whsklearn.logs import open_source
     from whsklearn.logs.roles import guess
-    from whsklearn.logs.units import UNSTATED, factor_between
 
     source = open_source(path)
     time = options["time_column"] or (None if options.get("rate") or source.clocked else guess(source, "time"))
-    given = joint_columns(options["joints"]) if options.get("joints") else guessed_columns(arm.joints, source.names)
-    if missing := [j for j in arm.joints if j not in given]:
-        raise ValueError(
-            f"--joints names no columns for {missing[0]!r}; the robot's joints are {', '.join(arm.joints)}."
-        )
-    gains = gains_of(options["gains"]) if options.get("gains") else {}
-    if unknown := [j for j in gains if j not in arm.joints]:
-        raise ValueError(f"--gains names {unknown[0]!r}; the robot's joints are {', '.join(arm.joints)}.")
+    given = columns_of(options, arm, source.names)
+    gains = checked_gains(options, arm)
     positions, drives, log = [], [], None
     for joint, slides in zip(arm.joints, arm.slides, strict=True):
         log = longest(read(path, options, time=time, position=given[joint][0], drive=given[joint][1]))
-        place, force = ("m", "N") if slides else ("rad", "Nm")
-        unit = log.units["drive"]
-        if joint not in gains and unit not in UNSTATED and unit.endswith("A"):
-            raise ValueError(f'The drive of {joint} is in {unit}; give --gains "{joint}:NM_PER_AMPERE;...".')
-        by = gains[joint][0] * factor_between(unit, "A") if joint in gains else factor_between(unit, force)
-        positions.append(factor_between(log.units["position"], place) * log.y)
+        far, by = to_si(joint, bool(slides), log.units["position"], log.units["drive"], gains)
+        positions.append(far * log.y)
         drives.append(by * log.X[:, 0])
         if len(positions[-1]) != len(positions[0]):
             raise ValueError(
@@ -214,6 +242,60 @@ def identify(options: dict[str, Any]) -> None:
         run.log_metrics({f"missing_{j}": v for j, v in found.missing.items()})
         run.log_text(f"{joints_table(found)}\n\n{numbers_table(found)}", "table.txt")
     say_where(tracker)
+
+
+class ArmStream(NamedTuple):
+    """What ``stream`` needs of an arm: estimator, columns and their factors to SI, joints, longest step in time."""
+
+    model: Any
+    columns: list[str]
+    factors: tuple[float, ...]
+    joints: tuple[str, ...]
+    max_step: float
+
+
+def arm_stream(options: Mapping[str, Any]) -> ArmStream:
+    """``stream SOURCE --robot model.json``: recursive least squares that begins at the model's numbers.
+
+    Joints are weighted by the torques that the model expects of them; numbers that the motion does not show stay.
+    """
+    import numpy as np
+
+    from whsklearn import RigidBodyLags, RLSRegressor
+    from whsklearn.logs.units import factor_between, unit_of
+    from whsklearn.models import load_model
+
+    path, source, time = options["robot"], options["source"], options["time_column"]
+    known = load_model(path)
+    if known.kind != "arm":
+        raise ValueError(f"{path} is the model of {known.kind}, expected one of an arm; identify writes it.")
+    arm, dt = known.arm, known.dt
+    if source == "-" and not options["joints"]:
+        raise ValueError('Lines on stdin tell no columns; name them with --joints "NAME:POSITION,DRIVE;...".')
+    clock = factor_between(unit_of(time), "s") if time else 1.0
+    names: list[str] = []
+    if source != "-":
+        import pandas as pd
+
+        head = pd.read_csv(source, nrows=AT_FIRST)
+        names = [str(c) for c in head.columns]
+        if time in names and len(head) > 2:
+            dt = float(np.median(np.diff(pd.to_numeric(head[time], errors="coerce").dropna()))) * clock
+    given, gains = columns_of(options, arm, names), checked_gains(options, arm)
+    pairs = [given[j] for j in arm.joints]
+    factors = [
+        to_si(j, bool(slides), unit_of(q), unit_of(u), gains)
+        for j, slides, (q, u) in zip(arm.joints, arm.slides, pairs, strict=True)
+    ]
+    weights = 1.0 / np.sqrt(np.mean(arm.inverse_dynamics(*arm.drawn_motion(AT_FIRST)) ** 2, axis=0))
+    lags = RigidBodyLags.of_arm(arm, 1.0 / dt, causal=True, weights=weights)
+    lags.partial_rows(*np.zeros((2, 1, arm.n_joints)))  # an effect that a stream cannot have is refused here
+    theta = [known.numbers.get(name, 0.0) for name in lags.base_.names]
+    lags = RigidBodyLags.of_arm(arm, 1.0 / dt, causal=True, weights=weights)
+    model = RLSRegressor(lags, P0=A_ROW, theta0=theta, forgetting=options["forgetting"])
+    columns = [*([time] if time else []), *(q for q, _ in pairs), *(u for _, u in pairs)]
+    scale = (*([clock] if time else []), *(far for far, _ in factors), *(by for _, by in factors))
+    return ArmStream(model, columns, scale, arm.joints, LONGEST_STEP * dt / clock)
 
 
 def document(found: ArmFit) -> dict[str, Any]:

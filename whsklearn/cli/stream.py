@@ -1,4 +1,4 @@
-"""Identify an axis from rows as they come, day and night: estimates, predictions, alarms.
+"""Identify an axis or an arm from rows as they come, day and night: estimates, predictions, alarms.
 
 Rows come from a CSV file, from the same file as it grows (``--follow``), or as JSON lines on stdin (``-``).
 What was learnt is kept in a checkpoint that is replaced in one step; started again, by hand or
@@ -15,9 +15,11 @@ from pathlib import Path
 from typing import Any
 
 import click
+from click.core import ParameterSource
 
 from whsklearn.cli.job import job, root
 
+OF_A_CHAIN = ("inputs", "output", "estimator", "orders", "law", "p")  # options that an arm does not have
 ESTIMATORS = {"rls": "RLSRegressor", "mils": "MILSRegressor", "rmils": "RMILSRegressor"}
 
 
@@ -25,6 +27,11 @@ ESTIMATORS = {"rls": "RLSRegressor", "mils": "MILSRegressor", "rmils": "RMILSReg
 @click.argument("source")
 @click.option("--input", "inputs", multiple=True, default=["u"], help="Input column; several times for several.")
 @click.option("--output", default="y", help="Output column.")
+@click.option(
+    "--robot", type=click.Path(exists=True, dir_okay=False), help="model.json of an arm, in place of --orders."
+)
+@click.option("--joints", help='Of an arm: "NAME:POSITION,DRIVE;...", columns of each joint.')
+@click.option("--gains", help='Of an arm: "NAME:NM_PER_AMPERE;...", where drives are currents.')
 @click.option("--time", "time_column", default=None, help="Time column; its values must increase.")
 @click.option("--max-step", type=float, default=math.inf, help="A longer pause in time begins a new experiment.")
 @click.option("--follow", is_flag=True, help="Wait for rows that are appended to the file.")
@@ -50,24 +57,40 @@ ESTIMATORS = {"rls": "RLSRegressor", "mils": "MILSRegressor", "rmils": "RMILSReg
 @click.option("--checkpoint-every", type=float, default=5.0, help="Seconds between checkpoints.")
 @click.option("--fresh", is_flag=True, help="Begin anew even if there is a checkpoint.")
 def main(
-    source: str, inputs: tuple[str, ...], output: str, time_column: str | None, max_step: float, follow: bool,
-    estimator: str, orders: str, law: str, p: int, forgetting: float, every: int, predictions: bool,
-    smallest_change: float, alarm_interval: float, bad_rows: str, hole: str, most_held: int, disk_full: str,
-    out: Path | None, checkpoint: Path | None, checkpoint_every: float, fresh: bool, seed: int, track: bool,
+    source: str, inputs: tuple[str, ...], output: str, robot: str | None, joints: str | None, gains: str | None,
+    time_column: str | None, max_step: float, follow: bool, estimator: str, orders: str, law: str, p: int,
+    forgetting: float, every: int, predictions: bool, smallest_change: float, alarm_interval: float, bad_rows: str,
+    hole: str, most_held: int, disk_full: str, out: Path | None, checkpoint: Path | None, checkpoint_every: float,
+    fresh: bool, seed: int, track: bool,
 ) -> None:  # fmt: skip
     """Identify from SOURCE, a CSV file or - for JSON lines on stdin, row by row; resumes by itself.
 
     Example: whsklearn stream axis.csv --input torque_nm --output velocity_rad_s --follow --out records.jsonl
+
+    With --robot the rows are those of an arm, and what is learnt are the numbers of its joints.
     """
     from whsklearn.change import ChangeAlarm
     from whsklearn.streaming import Files, Options, run_stream
 
-    columns = [*([time_column] if time_column else []), *inputs, output]
     kept = checkpoint or Path("stdin.whs" if source == "-" else f"{source}.whs")
-    model = build_model(estimator, orders, law, p, forgetting, seed)
+    outputs: tuple[str, ...] = ("",)
+    factors: tuple[float, ...] = ()
+    if robot:
+        from whsklearn.cli.arm import arm_stream
+
+        context = click.get_current_context()
+        given = [name for name in OF_A_CHAIN if context.get_parameter_source(name) == ParameterSource.COMMANDLINE]
+        if given:
+            raise click.UsageError(f"--robot is an arm's model, which has no {given[0]}; leave that option out.")
+        arm = arm_stream({**context.params, "joints": joints, "gains": gains})
+        model, columns, factors, outputs = arm.model, arm.columns, arm.factors, arm.joints
+        max_step, hole = min(max_step, arm.max_step), "restart"
+    else:
+        model = build_model(estimator, orders, law, p, forgetting, seed)
+        columns = [*([time_column] if time_column else []), *inputs, output]
     options = Options(
         every, predictions, bad_rows == "refuse", hole == "restart", max_step, smallest_change, most_held,
-        bool(time_column),
+        bool(time_column), outputs, factors,
     )  # fmt: skip
     files = Files(source, out, kept, follow, fresh, checkpoint_every, disk_full == "stop")
     alarm = ChangeAlarm(interval=alarm_interval)

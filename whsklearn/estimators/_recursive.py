@@ -186,7 +186,9 @@ class RecursiveRegressor(AxisRegressor):
             self._warn_of_record(X, y, stacklevel=6)
         rows, targets = X, y
         if not self._is_wiener_hammerstein and self.lags is not None:
-            rows, targets = self.lags_.partial_rows(X, y)
+            if restart[0] and not first:
+                self.lags_.begin()
+            rows, targets = self.lags_.partial_rows(X, y, np.cumsum(restart))
             restart = starts(None, len(targets), first=first)
         stream = stream or self._make_stream(rows.shape[1], seed)
         state = stream.initial() if first else self.state_

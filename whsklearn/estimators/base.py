@@ -193,7 +193,8 @@ class AxisRegressor(RegressorMixin, CheckedModel):
         Returns
         -------
         ndarray of shape (n,)
-            For given rows, which hold no past output of their own, the same as `predict`.
+            For given rows, which hold no past output of their own, the same as `predict`; of an arm shape
+            (n, n_joints), and where its lags are causal a row is of ``lags_.delay_`` samples earlier.
 
         Raises
         ------
@@ -216,6 +217,8 @@ class AxisRegressor(RegressorMixin, CheckedModel):
             )
         known = writeable(np.asarray(known, dtype=np.float64))
         check_lengths(u, known)
+        if self._answers_several:  # whose columns may hold the drive
+            return given.apart(self.lags_.transform(u, known, groups) @ self._theta())
         if not self._is_wiener_hammerstein:
             return given.apart(np.asarray(self.predict(X, groups)))
         restart = starts(groups, len(u), first=True)

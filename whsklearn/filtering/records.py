@@ -5,6 +5,7 @@ Streams, which have no future, are served by `whsklearn.filtering.streams`.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -78,7 +79,7 @@ def zero_phase(x: ArrayLike, sample_rate: float, cutoff: float, order: int = 4) 
     >>> float(np.abs(zero_phase(noisy, 1000, 50) - slow)[100:-100].max()) < 1e-3
     True
     """
-    from scipy.signal import butter, filtfilt
+    from scipy.signal import filtfilt
 
     x = np.asarray(x, dtype=float)
     if not 0 < cutoff < sample_rate / 2:
@@ -88,8 +89,17 @@ def zero_phase(x: ArrayLike, sample_rate: float, cutoff: float, order: int = 4) 
     pad = 3 * order
     if len(x) <= pad:
         raise ValueError(f"The record has {len(x)} samples, a zero-phase filter of order {order} needs {pad + 1}.")
-    b, a = butter(order, cutoff / (sample_rate / 2))
+    b, a = _butterworth(order, cutoff / (sample_rate / 2))
     return filtfilt(b, a, x, axis=0, padlen=pad)
+
+
+@lru_cache(maxsize=64)
+def _butterworth(order: int, share: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Numerator and denominator; the cut-off is a share of half the rate.  The design takes as long as a filtering."""
+    from scipy.signal import butter
+
+    b, a = butter(order, share)
+    return b, a
 
 
 def central_difference(x: ArrayLike, sample_rate: float) -> NDArray[np.float64]:

@@ -391,7 +391,8 @@ class Diagnosis:
     logged : tuple of two str
         Units of the columns of drive and position, which the repaired model takes and gives.
     joints : list of dict
-        For an arm: what is missing at each joint before and after, as a share of its drive, the floor, and the names.
+        For an arm, by ``name`` of the joint: what is ``missing`` on held-out blocks before and after and the floor, as
+        shares of its drive, and the ``names``.
     rows : dict of str to int
         Rows of the log: ``used``, ``given``, and in how many ``segments`` they are.
     need : float

@@ -64,6 +64,10 @@ class MotionStream:
             keep &= np.abs(np.concatenate(speeds)) >= self.standstill
         return phi[keep], late[keep]
 
+    def begin(self) -> None:
+        """Begin a new experiment: the next row of a stream has no past."""
+        self._stream = AT_START
+
     def get_state(self) -> dict[str, Any]:
         """The arrays and numbers that a stream needs to continue."""
         check_is_fitted(self, "terms_")

@@ -19,7 +19,7 @@ from scipy.ndimage import minimum_filter1d
 from sklearn.base import BaseEstimator, TransformerMixin
 from sklearn.utils.validation import check_array, check_is_fitted, validate_data
 
-from whsklearn.effects import PreslidingHysteresis
+from whsklearn.effects import InputOffset, PreslidingHysteresis
 from whsklearn.filtering.encoder import motion_cutoff
 from whsklearn.filtering.records import Motion, central_difference, motion, velocity_noise, zero_phase
 from whsklearn.filtering.streams import causal_delay, causal_kernels, causal_motion, causal_window
@@ -123,6 +123,8 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         The weights in use.
     delay_, warmup_ : int
         Samples by which a row of a stream lags, and rows of zeros at its beginning; 0 for records.
+    every_ : int
+        Samples from one row to the next: two rows in a period of the cut-off, as more are no more independent.
 
     Notes
     -----
@@ -176,6 +178,29 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         self.causal = causal
         self.degree = degree
 
+    @classmethod
+    def of_arm(cls, arm: Arm, sample_rate: float, law: Any = None, **settings: Any) -> Self:
+        """The columns of an arm whose effects are its law: those at its joints and an offset, or ``law`` where given.
+
+        Parameters
+        ----------
+        arm : Arm
+        sample_rate : float
+            In Hz.
+        law : str, FrictionLaw or iterable of effects, optional
+            Friction of every joint; viscous and Coulomb friction if the arm has no effects.
+        **settings
+            Further parameters.
+        """
+        if law is not None or not any(arm.effects):
+            return cls(arm, sample_rate, **({} if law is None else {"law": law}), **settings)
+        offset = InputOffset()
+        own = {
+            joint: (*row, *(() if any(e.name == offset.name for e in row) else (offset,)))
+            for joint, row in zip(arm.joints, arm.effects, strict=True)
+        }
+        return cls(arm, sample_rate, law=(), effects=own, **settings)
+
     def fit(self, X: ArrayLike, y: ArrayLike | None = None) -> Self:
         """Set up columns, filter and delay; nothing is estimated here.
 
@@ -200,7 +225,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
             )
         X = np.asarray(validate_data(self, X, dtype=np.float64, reset=True))
         if self.cutoff is None and not self.causal:
-            self.cutoff_ = self._cutoff_of(X[:, :n])
+            self._set_cutoff(self._cutoff_of(X[:, :n]))
         return self
 
     def transform(self, X: ArrayLike, y: ArrayLike | None = None, groups: ArrayLike | None = None) -> Array:
@@ -268,8 +293,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         out = []
         for s in runs(groups, len(X)):
             if self.causal:
-                phi, late, _ = self._advance(self._at_start(), X[s], drive[s], target[s])
-                phi, late = phi[self.warmup_ :], late[self.warmup_ :]
+                phi, late, _ = self._advance(self._at_start(), X[s], drive[s], target[s], rows=True)
                 out.append((phi, late, np.ones(late.shape, dtype=bool)))
             else:
                 out.append(self._seen(X[s], drive[s], target[s])[:3])
@@ -330,12 +354,15 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         drive, out = self._drive(X, target), []
         for i, s in enumerate(runs(groups, len(X))):
             stream = self._at_start() if i else self._stream
-            phi, late, self._stream = self._advance(stream, X[s], drive[s], target[s])
-            first = max(self.warmup_ - stream.seen, 0)
-            out.append(((phi * self.weights_[:, None])[first:], (late * self.weights_)[first:]))
+            phi, late, self._stream = self._advance(stream, X[s], drive[s], target[s], rows=True)
+            out.append((phi * self.weights_[:, None], late * self.weights_))
         phis, lates = zip(*out, strict=True)
         phi = np.concatenate(phis)
         return phi.reshape(-1, phi.shape[-1]), np.concatenate(lates).ravel()
+
+    def begin(self) -> None:
+        """Begin a new experiment: the next row of a stream has no past."""
+        self._stream = self._at_start()
 
     def get_state(self) -> dict[str, Any]:
         """The arrays and numbers that a stream needs to continue."""
@@ -361,7 +388,8 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         ):
             raise ValueError("This is no state of RigidBodyLags; give what get_state() returned.")
         self._settle()
-        self.n_features_in_, self.cutoff_ = int(state["n_features_in"]), float(state["cutoff"])
+        self.n_features_in_ = int(state["n_features_in"])
+        self._set_cutoff(float(state["cutoff"]))
         self.weights_ = np.array(state["weights"], dtype=float)
         path, drive = (np.array(state[name], dtype=float) for name in ("path", "drive"))
         self._stream = ArmRowState(path, drive, int(state["seen"]))
@@ -476,7 +504,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
             self.base_ = self._structural_base()
             self._made_of = made_of
         n, self.delay_ = self.arm_.n_joints, 0
-        self.cutoff_ = 0.1 * self.sample_rate if self.cutoff is None else float(self.cutoff)
+        self._set_cutoff(0.1 * self.sample_rate if self.cutoff is None else float(self.cutoff))
         if self.causal:
             window = causal_window(self.sample_rate, self.cutoff_, self.degree)
             self._kernels = causal_kernels(self.sample_rate, window, self.degree)
@@ -486,6 +514,9 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         if given.shape != (n,) or not (given > 0).all():
             raise ValueError(f"weights has shape {given.shape}, expected ({n},) numbers above zero, one a joint.")
         self.weights_, self._stream = given, self._at_start()
+
+    def _set_cutoff(self, hertz: float) -> None:
+        self.cutoff_, self.every_ = hertz, max(round(0.5 * self.sample_rate / hertz), 1)
 
     def _all_terms(self) -> list[Any]:
         return [t for _, terms in self._axes.values() for t in terms]
@@ -519,6 +550,9 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         return np.concatenate(blocks, axis=2)
 
     def _columns(self, moved: Motion, drive: Array, time: Array) -> Array:
+        """The columns that are kept, (n, n_joints, n_columns)."""
+        if not len(time):
+            return np.zeros((0, self.arm_.n_joints, self.base_.kept.size))
         return self._all_columns(moved, drive, time)[:, :, self.base_.kept]
 
     def _rate(self, X: Array, drive: Array, theta: Array) -> Array:
@@ -531,7 +565,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         """Indices of the samples that give rows: two per period of the cut-off, without the ends of the filter."""
         period = max(int(self.sample_rate / self.cutoff_), 1)
         edge = min(EDGE * period, length // 4)
-        return np.arange(edge, length - edge, max(round(0.5 * self.sample_rate / self.cutoff_), 1))
+        return np.arange(edge, length - edge, self.every_)
 
     @property
     def _fine(self) -> float:
@@ -586,21 +620,25 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         return 1.0 / np.maximum(out, smallest)
 
     def _advance(
-        self, stream: ArmRowState, X: Array, drive: Array, target: Array | None = None
+        self, stream: ArmRowState, X: Array, drive: Array, target: Array | None = None, *, rows: bool = False
     ) -> tuple[Array, Array, ArmRowState]:
-        """Columns and delayed drives of the next piece of a stream, and the stream after it."""
+        """Columns and delayed drives of the next piece of a stream, and the stream after it.
+
+        All samples, with zeros in the warm-up; or the samples that give rows (`every_`), without it.
+        """
         n = self.arm_.n_joints
         target = drive if target is None else target
         parts = [causal_motion(X[:, j], stream.path[:, j], self._kernels) for j in range(n)]
-        moved = Motion(*(np.column_stack(signals) for signals in zip(*(p[0] for p in parts), strict=True)))
         late = [causal_delay(target[:, j], stream.drive[:, j], self.delay_) for j in range(n)]
-        drives = np.column_stack([d[0] for d in late])
-        time = (stream.seen - self.delay_ + np.arange(len(X))) / self.sample_rate
-        phi = self._columns(moved, drives, time)
-        phi[: max(self.warmup_ - stream.seen, 0)] = 0.0
         after = ArmRowState(
             np.column_stack([p[1] for p in parts]), np.column_stack([d[1] for d in late]), stream.seen + len(X)
         )
+        count = stream.seen + np.arange(len(X))
+        at = np.flatnonzero((count >= self.warmup_) & (count % self.every_ == 0)) if rows else slice(None)
+        moved = Motion(*(np.column_stack(signals)[at] for signals in zip(*(p[0] for p in parts), strict=True)))
+        drives = np.column_stack([d[0] for d in late])[at]
+        phi = self._columns(moved, drives, (count[at] - self.delay_) / self.sample_rate)
+        phi[count[at] < self.warmup_] = 0.0
         return phi, drives, after
 
     def _cutoff_of(self, paths: Array) -> float:

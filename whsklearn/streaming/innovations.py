@@ -24,10 +24,17 @@ class Innovations:
     ----------
     model : estimator
         The one that learns; a second one of its kind does the predicting.
+    n_outputs : int
+        Outputs, the last columns of a row.
+
+    Notes
+    -----
+    Where the lags smooth over a moving window (those of an arm), an innovation is of the sample in the middle of the
+    window that ends with the row.
     """
 
-    def __init__(self, model: Any):
-        self.model = model
+    def __init__(self, model: Any, n_outputs: int = 1):
+        self.model, self.n_outputs = model, n_outputs
         self._before: Any = None
         self.rows = np.empty((0, 0))
         self.experiments = np.empty(0, dtype=np.int64)
@@ -39,17 +46,28 @@ class Innovations:
         self.experiments = np.concatenate([self.experiments, experiments])
         self.new += len(rows)
 
-    def of_block(self) -> NDArray[np.float64]:
-        """Innovations of the block that is complete; the next one begins.  NaN while nothing was known before."""
-        e = np.full(self.new, np.nan)
+    def of_block(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Outputs of the block that is complete and their innovations, (n, n_outputs) each; the next one begins.
+
+        Innovations are NaN where nothing was known before.
+        """
+        first = len(self.rows) - self.new
+        y = self.rows[:, -self.n_outputs :]
+        e = np.full((self.new, self.n_outputs), np.nan)
         if self._before is not None:
-            X, y = self.rows[:, :-1], self.rows[:, -1]
-            y_hat = self._before.predict_ahead(X, y, horizon=1, groups=self.experiments, settle=False)
-            e = (y - y_hat)[len(y) - self.new :]
+            X, known = self.rows[:, : -self.n_outputs], y if self.n_outputs > 1 else y[:, 0]
+            y_hat = self._before.predict_ahead(X, known, horizon=1, groups=self.experiments, settle=False)
+            if self.n_outputs > 1:
+                lags = self._before.lags_
+                y = np.roll(y, lags.delay_, axis=0)
+                begun = np.flatnonzero(np.diff(self.experiments, prepend=self.experiments[0] - 1))
+                past = np.arange(len(y)) - begun[np.searchsorted(begun, np.arange(len(y)), side="right") - 1]
+                y_hat[past < lags.warmup_] = np.nan
+            e = (y - y_hat.reshape(y.shape))[first:]
         self._before = copy.copy(self.model)  # what set_state of a clone does, without its checks
         self._before.state_ = copy.deepcopy(self.model.state_)
         self.rows, self.experiments, self.new = self.rows[-CONTEXT:], self.experiments[-CONTEXT:], 0
-        return e
+        return y[first:], e
 
     def get_state(self) -> dict[str, Any]:
         """What `set_state` needs to go on identically."""

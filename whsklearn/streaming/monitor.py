@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from sklearn.base import clone
 
 from whsklearn.change import ChangeAlarm, compare_parameters, forgetting_after, set_forgetting
 from whsklearn.plot import flat_parameters
@@ -51,6 +52,10 @@ class Options:
         Bad rows in a row in whose place the last sample is learnt again.
     timed : bool, default=False
         Whether a row's first value is its time.
+    outputs : tuple of str, default=("",)
+        Names of the outputs, the last columns of a row; more than one only for the lags of an arm.
+    factors : tuple of float, default=()
+        By which the columns of a row (its time too) are multiplied, such as degrees to rad; empty: as they are.
 
     References
     ----------
@@ -72,6 +77,8 @@ class Options:
     smallest_change: float = 5.0
     most_held: int = 10
     timed: bool = False
+    outputs: tuple[str, ...] = ("",)
+    factors: tuple[float, ...] = ()
 
 
 class Refused(ValueError):
@@ -104,11 +111,11 @@ class Carried:
     held: int = 0
     times: list[float] = field(default_factory=list)
     last: list[float] = field(default_factory=list)
-    squares: float = 0.0  # of the innovations since the last estimate
-    counted: int = 0
-    output_sum: float = 0.0  # of the output over the same rows
-    output_squares: float = 0.0
-    poor: bool = False  # whether the predictions were worse than the mean of the output when they were last judged
+    counted: int = 0  # innovations since the last estimate
+    squares: list[float] = field(default_factory=list)  # of them, by output
+    output_sum: list[float] = field(default_factory=list)  # of the outputs over the same rows
+    output_squares: list[float] = field(default_factory=list)
+    poor: list[bool] = field(default_factory=list)  # whether predictions were worse than the mean when last judged
     alarms: int = 0
     alarm_row: int = -1
     adapting: int = 0
@@ -152,8 +159,12 @@ class StreamMonitor:
     def __init__(self, model: Any, alarm: ChangeAlarm, options: Options, emit: Callable[[Record], None]):
         self.model, self.alarm, self.options, self.emit = model, alarm, options, emit
         self.forgetting = model.forgetting
-        self.innovations = Innovations(model)
-        self.carried = Carried()
+        n = len(options.outputs)
+        # outputs share the false alarms of the interval
+        self.alarms = [alarm] if n == 1 else [clone(alarm).set_params(interval=n * alarm.interval) for _ in range(n)]
+        self.innovations = Innovations(model, n)
+        self.carried = Carried(poor=[False] * n)
+        self._count_anew()
         self.clock = Clock()
         self._rows: list[list[float]] = []
         self._experiments: list[int] = []
@@ -271,7 +282,8 @@ class StreamMonitor:
         if self._rows:
             rows, experiments, numbers = self._rows, self._experiments, self._numbers
             self._rows, self._experiments, self._numbers = [], [], []
-            self._learn(np.array(rows), np.array(experiments), numbers)
+            scaled = np.array(rows) * (self.options.factors or 1.0)
+            self._learn(scaled, np.array(experiments), numbers)
 
     def _bad(self, number: int, reason: str) -> None:
         """Report a row that is skipped; the last sample takes its place, at most `most_held` times in a row."""
@@ -326,7 +338,8 @@ class StreamMonitor:
     def _learn_piece(self, rows: NDArray[np.float64], experiments: NDArray[np.int64]) -> None:
         """One partial_fit; at a block's end, what its innovations say."""
         timed = int(self.options.timed)
-        X, y = np.ascontiguousarray(rows[:, timed:-1]), np.ascontiguousarray(rows[:, -1])
+        n = len(self.options.outputs)
+        X, y = np.ascontiguousarray(rows[:, timed:-n]), np.ascontiguousarray(rows[:, -n:] if n > 1 else rows[:, -1])
         if self.carried.rows and experiments[0] == experiments[-1] == self.innovations.experiments[-1]:
             self.model.partial_fit(X, y)  # the same experiment goes on: the fast path
         else:
@@ -335,29 +348,45 @@ class StreamMonitor:
         self.innovations.learnt(rows[:, timed:], experiments)
         self.carried.times = (self.carried.times + rows[:, 0].tolist())[-BLOCK:] if timed else []
         if self.carried.rows % BLOCK == 0:
-            y = self.innovations.rows[-BLOCK:, -1]
-            self._watch(y, self.innovations.of_block())
+            self._watch(*self.innovations.of_block())
 
     def _watch(self, y: NDArray[np.float64], e: NDArray[np.float64]) -> None:
-        """Predictions, alarm and spread of the block that is complete."""
+        """Predictions, alarm and spread of the block that is complete; y and its innovations (n, n_outputs)."""
         first = self.carried.rows - len(e) + 1
         if self.options.predictions:
-            for i, (value, error) in enumerate(zip(y.tolist(), e.tolist(), strict=True)):
-                self.emit(self._record("prediction", first + i) | {"y": value, "y_hat": value - error})
+            for i, (values, errors) in enumerate(zip(y.tolist(), e.tolist(), strict=True)):
+                told = {"y": values, "y_hat": [v - e for v, e in zip(values, errors, strict=True)]}
+                self.emit(self._record("prediction", first + i) | {k: self._by_output(v) for k, v in told.items()})
         if self.carried.adapting:
             self._adapt(max(self.carried.adapting - BLOCK, 0))
-        predicted = np.isfinite(e)  # the first block has none
-        e, y = e[predicted], y[predicted]
-        self.carried.squares += float(np.sum(e * e))
-        self.carried.output_sum += float(np.sum(y))
-        self.carried.output_squares += float(np.sum(y * y))
-        self.carried.counted += len(e)
-        for i in self.alarm.update(e).tolist():
-            self.carried.alarm_row = first + i
-            self.carried.alarms += 1
-            self.model.forget_past(PAST)
+        every = getattr(getattr(self.model, "lags_", None), "every_", 1)  # rows that an arm's window makes independent
+        asked = np.isfinite(e).all(axis=1) & ((first + np.arange(len(e))) % every == 0)  # the first block has none
+        e, y = e[asked], y[asked]
+        c = self.carried
+        for name, now in (("squares", e * e), ("output_sum", y), ("output_squares", y * y)):
+            setattr(c, name, [a + b for a, b in zip(getattr(c, name), now.sum(axis=0).tolist(), strict=True)])
+        c.counted += len(e)
+        rows = (first + np.flatnonzero(asked)).tolist()
+        raised = [(rows[i], k) for k, alarm in enumerate(self.alarms) for i in alarm.update(e[:, k]).tolist()]
+        for row, k in sorted(raised)[:1]:
+            for other in self.alarms[:k] + self.alarms[k + 1 :]:  # the model is about to move at all joints
+                other.begin()
+            c.alarm_row = row
+            c.alarms += 1
+            self.model.forget_past(PAST * len(self.alarms))
             self._adapt(ADAPTING_ROWS)
-            self.emit(self._record("alarm", first + i) | {"cause": "change", "interval": self.alarm.interval})
+            named = {"joint": self.options.outputs[k]} if self.options.outputs[k] else {}
+            said = {"cause": "change", "interval": self.alarm.interval}
+            self.emit(self._record("alarm", row) | said | named)
+
+    def _by_output(self, values: list[Any]) -> Any:
+        """A value by the name of its output, or the value itself where there is one output."""
+        return values[0] if len(values) == 1 else dict(zip(self.options.outputs, values, strict=True))
+
+    def _count_anew(self) -> None:
+        """No innovation since the last estimate."""
+        c, zeros = self.carried, [0.0] * len(self.options.outputs)
+        c.counted, c.squares, c.output_sum, c.output_squares = 0, zeros, zeros, zeros
 
     def _adapt(self, rows: int) -> None:
         """Set the forgetting factor for a stream that will have settled after this many more rows."""
@@ -372,7 +401,7 @@ class StreamMonitor:
         return {
             "carried": asdict(self.carried),
             "model": self.model.get_state() if fitted else {},
-            "alarm": self.alarm.get_state() if self.alarm.started else {},
+            "alarms": [a.get_state() if a.started else {} for a in self.alarms],
             "innovations": self.innovations.get_state() if fitted else {},
             "clock": self.clock.get_state(),
         }
@@ -392,8 +421,9 @@ class StreamMonitor:
             self.innovations.set_state(state["innovations"])
         if self.carried.adapting:
             self._adapt(self.carried.adapting)
-        if state["alarm"]:
-            self.alarm.set_state(state["alarm"])
+        for alarm, held in zip(self.alarms, state["alarms"], strict=True):
+            if held:
+                alarm.set_state(held)
 
     def _record(self, kind: str, row: int) -> Record:
         """The head of a record of one of the last rows."""
@@ -405,31 +435,36 @@ class StreamMonitor:
         c = self.carried
         if c.counted < 2 or c.adapting or c.rows - c.counted < TAKEN_OVER:  # settling after the start or an alarm
             return
-        spread = c.output_squares - c.output_sum**2 / c.counted
-        nmse = c.squares / spread if spread > 1e-12 * c.output_squares else 0.0  # of an axis at rest nothing is asked
-        was, c.poor = c.poor, nmse > 1.0 + SURE * (2.0 / c.counted) ** 0.5
-        if c.poor and not was:
-            self._warn(
-                "worse_than_mean", number,
-                f"the predictions of the last {c.counted} rows are worse than the mean of the output "
-                f"(NMSE {nmse:.3g}), so the model does not describe them; check columns, units and the sense of the "
-                "drive, or try other --orders or another --law",
-            )  # fmt: skip
+        for k, name in enumerate(self.options.outputs):
+            spread = c.output_squares[k] - c.output_sum[k] ** 2 / c.counted
+            # of an axis at rest nothing is asked
+            nmse = c.squares[k] / spread if spread > 1e-12 * c.output_squares[k] else 0.0
+            was, c.poor[k] = c.poor[k], nmse > 1.0 + SURE * (2.0 / c.counted) ** 0.5
+            if c.poor[k] and not was:
+                of, orders = (f" of {name}", "") if name else ("", ", or try other --orders or another --law")
+                self._warn(
+                    "worse_than_mean", number,
+                    f"the predictions{of} of the last {c.counted} rows are worse than the mean of the output "
+                    f"(NMSE {nmse:.3g}), so the model does not describe them; check columns, units and the sense of "
+                    f"the drive{orders}",
+                )  # fmt: skip
 
     def _estimate(self) -> None:
         """Emit the present estimate, and what changed since the reference was taken."""
         c = self.carried
-        if c.alarm_row >= 0 and self.alarm.watching_:  # time to say what changed: all that came since speaks together
+        watching = all(a.watching_ for a in self.alarms)
+        if c.alarm_row >= 0 and watching:  # time to say what changed: all that came since speaks together
             self.model.consolidate()
         values, errors = estimates(self.model)
         names = list(values)
+        rmse = [(total / max(c.counted, 1)) ** 0.5 for total in c.squares]
         self.emit(
             self._record("estimate", c.rows)
-            | {"innovation_rmse": (c.squares / c.counted) ** 0.5 if c.counted else None, "bad_rows": c.bad}
+            | {"innovation_rmse": self._by_output(rmse) if c.counted else None, "bad_rows": c.bad}
             | {"parameters": values, "standard_errors": errors}
         )
-        c.squares, c.counted, c.output_sum, c.output_squares = 0.0, 0, 0.0, 0.0
-        if not self.alarm.watching_:
+        self._count_anew()
+        if not watching:
             return  # settling after the start or an alarm
         after, variances = list(values.values()), [errors[n] ** 2 for n in names]
         if not np.all(np.isfinite(variances)):

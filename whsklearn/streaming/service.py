@@ -300,8 +300,11 @@ def _to(writer: Out, run: BesideRun, say: Say) -> Callable[[Record], None]:
             say(f"line {record['line']}: {record['reason']}; passed over.")
         elif record["kind"] == "estimate":
             metrics = {f"path/{k}": v for k, v in record["parameters"].items()}
-            if record["innovation_rmse"] is not None:
-                metrics["innovation_rmse"] = record["innovation_rmse"]
+            rmse = record["innovation_rmse"]
+            if isinstance(rmse, dict):
+                metrics |= {f"innovation_rmse/{joint}": value for joint, value in rmse.items()}
+            elif rmse is not None:
+                metrics["innovation_rmse"] = rmse
         elif record["kind"] == "alarm":
             metrics = {"alarm" if record["cause"] == "change" else record["cause"]: 1.0}
             if record["cause"] != "change":

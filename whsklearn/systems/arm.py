@@ -363,15 +363,20 @@ class Arm:
 
         Notes
         -----
-        Of all sets that agree with the values, the one nearest to the present set (that of the file) is taken.
+        Of all sets that agree with the values, the one nearest to the present set (that of the file) is taken.  A motor
+        that the file does not name is expected to have the inertia of the joint that it turns, as a gear is chosen so
+        (inertia matching).
 
         References
         ----------
         Rucker and Wensing 2022, Smooth parameterization of rigid-body inertia, IEEE Robotics and Automation Letters
-        7(2), 2771-2778.
+        7(2), 2771-2778; Pasch and Seering 1984, On the drive systems for high-performance machines, J. Mechanisms,
+        Transmissions, and Automation in Design 106(1), 102-108, on inertia matching.
         """
-        inertial, armature = consistent_numbers(self.inertial, self.armature, base, values, covariance)
-        return dataclasses.replace(self, inertial=inertial, armature=armature)
+        joint = np.diagonal(dataclasses.replace(self, armature=None).mass_matrix(np.zeros((1, self.n_joints)))[0])
+        motors = np.where(self.armature > 0.0, self.armature, joint)
+        inertial, armature = consistent_numbers(self.inertial, motors, base, values, covariance)
+        return dataclasses.replace(self, inertial=inertial, armature=self.armature if armature is None else armature)
 
     # -- inside -------------------------------------------------------------------------
 

@@ -87,8 +87,10 @@ def log_cholesky(numbers: Array) -> Array:
 @threadpool_limits.wrap(limits=1, user_api="blas")  # two take twice the CPU and sum in another order
 def consistent_numbers(
     inertial: Array, armature: Array, base: BaseParameters, values: ArrayLike, covariance: ArrayLike | None
-) -> tuple[Array, Array]:
+) -> tuple[Array, Array | None]:
     """Links (n, 10) and armature (n,) that are physical and have these base numbers; see `Arm.consistent`.
+
+    The armature is None if no base number holds one.
 
     Raises
     ------
@@ -124,4 +126,4 @@ def consistent_numbers(
         return np.vstack([whitening @ mapping @ inner, NEARNESS * np.eye(x.size)])
 
     found = full(least_squares(errors, start, jacobian, ftol=1e-6, xtol=1e-6, max_nfev=200).x)
-    return found[:links].reshape(n, N_BODY), found[links:] if motors else armature
+    return found[:links].reshape(n, N_BODY), found[links:] if motors else None

@@ -8,7 +8,7 @@ one that has appeared since.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, NamedTuple
@@ -16,14 +16,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from whsklearn.effects import ContactStop, InputOffset
+from whsklearn.effects import ContactStop
 from whsklearn.gap.calibration import p_value
 from whsklearn.gap.data_check import DataProblem
 from whsklearn.gap.filters import whiteness
 from whsklearn.gap.localisation import spectra
 from whsklearn.gap.plant import Figures, Gap, Linearised, PlantDefaults, Told
 from whsklearn.gap.plants.arm_families import FURTHEST, families, look_at_limit, nameless, polished
-from whsklearn.gap.plants.arm_terms import AtJoint, Load, candidates, present
+from whsklearn.gap.plants.arm_terms import AtJoint, JointInertia, JointTerm, Load, Weight, candidates, present
 from whsklearn.gap.plants.arm_view import LATEST, ArmState, ArmView, law_of
 from whsklearn.gap.plants.servo_candidates import aliases as of_axis
 from whsklearn.gap.plants.servo_candidates import candidate
@@ -31,14 +31,13 @@ from whsklearn.gap.plants.servo_evidence import OWN_MOTION
 from whsklearn.gap.plants.servo_model import Term
 from whsklearn.gap.plants.servo_objections import negative_damping, never_free, too_large
 from whsklearn.gap.record import SPLIT, held_out_blocks, rms
-from whsklearn.gap.tangent import Look, Tangent
-from whsklearn.identification.arm_fit import suspicions, swapped
+from whsklearn.gap.tangent import Family, Look, Tangent
+from whsklearn.identification.arm_fit import fitted, suspicions, swapped
 from whsklearn.lags.rigid_body import RigidBodyLags
 from whsklearn.models.arm import ArmModel
 from whsklearn.systems.arm import Arm
 
 Array = NDArray[Any]
-LAW = "viscous,coulomb"
 # Largest ratio, at one joint, of the torque of an effect to the residual that it removes: with a larger one, like that
 # of a spring against gravity, it only cancels other terms.
 CANCELS = 20.0
@@ -101,7 +100,7 @@ class ArmPlant(PlantDefaults):
         v = self.view
         texts = [str(w.message) for w in said if w.category is UserWarning]
         texts += [*suspicions(arm, q, u), *swapped(arm.joints, v.phi, v.target, v.keep)]
-        return [DataProblem("data-arm", "The columns of the log may be wrong", text, fatal=False) for text in texts]
+        return [DataProblem("data-arm", "Check the log", text, fatal=False) for text in texts]
 
     def base(self, rng: np.random.Generator) -> ArmState:
         """The rigid arm with its law, fitted; or the given arm with only the offsets fitted."""
@@ -146,11 +145,29 @@ class ArmPlant(PlantDefaults):
         rest: list[AtJoint] = []
         for k in kinds:
             (limits if k.transforms and not k.delays else rest).append(k)
-        looks = [self.tangent.look(f) for f in (*families(view, rest), *nameless(view))]
-        looks += [look_at_limit(view, k, self.tangent) for k in limits]
-        found = [self._sized(look) for look in looks if look is not None]
-        self.looked = sorted((self._significant(look, len(found)) for look in found), key=lambda k: -k.score)
+        pairs = [(f, self.tangent.look(f)) for f in (*families(view, rest), *nameless(view))]
+        looks = [self._sized(look) for _, look in pairs if look is not None]
+        looks += [self._sized(look) for k in limits if (look := look_at_limit(view, k, self.tangent)) is not None]
+        looks = sorted((self._significant(look, len(looks)) for look in looks), key=lambda k: -k.score)
+        for i in [i for i, k in enumerate(looks) if k.name][:1]:
+            for family in [f for f, k in pairs if k is not None and k.start is looks[i].start]:
+                looks[i] = self._beside(looks[i], family, model, rng, len(looks))
+        self.looked = looks
         return self.looked
+
+    def _beside(self, look: Look, family: Family, model: ArmState, rng: np.random.Generator, families: int) -> Look:
+        """The look with null records of the colour of what the family itself leaves.
+
+        A strong slow effect is in the residual that null records have their colour from, and hides there.  As in any
+        F-test the noise is that of the larger model; for a weak effect both are the same.
+        """
+        view = self.view
+        rest = view.left(view.fit(model.with_term(look.start)))
+        null, _ = view.null(rest, self.own.apart, rng)
+        rows = np.concatenate([null + (self.own.uncertain if len(self.own.uncertain) else 0.0), self.own.uncertain])
+        beside = self._tangent(model, rows.reshape(len(rows), -1)).look(family)
+        assert beside is not None
+        return self._significant(replace(look, null=beside.null), families)
 
     def _significant(self, look: Look, families: int) -> Look:
         """The look with its p-value, at least that beside what uncertain parameters of another record explain alone.
@@ -326,24 +343,30 @@ class ArmPlant(PlantDefaults):
         some = view.moved.position[:: max(len(view.time) // SOME, 1)]
         gives = any(e.quantities[e.size].positive and e.magnitude < 0.0 for row in arm.effects for e in row)
         if gives or np.linalg.eigvalsh(arm.mass_matrix(some)).min() <= 0.0:  # friction that drives, or too uncertain
-            arm = self.lags.interpret(model.numbers)
+            arm = self._physical(model)
+        arm, others = completed(arm, model.terms)
         beside = np.zeros_like(self.record.drive)
-        for t in model.terms:
-            name, d = t.effect.name, np.array(t.kind.direction)
-            if name == "payload":
-                arm = arm.with_body(t.joint, t.q[0], t.shape)
-            elif name == "joint_inertia" and t.kind.index is not None:
-                arm = replace(arm, armature=arm.armature + t.q[0] * d)
-            elif name == "gravity":
+        for t in others:
+            d = np.array(t.kind.direction)
+            if t.kind.cls is Weight:
                 seen = view.contribution(t)
                 beside += np.column_stack([np.interp(view.time, view.time[view.kept], x) for x in seen.T])
-            elif t.kind.index is not None:
-                arm = arm.with_effects({t.joint: t.effect})
-            elif name == "joint_inertia":
+            elif t.kind.cls is JointInertia:
                 beside += t.q[0] * (view.moved.acceleration @ d)[:, None] * d
             else:
                 beside += t.effect.contribution(view.signals(t.kind))[:, None] * d
         return arm, beside
+
+    def _physical(self, model: ArmState) -> Arm:
+        """The arm of the base numbers with physical links; numbers that the record leaves open are the file's."""
+        view, spread = self.view, self.covariance
+        if spread is None:
+            x, y = view.design(model, np.zeros(view.n_joints, dtype=bool))
+            shape = view.target.shape
+            white = fitted(x.reshape(*shape, -1), y.reshape(shape), view.keep, view.weight)[1]
+            n = len(model.numbers)
+            spread = white[:n, :n] * view.keep.sum() / self.n_effective
+        return self.lags.interpret(model.numbers, spread)
 
     def measured(self, *models: ArmState) -> tuple[Array, NDArray[np.bool_]]:
         """Positions of all joints, one after the other, and the mask of held-out samples away from the ends."""
@@ -367,12 +390,12 @@ class ArmPlant(PlantDefaults):
 
     # --- report ------------------------------------------------------------------------------
     def _joints(self, base: ArmState, model: ArmState) -> list[dict[str, Any]]:
-        """One row for each joint: the gap before and after, the noise floor, and the names."""
-        before, after = (self._shares(self.errors(m)) for m in (base, model))
+        """One row for each joint: what is missing on held-out blocks before and after, the noise floor, the names."""
+        missing = zip(*(self.view.held_out(self.view.fit(m)) for m in (base, model)), self.own.floor, strict=True)
         return [
-            {"joint": name, "before": float(b), "after": float(a), "floor": float(f),
-             "names": [t.name for t in model.terms if name in t.kind.place]}
-            for name, b, a, f in zip(self.view.arm.joints, before, after, self.own.floor, strict=True)
+            {"name": joint, "missing": dict(zip(("before", "after", "floor"), map(float, shares), strict=True)),
+             "names": [t.name for t in model.terms if joint in t.kind.place]}
+            for joint, shares in zip(self.view.arm.joints, missing, strict=True)
         ]  # fmt: skip
 
     def _worst(self, model: ArmState) -> int:
@@ -440,17 +463,24 @@ class ArmPlant(PlantDefaults):
 
     def system(self, model: ArmState) -> ArmModel:
         """The repaired arm with physical links; effects along two joints appear only in the report."""
-        view = self.view
-        arm = self.lags.interpret(model.numbers)
-        for t in model.terms:
-            if t.effect.name == "payload":
-                arm = arm.with_body(t.joint, t.q[0], t.shape)
-            elif t.effect.name == "joint_inertia" and t.kind.index is not None:
-                arm = replace(arm, armature=arm.armature + t.q[0] * np.array(t.kind.direction))
-            elif t.kind.catalogued is not None and t.kind.index is not None:
-                arm = arm.with_effects({t.joint: t.effect})
-        return ArmModel(arm, {k: v for k, (v, _) in self.numbers(model).items()}, dt=view.dt, logged="position",
+        arm, numbers = completed(self._physical(model), model.terms)[0], self.numbers(model)
+        return ArmModel(arm, {k: v for k, (v, _) in numbers.items()}, dt=self.view.dt, logged="position",
                         units={"input": "Nm", "output": "rad"})  # fmt: skip
+
+
+def completed(arm: Arm, terms: Iterable[JointTerm]) -> tuple[Arm, list[JointTerm]]:
+    """The arm with all terms that an `Arm` can hold, and the others."""
+    others = []
+    for t in terms:
+        if t.kind.cls is Load:
+            arm = arm.with_body(t.joint, t.q[0], t.shape)
+        elif t.kind.index is None:
+            others.append(t)
+        elif t.kind.cls is JointInertia:
+            arm = replace(arm, armature=arm.armature + t.q[0] * np.array(t.kind.direction))
+        else:
+            arm = arm.with_effects({t.joint: t.effect})
+    return arm, others
 
 
 def record_of(log: Any, arm: Arm) -> ArmRecord:
@@ -476,12 +506,7 @@ def arm_plant(model: Any, log: Any, *, law: str | None, tolerance: float) -> Arm
     arm = model.arm if isinstance(model, ArmModel) else model
     record = record_of(log, arm)
     rate = (len(record.time) - 1) / float(record.time[-1] - record.time[0])
-    if law is not None or not any(arm.effects):
-        lags = RigidBodyLags(arm, rate, law=LAW if law is None else law)
-    else:
-        own = {j: (*e, *(() if any(isinstance(x, InputOffset) for x in e) else (InputOffset(),)))
-               for j, e in zip(arm.joints, arm.effects, strict=True)}  # fmt: skip
-        lags = RigidBodyLags(arm, rate, law=(), effects=own)
+    lags = RigidBodyLags.of_arm(arm, rate, law)
     if not isinstance(model, ArmModel):
         return ArmPlant(record, lags, model, tolerance)
     lags._settle()

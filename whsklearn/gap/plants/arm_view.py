@@ -24,6 +24,7 @@ from whsklearn.gap.plants.arm_terms import AtJoint, JointInertia, JointTerm, Loa
 from whsklearn.gap.plants.servo_columns import ColumnSignals
 from whsklearn.gap.plants.servo_inverse import later, reaching
 from whsklearn.gap.record import MAD, lattice, rms
+from whsklearn.identification.arm_fit import held_out
 from whsklearn.lags.rigid_body import RigidBodyLags
 from whsklearn.systems._arm_kernels import N_BODY
 from whsklearn.systems.arm_files import STANDARD_GRAVITY, body_numbers
@@ -77,6 +78,8 @@ class Own(NamedTuple):
     floor : ndarray of shape (n_joints,)
         Rms residual due to the noise of the encoders, as a share of each joint's drive.
     n_effective : float
+    apart : ndarray of shape (N_RECORDS, m, n_joints)
+        Residuals of single records by the noise of the encoders.
     """
 
     mean: Array
@@ -84,6 +87,7 @@ class Own(NamedTuple):
     uncertain: Array
     floor: Array
     n_effective: float
+    apart: Array
 
 
 class ArmView:
@@ -120,6 +124,8 @@ class ArmView:
         self.torque = zero_phase(drive, lags.sample_rate, lags._fine)  # replaced by a model's torque
         self.rate = np.zeros_like(self.target)
         self._columns: dict[Any, Array] = {}
+        self._signals: dict[Any, ColumnSignals] = {}
+        self._scenes: dict[Any, Scales] = {}
         self._fits: dict[Any, ArmState] = {}
         self.drive_rms = self.by_joint(self.target)
 
@@ -139,20 +145,28 @@ class ArmView:
 
     def scene(self, kind: AtJoint) -> Scales:
         """Scales of the record along a joint or a sum of joints."""
-        d = np.array(kind.direction)
-        q, v, a = (x @ d for x in self.moved)
-        u = self.drive @ d
-        return Scales(
-            torque=rms(u), peak=float(np.abs(u).max()), speed=max(rms(v), 1e-9), reach=max(float(np.ptp(q)) / 2, 1e-9),
-            centre=float(q.max() + q.min()) / 2, duration=float(self.time[-1]), dt=self.dt,
-            inertia=max(rms(u) / max(rms(a), 1e-9), 1e-9),
-        )  # fmt: skip
+        if kind.direction not in self._scenes:
+            d = np.array(kind.direction)
+            q, v, a = (x @ d for x in self.moved)
+            u = self.drive @ d
+            self._scenes[kind.direction] = Scales(
+                torque=rms(u), peak=float(np.abs(u).max()), speed=max(rms(v), 1e-9),
+                reach=max(float(np.ptp(q)) / 2, 1e-9), centre=float(q.max() + q.min()) / 2,
+                duration=float(self.time[-1]), dt=self.dt, inertia=max(rms(u) / max(rms(a), 1e-9), 1e-9),
+            )  # fmt: skip
+        return self._scenes[kind.direction]
 
     def signals(self, kind: AtJoint, moved: Motion | None = None, torque: Array | None = None) -> ColumnSignals:
         """The motion along a joint or a sum of joints; its drive is the torque that the model predicts."""
+        own = moved is None and torque is None
+        if own and kind.direction in self._signals:
+            return self._signals[kind.direction]
         d = np.array(kind.direction)
         q, v, a = (x @ d for x in (self.moved if moved is None else moved))
-        return ColumnSignals(self.time, q, v, a, (self.torque if torque is None else torque) @ d)
+        found = ColumnSignals(self.time, q, v, a, (self.torque if torque is None else torque) @ d)
+        if own:
+            self._signals[kind.direction] = found
+        return found
 
     # -- columns ------------------------------------------------------------------------------
     def columns(self, kind: AtJoint, shape: tuple[float, ...]) -> Array:
@@ -243,16 +257,26 @@ class ArmView:
         """Solve for all sizes at the model's shapes; the age of every drive is fitted within bookkeeping."""
         key = tuple((t.kind, t.shape) for t in model.terms)
         if key not in self._fits:
-            delayed = {t.joint for t in model.terms if t.kind.delays}
-            timed = np.any(self.rate != 0.0, axis=0) & np.array([j not in delayed for j in self.arm.joints])
             model = dataclasses.replace(model, timing=np.zeros(self.n_joints))
-            fitted = self._solved(model, timed)
+            fitted = self._solved(model, timed := self.timed(model))
             bound = np.clip(fitted.timing, -OLDEST, LATEST * self.dt)
             if np.any(bound != fitted.timing):
                 timed &= bound == fitted.timing
                 fitted = self._solved(dataclasses.replace(model, timing=np.where(timed, 0.0, bound)), timed)
             self._fits[key] = fitted
         return self._fits[key]
+
+    def timed(self, model: ArmState) -> NDArray[np.bool_]:
+        """Joints, (n_joints,), whose drive has an age within bookkeeping: they move, and no delay is named there."""
+        delayed = {t.joint for t in model.terms if t.kind.delays}
+        inside = (model.timing > -OLDEST) & (model.timing < LATEST * self.dt)
+        return inside & np.any(self.rate != 0.0, axis=0) & np.array([j not in delayed for j in self.arm.joints])
+
+    def held_out(self, model: ArmState) -> Array:
+        """Rms error of each joint on blocks that were not fitted, as a share of its rms drive, (n_joints,)."""
+        x, y = self.design(model, self.timed(model))
+        shape = self.target.shape
+        return held_out(x.reshape(*shape, -1), y.reshape(shape), self.keep, self.weight, self.target)
 
     def _solved(self, model: ArmState, timed: NDArray[np.bool_]) -> ArmState:
         x, y = self.design(model, timed)
@@ -299,7 +323,7 @@ class ArmView:
         self._fits = {}
 
     def _forget(self) -> None:
-        self._fits = {}
+        self._fits, self._signals = {}, {}
         for key in list(self._columns):
             c = key[0].catalogued
             if c is not None and c.driven and (c.delays or not c.transforms):
@@ -346,7 +370,20 @@ class ArmView:
         rows = np.where(self.keep, asked - np.array([self.blur(x) for x in made]), 0.0)
         mean = rows.mean(axis=0)
         apart = (rows - mean) * np.sqrt(N_RECORDS / (N_RECORDS - 1.0))
-        rest = self.left(model) + np.where(self.keep, self.artefact, 0.0) - mean
+        null, n = self.null(self.left(model) + np.where(self.keep, self.artefact, 0.0) - mean, apart, rng)
+        uncertain = np.zeros((0, self.n_rows, self.n_joints))
+        if self.covariance is not None and self.given is not None:
+            draws = rng.multivariate_normal(np.zeros(len(self.given)), self.covariance, N_NULL, method="eigh")
+            uncertain = np.where(self.keep, np.einsum("tjb,kb->ktj", self.phi, draws), 0.0)
+            null += uncertain
+        floor = np.sqrt(np.mean([self.by_joint(a) ** 2 for a in apart], axis=0))
+        return Own(mean, null, uncertain, floor / np.maximum(self.drive_rms, 1e-300), n, apart)
+
+    def null(self, rest: Array, apart: Array, rng: np.random.Generator) -> tuple[Array, float]:
+        """Residuals by chance with the colour of ``rest``, (N_NULL, m, n_joints), and their independent samples.
+
+        They hold the noise of the encoders, ``apart``, and what else is in ``rest`` as coloured noise, joint by joint.
+        """
         null = np.empty((N_NULL, self.n_rows, self.n_joints))
         n = 0.0
         for j in range(self.n_joints):
@@ -358,15 +395,7 @@ class ArmView:
             spread = coloured(power, self.n_rows, np.random.default_rng(0))
             if self.keep[:, j].any():
                 n += share * n_effective(spread, self.n_rows)
-        uncertain = np.zeros((0, self.n_rows, self.n_joints))
-        if self.covariance is not None and self.given is not None:
-            draws = rng.multivariate_normal(np.zeros(len(self.given)), self.covariance, N_NULL, method="eigh")
-            uncertain = np.where(self.keep, np.einsum("tjb,kb->ktj", self.phi, draws), 0.0)
-            null += uncertain
-        floor = np.sqrt(np.mean([self.by_joint(a) ** 2 for a in apart], axis=0))
-        return Own(
-            mean, np.where(self.keep, null, 0.0), uncertain, floor / np.maximum(self.drive_rms, 1e-300), max(n, 2.0)
-        )
+        return np.where(self.keep, null, 0.0), max(n, 2.0)
 
 
 def point(centre: tuple[float, ...]) -> Array:
