@@ -176,7 +176,7 @@ def exact_gradient() -> RMILSRegressor:
 def first_start(X: Array, y: Array) -> Array:
     """The natural parameters that `our_rmils` begins with."""
     model = exact_gradient().partial_fit(X[:1], y[:1])
-    return np.array(multistart.initial_state(model._make_stream(1, model.state_["seed"]).reading)["theta"][0])
+    return np.array(multistart.initial_state(model._make_stream(1, model.state_["seed"]).settings)["theta"][0])
 
 
 def in_paper_order(natural: Array) -> Array:

@@ -18,6 +18,7 @@ COMMANDS = {
     "simulate": "Run a model file with the drive of a log.",
     "export": "Write a model for MuJoCo, URDF, Isaac Lab, C99, PLCs or FMI.",
     "ui": "Show the recorded runs in a browser.",
+    "warm": "Compile ahead what later runs load.",
     "demo": "Identify a simulated example, then find an effect hidden in a log.",
 }
 WIDTH = 100

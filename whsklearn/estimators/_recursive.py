@@ -331,13 +331,13 @@ class RecursiveRegressor(AxisRegressor):
         if getattr(self, "theta0", None) is not None:
             theta0 = wh.natural_vector(self._theta0(n, 0.0), structure)
             theta0[structure.slices()[1]] = wh.inside(theta0[structure.slices()[1]])
-        reading = Settings(
+        settings = Settings(
             dims=structure.dims, codes=structure.law.codes, shapes=structure.law.shapes, p=p,
             p0=float(p0 or (DEFAULT_P0 if self.memory else PURE_P0)), forgetting=forgetting,
             n_starts=int(self.n_starts), memory=int(self.memory), frozen=self._frozen, seed=seed,
             n_inputs=self.n_features_in_, theta0=theta0,
         )  # fmt: skip
-        return FullStream(structure, reading)
+        return FullStream(structure, settings)
 
     def _keep(
         self,

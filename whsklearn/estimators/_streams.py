@@ -221,26 +221,26 @@ class PublishedStream:
 class FullStream:
     """The exact gradient, several starts and a memory."""
 
-    def __init__(self, structure: Structure, reading: multistart.Settings):
-        self.structure, self.reading = structure, reading
+    def __init__(self, structure: Structure, settings: multistart.Settings):
+        self.structure, self.settings = structure, settings
         self.undo = Undo()
         self._page: BackgroundRefit | None = None  # work under way; it can begin anew at any time, so it is no state
         self._known: tuple[bytes, Gaussian] | None = None  # the answer last asked for, and of which state
 
     def initial(self) -> State:
         """The state of `multistart`."""
-        return multistart.initial_state(self.reading)
+        return multistart.initial_state(self.settings)
 
     def run(self, state: State, u: Array, y: Array, restart: NDArray[np.bool_], weight: Array | None = None) -> None:
         """One window per sample and start; the memory is re-run at its own instants."""
         if self.undo.noted and self._page is not None:
             self._page.put_off()
-        self._page = multistart.run(state, self.reading, u, y, restart, self._page, weight)
+        self._page = multistart.run(state, self.settings, u, y, restart, self._page, weight)
 
     def settle(self, state: State) -> None:
         """Re-run the memory, so that the whole record is evaluated at the present parameters."""
-        if self.reading.memory and state["fill"]:
-            multistart.consolidate(state, self.reading, self._page)
+        if self.settings.memory and state["fill"]:
+            multistart.consolidate(state, self.settings, self._page)
             self._page = None
 
     def forget_past(self, state: State, samples: float) -> None:
@@ -258,7 +258,7 @@ class FullStream:
 
     def _estimate(self, state: State) -> Gaussian:
         """The posterior if signs may be in doubt, otherwise the model that gives the answer and its P."""
-        r = self.reading
+        r = self.settings
         if r.memory and multistart.is_silent(state) and state["fill"] > r.size:
             state = multistart.settled(state, r)  # made at once for the answer, which is then that of `fit`
         s = multistart.answer(state)

@@ -91,7 +91,7 @@ def test_pages_left_behind_give_the_squared_errors_of_other_parameters():
     for seed in (17, 19, 20, 28, 29):
         X, y = make_wiener_hammerstein(6144, snr_db=40, random_state=seed)
         model = RMILSRegressor(WienerHammersteinLags(), n_starts=8, memory=512, random_state=seed).partial_fit(X, y)
-        state, r = model.state_, model._stream.reading
+        state, r = model.state_, model._stream.settings
         count, delta = int(state["past_count"][0]), truth - state["past_theta"]
         assert count == 5632
         signs = unpacked(state, r).shifted(delta)
@@ -114,7 +114,7 @@ def test_a_mean_that_moves_is_followed():
         model = RMILSRegressor(lags, n_starts=16, random_state=seed).partial_fit(X, y)
         stream, state = model._stream, model.state_
         live = state["theta"][multistart.answer(state)]
-        squares = [squared_errors(stream.reading, theta, X, y) for theta in (model._natural(), live)]
+        squares = [squared_errors(stream.settings, theta, X, y) for theta in (model._natural(), live)]
         misfits.append(squares[0] / squares[1])
     assert max(misfits) < 1.02
 
@@ -134,7 +134,7 @@ def test_a_mean_that_creeps_is_followed_longer_than_one_that_wanders(monkeypatch
         return start._replace(mean=problem.theta + step * sd * (-1) ** len(asked))
 
     monkeypatch.setattr(memory_posterior, "sample", sample)
-    memory_posterior.posterior(model.state_, model._stream.reading, multistart.answer(model.state_))
+    memory_posterior.posterior(model.state_, model._stream.settings, multistart.answer(model.state_))
     assert len(asked) == rounds
     assert not asked[-1]
     assert asked == sorted(asked, reverse=True)
@@ -147,7 +147,7 @@ def test_a_mean_at_which_the_record_does_not_fit_is_not_told(monkeypatch):
         return start._replace(mean=problem.theta + 30.0 * np.sqrt(np.diag(start.covariance)))
 
     monkeypatch.setattr(memory_posterior, "sample", sample)
-    assert memory_posterior.posterior(model.state_, model._stream.reading, multistart.answer(model.state_)) is None
+    assert memory_posterior.posterior(model.state_, model._stream.settings, multistart.answer(model.state_)) is None
 
 
 def squared_errors(r, theta, X, y):

@@ -153,7 +153,7 @@ class Linearisation:
     """
 
     def __init__(self, state: State, r: Settings, s: int, theta: Array, weights: Array):
-        self.state, self.reading, self.model, self.theta, self.stop = state, r, s, theta, weights.size
+        self.state, self.settings, self.model, self.theta, self.stop = state, r, s, theta, weights.size
         origin = origin_at(state["past_origin"], r.dims, theta - state["past_theta"])
         self.record = memory_of(state, r, self.stop, weights, origin, tail=1)
         self.weights = weights
@@ -161,9 +161,9 @@ class Linearisation:
 
     def begin(self, work: Work) -> Generator[None, None, None]:
         """Allocate the arrays, in parts; ``work`` must belong to a re-run that has finished."""
-        rows = yield from empty_rows(self.stop, self.theta.size, int(self.reading.dims[0] - 1 + self.reading.dims[1]))
+        rows = yield from empty_rows(self.stop, self.theta.size, int(self.settings.dims[0] - 1 + self.settings.dims[1]))
         yield
-        self._pass = Pass(self.theta, self.reading.law, self.record, work, rows)
+        self._pass = Pass(self.theta, self.settings.law, self.record, work, rows)
         self.rows = rows
 
     def read(self) -> Generator[None, None, None]:
@@ -194,7 +194,7 @@ class Linearisation:
         The last of these signs enter the first rows of the memory.
         ``left`` is the weight of the past after forgetting, ``count`` the number of samples of the memory.
         """
-        state, r, n = self.state, self.reading, self.theta.size
+        state, r, n = self.state, self.settings, self.theta.size
         signs = unpacked(state, r)
         yield
         if state["past_count"][0] > 0.0:
@@ -250,7 +250,7 @@ class Linearisation:
         """The chosen signs of the memory."""
         first = self.state["seen"] - self.state["fill"]
         return (
-            yield from listed_steps(self.rows, self.record, chosen, self.reading.law, self.theta, self.weights, first)
+            yield from listed_steps(self.rows, self.record, chosen, self.settings.law, self.theta, self.weights, first)
         )
 
     def left_behind(self, left: float, n: float) -> Generator[None, None, State]:

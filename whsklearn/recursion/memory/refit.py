@@ -41,11 +41,11 @@ KEPT_SHARE = 0.62  # share of the starts that continue after the first re-run; f
 FRESH = 8  # one fresh start for so many initial ones, at each re-run of the first half of the memory
 FRESH_IN_STREAM = 2  # the same in the background, where starts take long strides and stop when the time is spent
 SAMPLED = 128  # latest samples from which a start and the scale of dx are computed; there is no time for more
-WHOLE_ROW = 1e6  # readings: more than the budget of any row
-COST_OF_BEGIN = 300  # readings charged for the work before the first reading of a model
-COST_OF_RUNG = 150  # readings charged for the other work on a rung, while the many starts of a stream are tried
+WHOLE_ROW = 1e6  # samples re-run: more than the budget of any row
+COST_OF_BEGIN = 300  # samples re-run that the work before the first pass of a model counts for
+COST_OF_RUNG = 150  # the same for the other work on a rung, while the many starts of a stream are tried
 COST_OF_RARE_RUNG = 350  # the same later, when less of the code is in the cache and there is time to spare
-COST_OF_START = 900  # readings charged for drawing a start, which takes the time of two or three samples
+COST_OF_START = 900  # the same for drawing a start, which takes the time of two or three samples
 
 
 @dataclass
@@ -73,11 +73,11 @@ class Refit:
     work : Work
         Its budget; the steps yield when it is spent.
     limit : float
-        Number of readings after which no further start or rung is begun.
+        Number of samples re-run after which no further start or rung is begun.
     """
 
     def __init__(self, state: State, r: Settings, size: int, work: Work, limit: float = np.inf):
-        self.state, self.reading, self.size, self.work, self.limit = state, r, size, work, limit
+        self.state, self.settings, self.size, self.work, self.limit = state, r, size, work, limit
         h = r.history
         self.latest = state["memory_u"][h : h + size][-SAMPLED:], state["memory_restart"][max(size - SAMPLED, 0) : size]
         self._is_first = True
@@ -113,7 +113,7 @@ class Refit:
         """
         if not self.moved:
             return []
-        r, work = self.reading, self.work
+        r, work = self.settings, self.work
         first_page = not self.state["blocks"]
         seen = self.state["seen"] - self.state["fill"] + self.size
         climb = climb_to(relative_sharpness(seen, LADDER[-1]))
@@ -170,7 +170,7 @@ class Refit:
         self, rng: np.random.Generator, scales: Array | None, begins: bool, by_least_squares: bool
     ) -> Generator[None, None, Array]:
         """Draw a fresh start, in parts."""
-        r = self.reading
+        r = self.settings
         steps = random_start_steps(tuple(r.dims), rng, scales)
         if begins:  # there are many, so the code stays in the cache
             theta = in_one(steps)
@@ -201,14 +201,14 @@ class Refit:
 
     def _fresh(self, bounded: bool) -> int:
         """Largest number of fresh starts drawn in addition to the models of earlier re-runs."""
-        r = self.reading
+        r = self.settings
         if self.state["blocks"] or 2 * self.size > r.memory:
             return 0
         return r.n_starts // (FRESH_IN_STREAM if bounded else FRESH)
 
     def _kept(self) -> int:
         """Number of models that continue: half as many at each re-run; a page keeps all models that reached it."""
-        r = self.reading
+        r = self.settings
         if self.state["blocks"]:
             return r.n_starts
         if self.size >= r.memory:
@@ -221,14 +221,14 @@ class Refit:
         y = self._y[-SAMPLED:]
         sizes = []
         for _ in range(9):
-            size = yield from self._rows(term_sizes_steps(self.reading.law, u, restart, rng))
+            size = yield from self._rows(term_sizes_steps(self.settings.law, u, restart, rng))
             sizes.append(size)
             yield
         return scales_from(sizes, y)
 
     def _set_prior(self, scales: Array) -> None:
         """Turn P0 into information, relative to what each parameter can contribute to the output."""
-        r = self.reading
+        r = self.settings
         n1 = r.dims[0] - 1 + r.dims[1]
         power = np.mean(self._y**2)  # not the variance, which is zero for an output that stands still
         information = np.full(r.size, power / r.p0)
@@ -242,7 +242,7 @@ class Refit:
         A search of the staircase itself, sample by sample, was tried.  It lowers the error on the
         record and raises it on others (50 random systems: 1.6 times, against 1.2 for the rungs).
         """
-        state, r, work = self.state, self.reading, self.work
+        state, r, work = self.state, self.settings, self.work
         theta = theta.copy()
         work.at[BUDGET] -= COST_OF_BEGIN
         n, n_state = r.size, state["before"].shape[1]
@@ -328,8 +328,8 @@ def climb_to(sharpest: float) -> list[float]:
 def long_strides(climb: list[float]) -> list[float]:
     """The first rung, one between and the last, for starts that are tried while a stream runs.
 
-    On 128 to 256 samples of Example 5.1 such starts reach the right minimum four times in 100,000 readings; starts that
-    take every rung reach it 2.6 times.
+    On 128 to 256 samples of Example 5.1 such starts reach the right minimum four times in 100,000 samples re-run;
+    starts that take every rung reach it 2.6 times.
     """
     return climb[:1] + climb[2:-1][:1] + climb[-1:]
 

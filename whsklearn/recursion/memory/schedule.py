@@ -5,7 +5,7 @@ next instant (`schedule`).  A full memory is a page, which is re-run during the 
 A few hundred stored samples are read for each new one.  The models that result then catch up with the
 samples that arrived meanwhile and take over at a fixed sample.  They depend only on the samples up to
 that point.  How the work was divided makes no difference, and it can be restarted at any time, so it is
-not part of the state.  The work is bounded by the number of readings, not by time.
+not part of the state.  The work is bounded by the number of samples re-run, not by time.
 """
 
 from __future__ import annotations
@@ -30,15 +30,15 @@ from whsklearn.recursion.memory.refit import (
 from whsklearn.recursion.memory.settings import Settings, State
 from whsklearn.recursion.rows.subinnovations import STILL, Models, Samples, Schedule, run_windows
 
-# Readings for each sample while the memory fills, which take about 25 us.  All starts are tried on the first samples,
-# and later as many fresh ones as the remaining readings allow.  With 400 readings only half of them were tried, and 27
-# of 800 streams of Example 5.1 were in a wrong minimum at row 1,000; now none of 8,000 is (benchmarks/accuracy.py
+# Samples re-run for each new one while the memory fills, which take about 25 us.  All starts are tried on the first
+# samples, and later as many fresh ones as the remaining passes allow.  With 400 only half of them were tried, and 27 of
+# 800 streams of Example 5.1 were in a wrong minimum at row 1,000; now none of 8,000 is (benchmarks/accuracy.py
 # --section minima, from seed 1000).
 FILLING = 700
 PAGE = 128  # the same for each model after that; a page is then read and caught up with after a third of the half page
-COST_OF_WINDOW = 24  # readings that one sample of the recursion counts for
+COST_OF_WINDOW = 24  # samples re-run that one sample of the recursion counts for
 RESERVED = 60  # passes over the whole record that are reserved for the work after the search
-PIECES = 110  # pieces of work other than readings, besides those for each start; each sample does one
+PIECES = 110  # pieces of work other than passes over samples, besides those for each start; each sample does one
 PIECES_A_MODEL = 16  # of a page, which begins with all models kept while the memory filled: 19 of 32 in 512 samples
 BATCH = 4  # samples that the new models take at once; starting costs as much as two, and no answer is needed sooner
 NOTED = 64  # at most one row in so many does no work here: the row in which the estimator saves its state
@@ -125,7 +125,7 @@ class BackgroundRefit:
     """
 
     def __init__(self, state: State, r: Settings, size: int, end: int):
-        self.state, self.reading, self.size, self.end = state, r, size, end
+        self.state, self.settings, self.size, self.end = state, r, size, end
         self.is_page = size == r.memory
         self.block = state["blocks"]
         self._work: Work
@@ -193,7 +193,7 @@ class BackgroundRefit:
         s["page_theta"] = s["theta"].copy()
 
     def _go_on(self) -> None:
-        """Spend the budget on readings, or do one piece of other work."""
+        """Spend the budget on samples to re-run, or do one piece of other work."""
         if self._searched:
             came, left = self.state["fill"] - self.size, self.end - self.state["fill"]
             if came - self._caught_up >= BATCH or left <= BATCH:
@@ -206,7 +206,7 @@ class BackgroundRefit:
 
     def _rerun(self) -> Iterator[None]:
         """Refine each model, then compute for each what a page adds and its final state; yield when out of budget."""
-        state, r, size = self.state, self.reading, self.size
+        state, r, size = self.state, self.settings, self.size
         yield  # the row that ends a page already waits for the new arrays
         self._work = yield from work_steps(r.dims, r.n_inputs)
         self._begun = True
@@ -240,7 +240,7 @@ class BackgroundRefit:
 
     def _end_of_page(self, thetas: np.ndarray, refit: Refit) -> Iterator[None]:
         """The information of the page and the state at its end, one pair for each model."""
-        state, r, m = self.state, self.reading, self.size
+        state, r, m = self.state, self.settings, self.size
         nothing = np.zeros((r.size, r.size))
         for theta, parent in zip(thetas, self._parents, strict=True):
             information, end = np.zeros((r.size, r.size)), np.zeros(state["before"].shape[1])
@@ -282,7 +282,7 @@ class BackgroundRefit:
 
     def _begin_catching_up(self, thetas: np.ndarray) -> Iterator[None]:
         """Place the new models at the end of the re-run samples."""
-        state, r, n = self.state, self.reading, self.size
+        state, r, n = self.state, self.settings, self.size
         h, k = r.history, state["recent_y"].size
         self._page_theta = thetas.copy()
         if not self._models:
@@ -304,7 +304,7 @@ class BackgroundRefit:
 
     def _catch_up(self) -> None:
         """Run the new models through the samples that have arrived since."""
-        state, r, n = self.state, self.reading, self.size
+        state, r, n = self.state, self.settings, self.size
         h = r.history
         rest = state["fill"] - n
         restart, kept = state["memory_restart"][n : n + rest], state["memory_kept"][n : n + rest]

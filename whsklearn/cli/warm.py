@@ -1,0 +1,66 @@
+"""Compile ahead what fits, simulations, `identify` and `gap` run, for a machine that must not wait later."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Iterator
+
+import click
+
+
+def fits() -> Iterator[str]:
+    """The estimators on the simulated example: each learns, goes on and predicts."""
+    from whsklearn import estimators
+    from whsklearn.datasets import make_wiener_hammerstein
+    from whsklearn.lags import WienerHammersteinLags
+
+    X, y = make_wiener_hammerstein(600, random_state=0)
+    lags = WienerHammersteinLags()
+    models = {
+        "the default fit": estimators.RMILSRegressor(lags, random_state=0),
+        "the published method": estimators.RMILSRegressor(lags, gradient="pseudolinear"),
+        "least squares on rows": estimators.RLSRegressor(),
+        "the batch fit": estimators.PEMRegressor(lags, n_starts=1, random_state=0),
+    }
+    for name, model in models.items():
+        model.fit(X[:500], y[:500]).predict(X)
+        if hasattr(model, "partial_fit"):
+            model.partial_fit(X[500:501], y[500:501])
+        yield name
+
+
+def axes() -> Iterator[str]:
+    """A servo axis: simulated, identified and searched for what its model misses."""
+    from whsklearn.datasets import make_servo_log
+    from whsklearn.gap.finder import GapFinder
+    from whsklearn.identification import identify
+
+    log = make_servo_log("cogging", duration=10.0, sample_rate=200.0)
+    yield "simulation of an axis"
+    part = log.iloc[:800]
+    identify(part["torque_nm"].to_numpy(), part["position_rad"].to_numpy(), dt=0.005)
+    yield "identify"
+    GapFinder("servo").fit(log)
+    yield "gap"
+
+
+@click.command(context_settings={"max_content_width": 100})
+def main() -> None:
+    """Compile once what later runs load: about a minute on a new machine, seconds where all is compiled.
+
+    What is compiled is kept in ~/.cache/whsklearn, or where NUMBA_CACHE_DIR says.
+
+    Example: whsklearn warm
+    """
+    for work in (fits, axes):
+        began = time.perf_counter()
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # short records are no advice to anybody
+            for name in work():
+                click.echo(f"{name}: {time.perf_counter() - began:.1f} s")
+                began = time.perf_counter()
+
+
+if __name__ == "__main__":
+    main()
