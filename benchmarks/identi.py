@@ -3,10 +3,11 @@
     pip install identibench
     python benchmarks/identi.py [--only EMPS] [--root FOLDER] [--data FOLDER]
 
-With the network the package fetches its records into its own folder.  Without it ``--data`` (or WHSKLEARN_DATA) is
-written in its layout: the records of EMPS, the estimation part of WH2009 (whose official test part is another, so the
-figure is of the part that is here), and for the coupled drives the twin with the published parameters; a task whose
-records are in neither is not run, and named.
+With the network the package fetches its records into its own folder (``--root``).  Without it ``--data`` (or
+WHSKLEARN_DATA) is written in its layout: the published files of nonlinearbenchmark.org, the records of EMPS, the
+estimation part of WH2009 (whose official test part is another, so the figure is of the part that is here).  Where the
+Silverbox or the coupled drives are not there, their twins are; a task whose records are in neither is not run, and
+named.
 
 Published figures are those that the field quotes for the official test parts (records: https://www.nonlinearbenchmark.org);
 they were not checked at their sources, and do not compare with a figure of another part or of a twin. EMPS: Forgione
@@ -16,6 +17,7 @@ and Piga 2021, dynoNet.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import os
 import tempfile
 import time
@@ -25,7 +27,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from whsklearn.datasets import make_coupled_drives
+from whsklearn.datasets import (
+    fetch_cascaded_tanks,
+    fetch_coupled_drives,
+    fetch_silverbox,
+    make_coupled_drives,
+    make_silverbox,
+)
 from whsklearn.identification import identify
 from whsklearn.identification.drive_lead import moved
 from whsklearn.identification.view import View, derivative
@@ -40,7 +48,9 @@ TASKS = {
     "EMPS": ("2.64 mm", "dynoNet"),
 }
 # What the layout written here holds in the place of the published records
-STANDS_FOR = {"WH": " (another test part)", "CED": " (simulated twin, 0.02 V of noise)"}
+TWINS = {"Silverbox": " (simulated twin, 0.05 mV of noise)", "CED": " (simulated twin, 0.02 V of noise)"}
+
+Pair = tuple[np.ndarray, np.ndarray]
 
 
 class Fitted:
@@ -82,24 +92,57 @@ def write(folder: Path, records: dict[str, list[tuple[np.ndarray, np.ndarray]]],
     (folder / ".prepared").write_text("1")
 
 
-def local_layout(root: Path, data: Path) -> None:
-    """What is here, as the package would have prepared it."""
+def silverbox(data: Path) -> tuple[dict[str, list[Pair]], bool]:
+    """Records by role in the order in which the package tests them, and whether they are a twin's."""
+    try:
+        found = fetch_silverbox(data, download=False)
+    except FileNotFoundError:
+        u, y = make_silverbox(random_state=0)
+        cut = 65_062
+        arrow = make_silverbox("arrow", random_state=1)
+        tests = [(u[cut:], y[cut:]), arrow, (arrow[0][:32_000], arrow[1][:32_000])]
+        return {"train_valid": [(u[:cut], y[:cut])], "test": tests}, True
+    tests = [found.test_multisine, found.test_arrow, found.test_arrow_inside]
+    return {"train_valid": [found.train], "test": tests}, False
+
+
+def coupled_drives(data: Path) -> tuple[dict[str, list[Pair]], bool]:
+    """The same of the drives, at a small and at a large input."""
+    try:
+        found = fetch_coupled_drives(data, download=False)
+    except FileNotFoundError:
+        both = [make_coupled_drives(kind="uniform", amplitude=a, random_state=i) for i, a in enumerate((0.5, 1.5))]
+        parts = {
+            k: [(u[s], y[s]) for u, y in both] for k, s in (("train_valid", slice(400)), ("test", slice(400, 500)))
+        }
+        return parts, True
+    return {"train_valid": list(found.train), "test": list(found.test)}, False
+
+
+def local_layout(root: Path, data: Path) -> set[str]:
+    """What is here, as the package would have prepared it; the tasks whose records are twins'."""
+    twins = set()
+    for task, folder, records, rate in (
+        ("Silverbox", "silverbox", silverbox(data), 1e7 / 2**14),
+        ("CED", "ced", coupled_drives(data), 50.0),
+    ):
+        parts, twin = records
+        write(root / folder, parts, rate)
+        twins |= {task} if twin else set()
+    with contextlib.suppress(FileNotFoundError):
+        tanks = fetch_cascaded_tanks(data, download=False)
+        write(root / "cascaded_tanks", {"train_valid": [tanks.train], "test": [tanks.test]}, 0.25)
     if (data / "emps").is_dir():
         frames = {k: pd.read_csv(data / "emps" / f"emps_{k}.csv") for k in ("train", "test")}
         emps = {k: [(f["drive_V"].to_numpy(), f["position_m"].to_numpy())] for k, f in frames.items()}
         write(root / "emps", {"train_valid": emps["train"], "test": emps["test"]}, 1000.0)
     if (data / "wh2009").is_dir():
-        parts = {}
+        wh = {}
         for role, name in (("train_valid", "estimation"), ("test", "development_test")):
             with np.load(data / "wh2009" / f"{name}.npz") as file:
-                parts[role] = [(file["u"], file["y"])]
-        write(root / "wh", parts, 51_200.0)
-    twins = [make_coupled_drives(kind=k, random_state=i) for i, k in enumerate(("prbs", "uniform"))]
-    write(
-        root / "ced",
-        {"train_valid": [(u[:300], y[:300]) for u, y in twins], "test": [(u[300:], y[300:]) for u, y in twins]},
-        50.0,
-    )
+                wh[role] = [(file["u"], file["y"])]
+        write(root / "wh", wh, 51_200.0)
+    return twins
 
 
 def main() -> None:
@@ -113,12 +156,17 @@ def main() -> None:
     except ImportError as error:
         raise SystemExit(f"{error}; pip install identibench.") from None
     with tempfile.TemporaryDirectory() as made:
+        twins: set[str] = set()
         if options.root is None:
-            local_layout(Path(made), Path(options.data or Path(__file__).resolve().parents[2] / "shared" / "data"))
+            twins = local_layout(
+                Path(made), Path(options.data or Path(__file__).resolve().parents[2] / "shared" / "data")
+            )
         with identibench.data_root(options.root or made) as root:
             for task, (published, source) in TASKS.items():
                 if options.only in (None, task):
-                    stands_for = "" if options.root else STANDS_FOR.get(task, "")
+                    stands_for = TWINS[task] if task in twins else ""
+                    if task == "WH" and options.root is None:
+                        stands_for = " (another test part)"
                     spec = getattr(identibench, f"Benchmark{task}_Simulation")
                     told(spec, task + stands_for, root, f"{published}, {source}")
 

@@ -7,8 +7,10 @@ import pytest
 from scipy.signal import lfilter
 
 from tests.recursion.axis_log import TRUTH, axis_log, slow_drive
-from whsklearn.identification import identify
-from whsklearn.models import AxisModel
+from whsklearn.identification import Compared, identify
+from whsklearn.identification.compare import _better
+from whsklearn.identification.view import view
+from whsklearn.models import AxisModel, LinearModel
 from whsklearn.recursion.batch.axis_free_run import free_run
 
 RNG = np.random.default_rng(0)
@@ -115,3 +117,13 @@ def test_groups_of_another_length_are_refused(axis_record):
     u, velocity, _ = axis_record
     with pytest.raises(ValueError, match="expected one for each"):
         identify(u[:500], velocity[:500], dt=0.005, groups=np.zeros(499))
+
+
+def test_a_fit_to_all_of_the_record_that_ends_worse_than_the_first_is_not_taken():
+    u = RNG.standard_normal(400)
+    good, bad = LinearModel([0.0, 0.5], [1.0, -0.5]), LinearModel([0.0, 0.4], [1.0, -0.6])
+    log = view(u, good.simulate(u) + 0.01 * RNG.standard_normal(400), 1.0, "output")
+    pair = [Compared("", "output_error", {}, "simulation", m) for m in (good, bad)]
+    assert _better(*pair, log) is good
+    assert _better(*pair[::-1], log) is good
+    assert _better(pair[0], Compared("", "output_error", {}, "simulation"), log) is good

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from whsklearn.datasets import make_coupled_drives
 from whsklearn.identification import identify
-from whsklearn.identification.rectified_fit import fit_rectified, loses_sign
-from whsklearn.identification.view import view
+from whsklearn.identification.rectified_fit import fit_folded, fit_rectified, loses_sign
+from whsklearn.identification.view import View, view
+from whsklearn.identification.windows import window_errors
 
 
 @pytest.mark.parametrize(("kind", "seed"), [("prbs", 1), ("uniform", 2)])
@@ -35,3 +37,22 @@ def test_a_signal_that_goes_below_zero_has_its_sign():
     assert loses_sign(view(u, y, 0.02, "output"))
     with pytest.raises(ValueError, match="no sign is lost"):
         fit_rectified(view(u, y - 1.0, 0.02, "output"), 3)
+
+
+def test_a_sensor_with_a_lag_an_offset_and_two_gains_is_found():
+    u, y = make_coupled_drives(amplitude=1.5, kind="uniform", noise=0.0, random_state=3)
+    y = lfilter([0.5], [1.0, -0.5], 0.1 + y) + 0.01 * np.random.default_rng(0).standard_normal(u.size)
+    log = view(u - 0.05, y, 0.02, "output")
+    plain, folded = (np.std((log.y - f(log, 3).simulate(log.u))[60:]) for f in (fit_rectified, fit_folded))
+    assert folded < 0.013 < 0.05 < plain
+
+
+def test_a_record_that_begins_in_motion_has_the_state_of_its_first_block_fitted():
+    """With the sign that the samples before the window ask for."""
+    u, y = make_coupled_drives(kind="uniform", noise=0.0, random_state=4)
+    model = fit_rectified(view(u, y, 0.02, "output"), 3)
+    late = View(u[200:], y[200:], y[200:], 0.02, "output")
+    error = window_errors(model, late, 250, 30)[0]
+    assert np.sqrt(np.mean(error**2)) < 0.02 * np.std(y)
+    from_rest = (late.y - model.simulate(late.u))[30:60]
+    assert np.sqrt(np.mean(error[:30] ** 2)) < 0.2 * np.sqrt(np.mean(from_rest**2))

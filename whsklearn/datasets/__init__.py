@@ -3,6 +3,7 @@
 from whsklearn.datasets.arm import default_arm, make_arm_log
 from whsklearn.datasets.coupled_drives import make_coupled_drives
 from whsklearn.datasets.drawn_effects import draw_effect
+from whsklearn.datasets.nonlinear_benchmark import fetch_cascaded_tanks, fetch_coupled_drives, fetch_silverbox
 from whsklearn.datasets.real import fetch_emps, fetch_kr300
 from whsklearn.datasets.references import reference_signal
 from whsklearn.datasets.servo import default_axis, make_servo_log
@@ -18,8 +19,11 @@ __all__ = [
     "default_arm",
     "default_axis",
     "draw_effect",
+    "fetch_cascaded_tanks",
+    "fetch_coupled_drives",
     "fetch_emps",
     "fetch_kr300",
+    "fetch_silverbox",
     "load_log",
     "load_turntable",
     "make_arm_log",

@@ -41,6 +41,7 @@ SHOOTING = (
 LEAST_GRAVITY = 0.01
 LEAST_LINEAR = 0.5  # of the variance that the best linear model may leave, or no start is near
 LONG = 20_000  # samples of the first fits of an axis on a spring; the last one has all
+TINY = 1e-100
 LEVEL = 0.01  # of the test for whiteness
 LEAST_TESTED = 60  # samples, twice the lags of the test and some
 BLOCKS = 20  # of the scores of inverse dynamics: each is to be longer than what is missing is correlated
@@ -136,8 +137,9 @@ def _model(best: AxisFit, log: View, form: AxisForm) -> AxisModel:
         # two estimators agree where nothing is missing, and how far they lie apart tells what is (Hausman 1978)
         errors = np.sqrt(np.maximum(np.diag(covariance), 0.0))
         wider = np.hypot(np.hypot(errors, spread), best.theta - other)
-        scale = wider / np.maximum(errors, 1e-300)
-        covariance = covariance * np.outer(scale, scale) if errors.all() else np.diag(wider**2)
+        known = errors.min() > TINY * wider.max()  # of a run that is lost they are anything
+        scale = wider / errors if known else wider
+        covariance = covariance * np.outer(scale, scale) if known else np.diag(wider**2)
     model = axis_of(best.theta, log, form)
     return replace(model, standard_errors=standard_errors(best.theta, covariance, log, form))
 

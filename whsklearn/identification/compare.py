@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import itertools
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
@@ -22,7 +23,7 @@ from whsklearn.identification.axis_fit import (
 from whsklearn.identification.chain_fit import fit_chain
 from whsklearn.identification.drive_lead import moved, skew
 from whsklearn.identification.linear_fit import fit_arx, fit_output_error
-from whsklearn.identification.rectified_fit import fit_rectified, loses_sign
+from whsklearn.identification.rectified_fit import fit_folded, fit_rectified, loses_sign
 from whsklearn.identification.view import View, held_out_from, smooth, view
 from whsklearn.identification.windows import (
     horizons,
@@ -272,7 +273,7 @@ def identify(
     fit_again = {c.name: f for c, f in structures}[chosen.name]
     if progress:
         progress(f"{chosen.name}, on the whole record")
-    chosen.model = _fitted(replace(chosen), fit_again, whole, units).model or chosen.model
+    chosen.model = _better(chosen, _fitted(replace(chosen), fit_again, whole, units), whole)
     chosen.model = _with_drive_error(chosen.model, drive_error)
     if test is not None:
         cuts = test[2] if len(test) == 3 else None
@@ -321,6 +322,15 @@ def candidates(
         yield (
             Compared(f"output error, order {order}, without its sign", "wiener-hammerstein", structure, "simulation"),
             functools.partial(fit_rectified, order=order),
+        )
+        yield (
+            Compared(
+                f"output error, order {order}, without its sign, behind a lag",
+                "wiener-hammerstein",
+                {**structure, "law": "folded"},
+                "simulation",
+            ),
+            functools.partial(fit_folded, order=order),
         )
     if n >= CHAIN_FROM:
         yield Compared("Wiener-Hammerstein", "wiener-hammerstein", {}, "simulation"), fit_chain
@@ -378,6 +388,14 @@ def _fitted(compared: Compared, fit: Callable[[View], Any], log: View, units: di
     return compared
 
 
+def _better(first: Compared, again: Compared, log: View) -> Any:
+    """The model that was fitted to all of the record, unless that fit ended in a minimum worse than the first."""
+    parts = [replace(first, windows={}, score=np.inf), replace(again, windows={}, score=np.inf)]
+    for part in parts:
+        _score(part, log)
+    return again.model if parts[1].score <= AS_GOOD * parts[0].score else first.model
+
+
 def _with_drive_error(model: Any, relative: float) -> Any:
     """The model with wider errors of what is in proportion to the drive (an axis), or to one over it (a numerator)."""
     if not relative or isinstance(model, ChainModel):
@@ -399,11 +417,22 @@ def _score(compared: Compared, log: View) -> None:
     compared.windows = {h: rms_of(window_errors(compared.model, log, h, before)) for h in lengths}
     errors: list[float] = list(compared.windows.values())
     if compared.model is not None and log.logged != "position":
-        errors.append(rms_of(whole_errors(compared.model, log, before)[0]))
+        errors.append(rms_of(_whole_run(compared.model, log, before)))
     elif log.logged != "position":
         errors.append(float(np.std(log.y)))
     scale = float(np.fmax(log.floor, 1e-6 * np.std(log.y)))
     compared.score = mean_error(errors, log, scale) / scale if np.isfinite(errors).all() else np.inf
+
+
+def _whole_run(model: Any, log: View, before: int) -> Array:
+    """Output minus the run of the whole record behind its first samples; that of a chain from rest.
+
+    A first block that never forgets follows any window from a state that is fitted to it, and no other record.
+    """
+    if not isinstance(model, ChainModel):
+        return whole_errors(model, log, before)[0]
+    pieces = [log.part(a, b) for a, b in itertools.pairwise(log.bounds.tolist())]
+    return np.concatenate([(p.y - model.simulate(p.u))[min(before, p.y.size // 2) :] for p in pieces])
 
 
 def _indices(model: Any, log: View, skip: int) -> dict[str, float]:

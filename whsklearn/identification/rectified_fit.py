@@ -11,6 +11,7 @@ from whsklearn.effects import FrictionLaw, Hinge, Power
 from whsklearn.identification.linear_fit import input_output
 from whsklearn.models import ChainModel
 from whsklearn.recursion.batch.best_linear import best_linear
+from whsklearn.recursion.batch.simulation_error import FittedChain, refine
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -28,6 +29,7 @@ RESONANCES = tuple(np.geomspace(0.05, 1.5, 24).tolist())
 DAMPINGS = (0.1, 0.3, 0.8)
 STARTS = 6  # the ones whose size without the sign correlates best with the output
 ITERATIONS = 15  # of signs and numbers in turn; they settle within five where they settle at all
+REFINED = 40  # steps of the free run
 BELOW = 0.1  # of its deviation: a speed that is logged without its sign goes no further below zero than noise does
 
 
@@ -48,16 +50,40 @@ def fit_rectified(log: View, order: int) -> ChainModel:
     ValueError
         If the output goes below zero.
     """
-    if not loses_sign(log):
-        raise ValueError("The output goes below zero, or the input does not: no sign is lost.")
-    best, least = None, np.inf
-    for signs in _starts(log):
-        model, left = _from_signs(log, order, signs)
-        if left < least:
-            best, least = model, left
-    assert best is not None
+    best = _best_signs(log, order)
     law = FrictionLaw([Power(-1.0, 1.0), Hinge(2.0, 0.0)])  # |x| = 2 max(x, 0) - x
     return ChainModel((0.0, *best.b), tuple(best.a), law, (1.0,), (1.0,), dt=log.dt, logged=log.logged)
+
+
+def fit_folded(log: View, order: int) -> ChainModel:
+    """The same by the free run, where the sensor has another gain each way, an offset and a lag, and x a mean.
+
+    A pulse counter averages, and a drive that stands still under a little voltage has the sign of its offset.
+
+    Raises
+    ------
+    ValueError
+        As `fit_rectified`.
+    """
+    best, data = _best_signs(log, order), input_output(log)
+    data = data._replace(y=log.target, u=np.vstack([data.u, np.ones(log.u.size)]))
+    law = FrictionLaw([Power(0.01, 0.0), Power(-1.0, 1.0), Hinge(2.0, 0.0)])
+    lag = np.array([1.0, 0.0])
+    b1 = np.vstack([best.b, np.zeros(best.b.size)])
+    chain = refine(FittedChain(b1, best.a, lag, lag, law, law.weights), data, REFINED, free=False).chain
+    mean = float(np.sum(chain.b1[1]) / np.sum(chain.a1))
+    level, slope, other = chain.weights.tolist()
+    folded = FrictionLaw([Power(level + slope * mean, 0.0), Power(slope, 1.0), Hinge(other, -mean)])
+    return ChainModel(
+        (0.0, *chain.b1[0]), tuple(chain.a1), folded, tuple(chain.b2), tuple(chain.a2), dt=log.dt, logged=log.logged
+    )
+
+
+def _best_signs(log: View, order: int) -> Ratio:
+    """x as the ratio whose size leaves least of the output."""
+    if not loses_sign(log):
+        raise ValueError("The output goes below zero, or the input does not: no sign is lost.")
+    return min((_from_signs(log, order, signs) for signs in _starts(log)), key=lambda found: found[1])[0]
 
 
 def _from_signs(log: View, order: int, signs: Array) -> tuple[Ratio, float]:

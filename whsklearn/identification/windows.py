@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 SECONDS = (0.1, 0.5, 2.0, 5.0)
 LEAD = 0.3  # s before a window over which its state is fitted
 MOST = 24  # windows of a length
+PULL = 1e-3  # towards no other state, of the output: what the samples before a window say nothing of stays
 
 
 def horizons(n: int, dt: float) -> list[int]:
@@ -163,6 +165,47 @@ def _response_errors(
     out = np.empty((begins.size, horizon))
     for i, s in enumerate(begins):
         piece = residual[s - before : s + horizon]
+        since = s - before - log.bounds[np.searchsorted(log.bounds, s, "right") - 1]
+        if isinstance(model, ChainModel) and since < _fades(model):
+            piece = piece - _first_block_moved(model, log, s - before, before, span, basis)
         left = np.linalg.lstsq(basis[:before], piece[:before], rcond=1e-6)[0]
         out[i] = piece[before:] - basis[before:] @ left
     return out
+
+
+def _fades(model: ChainModel) -> int:
+    """Samples after which the first block has forgotten how it began, to 1 %."""
+    slowest = float(np.abs(np.roots(model.f1)).max(initial=0.0))
+    return math.ceil(math.log(0.01) / math.log(min(max(slowest, 1e-9), 1.0 - 1e-9)))
+
+
+def _first_block_moved(model: ChainModel, log: View, start: int, before: int, span: int, basis: Array) -> Array:
+    """What another state of the first block at ``start`` does to the output over ``span`` samples, by least squares.
+
+    Behind a law that loses a sign the state of either sign may fit, so both are tried.
+    """
+    from scipy.optimize import least_squares
+    from scipy.signal import lfilter
+
+    order = len(model.f1) - 1
+    x, v, _ = model.signals(log.u * log.si[0])
+    x, v = x[start : start + span], v[start : start + span]
+    response = lfilter([1.0], model.f1, np.r_[1.0, np.zeros(span + order)])
+    modes = np.column_stack([response[k : k + span] for k in range(order)])
+    modes /= np.maximum(np.abs(modes).max(axis=0), 1e-300)
+    measured = (log.y - model.simulate(log.u))[start : start + span]
+
+    def added(state: Array, n: int) -> Array:
+        moved = x[:n] + modes[:n] @ state
+        return lfilter(model.b2, model.f2, model.law(moved, np.diff(moved, prepend=moved[0])) - v[:n]) / log.si[1]
+
+    def left(state: Array) -> Array:
+        error = measured[:before] - added(state, before)
+        error = error - basis[:before] @ np.linalg.lstsq(basis[:before], error, rcond=1e-6)[0]
+        return np.r_[error, PULL * np.std(log.y) * state / max(float(np.std(x)), 1e-300)]
+
+    if order == 0:
+        return np.zeros(span)
+    turned = np.linalg.lstsq(modes[:before], -2.0 * x[:before], rcond=1e-6)[0]
+    ends = [least_squares(left, state) for state in (np.zeros(order), turned)]
+    return added(min(ends, key=lambda e: e.cost).x, span)
