@@ -129,7 +129,7 @@ def _proved(plant: Any, found: Found, rng: np.random.Generator, alpha: float) ->
             found.model = plant.to_simulate(found.model)
         rows = prove(plant, found.base, found.model, rng)
         headline = next(r for r in rows if r["horizon"] == plant.headline)
-        if not found.taken or headline["closure"] >= 0.0:
+        if not found.taken or headline["closure"] >= 0.0 or plant.contributes(found.base, found.model):
             break
         if as_found is not found.model:
             # numbers refitted along the run may suit the samples that they were fitted to, and no others

@@ -333,6 +333,10 @@ class PlantDefaults:
         """None: further orders are candidates like any other."""
         return ()
 
+    def contributes(self, base: Any, model: Any) -> bool:
+        """Whether effects say something that the whole run hides: never."""
+        return False
+
     def to_simulate(self, model: Any) -> Any:
         """The model with the numbers that simulate best: those that were fitted."""
         return model

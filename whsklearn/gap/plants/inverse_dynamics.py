@@ -46,6 +46,18 @@ def solve(b: Blocks, n: int, positive: NDArray[np.bool_]) -> tuple[Array, NDArra
     return _ridge(total, free, n) / b.scale, free
 
 
+def of_differences(columns: Array, target: Array) -> Array:
+    """Sizes for which the first differences of columns and target agree best, shape (p,).
+
+    If the error is a random walk rather than white, these are the efficient ones (Cochrane and Orcutt 1949, JASA
+    44(245), 32-61, with a coefficient of one): a slow force that is missing hardly changes between two samples, while
+    the acceleration does.
+    """
+    steps = np.diff(columns, axis=0)
+    scale = np.linalg.norm(steps, axis=0) + 1e-300
+    return np.linalg.lstsq(steps / scale, np.diff(target), rcond=1e-10)[0] / scale
+
+
 def _ridge(gram: Array, free: NDArray[np.bool_], n: int) -> Array:
     out = np.zeros(free.size)
     at = np.flatnonzero(free)

@@ -120,7 +120,18 @@ class ServoPlant(PlantDefaults):
         tried = [model, self.observer.fit(model), *(self._from_load(model) if model.has_play else [])]
         if [t.name for t in self.corrected.terms] == [t.name for t in model.terms]:
             tried.append(self.corrected)
+        tried = [m for m in tried if m is model or not m.at_the_end_of_inertia]
         return min(tried, key=lambda m: servo_free_run.train_error(self.observer, m, self.headline))
+
+    def contributes(self, base: AxisModel, model: AxisModel) -> bool:
+        """Whether an axis of the inertia found follows the record better with the effects than without.
+
+        Where a slow force is missing, the base model makes up for it by an inertia that is far too large, and a
+        sluggish axis leaves the path slowly whatever it lacks: no repair need be better than that.
+        """
+        without = self.inverse.at_inertia(base, model.inertia)
+        error, other = (servo_free_run.train_error(self.observer, m, self.headline) for m in (model, without))
+        return error < other
 
     def _from_load(self, model: AxisModel) -> list[AxisModel]:
         """The model with its transmission seen from the load, fitted along the run; empty if the fit drops it.

@@ -80,6 +80,11 @@ class AxisModel:
         return ""
 
     @property
+    def at_the_end_of_inertia(self) -> bool:
+        """Whether the inertia has reached a limit of its range."""
+        return not 1.001 / WIDEST < self.inertia / self.scene.inertia < WIDEST / 1.001
+
+    @property
     def load_side(self) -> bool:
         """Whether the encoder is behind the coupling."""
         return any(t.kind.on_load for t in self.terms)
