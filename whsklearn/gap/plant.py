@@ -325,6 +325,10 @@ class PlantDefaults:
         before, after = self.errors(model), self.errors(grown)
         return gain(float(before @ before), float(after @ after), self.n_effective), self.size(before, after)
 
+    def alone(self: Any, model: Any) -> Array:
+        """What a model leaves, less the artefacts of its own records: as it is."""
+        return np.asarray(self.errors(model))
+
     def leads(self: Any, taken: Any, other: Any, before: Array, rng: np.random.Generator) -> Array:
         """Lead of the one taken in records that the other makes: to first order, from what each explains."""
         return rival_leads(before, taken.errors, other.errors, self.n_effective, rng)

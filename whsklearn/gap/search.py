@@ -326,11 +326,26 @@ class Search:
         """
         z = vuong(other.errors, taken.errors)
         if not self.plant.exact:
-            return separable(lead, z, self.plant.leads(taken, other, taken.before, self.rng), self.alpha)
+            apart = separable(lead, z, self.plant.leads(taken, other, taken.before, self.rng), self.alpha)
+            return apart and self._still_apart(taken, other)
         if separable(lead, z, np.zeros(0), self.alpha):
             return True
         leads = self.plant.leads(taken, other, taken.before, self.rng)
         return bool(leads.size) and separable(lead, np.inf, leads, self.alpha)
+
+    def _still_apart(self, taken: Named, other: Named) -> bool:
+        """Whether they are still told apart where each is judged beside its own artefacts, not those of their base.
+
+        A rival that leaves more than twice the power has lost.
+        """
+        powers = (float(f.errors @ f.errors) for f in (taken, other))
+        if next(powers) < HALF * next(powers):
+            return True
+        left, rest = (self.plant.alone(f.model) for f in (taken, other))
+        n = max(self.plant.n_effective, n_effective(rest))
+        lead = gain(float(rest @ rest), float(left @ left), n)
+        lead -= 2.0 * float(np.mean(taken.look.null) - np.mean(other.look.null))
+        return separable(lead, vuong(rest, left), np.zeros(0), self.alpha)
 
     def _as_good(self, taken: Named, looks: list[Look]) -> list[str]:
         """Names that are not shown by themselves, and explain no less than the one taken to first order."""

@@ -41,3 +41,14 @@ def test_a_block_is_predicted_by_the_fit_to_all_others():
 def test_a_slope_by_five_points_is_exact_to_the_fourth_power(power):
     t = 0.1 * np.arange(50)
     assert ols.slope(t**power, 0.1)[2:-2] == pytest.approx((power * t ** (power - 1))[2:-2], rel=1e-9)
+
+
+def test_differences_find_an_inertia_beside_a_slow_force_that_is_missing():
+    """The force is what least squares takes for an inertia of the other sign: both are sines of one frequency."""
+    t = np.arange(4000) * 0.01
+    acceleration = -np.sin(t) - 9.0 * 0.05 * np.sin(7.0 * t)
+    drive = 2.0 * acceleration + 5.0 * np.sin(t) + np.sin(0.3 * t)
+    columns = np.column_stack([acceleration, np.sign(np.cos(t))])
+    white = np.linalg.lstsq(columns, drive, rcond=None)[0][0]
+    assert white < 0.0
+    assert abs(ols.of_differences(columns, drive)[0] - 2.0) < abs(white - 2.0) / 2.0

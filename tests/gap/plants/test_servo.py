@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,6 +14,9 @@ from whsklearn.effects import Coulomb, Viscous
 from whsklearn.gap import VERDICTS, GapFinder
 from whsklearn.gap.plants import servo_free_run, servo_stop
 from whsklearn.gap.plants.servo import ServoPlant
+from whsklearn.gap.plants.servo_candidates import candidate
+from whsklearn.gap.plants.servo_model import Term
+from whsklearn.gap.record import ServoRecord, rms
 from whsklearn.systems import PIDController, Transmission
 
 INERTIA, VISCOUS, COULOMB = 0.05, 0.12, 0.3
@@ -93,7 +97,8 @@ def test_numbers_for_simulation_are_compared_at_the_horizon_that_is_proved(monke
     plant = object.__new__(ServoPlant)
     monkeypatch.setattr(ServoPlant, "_horizons", lambda self, m: (0.07, (0.014, 0.07, 0.28)))
     monkeypatch.setattr(servo_stop, "holds", lambda m: False)
-    found, refitted = (SimpleNamespace(name=n, terms=(), has_play=False) for n in ("found", "refitted"))
+    kept = {"terms": (), "has_play": False, "at_the_end_of_inertia": False}
+    found, refitted = (SimpleNamespace(name=n, **kept) for n in ("found", "refitted"))
     plant.observer, plant.corrected = SimpleNamespace(fit=lambda m: refitted), found
     assert plant.to_simulate(found) is found
     assert plant.headline == 0.07
@@ -141,3 +146,40 @@ def test_a_large_play_is_named_from_either_side(side):
     inertia = next(r["after"] for r in d.base_parameters if r["name"] == "inertia")
     assert inertia * (1 - effect.load_share) * effect.gap == pytest.approx(crossed, rel=0.1)
     assert d.closure > 0.95
+
+
+def plant_with(*names, frame):
+    """(plant, base model, model with these effects fitted)."""
+    plant = ServoPlant(ServoRecord.from_frame(frame), ("viscous", "coulomb"), None, 0.004)
+    base = plant.settled(plant.base(np.random.default_rng(0)))
+    model = base
+    for name in names:
+        kind = candidate(name)
+        model = plant.inverse.fit(model.with_term(Term(kind, (*([0.0] * kind.linear), *kind.starts(base.scene)[0]))))
+    return plant, base, model
+
+
+def test_an_effect_is_judged_by_the_run_of_an_axis_of_the_inertia_found():
+    """A sluggish axis leaves the path slowly whatever it lacks; that is no reason to take gravity back."""
+    plant, base, model = plant_with("gravity_imbalance", frame=record(gravity=0.6))
+    sluggish = dataclasses.replace(base, inertia=20.0 * base.inertia)
+    assert plant.contributes(sluggish, model)
+    gravity = model.terms[-1]
+    wrong = model.with_terms((*model.terms[:-1], dataclasses.replace(gravity, q=tuple(-x for x in gravity.q))))
+    assert not plant.contributes(sluggish, wrong)
+
+
+def test_an_inertia_that_is_lost_is_that_of_the_first_differences():
+    frame = record(seconds=12.0)
+    frame["torque_nm"] += 2.0 * frame["position_rad"].rolling(500, 1, center=True).mean()  # slow, and in no model here
+    plant, _, model = plant_with(frame=frame)
+    found = plant.inverse.at_inertia(dataclasses.replace(model, inertia=1e-3 * INERTIA))
+    assert abs(found.inertia - INERTIA) < 0.5 * abs(model.inertia - INERTIA)
+    assert found.inertia == pytest.approx(INERTIA, rel=0.2)
+    assert found.terms[1].q[0] == pytest.approx(COULOMB, rel=0.2)
+
+
+def test_a_repair_is_judged_beside_its_own_artefacts():
+    plant, base, model = plant_with("gravity_imbalance", frame=record(gravity=0.6, counts=2000))
+    plant.looks(base, np.random.default_rng(0))
+    assert rms(plant.alone(model)) < rms(plant.errors(model))

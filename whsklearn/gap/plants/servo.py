@@ -120,7 +120,8 @@ class ServoPlant(PlantDefaults):
         tried = [model, self.observer.fit(model), *(self._from_load(model) if model.has_play else [])]
         if [t.name for t in self.corrected.terms] == [t.name for t in model.terms]:
             tried.append(self.corrected)
-        tried = [m for m in tried if m is model or not m.at_the_end_of_inertia]
+        # a fit that ends with no inertia, or with far too much, has lost it
+        tried = [m for m in tried if not m.at_the_end_of_inertia] or [self.inverse.at_inertia(model)]
         return min(tried, key=lambda m: servo_free_run.train_error(self.observer, m, self.headline))
 
     def contributes(self, base: AxisModel, model: AxisModel) -> bool:
@@ -298,6 +299,14 @@ class ServoPlant(PlantDefaults):
     def errors(self, model: AxisModel) -> Array:
         """Residual of the model at the judged samples."""
         return self.inverse.gap(model)
+
+    def alone(self, model: AxisModel) -> Array:
+        """What the model leaves, polished beside the artefacts of its own records instead of those of its base."""
+        view, kept = self.inverse, self.inverse.artefact
+        view.artefact = servo_own.own(view, model, np.random.default_rng(0))[0].mean
+        left = view.gap(looking_settled(view, view.fit(model)))
+        view.artefact = kept
+        return left
 
     def objection(self, model: AxisModel, grown: AxisModel) -> str:
         """The physical objection to an effect, that it explains too little beside play, or that it runs worse."""

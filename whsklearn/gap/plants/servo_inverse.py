@@ -241,20 +241,11 @@ class InverseView:
     def _sizes(
         self, x: Array, target: Array, positive: NDArray[np.bool_], away: Array | None
     ) -> tuple[Array, NDArray[np.bool_]]:
-        """Least squares on the judged samples without contact at a stop.
-
-        An inertia that would be negative is that of the first differences, where what is missing and slow is small.
-        """
+        """Least squares on the judged samples without contact at a stop."""
         x, target = x[self.at], target[self.at]
         if away is not None:
             x, target = x * away[:, None], target * away
-        sizes, free = ols.solve(ols.blocks_of(x, target, self.block), self.at.size, positive)
-        if not free[0]:
-            inertia = max(0.0, float(ols.of_differences(x, target)[0]))
-            rest = np.column_stack([np.zeros(target.size), x[:, 1:]])
-            sizes, free = ols.solve(ols.blocks_of(rest, target - inertia * x[:, 0], self.block), self.at.size, positive)
-            sizes[0], free[0] = inertia, False
-        return sizes, free
+        return ols.solve(ols.blocks_of(x, target, self.block), self.at.size, positive)
 
     def with_sizes(self, model: AxisModel, sizes: Array) -> AxisModel:
         """The model with the solved inertia, linear numbers and timing."""
@@ -289,10 +280,12 @@ class InverseView:
         once = self.solved(model)[0]
         return self.solved(once)[0] if self._driven(model) else once
 
-    def at_inertia(self, model: AxisModel, inertia: float) -> AxisModel:
-        """The model with its other sizes solved for at this inertia."""
+    def at_inertia(self, model: AxisModel, inertia: float | None = None) -> AxisModel:
+        """The model with its other sizes solved for at this inertia; by default that of the first differences."""
         x, positive = self.columns(model, self.torque(model) if self._driven(model) else None)
         target, share = self.target(model)
+        if inertia is None:
+            inertia = float(ols.of_differences(x[self.at], target[self.at])[0])
         rest = np.column_stack([np.zeros(target.size), x[:, 1:]])
         sizes, _ = self._sizes(rest, share * (target - inertia * x[:, 0]), positive, stop.away(self, model))
         return dataclasses.replace(self.with_sizes(model, np.append(sizes, 0.0)), inertia=inertia, timing=model.timing)
