@@ -9,7 +9,17 @@ from click.testing import CliRunner
 
 from whsklearn import ServoAxis
 from whsklearn.cli import main
-from whsklearn.effects import Cogging, Coulomb, FrictionLaw, GravityImbalance, InputOffset, Stribeck, Viscous, as_law
+from whsklearn.effects import (
+    Cogging,
+    Coulomb,
+    FrictionLaw,
+    GravityImbalance,
+    InputDelay,
+    InputOffset,
+    Stribeck,
+    Viscous,
+    as_law,
+)
 from whsklearn.export import Ratings, export_model
 from whsklearn.models import AxisModel, save_model
 
@@ -97,13 +107,24 @@ def test_what_no_table_holds_is_told_and_ratings_are_not_made_up(tmp_path):
     assert one_sided.after == pytest.approx(0.05, rel=0.05)  # a list for both directions cannot hold it
 
 
+def test_a_model_as_gap_writes_it_with_a_fitted_order_and_a_delay_fits_into_the_tables(tmp_path):
+    fitted = [Cogging(0.05, 11.9999, phase=0.3), InputDelay(3e-6)]  # friction was NaN, and the wave left out
+    done, files = written(ServoAxis(law=LAW, effects=fitted), tmp_path)
+    left = {r.name: r for r in done.left}
+    assert all(np.isfinite([r.before, r.after]).all() for r in done.left)
+    assert left["cogging.csv"].after < 1e-3 * left["cogging.csv"].before
+    assert np.isfinite(pd.read_csv(files["friction.csv"]).to_numpy()).all()
+    assert {loss.name for loss in done.losses} == {"cogging", "input_delay"}  # both are told, with their reasons
+    assert "whole order" in next(str(loss) for loss in done.losses if loss.name == "cogging")
+
+
 def test_the_command_says_what_is_left(tmp_path):
     path = tmp_path / "model.json"
     save_model(AxisModel(0.05, as_law("viscous,coulomb"), tuple(WAVES), dt=0.001, logged="position"), path)
     arguments = ["export", str(path), "--to", "table", "--out", str(tmp_path / "out"), "--rated-torque", "1.3"]
     done = CliRunner().invoke(main, arguments, catch_exceptions=False)
     assert done.exit_code == 0, done.output
-    assert "what a replay against the model says it leaves" in done.output
+    assert "predicted by replaying the table against the model" in done.output
     assert (tmp_path / "out" / "tf5200_frict_comp.lis").exists()
     chain = CliRunner().invoke(main, [*arguments[:3], "table", "--out", str(tmp_path / "o2"), "--speed", "-1"])
     assert chain.exit_code == 2

@@ -62,14 +62,16 @@ def write(model: Path, to: str, out: str, effects: str | None = None, **options:
     except RuntimeError as error:  # a compiler that is not there or fails
         raise click.ClickException(str(error)) from error
     if done.losses:
-        click.echo(f"{FORMATS[to]} does not hold all of it:")
+        click.echo(f"Not everything fits into {FORMATS[to]}:")
         for loss in done.losses:
             click.echo(wrapped(f"  {loss}"))
     else:
         click.echo("The format holds all of the model.")
     if done.left:
-        rows = [(r.name, r.before, r.after, f"{100 * r.after / r.before:.3g} %") for r in done.left]
-        title = "Torque (rms) that each table is for, and what a replay against the model says it leaves"
+        rows = [
+            (r.name, r.before, round(r.after, 12), f"{100 * round(r.after / r.before, 6):.3g} %") for r in done.left
+        ]
+        title = "Rms torque without and with each table, predicted by replaying the table against the model"
         click.echo(table(["table", "without", "with", "left"], rows, title=title))
     ranges = [write_ranges(spread, done.paths[0])] if spread else []
     click.echo(f"Written: {', '.join(map(str, [*done.paths, *ranges]))}")

@@ -9,6 +9,7 @@ ServoOne (LTI, now KEBA) and Moog MSD, Device Help: P 380 CON_TCoggAddTab, 250 c
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -32,6 +33,9 @@ if TYPE_CHECKING:
 
 ENTRIES = 3600  # of cogging.csv: a tenth of a degree
 _FINE = 36_000  # angles of a turn at which the replay compares table and model
+# A fitted order is never whole.  Rounded by this much, a wave slips by 3.6 degrees in a turn and leaves 4 % of itself;
+# orders that are fractional by construction, with a gear in between, are further off.
+NEARLY_WHOLE = 0.01
 _KEBA_ENTRIES = 250
 _TF5200_ENTRIES = 20
 _RPM = math.pi / 30
@@ -106,13 +110,20 @@ def write_tables(model: Exported, out: Path, ratings: Ratings) -> tuple[list[Pat
     waves, friction, rest = divided(axis)
     if not waves and not friction:
         raise ValueError("The model has neither cogging nor friction, so there is nothing to put into a table.")
-    losses = model.told(losses_of(rest, "no table holds it; `--to c --what compensator` does"))
+    asked = waves
+    waves = [_of_a_whole_order(w) for w in asked]
+    changed = [w for w, whole in zip(asked, waves, strict=True) if whole is not w]
+    losses = model.told(losses_of(rest, "no table holds it"))
+    losses += model.told(losses_of(changed, "written with a whole order, which every turn repeats"))
     out.mkdir(parents=True, exist_ok=True)
     paths: list[Path] = []
     left: list[Left] = []
 
     def cogging(angle: Array) -> Array:
         return torque_of(waves, angle, np.zeros(1))
+
+    def identified(angle: Array) -> Array:
+        return torque_of(asked, angle, np.zeros(1))
 
     def rubbing(speed: Array) -> Array:
         return torque_of(friction, np.zeros(1), speed)
@@ -124,7 +135,7 @@ def write_tables(model: Exported, out: Path, ratings: Ratings) -> tuple[list[Pat
     if waves and length == "rad":
         angle = np.arange(ENTRIES) * 2 * np.pi / ENTRIES
         put("cogging.csv", [f"angle_rad,feedforward_{unit.lower()}", *_rows(angle, cogging(angle))])
-        left.append(_over_a_turn("cogging.csv", cogging, ENTRIES, hold=False))
+        left.append(_over_a_turn("cogging.csv", identified, cogging, ENTRIES, hold=False))
     elif waves:
         losses += model.told(losses_of(waves, "a table over a turn needs a rotary axis"))
     if friction:
@@ -146,7 +157,7 @@ def write_tables(model: Exported, out: Path, ratings: Ratings) -> tuple[list[Pat
         angle = np.arange(_KEBA_ENTRIES) * 2 * np.pi / _KEBA_ENTRIES
         current = cogging(angle) / ampere
         keba += [f"380,{i},CON_TCoggAddTab,{x:.6g},A" for i, x in enumerate(current.tolist())]
-        left.append(_over_a_turn("servo_one.csv (P 380)", cogging, _KEBA_ENTRIES, hold=True))
+        left.append(_over_a_turn("servo_one.csv (P 380)", identified, cogging, _KEBA_ENTRIES, hold=True))
     if friction and length == "rad" and rated is not None:
         speeds = _three(rubbing, ratings.speed)
         read = _both_ways(rubbing, speeds)
@@ -178,16 +189,26 @@ def divided(axis: ServoAxis) -> tuple[list[Effect], list[Effect], list[Effect]]:
         if effect.place == "sensor" or not compensated(effect.code):
             rest.append(effect)
             continue
-        table = np.array([torque_of([effect], angles, np.array([v])) for v in speeds])
+        with np.errstate(invalid="ignore", divide="ignore"):  # a delay needs a time that passes, and is NaN without
+            table = np.array([torque_of([effect], angles, np.array([v])) for v in speeds])
+        if not np.isfinite(table).all():
+            rest.append(effect)
+            continue
         size = np.abs(table).max()
         moves = np.ptp(table, axis=0).max() > 1e-9 * size
         turns = np.ptp(table, axis=1).max() > 1e-9 * size
-        whole = hasattr(effect, "order") and abs(effect.order - round(effect.order)) < 1e-6
+        whole = hasattr(effect, "order") and abs(effect.order - round(effect.order)) <= NEARLY_WHOLE
         if size == 0.0 or (turns and (moves or not whole)):
             rest.append(effect)
         else:
             (waves if turns or whole else friction).append(effect)
     return waves, friction, rest
+
+
+def _of_a_whole_order(wave: Effect) -> Effect:
+    """The wave with its order rounded, where it has one."""
+    order = float(getattr(wave, "order", 1.0))
+    return wave if order == round(order) else replace(wave, order=float(round(order)))  # type: ignore[call-arg]
 
 
 def torque_of(effects: list[Effect], position: Array, velocity: Array) -> Array:
@@ -227,12 +248,12 @@ def _three(torque: Torque, top: float) -> Array:
     return v[[0, best, -1]]
 
 
-def _over_a_turn(name: str, torque: Torque, entries: int, *, hold: bool) -> Left:
-    """A table read back at fine angles, an entry held until the next one or joined to it by a line."""
+def _over_a_turn(name: str, torque: Torque, tabled: Torque, entries: int, *, hold: bool) -> Left:
+    """A table read back at fine angles of one turn, an entry held until the next one or joined to it by a line."""
     angle = np.arange(_FINE) * 2 * np.pi / _FINE
     known = torque(angle)
     at = angle * entries / (2 * np.pi)
-    table = torque(np.arange(entries) * 2 * np.pi / entries)
+    table = tabled(np.arange(entries) * 2 * np.pi / entries)
     read = table[at.astype(int)] if hold else np.interp(at, np.arange(entries + 1), np.append(table, table[0]))
     return Left(name, _rms(known), _rms(known - read))
 
