@@ -129,7 +129,7 @@ def compare(
     """Fit, judge and record every candidate; a failure is reported and does not affect the others."""
     compile_once(candidates, train)
     outcomes: list[Outcome] = []
-    bar = tqdm(candidates, desc="fitting", unit="model")
+    bar = tqdm(candidates, desc="fitting", unit="model", disable=None)
     for candidate in bar:
         bar.set_postfix_str(f"{candidate.name} {candidate.reading}")
         outcome = Outcome(candidate)
@@ -157,7 +157,7 @@ def compile_once(candidates: Sequence[ComparedModel], train: ComparedRecord) -> 
 
     A machine's first run compiles for some tens of seconds and keeps the result; later runs pass through in one.
     """
-    bar = tqdm(candidates, desc="compiling (once on a machine)", unit="model", leave=False)
+    bar = tqdm(candidates, desc="compiling (once on a machine)", unit="model", leave=False, disable=None)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # a few samples are no record to judge by
         for candidate in bar:

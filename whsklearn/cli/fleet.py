@@ -10,10 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
-from tqdm import tqdm
 
 from whsklearn.cli import WIDTH
-from whsklearn.cli.job import UNUSABLE, cell, job, say_where, tracker_for, wrapped, writable_file
+from whsklearn.cli.job import UNUSABLE, cell, job, progress_bar, say_where, tracker_for, wrapped, writable_file
 from whsklearn.cli.stream import ESTIMATORS, build_model
 
 if TYPE_CHECKING:
@@ -69,7 +68,7 @@ def main(
         click.echo(f"Going on with {len(rows)} of {len(names)} axes from {kept.path}.", err=True)
     todo = sorted(set(names) - {row["axis"] for row in rows})
     batches = [todo[i : i + batch] for i in range(0, len(todo), batch)]
-    with tqdm(total=len(names), initial=len(rows), unit="axis", desc="fleet") as bar, kept:
+    with progress_bar(total=len(names), initial=len(rows), unit="axis", desc="fleet") as bar, kept:
         results = (
             run_here(model, batches, source, test_share, workers)
             if in_process

@@ -14,9 +14,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
-from tqdm import tqdm
 
-from whsklearn.cli.job import UNUSABLE, job, say_where, tracker_for, wrapped, writable_folder
+from whsklearn.cli.job import UNUSABLE, job, progress_bar, say_where, tracker_for, wrapped, writable_folder
 from whsklearn.cli.records import (
     bridged,
     liveliest,
@@ -178,12 +177,6 @@ def diagnose(options: dict[str, Any], log: Bunch, second: Bunch | None, folder: 
         log.notes = (*log.notes, str(slip))
     tracker = tracker_for("close_gap", options["track"], data=Path(options["log_file"]).stem)
     with tracker.run(f"gap of {Path(options['log_file']).name}") as parent:
-        bar = tqdm(total=len(STEPS), leave=False)
-
-        def progress(step: str) -> None:
-            bar.set_description(step)
-            bar.update(1)
-
         finder = GapFinder(
             model_of(options),
             law=options["law"],
@@ -193,10 +186,14 @@ def diagnose(options: dict[str, Any], log: Bunch, second: Bunch | None, folder: 
             tolerance=options["tolerance"],
             alpha=options["alpha"],
             random_state=options["seed"],
-            progress=progress,
         )
-        with bar:
-            finder.fit(record, **columns)
+        with progress_bar(total=len(STEPS)) as bar:
+
+            def progress(step: str) -> None:
+                bar.set_description(step)
+                bar.update(1)
+
+            finder.set_params(progress=progress).fit(record, **columns)
         with_drive_error(finder.diagnosis_, log.drive_error)
         d = finder.diagnosis_
         d.rows = log.get("rows", {})
@@ -243,7 +240,7 @@ def test(options: dict[str, Any], finder: GapFinder, second: Bunch) -> None:
         told = ", ".join(f"{r['before']:.3g} to {r['after']:.3g} {unit} over {r['horizon']:g} s" for r in d.test)
         text = f"On {second.name}, which was not used for the fit, the RMSE of the free run goes from {told}."
     d.notes.insert(0, text)
-    tqdm.write(wrapped(text))
+    click.echo(wrapped(text))
 
 
 def origin(log: Bunch) -> str:

@@ -10,9 +10,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
-from tqdm import tqdm
 
-from whsklearn.cli.job import job, say_where, table, tracker_for, worse_than_mean, wrapped, writable_folder
+from whsklearn.cli.job import (
+    job,
+    progress_bar,
+    say_where,
+    table,
+    tracker_for,
+    worse_than_mean,
+    wrapped,
+    writable_folder,
+)
 from whsklearn.cli.records import logged_option, note, note_assumed, read, reading_options, refuse_fitted
 
 if TYPE_CHECKING:
@@ -61,7 +69,7 @@ def main(**options: Any) -> None:
     name = Path(options["train"]).stem
     timed = train.units["time"] != "samples"
     tracker = tracker_for("identify", options["track"], data=name)
-    with tqdm(desc="fitting", unit="model") as bar:
+    with progress_bar(desc="fitting", unit="model") as bar:
 
         def progress(candidate: str) -> None:
             bar.set_postfix_str(candidate)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import os
 import signal
 import textwrap
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -142,6 +143,27 @@ def writable_file(path: str | os.PathLike[str]) -> Path:
         writable_folder(file.parent)
     check_writable(file)
     return file
+
+
+@contextlib.contextmanager
+def progress_bar(items: Iterable[Any] | None = None, **options: Any) -> Iterator[Any]:
+    """A progress bar on a terminal, nothing elsewhere; what the library logs meanwhile goes above it, errors below.
+
+    Parameters
+    ----------
+    items, **options
+        As `tqdm.tqdm` takes them.
+    """
+    import logging
+
+    from tqdm import tqdm
+    from tqdm.contrib.logging import logging_redirect_tqdm
+
+    with (
+        logging_redirect_tqdm([logging.getLogger("whsklearn")]),
+        tqdm(items, disable=None, leave=False, **options) as bar,
+    ):
+        yield bar
 
 
 def tracker_for(experiment: str, track: bool, **tags: str) -> Tracker:

@@ -12,9 +12,8 @@ from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
 import click
-from tqdm import tqdm
 
-from whsklearn.cli.job import job, say_where, table, tracker_for, wrapped
+from whsklearn.cli.job import job, progress_bar, say_where, table, tracker_for, wrapped
 from whsklearn.cli.records import log_options, note, orders_of, record_of
 
 if TYPE_CHECKING:
@@ -238,7 +237,7 @@ def run_search(search: Any, record: ComparedRecord, parent: Any, total: int, var
     from whsklearn.tracking import TrackingError, log_candidates
 
     done = 0
-    with tqdm(total=total, desc="candidates", unit="fit") as bar:
+    with progress_bar(total=total, desc="candidates", unit="fit") as bar:
 
         def record_chunk(results: dict[str, Any]) -> None:
             nonlocal done
