@@ -171,12 +171,11 @@ def test_an_effect_is_judged_by_the_run_of_an_axis_of_the_inertia_found():
 
 def test_an_inertia_that_is_lost_is_that_of_the_first_differences():
     frame = record(seconds=12.0)
-    frame["torque_nm"] += 2.0 * frame["position_rad"].rolling(500, 1, center=True).mean()  # slow, and in no model here
+    frame["torque_nm"] += 2.0 * np.sin(2.1 * frame["time_s"] + 0.3)  # slow, coherent with the motion, in no model here
     plant, _, model = plant_with(frame=frame)
     found = plant.inverse.at_inertia(dataclasses.replace(model, inertia=1e-3 * INERTIA))
-    assert abs(found.inertia - INERTIA) < 0.5 * abs(model.inertia - INERTIA)
-    assert found.inertia == pytest.approx(INERTIA, rel=0.2)
-    assert found.terms[1].q[0] == pytest.approx(COULOMB, rel=0.2)
+    assert model.inertia < 0.8 * INERTIA
+    assert found.inertia == pytest.approx(INERTIA, rel=0.1)
 
 
 def test_a_repair_is_judged_beside_its_own_artefacts():
