@@ -33,7 +33,7 @@ from whsklearn.streaming.monitor import Options, StreamMonitor
 from whsklearn.streaming.rows import BadRow, CsvParser, JsonParser
 
 FUZZ = settings(
-    max_examples=60 * int(os.environ.get("WHSKLEARN_FUZZ", "1")),
+    max_examples=40 * int(os.environ.get("WHSKLEARN_FUZZ", "1")),
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture, HealthCheck.data_too_large],
 )
 NUMBERS = st.one_of(

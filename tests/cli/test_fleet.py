@@ -149,7 +149,7 @@ def test_a_worker_that_is_killed_loses_no_axis(fleet, tmp_path):
     names = [n for n in axes_of(fleet, "axis") if n != "broken"]
     batches = [names[i : i + 2] for i in range(0, len(names), 2)]
     model = DiesOnce(str(tmp_path / "died"))
-    rows = [r for done in run_on_cluster(model, batches, source(fleet), 0.25, None, 2) for r in done]
+    rows = [r for done in run_on_cluster(model, batches, source(fleet), 0.25, None, 1) for r in done]
     assert (tmp_path / "died").exists()
     table = to_table(rows, names)
     assert list(table["axis"]) == names
