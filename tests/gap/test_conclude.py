@@ -18,7 +18,11 @@ def verdict(after, run, *, taken=("stribeck",), rivals=(), remainder=(), floor=0
         figures=lambda base, model, nameless: (1.0, after, floor, nameless),
     )  # fmt: skip
     found = SimpleNamespace(
-        base=None, model=None, taken=list(taken), rivals=[list(rivals)], remainder=list(remainder), steps=[None]
+        base=None,
+        model=None,
+        taken=[SimpleNamespace(name=n, rivals=rivals) for n in taken],
+        remainder=list(remainder),
+        steps=[None],
     )
     return verdict_of(plant, found, 0.01, run)
 

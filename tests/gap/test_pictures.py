@@ -7,10 +7,10 @@ import base64
 import numpy as np
 import pytest
 
-from whsklearn.effects import Cogging
-from whsklearn.gap import Diagnosis, NamedEffect, pictures
+from whsklearn.effects import Cogging, DisturbanceTone
+from whsklearn.gap import Diagnosis, NamedEffect, Place, pictures
 from whsklearn.gap.diagnosis import CandidateLine
-from whsklearn.gap.pictures import DRAWN, draw, thinned, titled, width_of
+from whsklearn.gap.pictures import A_PERIOD, DRAWN, bins_of, draw, thinned, titled, waves_of, width_of
 
 T = 0.01 * np.arange(600)
 
@@ -86,7 +86,6 @@ def test_the_band_of_noise_is_the_floor_that_the_page_states():
 def test_the_bins_of_a_wave_over_position_follow_its_order(unit, turn, order):
     from matplotlib.figure import Figure
 
-    from whsklearn.gap.diagnosis import Place
     from whsklearn.gap.pictures import _where
 
     angle = np.linspace(0.0, 1.0, 6000) * turn
@@ -106,3 +105,30 @@ def test_the_bins_of_a_wave_over_position_follow_its_order(unit, turn, order):
     x, y = line.get_data()
     assert x.max() <= turn / order, "one period of it"
     np.testing.assert_allclose(y, np.cos(2 * np.pi * order * x / turn), atol=0.05)
+
+
+def test_waves_of_a_family_share_a_period_and_the_fastest_sets_the_bins():
+    x = np.linspace(0.0, 3.0 * np.pi, 9000)
+    edges, period = bins_of(x, [w / (2 * np.pi) for w in (4.002, 24.01, 6.0)])
+    assert period == pytest.approx(np.pi, rel=1e-3)
+    assert np.diff(edges).max() <= 2 * np.pi / 24 / A_PERIOD * 1.01
+    edges, period = bins_of(x, [w / (2 * np.pi) for w in (17.0, 20.3)])  # no period of both within the travel
+    assert period == 0.0
+    assert (edges[0], edges[-1]) == (0.0, pytest.approx(x[-1]))
+
+
+def test_a_tone_is_drawn_over_its_own_period():
+    place = Place("time", 0.0, 6.0, 0.5, 0.5, 0.01, "s", *[np.zeros(0)] * 3)
+    d = diagnosis(effects=[NamedEffect(DisturbanceTone(1.0, 7.0), {}, 0.0, 1.0, 1.0)], where=[place])
+    assert waves_of(d, place) == [7.0]
+    assert bins_of(T, [7.0])[1] == pytest.approx(1 / 7)
+
+
+def test_the_place_of_an_arm_is_that_of_its_joint():
+    places = [
+        Place(s, 0.0, 6.0, 0.5, 0.5, p, "rad", *[np.zeros(0)] * 3)
+        for s, p in (("time", 0.01), ("position of elbow", 0.02))
+    ]
+    d = diagnosis(effects=[NamedEffect(Cogging(1.0, 7.0), {}, 0.0, 1.0, 1.0)], where=places)
+    assert pictures._shown_axis(d).signal == "position of elbow"
+    assert waves_of(d, places[1]) == [7.0 / (2 * np.pi)]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from whsklearn.gap.plant import PlantDefaults
-from whsklearn.gap.search import Named, Search
+from whsklearn.gap.search import Found, Named, Search
 from whsklearn.gap.tangent import Family, Look, Tangent, with_p_values
 
 N = 800
@@ -98,14 +98,14 @@ def test_nothing_is_found_in_noise_at_the_stated_level():
 def test_all_that_is_missing_is_found_and_no_more(truth):
     found = run(Columns(truth))
     assert {t.name for t in found.taken} == set(truth)
-    assert not any(found.rivals)
+    assert not any(t.rivals for t in found.taken)
     sizes = {t.name: t.size for t in found.taken}
     assert sizes == pytest.approx(truth, rel=0.15)
 
 
 def test_what_two_columns_say_alike_is_ambiguous():
     found = run(Columns({"a": 0.5}))
-    assert {found.taken[0].name, *found.rivals[0]} == {"a", "twin"}
+    assert {found.taken[0].name, *found.taken[0].rivals} == {"a", "twin"}
 
 
 def test_what_physics_forbids_is_not_taken_and_sets_no_scale():
@@ -135,7 +135,7 @@ def test_what_acts_elsewhere_is_no_rival_and_is_asked_after_what_physics_forbids
     truth, places = {"a": 0.5, "b": 0.3}, {"a": "1", "twin": "1", "b": "2"}
     found = run(Columns(truth, places=places))
     assert {t.name for t in found.taken} <= {"a", "twin", "b"}
-    assert found.rivals[[t.name for t in found.taken].index("b")] == []
+    assert next(t for t in found.taken if t.name == "b").rivals == []
     found = run(Columns(truth, places=places, forbidden=("a", "twin")))
     assert [t.name for t in found.taken] == ["b"]
 
@@ -145,7 +145,7 @@ def test_of_two_that_no_record_tells_apart_the_commoner_goes_first(common):
     other = {"a": "twin", "twin": "a"}[common]
     found = run(Columns({"a": 0.4}, names="ab", common={other: (common,)}))
     assert [t.name for t in found.taken] == [common]
-    assert other in found.rivals[0]
+    assert other in found.taken[0].rivals
 
 
 def test_what_the_plant_objects_to_says_so():
@@ -168,6 +168,7 @@ def test_an_effect_that_settles_at_more_than_was_left_before_is_taken_back_and_t
     assert not found.taken
     assert not found.model.terms
     assert found.steps[0].taken is None
+    assert len(found.steps) == 1
 
 
 def test_what_nameless_functions_show_together_shows_the_names_that_explain_a_share_of_it():
@@ -202,16 +203,32 @@ def test_a_review_leaves_an_effect_that_a_better_one_is_not_told_from():
     assert found.taken[0].name == first, "a and its twin differ by a thousandth, whichever is better here"
 
 
-def test_what_goes_leaves_its_size_to_those_that_were_taken_beside_it():
-    plant = Columns({"a": 0.5, "c": 0.3})
-    found = Search(plant, np.random.default_rng(0)).run(Regression())
-    late = next(t for t in found.taken if t.name == "c")
-    found.steps[0].fitted.append(replace(late, size=0.9))
-    i = next(i for i, t in enumerate(found.taken) if t.name != "c")
-    before = found.taken[i].size
-    Search._inherit(found, i)
-    assert next(t.size for t in found.taken if t.name == "c") == 0.9
-    assert found.taken[i].size == before
+def test_sizes_are_of_what_each_explains_beside_those_that_explain_more():
+    plant = Columns({"a": 0.5, "b": 0.3, "c": 0.2}, names="abc")
+    plant.columns["b"] = plant.columns["b"] + 2.0 * plant.columns["a"]  # most of what b explains is a's
+    plant.y = 0.5 * plant.columns["a"] + 0.1 * plant.columns["b"] + 0.3 * plant.columns["c"]
+    model = Regression()
+    for name in "acb":
+        model = plant.refine(model, SimpleNamespace(name=name))
+    taken = [Named(Look(n, 1.0, np.zeros(3)), model, np.zeros(N), np.zeros(N), size=9.0) for n in "acb"]
+    found = Found(Regression(), model, taken)
+    Search(plant, np.random.default_rng(0))._sized(found)
+    sizes = [t.size for t in found.taken]
+    alone = {n: plant.size(plant.y, plant.errors(plant.refine(Regression(), SimpleNamespace(name=n)))) for n in "acb"}
+    assert max(sizes) == pytest.approx(max(alone.values()))
+    left = plant.errors(model)
+    assert sum(s**2 for s in sizes) == pytest.approx(float(plant.y @ plant.y - left @ left) / N)
+
+
+def test_what_the_others_say_without_it_goes():
+    plant = Columns({"b": 0.3, "d": 0.4})
+    search = Search(plant, np.random.default_rng(0))
+    found = search.run(Regression())
+    look = replace(found.taken[0].look, name="c")  # taken once, and needless beside the others
+    model = plant.refine(found.model, look)
+    found.model, found.taken = model, [*found.taken, Named(look, model, plant.errors(model), plant.errors(model))]
+    search._review(found)
+    assert {t.name for t in found.taken} == {t.name for t in found.model.terms} == {"b", "d"}
 
 
 def test_what_explains_no_more_than_of_its_own_records_is_not_taken():

@@ -68,7 +68,6 @@ def conclude(plant: Any, found: Found, rng: np.random.Generator, say: Callable[[
     diagnosis.floor, diagnosis.closure = headline["floor"], headline["closure"]
     diagnosis.interrupted = found.interrupted
     diagnosis.candidates = candidates(found, diagnosis, plant, alpha)
-    diagnosis.need = 2.0 * float(np.log(max(len(found.steps[0].looks), 1) / alpha)) if found.steps else 0.0
     say("locate")
     _located(plant, found, diagnosis, gap, rng)
     rounds = [
@@ -145,7 +144,7 @@ def _proved(plant: Any, found: Found, rng: np.random.Generator, alpha: float) ->
             plant.headline = headline["horizon"]
             break
         found.model = plant.settled(found.model.without(len(found.model.terms) - 1))
-        del found.taken[-1], found.rivals[-1]
+        del found.taken[-1]
         found.remainder = found.steps[min(len(found.taken), len(found.steps) - 1)].looks
         if not found.taken:
             found.model = found.base
@@ -197,7 +196,7 @@ def verdict_of(plant: Any, found: Found, alpha: float, run: float) -> str:
         return "partial"
     if still > STILL * before and (still > least or run < WELL):  # below the tolerance it is not worth a name itself
         return "partial"
-    return "ambiguous" if any(found.rivals) else "named"
+    return "ambiguous" if any(t.rivals for t in found.taken) else "named"
 
 
 def _unseen(plant: Any, found: Found, alpha: float) -> set[str]:
@@ -295,7 +294,6 @@ def _give_back(found: Found) -> None:
     """Leave the base model."""
     found.model = found.base
     found.taken.clear()
-    found.rivals.clear()
 
 
 def _effects(plant: Any, found: Found) -> list[NamedEffect]:
@@ -303,10 +301,10 @@ def _effects(plant: Any, found: Found) -> list[NamedEffect]:
     fit = plant.linearised(found.model)
     out = []
     gap = found.steps[0].gap / plant.scale
-    for i, (taken, rivals) in enumerate(zip(found.taken, found.rivals, strict=True)):
+    for i, taken in enumerate(found.taken):
         index = found.model.n_base + i
         effect = found.model.terms[index].effect
-        aliases = list(dict.fromkeys([*plant.aliases(taken.name), *rivals, *taken.same]))
+        aliases = list(dict.fromkeys([*plant.aliases(taken.name), *taken.rivals, *taken.same]))
         out.append(NamedEffect(
             effect, labelled_errors(fit, index), taken.delta_bic, 1.0 - taken.look.p_value,
             float(min(taken.size / max(gap, 1e-300), 1.0) ** 2), aliases, p_value=taken.look.p_value,

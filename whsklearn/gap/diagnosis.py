@@ -33,7 +33,7 @@ class NamedEffect:
     delta_bic : float
         Evidence, after subtracting the price of its free parameters and of the places searched.
     confidence : float
-        Share of resampled blocks of the record on which it beats its best rival.
+        1 - ``p_value``, for programs that read it from older reports.
     closure : float
         Share of the gap that it closes.
     aliases : list of str
@@ -395,8 +395,6 @@ class Diagnosis:
         shares of its drive, and the ``names``.
     rows : dict of str to int
         Rows of the log: ``used``, ``given``, and in how many ``segments`` they are.
-    need : float
-        Delta BIC that an effect had to exceed to be named.
     alpha : float
         Significance level at which effects were named.
     horizon : float
@@ -445,7 +443,6 @@ class Diagnosis:
     residual_tests: list[dict[str, Any]] = field(default_factory=list)
     base_parameters: list[dict[str, Any]] = field(default_factory=list)
     drifting: list[dict[str, Any]] = field(default_factory=list)
-    need: float = 0.0
     alpha: float = 0.01
     interrupted: bool = False
     notes: list[str] = field(default_factory=list)

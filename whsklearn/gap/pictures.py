@@ -14,7 +14,7 @@ from whsklearn.logs.units import respelled
 
 BEFORE, AFTER, MEASURED, FLOOR = "#c2552d", "#1b7f4d", "#1c2530", "#8a97a5"
 WINDOW = 2.0  # s shown of the overlay
-A_PERIOD = 24  # bins over one period of a wave: its crest is within a hundredth of its size
+A_PERIOD = 24  # bins over one period of the fastest wave: its crest is within a hundredth of its size
 DRAWN = 3000  # pieces of a series of which the extremes are drawn: two a pixel of a wide screen
 
 
@@ -41,7 +41,11 @@ def draw(d: Diagnosis) -> list[tuple[str, str, str]]:
             _where,
         ),
         ("Learned torque", "What has no name: the curve that was learned, with two standard deviations.", _learned),
-        ("Candidates", "Evidence of each against what chance and noise may reach (dashed).", _candidates),
+        (
+            "Candidates",
+            "What each explains to first order by itself; hollow bars are no more than chance.",
+            _candidates,
+        ),
         ("Frequency", "Amplitude spectrum of the gap.", _spectrum),
         ("Map over one turn", "The sum of all orders of a family by the angle in the turn.", _map),
         ("Order", "Amplitude by periods a turn: a line here is tied to the angle.", _orders),
@@ -174,49 +178,81 @@ def _where(axes: Any, d: Diagnosis) -> bool:
     p, best = d.pictures, _shown_axis(d)
     x = p["axes"][best.signal][0][p["usable"]]
     before, after = p["gap_before"][p["usable"]], p["gap_after"][p["usable"]]
-    period = _period(d, best, float(np.ptp(x)))
-    if period:  # bins as wide as the travel is long would draw a fast wave as a jagged line
-        x, name = x % period, f"{best.signal} within a period"
-        edges = np.linspace(0.0, period, A_PERIOD + 1)
-    else:
-        axes.errorbar(best.centres, best.means, best.errors, color=BEFORE, fmt="o", ms=3.5, lw=1, label="before")
-        name, edges = best.signal, np.unique(np.quantile(x, np.linspace(0, 1, 61)))
-    bins = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, edges.size - 2)
-    count = np.maximum(np.bincount(bins, minlength=edges.size - 1), 1)
-    centres = 0.5 * (edges[1:] + edges[:-1])
-    if period:
-        means = np.bincount(bins, before, edges.size - 1) / count
-        spread = np.sqrt(np.bincount(bins, (before - means[bins]) ** 2, edges.size - 1) / count**2)
-        axes.errorbar(centres, means, spread, color=BEFORE, fmt="o", ms=3.5, lw=1, label="before")
+    edges, period = bins_of(x, waves_of(d, best))
+    name = f"{best.signal} within a period" if period else best.signal
+    bins = np.clip(np.searchsorted(edges, np.mod(x, period) if period else x, side="right") - 1, 0, edges.size - 2)
+    count = np.bincount(bins, minlength=edges.size - 1)
+    seen = count > 0
+    centres, count = (0.5 * (edges[1:] + edges[:-1]))[seen], count[seen]
+
+    def mean(values: Any) -> Any:
+        return np.bincount(bins, values, edges.size - 1)[seen] / count
+
+    means = mean(before)
+    errors = np.sqrt(np.maximum(mean(before**2) - means**2, 0.0) / count)
+    axes.errorbar(
+        centres, means, errors, color=BEFORE, fmt="o", ms=3.5 if seen.sum() < 80 else 1.5, lw=1, label="before"
+    )
     if d.repaired:
-        fitted = np.bincount(bins, before - after, edges.size - 1) / count
-        axes.plot(centres, fitted, color=AFTER, lw=1.3, label="the fitted effect")
-        axes.plot(centres, np.bincount(bins, after, edges.size - 1) / count, color=FLOOR, lw=1, label="left after")
+        axes.plot(centres, mean(before - after), color=AFTER, lw=1.3, label="the fitted effect")
+        axes.plot(centres, mean(after), color=FLOOR, lw=1, label="left after")
     axes.axhline(0, color=FLOOR, lw=0.6)
     axes.set(xlabel=titled(name, best.unit), ylabel=titled(p["what"], p.get("gap_unit", p["units"][0])))
     axes.legend(frameon=False, fontsize=8)
     return True
 
 
-def _period(d: Diagnosis, place: Any, travel: float) -> float:
-    """Longest period of the named waves over position, in the unit of the place; 0 where fewer than two are seen."""
-    if place.signal not in ("angle in the turn", "position"):
-        return 0.0
-    orders = [float(e.effect.order) for e in d.effects if hasattr(e.effect, "order")]
-    period = (360.0 if place.unit == "deg" else 2.0 * np.pi) / min(orders) if orders else 0.0
-    return period if 2.0 * period <= travel else 0.0
+def waves_of(d: Diagnosis, place: Any) -> list[float]:
+    """Periods a unit of the place's signal of the named waves: orders over a turn of the position, hertz over time."""
+    if place.signal == "time":
+        return [
+            float(e.effect.frequency) for e in d.effects if e.effect.place == "time" and "frequency" in vars(e.effect)
+        ]
+    if not place.signal.startswith(("angle in the turn", "position", "x")):
+        return []
+    turn = 360.0 if place.unit == "deg" else 2.0 * np.pi
+    named = (wave for e in d.effects for wave in (e, *e.orders) if "order" in vars(wave.effect))
+    return [float(wave.effect.order) / turn for wave in named]
+
+
+def bins_of(x: Any, waves: list[float]) -> tuple[Any, float]:
+    """(edges of the bins of a signal, period that it is folded into or 0): as fine as the fastest wave needs.
+
+    A wave is folded into its period, several into the one that they share, if the signal passes through it at least
+    twice; otherwise the whole travel is drawn. Without a wave the bins hold equally many samples.
+
+    Examples
+    --------
+    >>> x = np.linspace(0.0, 3.0, 4000)
+    >>> edges, period = bins_of(x, [24.0 / (2 * np.pi), 16.0 / (2 * np.pi)])  # both repeat every eighth of a turn
+    >>> round(2 * np.pi / period), edges.size - 1 >= 3 * A_PERIOD
+    (8, True)
+    """
+    if not waves:
+        return np.unique(np.quantile(x, np.linspace(0.0, 1.0, 61))), 0.0
+    slow, fast = min(waves), max(waves)
+    # the slowest wave whose multiples they all are, to the precision of a fit
+    shared = [k for k in range(1, 25) if all(abs(w * k / slow - round(w * k / slow)) < 0.01 for w in waves)]
+    period = shared[0] / slow if shared else np.inf
+    travel = float(np.ptp(x))
+    if 2.0 * period > travel:
+        period, low, span = 0.0, float(x.min()), travel
+    else:
+        low, span = 0.0, period
+    count = int(np.clip(np.ceil(A_PERIOD * fast * span), A_PERIOD, max(A_PERIOD, x.size // 4)))
+    return np.linspace(low, low + span, count + 1), period
 
 
 def _shown_axis(d: Diagnosis) -> Any:
     """The axis of the named effect's place, else the most telling one."""
     wanted = {
-        "position": ("angle in the turn", "position"), "friction": ("velocity",), "drive": ("drive",),
-        "transmission": ("reversal",), "time": ("time",), "sensor": ("angle in the turn", "position"),
+        "position": ("angle in the turn", "position", "x"), "friction": ("velocity", "dx"), "drive": ("drive", "input"),
+        "transmission": ("reversal",), "time": ("time",), "sensor": ("angle in the turn", "position", "output"),
     }.get(d.effects[0].effect.place if d.effects else "", ())  # fmt: skip
-    by_name = {p.signal: p for p in d.where}
     for name in wanted:
-        if name in by_name:
-            return by_name[name]
+        for place in d.where:
+            if place.signal == name or place.signal.startswith(f"{name} of "):
+                return place
     return d.where[0]
 
 
@@ -236,14 +272,15 @@ def _learned(axes: Any, d: Diagnosis) -> bool:
 
 
 def _candidates(axes: Any, d: Diagnosis) -> bool:
-    shown = [c for c in d.candidates if c.delta_bic > 0][:10][::-1]
+    shown = sorted((c for c in d.candidates if c.closure > 0.0), key=lambda c: -c.closure)[:10][::-1]
     if not shown:
         return False
-    colours = [AFTER if c.status == "named" else (BEFORE if c.status == "alias" else FLOOR) for c in shown]
-    axes.barh([c.name.replace("_", " ") for c in shown], [c.delta_bic for c in shown], color=colours)
-    axes.axvline(d.need, color=MEASURED, ls="--", lw=1)
-    axes.set_xscale("symlog", linthresh=100)
-    axes.set(xlabel="evidence, delta BIC")
+    colours = {"named": AFTER, "alias": BEFORE}
+    bars = axes.barh([c.name.replace("_", " ") for c in shown], [100.0 * c.closure for c in shown])
+    for bar, c in zip(bars, shown, strict=True):
+        colour = colours.get(c.status, FLOOR)
+        bar.set(edgecolor=colour, facecolor=colour if c.status == "named" or c.p_value <= d.alpha else "none")
+    axes.set(xlabel="share of the gap that it explains (%)", xlim=(0, 100))
     axes.tick_params(axis="y", labelsize=8)
     return True
 

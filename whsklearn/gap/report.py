@@ -22,12 +22,12 @@ COLOURS = {
     "data_problem": "#b83232",
 }
 SILENCE = {
-    "no_gap": "The base model, with its numbers refitted, explains the log to the noise of its encoder. That is "
+    "no_gap": "The base model, with its numbers refitted, explains the log to within noise and the tolerance. That is "
     "said of this record only: effects marked not testable would not have shown.",
-    "unknown": "More is left than noise, and it can be predicted from the motion on samples not fitted, and no "
-    "effect of the catalogue explains it. No name is given rather than that of the nearest neighbour.",
-    "coloured_noise": "More is left than encoder noise, but none of it can be predicted from motion, drive or time: "
-    "disturbances, or noise with a colour of its own. No name is given.",
+    "unknown": "More is left than noise, and functions of the motion without a name explain a part of it that chance "
+    "does not. No effect of the catalogue could be shown to be it, and the nearest neighbour gets no name.",
+    "coloured_noise": "More is left than encoder noise, but no function of motion, drive or time explains more of it "
+    "than chance would: disturbances, or noise with a colour of its own. No name is given.",
     "not_testable": "Nothing is seen, but most effects of the catalogue could not have been seen either: the axis "
     "moves too little or too uniformly.",
     "ambiguous": "Two or more effects explain this record about as well. The next experiment would distinguish them.",
@@ -84,12 +84,23 @@ def significant(value: Any) -> str:
     return f"{value:.4g}"
 
 
+def probability(p: float) -> str:
+    """A p-value; small ones as a bound, since their size rests on the tail of a fitted law.
+
+    Examples
+    --------
+    >>> probability(0.034), probability(3e-9), probability(1.0)
+    ('0.034', '< 0.0001', '1')
+    """
+    return "< 0.0001" if p < 1e-4 else f"{p:.2g}"
+
+
 def render(diagnosis: Diagnosis) -> str:
     """The page as text."""
     from jinja2 import Environment
 
     environment = Environment(autoescape=True)
-    environment.filters["sig"] = significant
+    environment.filters |= {"sig": significant, "p": probability}
     source = Path(__file__).with_name("report.html.j2").read_text(encoding="utf-8")
     pictures: list[tuple[str, str, str]] = []
     drawn = can_draw()

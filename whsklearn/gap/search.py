@@ -32,10 +32,6 @@ LEAST_SHARE = 0.2
 # Of a power that is to be explained: what explains more than half of it is its cause, by the word.
 HALF = 0.5
 
-# Multiple of what two effects leave that one which covers both may leave (`benchmarks.blind_large`: 1.7 and more where
-# both are there).
-AS_WELL = 1.02
-
 
 def meet(a: Look, b: Look) -> bool:
     """Whether two looks have a place in common, so that one may stand for the other."""
@@ -59,8 +55,8 @@ class Named:
         Rms of what it explains, as a share of the drive or the output.
     reason : str
         What physics has against it; empty if nothing.
-    same : list of str
-        Names of what says the same with more numbers.
+    rivals, same : list of str
+        Names that this record does not tell from it, and names of what says the same with more numbers.
     """
 
     look: Look
@@ -70,6 +66,7 @@ class Named:
     gain: float = 0.0
     size: float = 0.0
     reason: str = ""
+    rivals: list[str] = field(default_factory=list)
     same: list[str] = field(default_factory=list)
 
     @property
@@ -114,8 +111,6 @@ class Found:
     base, model : object
     taken : list of Named
         In the order of what they explain.
-    rivals : list of list of str
-        For every effect, what else could stand in its place.
     steps : list of Step
     remainder : list of Look
         Of the last look, at the final model: nameless families too.
@@ -125,7 +120,6 @@ class Found:
     base: Any
     model: Any
     taken: list[Named] = field(default_factory=list)
-    rivals: list[list[str]] = field(default_factory=list)
     steps: list[Step] = field(default_factory=list)
     remainder: list[Look] = field(default_factory=list)
     interrupted: bool = False
@@ -154,82 +148,42 @@ class Search:
 
     def run(self, base: Any) -> Found:
         """Find what the base model lacks; an interruption ends it with the rounds that are finished."""
-        found = Found(base, base)
+        model = self.plant.settled(base)
+        found = Found(model, model)
         try:
-            while self._step(found):
+            while self._one_more(found):
                 pass
             self._review(found)
-            names = {t.name for t in found.taken}
-            found.rivals = [[r for r in rivals if r not in names] for rivals in found.rivals]
+            self._sized(found)
         except KeyboardInterrupt:
             found.interrupted, found.remainder = True, []
         return found
 
-    def _step(self, found: Found) -> bool:
-        """One effect more; whether there was one."""
-        before = found.model.without(len(found.model.terms) - 1) if found.taken else found.model
-        found.model = self.plant.settled(found.model)
-        if not found.taken:
-            found.base = found.model
-        worse = self._worse_settled(found, before)
+    # --- is there an effect, and which one? -------------------------------------------------------
+    def _one_more(self, found: Found) -> bool:
+        """Take one effect more, with all numbers fitted anew; whether there was one."""
         looks = found.remainder = self.plant.looks(found.model, self.rng)
+        names = {t.name for t in found.taken}
         left = self.plant.rms(self.plant.errors(found.model))
-        full = worse or len({t.name for t in found.taken}) >= self.max_effects
-        fitted = [] if full else self.fitted(found.model, looks)
-        taken = self._chosen(fitted)
-        found.steps.append(Step(len(found.steps) + 1, left, self.plant.n_effective, looks, fitted, taken))
-        if taken is None:
-            self._said(found)
-            return False
-        found.taken.append(taken)
-        found.rivals.append(self.rivals(taken, fitted) + self._as_good(taken, looks))
-        found.model = taken.model
-        # a second of its name that beat all others: it is a family, and the rest of it need not beat them again
-        if taken.name in {t.name for t in found.taken[:-1]}:
-            for grown in self.plant.family(found.model):
-                self._add(found, taken.look, grown)
-        self._said(found)
-        return True
-
-    def _worse_settled(self, found: Found, before: Any) -> bool:
-        """Take the last effect back if, all numbers settled, the model leaves no less than it did before."""
-        names = [t.name for t in found.taken]
-        if not names or names.count(names[-1]) > 1:
-            return False
-        if self.plant.rms(self.plant.errors(found.model)) < found.steps[-1].gap:
-            return False
-        found.model = self.plant.settled(before)
-        del found.taken[-1], found.rivals[-1]
-        found.steps[-1].taken = None
-        return True
-
-    def _chosen(self, fitted: list[Named]) -> Named | None:
-        """The best sound fit; of those that this record does not tell from it, the commonest."""
-        sound = [f for f in fitted if not f.reason]
-        taken = sound[0] if sound else None
-        while taken is not None:
-            tied = self.rivals(taken, sound)
-            common = next((f for f in sound if f.name in tied and f.effect.name in taken.effect.commoner), None)
-            if common is None:
-                break
-            taken = common
-        return taken
-
-    def _said(self, found: Found) -> None:
+        fitted = [] if len(names) >= self.max_effects else self.fitted(found.model, looks)
+        taken = self._chosen(fitted, looks)
+        step = Step(len(found.steps) + 1, left, self.plant.n_effective, looks, fitted, taken)
+        found.steps.append(step)
+        if taken is not None:
+            more = [taken]
+            if taken.name in names:  # it beat all others twice: the rest of its family need not beat them again
+                for grown in self.plant.family(taken.model):
+                    more.append(self._named(more[-1].model, taken.look, grown))
+            model = self.plant.settled(more[-1].model)
+            if taken.name in names or self.plant.rms(self.plant.errors(model)) < left:
+                found.model, found.taken = model, found.taken + more
+            else:  # with all numbers fitted, the model leaves no less than it did without the effect
+                step.taken = None
+                found.model = self.plant.settled(found.model)
+                found.remainder = self.plant.looks(found.model, self.rng)
         if self.on_round is not None:
-            self.on_round(found.steps[-1])
-
-    def _add(self, found: Found, look: Look, grown: Any) -> None:
-        """Take one more member of the last effect's family."""
-        found.taken.append(self._named(found.model, look, grown))
-        found.rivals.append([])
-        found.model = grown
-
-    def _named(self, model: Any, look: Look, grown: Any, reason: str = "") -> Named:
-        """A fitted effect with what it explains."""
-        before, errors = self.plant.errors(model), self.plant.errors(grown)
-        g, size = self.plant.explained(model, grown, look)
-        return Named(look, grown, before, errors, g, float(size / self.plant.scale), reason)
+            self.on_round(step)
+        return step.taken is not None
 
     def fitted(self, model: Any, looks: list[Look]) -> list[Named]:
         """The looks that chance does not explain and that are worth a name, fitted; the best score first.
@@ -271,67 +225,72 @@ class Search:
             # one that physics forbids is no yardstick: only sound ones make others not worth a fit
             if len(out) == MOST_FITTED or look.size**2 < WORTH_FITTING * strongest**2:
                 continue
-            grown = self.plant.refine(model, look)
-            f = self._named(model, look, grown)
-            size = f.size * self.plant.scale
-            reason = ""
+            f = self._named(model, look, self.plant.refine(model, look))
+            size, reason = f.size * self.plant.scale, ""
             if f.score <= 0.0:
                 reason = "fitted, it explains no more than it does of the model's own records"
             elif f.size < self.plant.tolerance:
                 reason = "fitted, it explains less than the tolerance"
             elif size**2 < LEAST_SHARE * nameless**2:
                 reason = "it explains too little of what follows the motion"
-            reason = self.plant.objection(model, grown) or reason
+            reason = self.plant.objection(model, f.model) or reason
             if not reason:
                 strongest = max(strongest, size)
             out.append(replace(f, reason=reason))
         return out
 
-    def rivals(self, taken: Named, fitted: list[Named]) -> list[str]:
-        """Names of the sound fits that this record does not tell from the one taken."""
-        names = []
-        for other in (f for f in fitted if meet(f.look, taken.look)):
-            if other.reason or other.name == taken.name or other.name in self.plant.aliases(taken.name):
+    def _named(self, model: Any, look: Look, grown: Any) -> Named:
+        """A fitted effect with what it explains."""
+        g, size = self.plant.explained(model, grown, look)
+        errors = (self.plant.errors(m) for m in (model, grown))
+        return Named(look, grown, next(errors), next(errors), g, float(size / self.plant.scale))
+
+    def _chosen(self, fitted: list[Named], looks: list[Look]) -> Named | None:
+        """The best sound fit with its rivals; of those that this record does not tell from it, the commonest."""
+        sound = [f for f in fitted if not f.reason]
+        taken = sound[0] if sound else None
+        while taken is not None:
+            rivals, same = self.rivals(taken, sound)
+            common = next((f for f in sound if f.name in rivals and f.effect.name in taken.effect.commoner), None)
+            if common is None:
+                return replace(taken, rivals=[*rivals, *self._as_good(taken, looks)], same=same)
+            taken = common
+        return None
+
+    def rivals(self, taken: Named, sound: list[Named]) -> tuple[list[str], list[str]]:
+        """(names that this record does not tell from the one taken, names that say the same with more numbers)."""
+        rivals, same = [], []
+        for other in (f for f in sound if meet(f.look, taken.look)):
+            if other.name == taken.name or other.name in self.plant.aliases(taken.name):
                 continue
             if other.effect.parent == taken.effect.name:  # it holds the one taken and more, and is asked next
                 continue
             if self.plant.exact and self._needless(taken, other):
-                taken.same.append(other.name)
-                continue
-            lead = self._lead(taken, other)
-            if lead < 0.0:  # the one taken is the commoner
-                names.append(other.name)
-                continue
-            if not self._told_apart(lead, taken, other):
-                names.append(other.name)
-        return list(dict.fromkeys(names))
+                same.append(other.name)
+            elif not self._told_apart(taken, other):
+                rivals.append(other.name)
+        return list(dict.fromkeys(rivals)), same
 
-    def _lead(self, taken: Named, other: Named) -> float:
-        """Score of the one taken less the other's, by as many independent samples as are in what the other leaves.
-
-        A strong slow effect leaves few of them in the model that lacks it, by which both are scored; what a wrong name
-        leaves of it is less, and faster.
-        """
-        lead = taken.score - other.score
-        if self.plant.exact or lead < 0.0:
-            return lead
-        power = (float(e @ e) for e in (other.errors, taken.errors))
-        own = gain(next(power), next(power), n_effective(other.errors))
-        return max(lead, own - 2.0 * float(np.mean(taken.look.null) - np.mean(other.look.null)))
-
-    def _told_apart(self, lead: float, taken: Named, other: Named) -> bool:
+    def _told_apart(self, taken: Named, other: Named) -> bool:
         """Whether the lead of one over another is beyond what accident, and records made by the other, would give.
 
-        Where a plant's own records are exact, those that the rival makes say more than blocks of this one.
+        A strong slow effect leaves few independent samples in the model that lacks it, by which both are scored; what
+        a wrong name leaves of it is less, and faster, and is counted as well.  Where a plant's own records are exact,
+        those that the rival makes say more than blocks of this one.
         """
+        lead = taken.score - other.score
+        if lead < 0.0:  # the one taken is the commoner
+            return False
+        power = [float(e @ e) for e in (other.errors, taken.errors)]
+        null = float(np.mean(taken.look.null) - np.mean(other.look.null))
+        lead = max(lead, gain(*power, n_effective(other.errors)) - 2.0 * null)
         z = vuong(other.errors, taken.errors)
-        if not self.plant.exact:
-            apart = separable(lead, z, self.plant.leads(taken, other, taken.before, self.rng), self.alpha)
-            return apart and self._still_apart(taken, other)
-        if separable(lead, z, np.zeros(0), self.alpha):
+        if self.plant.exact and separable(lead, z, np.zeros(0), self.alpha):
             return True
         leads = self.plant.leads(taken, other, taken.before, self.rng)
-        return bool(leads.size) and separable(lead, np.inf, leads, self.alpha)
+        if self.plant.exact:
+            return bool(leads.size) and separable(lead, np.inf, leads, self.alpha)
+        return separable(lead, z, leads, self.alpha) and self._still_apart(taken, other)
 
     def _still_apart(self, taken: Named, other: Named) -> bool:
         """Whether they are still told apart where each is judged beside its own artefacts, not those of their base.
@@ -347,88 +306,80 @@ class Search:
         lead -= 2.0 * float(np.mean(taken.look.null) - np.mean(other.look.null))
         return separable(lead, vuong(rest, left), np.zeros(0), self.alpha)
 
+    def _needless(self, taken: Named, other: Named) -> bool:
+        """Whether a rival says the same with more numbers: they differ by less than is worth a name."""
+        apart = self.plant.rms(taken.errors - other.errors)
+        return other.look.n_numbers > taken.look.n_numbers and apart < self.plant.tolerance * self.plant.scale
+
     def _as_good(self, taken: Named, looks: list[Look]) -> list[str]:
         """Names that are not shown by themselves, and explain no less than the one taken to first order."""
         least = taken.look.gain - 2.0 * np.log(1.0 / self.alpha)
         names = [k.name for k in looks if k.name and k.p_value > self.alpha and k.gain >= least and meet(k, taken.look)]
         return [n for n in dict.fromkeys(names) if n != taken.name and n not in self.plant.aliases(taken.name)]
 
-    def _needless(self, taken: Named, other: Named) -> bool:
-        """Whether a rival says the same with more numbers: they differ by less than is worth a name."""
-        apart = self.plant.rms(taken.errors - other.errors)
-        return other.look.n_numbers > taken.look.n_numbers and apart < self.plant.tolerance * self.plant.scale
-
-    def _prune(self, found: Found) -> bool:
-        """Give back what the others, now that they are fitted beside it, say without it; whether anything was."""
-        changed = False
-        for i in reversed(range(len(found.taken))):
-            if len(found.taken) == 1 or [t.name for t in found.taken].count(found.taken[i].name) > 1:
-                continue
-            without = self.plant.settled(found.model.without(found.model.n_base + i))
-            look = found.taken[i].look
-            g, size = self.plant.explained(without, found.model, look)
-            families = max(len(s.looks) for s in found.steps)
-            if p_value(g, look.null, families) > self.alpha or size < self.plant.tolerance * self.plant.scale:
-                found.model, changed = without, True
-                del found.taken[i], found.rivals[i]
-        return changed
-
+    # --- is that all, and is each of them needed? -------------------------------------------------
     def _review(self, found: Found) -> None:
-        """Ask every effect but the last anew beside all others: it was taken when more was missing."""
-        changed = self.plant.exact and self._prune(found)
-        names = [t.name for t in found.taken]
-        # a family stands and falls with its first
-        alone = [i for i in range(len(names) - 1) if names.count(names[i]) == 1]
-        for i in reversed(alone):
+        """Ask every effect anew beside all others, the last first: it was taken when more was missing.
+
+        One that the others say without it goes; one that another explains better is exchanged.  A family of waves
+        stands and falls with its first.
+        """
+        names, changed = [t.name for t in found.taken], False
+        alone = [i for i, name in enumerate(names) if names.count(name) == 1]
+        for i in reversed(alone if len(names) > 1 else []):
             index = found.model.n_base + i
             # shapes polished too: those of the others were found beside the one that is asked for
             without = self.plant.settled(found.model.without(index))
-            if any(found.taken[i].name in getattr(t.effect, "covers", ()) for t in found.model.terms):
-                # a place of rest says it already, unless it would lie too far off
-                left = (self.plant.rms(self.plant.errors(m)) for m in (without, found.model))
-                if next(left) < AS_WELL * next(left):
-                    found.model, changed = without, True
-                    self._inherit(found, i)
-                    del found.taken[i], found.rivals[i]
+            if len(found.taken) > 1 and not self._needed(without, found, i):
+                found.model, changed = without, True
+                del found.taken[i]
                 continue
+            if i == len(names) - 1:  # it was asked last, beside all others
+                continue
+            others = {t.name for t in found.taken} - {found.taken[i].name}  # what is there takes no second place
             looks = self.plant.looks(without, self.rng, found.model)
-            others = names[:i] + names[i + 1 :]  # what is there already takes no second place
             fitted = [f for f in self.fitted(without, looks) if f.name not in others]
-            best = self._chosen(fitted)
+            best = self._chosen(fitted, looks)
             kept = next((f for f in fitted if f.name == found.taken[i].name and not f.reason), None)
-            if best is not None and kept is not None and kept.name in self.rivals(best, fitted):
-                best = kept
-            if best is None:  # chance explains it, now that the others are in; else it stays as it is
-                left = (float(np.sum(self.plant.errors(m) ** 2)) for m in (without, found.model))
-                g = gain(next(left), next(left), self.plant.n_effective)
-                if g < 2.0 * np.log(1.0 / self.alpha):
-                    found.model, changed = without, True
-                    self._inherit(found, i)
-                    del found.taken[i], found.rivals[i]
+            if best is not None and kept is not None and kept.name in best.rivals:
+                best = replace(kept, rivals=[best.name, *(r for r in best.rivals if r != kept.name)], same=best.same)
+            if best is None:  # chance explains it, now that the others are in; it stays as it is
                 continue
-            if best.name == found.taken[i].name:
-                # told by what it explained when its place was taken, not beside the others
-                best = replace(best, size=max(best.size, found.taken[i].size))
-            else:
-                changed = True
-                self._inherit(found, i)
-            found.taken[i] = best
-            found.rivals[i] = self.rivals(best, fitted) + self._as_good(best, looks)
-            terms = best.model.terms
+            changed = changed or best.name != found.taken[i].name
+            found.taken[i], terms = best, best.model.terms
             found.model = best.model.with_terms((*terms[:index], terms[-1], *terms[index:-1]))
-        if alone or changed:
+        if changed or len(alone) > 1:
             found.model = self.plant.settled(found.model)
             found.remainder = self.plant.looks(found.model, self.rng)
+        there = {t.name for t in found.taken}
+        found.taken = [replace(t, rivals=[r for r in t.rivals if r not in there]) for t in found.taken]
 
-    @staticmethod
-    def _inherit(found: Found, i: int) -> None:
-        """Tell those beside the effect ``i``, which goes, by the most that they explained in any round.
+    def _needed(self, without: Any, found: Found, i: int) -> bool:
+        """Whether the effect ``i`` explains more than chance and the tolerance beside all others."""
+        look = found.taken[i].look
+        g, size = self.plant.explained(without, found.model, look)
+        families = max(len(s.looks) for s in found.steps)
+        if self.plant.exact:
+            shown = p_value(g, look.null, families) <= self.alpha
+        else:  # strong slow effects hide in the colour of their own null records
+            shown = g >= 2.0 * np.log(1.0 / self.alpha)
+        return bool(shown) and size >= self.plant.tolerance * self.plant.scale
 
-        They were taken beside it, and what it had explained is theirs.
-        """
-        most: dict[str, float] = {}
-        for f in (f for s in found.steps for f in s.fitted if not f.reason):
-            most[f.name] = max(most.get(f.name, 0.0), f.size)
-        for j, t in enumerate(found.taken):
-            if j != i:
-                found.taken[j] = replace(t, size=max(t.size, most.get(t.name, 0.0)))
+    def _sized(self, found: Found) -> None:
+        """Size every effect of several by what it explains beside those that explain more, as all numbers are now."""
+        base, terms = found.model.terms[: found.model.n_base], found.model.terms[found.model.n_base :]
+        names = [t.name for t in found.taken]
+        if len(set(names)) < 2:
+            return
+        said: list[str] = []
+
+        def errors(*more: str) -> Array:
+            kept = (t for t, name in zip(terms, names, strict=True) if name in (*said, *more))
+            return np.asarray(self.plant.errors(found.model.with_terms((*base, *kept))))
+
+        while rest := [n for n in dict.fromkeys(names) if n not in said]:
+            sizes = {n: self.plant.size(errors(), errors(n)) / self.plant.scale for n in rest}
+            best = max(rest, key=lambda n: sizes[n])
+            i = names.index(best)
+            found.taken[i] = replace(found.taken[i], size=sizes[best])
+            said.append(best)

@@ -103,7 +103,8 @@ def summary(d: Any, plant: Any) -> str:
     if d.verdict == "coloured_noise":
         return (
             opening
-            + "The remainder is coloured noise: it follows neither the motion nor the drive. No effect is named."
+            + "The remainder is coloured noise: no function of the motion or of the drive predicts it. No effect "
+            "is named."
         )
     if d.verdict == "not_testable":
         return opening + "No gap is seen, but this record could not have shown most effects."
