@@ -14,10 +14,12 @@ from jinja2 import UndefinedError
 from tests.gap.plants.test_servo_model import friction, started
 from tests.gap.plants.test_servo_model import model as axis_model
 from whsklearn import ServoAxis, WienerHammersteinSystem
-from whsklearn.datasets import make_servo_log
+from whsklearn.datasets import default_arm, make_arm_log, make_servo_log
 from whsklearn.effects import Cogging, FlexibleCoupling, InputOffset, as_law
 from whsklearn.gap import Diagnosis, GapFinder, NamedEffect
 from whsklearn.gap.diagnosis import VERDICTS
+from whsklearn.gap.plants.arm import ArmRecord, arm_plant
+from whsklearn.gap.plants.arm_terms import JointTerm, Load, candidates
 from whsklearn.gap.plants.servo import ServoPlant
 from whsklearn.gap.plants.servo_candidates import catalogue
 from whsklearn.gap.report import COLOURS, SILENCE, as_model, render, significant, write_report
@@ -128,6 +130,44 @@ def test_any_candidate_of_an_axis_is_the_same_free_run_from_its_file(kind, tmp_p
     own = axis.simulate_drive(DRIVE, noise=False).position
     assert np.ptp(own) > 1e-3
     np.testing.assert_allclose(load_model(tmp_path / "repaired.json").simulate(DRIVE), own, rtol=0, atol=1e-9)
+
+
+@pytest.fixture(scope="module")
+def arm():
+    """An arm's plant with its base model, on a record that is just long enough."""
+    q, u = make_arm_log(default_arm(), duration=6.0, return_arrays=True)
+    plant = arm_plant(default_arm(), ArmRecord(np.arange(len(q)) / 500.0, q, u), law=None, tolerance=0.004)
+    assert not any(p.fatal for p in plant.check())
+    return plant, plant.base(np.random.default_rng(0))
+
+
+JOINT = [
+    k for k in candidates(default_arm(), {}, frozen=True, weight=0)
+    if k.joint == "pitch" and k.cls.__module__.startswith("whsklearn")
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", JOINT, ids=lambda k: k.catalogued.label if k.catalogued else k.name)
+def test_any_candidate_of_an_arm_is_the_same_free_run_from_its_file(kind, arm, tmp_path):
+    plant, base = arm
+    if kind.catalogued is not None:
+        scene = plant.view.scene(kind)
+        size = 0.1 * kind.catalogued.size_unit(scene)
+        numbers = (*(size,) * kind.linear, *kind.catalogued.starts(scene)[0])
+    else:
+        numbers = (0.05, 0.1, 0.0, 0.0) if kind.cls is Load else (0.01,)
+    term = JointTerm(kind, numbers)
+    model, without = plant.system(base.with_term(term)), plant.system(base)
+    drive, position = plant.record.drive[:400], plant.record.position[:400]
+
+    def run(arm):
+        return arm.simulate_drive(drive, sample_rate=500.0, position=position).position
+
+    wanted = run(model.arm)
+    is_there = term.effect in model.arm.effects[1] if kind.catalogued else np.ptp(wanted - run(without.arm)) > 1e-6
+    assert is_there, "what is named is in the repaired model"
+    save_model(as_model(model), tmp_path / "repaired.json")
+    np.testing.assert_allclose(run(load_model(tmp_path / "repaired.json").arm), wanted, rtol=0, atol=1e-9)
 
 
 def test_a_slow_log_of_a_coupling_is_simulated_in_steps_that_it_needs():
