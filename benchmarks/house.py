@@ -9,7 +9,8 @@ class is one that a package's ``__all__`` names, each module's own class of such
 
 A *named number* is a name that a module or a class body binds to a value with a number in it: a literal, a sum or
 product with one, a tuple, dictionary or call that holds one. Each name counts once, however many numbers it holds.
-Numeric defaults of parameters are counted apart; those of 0 and 1 are not.
+Numeric defaults of parameters are counted apart; those of 0 and 1 are not. A field of a dataclass or a named tuple that
+is 0 or 1 by default is such a parameter, and is counted apart too.
 
 A *room* is a package or a module directly below the folder; an *arrow* is that one room imports from another, at
 its head, within a function or for types only, however often. The folder's own ``__init__`` and ``__main__``, which
@@ -31,6 +32,7 @@ import click
 ROOT = Path(__file__).resolve().parents[1]
 LIBRARY = ROOT / "whsklearn"
 FUNCTIONS = ast.FunctionDef | ast.AsyncFunctionDef
+NOTHING = ("0", "1", "0.0", "1.0")
 
 
 def sources(folder: Path) -> list[Path]:
@@ -120,19 +122,25 @@ def bound(node: ast.stmt) -> Iterator[tuple[str, ast.expr]]:
             yield ast.unparse(target), node.value
 
 
-def named_numbers(folder: Path) -> tuple[int, int, int]:
-    """(names of modules, of class bodies, numeric defaults of parameters but 0 and 1) of all files of a folder."""
-    modules = classes = defaults = 0
+def empty_field(node: ast.stmt) -> bool:
+    """Whether a statement of a class body is a field that is 0 or 1 unless it is given."""
+    return isinstance(node, ast.AnnAssign) and node.value is not None and ast.unparse(node.value) in NOTHING
+
+
+def named_numbers(folder: Path) -> tuple[int, int, int, int]:
+    """(names of modules, of class bodies, fields of 0 or 1, numeric defaults of parameters but 0 and 1) of a folder."""
+    modules = classes = fields = defaults = 0
     for path in folder.rglob("*.py"):
         tree = ast.parse(path.read_text(encoding="utf-8"))
         modules += sum(numeric(value) for node in tree.body for _, value in bound(node))
         for node in ast.walk(tree):
             if isinstance(node, ast.ClassDef):
-                classes += sum(numeric(value) for part in node.body for _, value in bound(part))
+                classes += sum(numeric(v) for part in node.body if not empty_field(part) for _, v in bound(part))
+                fields += sum(map(empty_field, node.body))
             elif isinstance(node, FUNCTIONS):
                 given = (d for d in (*node.args.defaults, *node.args.kw_defaults) if d is not None and numeric(d))
-                defaults += sum(ast.unparse(d) not in ("0", "1", "0.0", "1.0") for d in given)
-    return modules, classes, defaults
+                defaults += sum(ast.unparse(d) not in NOTHING for d in given)
+    return modules, classes, fields, defaults
 
 
 def imported(path: Path, folder: Path) -> Iterator[str]:
@@ -202,12 +210,9 @@ def own_rows() -> Iterator[tuple[str, str]]:
     gap = LIBRARY / "gap"
     lines = sorted(len(p.read_text(encoding="utf-8").splitlines()) for p in gap.rglob("*.py"))
     yield "files of whsklearn/gap/, longest", f"{len(lines)}, {lines[-1]} lines"
-    modules, classes, defaults = named_numbers(gap)
-    total = modules + classes
-    yield (
-        "named numbers of whsklearn/gap/",
-        f"{total} ({modules} of modules, {classes} of classes), {defaults} defaults",
-    )
+    modules, classes, fields, defaults = named_numbers(gap)
+    told = f"{modules + classes} ({modules} of modules, {classes} of classes)"
+    yield "named numbers of whsklearn/gap/", f"{told}; apart {fields} fields of 0 or 1, {defaults} defaults"
 
 
 @click.command(help=__doc__)

@@ -177,8 +177,8 @@ def test_the_figure_needs_p_values_and_is_written_with_them(tmp_path: Path) -> N
 def test_numbers_with_a_name_are_counted_once_a_name(tmp_path: Path) -> None:
     (tmp_path / "a.py").write_text(
         "A = 3\nB, C = 0.1, 'no'\nD = {'x': (1, 2)}\nE = None\nF: float = -2 * A\nG = make(4)\nH = True\n"
-        "class K:\n    low = 0.5\n    high: float\n"
+        "class K:\n    low = 0.5\n    high: float\n    nothing: float = 0.0\n"
         "def f(x, tol=1e-3, n=1, *, beta=0.3):\n    y = 5\n    return y\n",
         encoding="utf-8",
     )
-    assert house.named_numbers(tmp_path) == (5, 1, 2)
+    assert house.named_numbers(tmp_path) == (5, 1, 1, 2)

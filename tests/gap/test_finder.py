@@ -186,8 +186,8 @@ def test_a_repair_that_runs_worse_loses_its_last_effect_only(monkeypatch):
 
     prove, seen = conclude.prove, []
 
-    def worse(plant, base, model, rng):
-        rows = prove(plant, base, model, rng)
+    def worse(plant, base, model, rng, given=None):
+        rows = prove(plant, base, model, rng, given)
         seen.append(len(model.terms) - model.n_base)
         if seen[-1] > 0:
             for r in rows:

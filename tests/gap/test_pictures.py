@@ -101,7 +101,7 @@ def test_the_bins_of_a_wave_over_position_follow_its_order(unit, turn, order):
     effect = NamedEffect(Cogging(1.0, order), {}, 0.0, 1.0, 1.0)
     axes = Figure().subplots()
     assert _where(axes, diagnosis(effects=[effect], where=[place], pictures=series))
-    line = next(x for x in axes.lines if x.get_label() == "the fitted effect")
+    line = next(x for x in axes.lines if x.get_label() == "what the repair takes")
     x, y = line.get_data()
     assert x.max() <= turn / order, "one period of it"
     np.testing.assert_allclose(y, np.cos(2 * np.pi * order * x / turn), atol=0.05)

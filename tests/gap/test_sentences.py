@@ -13,7 +13,13 @@ PLANT = SimpleNamespace(gap_word="missing torque", whole="drive")
 
 
 def effect(name, aliases=()):
-    return SimpleNamespace(name=name, label=name, aliases=list(aliases), parameters={"size_nm": 0.5})
+    return SimpleNamespace(
+        name=name,
+        label=name,
+        aliases=list(aliases),
+        told=[("size", 0.5, None, "Nm"), ("phase", 1.0, None, "rad")],
+        orders=[],
+    )
 
 
 def diagnosis(verdict="named", effects=(), figures=(0.1, 0.02, 0.01), closure=0.9, **more):
@@ -31,7 +37,7 @@ def test_names_are_joined_as_in_prose():
 
 def test_a_name_comes_with_size_and_with_what_cannot_be_told_from_it():
     text = summary(diagnosis(effects=[effect("input_offset", ["asymmetric_coulomb"])]), PLANT)
-    assert "input offset (size_nm 0.5)" in text
+    assert "input offset (size 0.5 Nm)" in text
     assert "cannot" in text or "can tell it from asymmetric coulomb" in text
     assert "10.00 %" in text
     assert "90 %" in text

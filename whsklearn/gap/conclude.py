@@ -22,31 +22,18 @@ from whsklearn.gap.diagnosis import (
 from whsklearn.gap.pictures import pictures_in
 from whsklearn.gap.plant import QUIET
 from whsklearn.gap.proof import closure, prove
-from whsklearn.gap.search import Found, Named
+from whsklearn.gap.search import HALF, LEAST_SHARE, Found, Named
 from whsklearn.gap.sentences import next_experiment, summary
 from whsklearn.gap.standard_errors import errors_of, labelled_errors
 from whsklearn.gap.tangent import Look
 from whsklearn.logs.units import respelled
 
-# Closure below which the name of the nearest neighbour says nothing: wrong names close 0.2 in the median ("blind").
-PARTIAL = 0.3
+UNFINISHED = ("unknown", "partial", "coloured_noise")  # verdicts beside which a nameless torque is learned
 # Share of the gap in simulation that learned curves must close, or they are left out (`benchmarks.learned`).
 LEARNED_CLOSURE = 0.1
-# Share of effects that are not testable above which "nothing is missing" is "not testable".
-MOSTLY_BLIND = 0.5
-
-UNFINISHED = ("unknown", "partial", "coloured_noise")  # verdicts beside which a nameless torque is learned
-# Share of the rms gap that may still follow the motion without a name beside a verdict of ``named``: true names leave
-# (a handful of our own logs, not calibrated) up to 0.05 where the free run closes, the neighbours of an effect
-# outside the catalogue 0.05 to 0.07 where it does not
-# (`benchmarks.blind`, named and foreign).
+# Share of the rms gap that may still follow the motion without a name beside a verdict of ``named``
+# (`benchmarks.learned --effects named` and without: what true names and the neighbours of other effects leave).
 STILL = 0.04
-# Share of the gap's power, and closure of the free run, below which names explain a part, whether or not the rest
-# follows anything: more than half, by the word.
-MOST = 0.5
-# Closure of the free run below which what is left counts, however little of the drive it is: 0.98 for a true Stribeck
-# curve, 0.94 (one record each, on which it was set) where one stands for friction that grows above a speed.
-WELL = 0.95
 # Rms of an effect, as a share of the drive, that a record must be able to show, or the effect is not testable.
 SHOWN = 0.02
 
@@ -62,7 +49,7 @@ def conclude(plant: Any, found: Found, rng: np.random.Generator, say: Callable[[
         rows = _learned(plant, found, diagnosis, rows, rng)
     rows = rows_in(rows, motion, own, "before", "after", "floor")
     diagnosis.horizons = [{k: v for k, v in r.items() if k not in ("first", "last")} for r in rows]
-    headline = next(r for r in rows if r["horizon"] == plant.headline)
+    headline = _headline(plant, rows)
     both = [headline["first"].as_dict(), headline["last"].as_dict()]
     diagnosis.before, diagnosis.after = rows_in(both, motion, own, "rmse", "mu_e")
     diagnosis.floor, diagnosis.closure = headline["floor"], headline["closure"]
@@ -114,53 +101,57 @@ def _base_numbers(plant: Any, found: Found) -> list[dict[str, Any]]:
 
 
 def _proved(plant: Any, found: Found, rng: np.random.Generator, alpha: float) -> tuple[Diagnosis, list[dict[str, Any]]]:
-    """Verdict, effects and the rows of the proof, which agree with each other.
-
-    While the repaired model runs worse than the base model at the headline horizon, its last effect is taken back: no
-    name without closure in simulation.
-    """
-    shortfall = plant.reading(found.base, found.model).shortfall
-    if shortfall:
+    """Verdict, effects and the rows of the proof, which agree with each other."""
+    asked = found.model
+    reading = plant.reading(found.base, asked)
+    if reading.shortfall:
         _give_back(found)
-    while True:
-        as_found = found.model
-        if found.taken:
-            found.model = plant.to_simulate(found.model)
-        rows = prove(plant, found.base, found.model, rng)
-        headline = next(r for r in rows if r["horizon"] == plant.headline)
-        if not found.taken or headline["closure"] >= 0.0 or plant.contributes(found.base, found.model):
-            break
-        if as_found is not found.model:
-            # numbers refitted along the run may suit the samples that they were fitted to, and no others
-            unsettled = prove(plant, found.base, as_found, rng)
-            other = next(r for r in unsettled if r["horizon"] == plant.headline)
-            if other["closure"] >= 0.0:
-                found.model, rows, headline = as_found, unsettled, other
-                break
-        # a run that the restarts' noise has made useless at one horizon may still show the torque at a shorter one
-        shorter = [r for r in rows if r["horizon"] < plant.headline and r["closure"] > 0.0]
-        if shorter:
-            headline = max(shorter, key=lambda r: r["horizon"])
-            plant.headline = headline["horizon"]
-            break
-        found.model = plant.settled(found.model.without(len(found.model.terms) - 1))
-        del found.taken[-1]
-        found.remainder = found.steps[min(len(found.taken), len(found.steps) - 1)].looks
-        if not found.taken:
-            found.model = found.base
-    if shortfall:
-        return Diagnosis("unknown", "", shortfall=shortfall), rows
-    seen = plant.reading(found.base, found.model).effects
-    if seen and not found.taken:
-        return Diagnosis("named", "", effects=seen), rows
-    verdict = verdict_of(plant, found, alpha, headline["closure"])
+        rows = prove(plant, found.base, found.base, rng, reading.given)
+        return Diagnosis("unknown", "", shortfall=reading.shortfall), rows
+    rows = _closing(plant, found, rng, reading.given)
+    if found.model is not asked:
+        reading = plant.reading(found.base, found.model)
+    if reading.effects and not found.taken:
+        return Diagnosis("named", "", effects=reading.effects), rows
+    verdict = verdict_of(plant, found, alpha, _headline(plant, rows)["closure"])
     diagnosis = Diagnosis(verdict, "")
     if verdict in ("named", "ambiguous", "partial"):
-        diagnosis.effects = _effects(plant, found) + seen
+        diagnosis.effects = _effects(plant, found) + reading.effects
     elif found.taken:  # nothing earned a name: the base model is handed back, and its figures
         _give_back(found)
-        rows = prove(plant, found.base, found.base, rng)
+        rows = prove(plant, found.base, found.base, rng, reading.given)
     return diagnosis, rows
+
+
+def _closing(plant: Any, found: Found, rng: np.random.Generator, given: Any) -> list[dict[str, Any]]:
+    """The proof of the model with as many of the effects as close the gap in simulation; the last ones go first."""
+    while found.taken:
+        fitted = found.model
+        proofs = []
+        # numbers refitted along the run may suit the samples that they were fitted to, and no others
+        refitted = plant.to_simulate(fitted)
+        for model in (refitted, fitted) if refitted is not fitted else (fitted,):
+            proofs.append((model, prove(plant, found.base, model, rng, given)))
+            closes = _headline(plant, proofs[-1][1])["closure"] >= 0.0
+            if closes or plant.contributes(found.base, model):
+                found.model, rows = proofs[-1]
+                return rows
+        # restarts may make a run useless at one horizon that still shows the torque at a shorter one
+        for model, rows in proofs:
+            shorter = [r["horizon"] for r in rows if r["horizon"] < plant.headline and r["closure"] > 0.0]
+            if shorter:
+                found.model, plant.headline = model, max(shorter)
+                return rows
+        found.model = plant.settled(fitted.without(len(fitted.terms) - 1))
+        del found.taken[-1]
+        found.remainder = found.steps[min(len(found.taken), len(found.steps) - 1)].looks
+    found.model = found.base
+    return prove(plant, found.base, found.base, rng, given)
+
+
+def _headline(plant: Any, rows: list[dict[str, Any]]) -> dict[str, Any]:
+    """The row of the horizon of the first line."""
+    return next(r for r in rows if r["horizon"] == plant.headline)
 
 
 def verdict_of(plant: Any, found: Found, alpha: float, run: float) -> str:
@@ -185,16 +176,16 @@ def verdict_of(plant: Any, found: Found, alpha: float, run: float) -> str:
     if not found.taken:
         if quiet or not found.steps:
             asked = {k.name for k in found.remainder if k.name}
-            blind = len(_unseen(plant, found, alpha)) > MOSTLY_BLIND * len(asked)
+            blind = len(_unseen(plant, found, alpha)) > HALF * len(asked)
             return "not_testable" if asked and blind else "no_gap"
         return "unknown" if nameless > least else "coloured_noise"
     share = (before**2 - after**2) / max(before**2 - floor**2, 1e-300)
-    if share < PARTIAL:
+    if share < LEAST_SHARE:
         return "unknown"
     # exact records: the errors are of a free run themselves, and the held-out ones need only be no larger
-    if (share if plant.exact else min(share, run)) < MOST:
+    if (share if plant.exact else min(share, run)) < HALF:
         return "partial"
-    if still > STILL * before and (still > least or run < WELL):  # below the tolerance it is not worth a name itself
+    if still > max(STILL * before, least):  # below the tolerance it is not worth a name itself
         return "partial"
     return "ambiguous" if any(t.rivals for t in found.taken) else "named"
 
@@ -240,7 +231,6 @@ def candidates(found: Found, diagnosis: Diagnosis, plant: Any, alpha: float) -> 
             g = fitted[look.name].delta_bic if look.name in fitted else look.gain - price
             share = (look.size / max(step.gap, 1e-300)) ** 2
             lines[look.name] = CandidateLine(look.name, float(g), float(min(share, 1.0)), status, reason, look.p_value)
-    winner = found.taken[0].name if found.taken else ""
     for name, line in lines.items():
         if name in named:
             line.status, line.reason = "named", "accepted"
@@ -250,7 +240,9 @@ def candidates(found: Found, diagnosis: Diagnosis, plant: Any, alpha: float) -> 
         elif name in aliases:
             line.status, line.reason = "alias", "this record cannot tell it from the named effect"
         elif not line.reason:
-            line.reason = f"explains less than {winner.replace('_', ' ')}" if winner else "leaves too much of the gap"
+            joint = name.partition(" at ")[2]
+            here = [e.label for e in diagnosis.effects if e.joint in ("", joint)]
+            line.reason = f"explains less than {here[0].replace('_', ' ')}" if here else "leaves too much of the gap"
     for name, late in named.items():
         if name not in lines:
             share = float(np.clip(late.closure, -1, 1))
@@ -276,7 +268,7 @@ def _learned(
     learned = plant.learn(found.model)
     if learned is None:
         return rows
-    grown = prove(plant, found.base, learned.model, rng)
+    grown = prove(plant, found.base, learned.model, rng, plant.reading(found.base, found.model).given)
     before, after = (next(r["after"] for r in rs if r["horizon"] == plant.headline) for rs in (rows, grown))
     floor = min(r["floor"] for r in grown if r["horizon"] == plant.headline)
     share = closure(before, after, floor)
@@ -318,7 +310,9 @@ def _located(plant: Any, found: Found, diagnosis: Diagnosis, gap_unit: str, rng:
     """Where the gap lies, and which constant of the base model moves along the record."""
     gap = plant.gap(found.base)
     diagnosis.where = [place_in(p, gap_unit, plant.own_units) for p in localisation.locate(gap.signals, gap.left, rng)]
-    diagnosis.where_sentence = localisation.sentence(diagnosis.where) if diagnosis.verdict != "no_gap" else ""
+    where = localisation.sentence(diagnosis.where)
+    if diagnosis.verdict != "no_gap" and not (diagnosis.effects and where == localisation.NOWHERE):
+        diagnosis.where_sentence = where
     units = plant.numbers(found.base)
     for row in localisation.drift(gap, rng):
         factor, unit = respelled(units.get(row["name"], (0.0, ""))[1], plant.own_units)

@@ -91,6 +91,29 @@ class NamedEffect:
         """Standard errors under the same names."""
         return self._told(self.standard_errors)
 
+    @property
+    def told(self) -> list[tuple[str, Any, float | None, str]]:
+        """(name, value, standard error, unit) of every number, as a person reads it.
+
+        Examples
+        --------
+        >>> from whsklearn.effects import Cogging
+        >>> NamedEffect(Cogging(0.1, 12.0), {"amplitude_nm": 0.01}, 80.0, 1.0, 0.9, units=("N", "m")).told[0]
+        ('amplitude', 0.1, 0.01, 'N')
+        """
+        known = {}
+        for name, q in getattr(self.effect, "quantities", {}).items():
+            label = in_units(q.labelled(name), self.units) if any(self.units) else name
+            unit = q.unit if name.startswith("phase") else respelled(q.unit, self._spelled)[1]
+            known[label] = name.replace("_", " "), "" if unit == "1" or not any(self.units) else unit
+        rows = ((known.get(k, (k.replace("_", " "), "")), v, self.errors.get(k)) for k, v in self.parameters.items())
+        return [(name, value, error, unit) for (name, unit), value, error in rows]
+
+    @property
+    def _spelled(self) -> dict[str, str]:
+        """SI symbol -> unit of the log."""
+        return dict(zip(("Nm", "rad"), self.units, strict=True))
+
     def _told(self, numbers: Mapping[str, Any]) -> dict[str, Any]:
         """Numbers in SI under labels of a rotary axis, brought to the units of the log; bare where it has none."""
         factors = {}
@@ -99,7 +122,7 @@ class NamedEffect:
             return {bare.get(k, k): v for k, v in numbers.items()}
         for name, q in getattr(self.effect, "quantities", {}).items():
             if not name.startswith("phase"):
-                factors[q.labelled(name)] = respelled(q.unit, dict(zip(("Nm", "rad"), self.units, strict=True)))[0]
+                factors[q.labelled(name)] = respelled(q.unit, self._spelled)[0]
         return {
             in_units(k, self.units): v if isinstance(v, str) else v / factors.get(k, 1.0) for k, v in numbers.items()
         }
@@ -110,7 +133,7 @@ class NamedEffect:
         quantity = getattr(self.effect, "quantities", {}).get(getattr(self.effect, "size", ""))
         if quantity is None or quantity.unit == "1" or not all(self.units):
             return ""
-        return respelled(quantity.unit, dict(zip(("Nm", "rad"), self.units, strict=True)))[1]
+        return respelled(quantity.unit, self._spelled)[1]
 
     def as_dict(self) -> dict[str, Any]:
         """The entry for the report's file; a family of waves also has its orders and its map over one turn."""

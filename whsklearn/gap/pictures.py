@@ -37,7 +37,7 @@ def draw(d: Diagnosis) -> list[tuple[str, str, str]]:
         ("The gap over time", "What the model lacks, before and after.", _over_time),
         (
             "The gap where it is densest",
-            "Mean of the gap by bin with its standard error; the line is the remainder after the repair.",
+            "Mean of the gap by bin with its standard error, what the repair takes of it, and what is left.",
             _where,
         ),
         ("Learned torque", "What has no name: the curve that was learned, with two standard deviations.", _learned),
@@ -194,7 +194,7 @@ def _where(axes: Any, d: Diagnosis) -> bool:
         centres, means, errors, color=BEFORE, fmt="o", ms=3.5 if seen.sum() < 80 else 1.5, lw=1, label="before"
     )
     if d.repaired:
-        axes.plot(centres, mean(before - after), color=AFTER, lw=1.3, label="the fitted effect")
+        axes.plot(centres, mean(before - after), color=AFTER, lw=1.3, label="what the repair takes")
         axes.plot(centres, mean(after), color=FLOOR, lw=1, label="left after")
     axes.axhline(0, color=FLOOR, lw=0.6)
     axes.set(xlabel=titled(name, best.unit), ylabel=titled(p["what"], p.get("gap_unit", p["units"][0])))

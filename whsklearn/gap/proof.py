@@ -68,22 +68,26 @@ def closure(before: float, after: float, floor: float, spread: float = np.inf) -
     return float(np.clip(round(1.0 - (after - floor) / gap, 12), -1.0, 1.0))
 
 
-def prove(plant: Any, base: Any, model: Any, rng: np.random.Generator) -> list[dict[str, Any]]:
+def prove(
+    plant: Any, base: Any, model: Any, rng: np.random.Generator, given: tuple[Any, Any] | None = None
+) -> list[dict[str, Any]]:
     """One row a horizon: errors before and after, the floor and the closure.
 
     The floor of a horizon is the error of the repaired model against a record that it made itself, restarted by the
     same rule: what noise in the restarts alone gives.  Both runs of the log go through the same restarts, so an error
-    below this floor is luck of the noise and the floor is never printed above it.
+    below this floor is luck of the noise and the floor is never printed above it.  ``given`` is the record as it was
+    given and its base model, where the plant has repaired a reading (`whsklearn.gap.plant.Reading`): the error before
+    is of that.
     """
     other = plant.made(model, rng)
     y, held = plant.measured(base, model)
     spread = float(np.std(y[held]))
-    given, first = plant.reading(base, model).given or (plant, base)
+    other_record, first = given or (plant, base)
     rows = []
     for horizon in plant.horizons:
         after = free_run_error(plant, model, horizon, base, model)
-        same = given is plant and first is model
-        before = after if same else free_run_error(given, first, horizon, base, model)
+        same = other_record is plant and first is model
+        before = after if same else free_run_error(other_record, first, horizon, base, model)
         floor = min(free_run_error(other, model, horizon).rmse, after.rmse, before.rmse)
         rows.append({
             "horizon": horizon, "before": before.rmse, "after": after.rmse, "floor": floor,

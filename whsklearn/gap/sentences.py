@@ -40,13 +40,15 @@ def article_list(names: list[str]) -> str:
 
 
 def numbers(named: Any) -> str:
-    """The parameters with units, in short form."""
+    """The parameters with units, in short form; of a family of waves, how many more there are."""
     out = []
-    for label, value in named.parameters.items():
+    for name, value, _, unit in named.told:
         if isinstance(value, str):
-            out.append(f"{label} {value}")
-        elif not label.startswith("phase"):
-            out.append(f"{label} {value:.4g}")
+            out.append(f"{name} {value}")
+        elif not name.startswith("phase"):
+            out.append(f"{name} {value:.4g} {unit}".rstrip())
+    if named.orders:
+        out.append(f"and {len(named.orders)} more wave{'s' if len(named.orders) > 1 else ''}")
     return ", ".join(out)
 
 
