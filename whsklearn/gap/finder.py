@@ -57,7 +57,7 @@ class GapFinder(BaseEstimator):
     verdict_ : str
         One of ``no_gap named ambiguous partial unknown coloured_noise not_testable data_problem``.
     effects_ : list of NamedEffect
-        In the order in which they were added, with their joints for an arm; empty unless the verdict is named,
+        In the order of what they explain, with their joints for an arm; empty unless the verdict is named,
         ambiguous or partial.
     model_ : ServoAxis, WienerHammersteinSystem or the simulator
         The repaired model.
