@@ -20,8 +20,6 @@ Array = NDArray[Any]
 # Looks that are fitted jointly with the model, of those that chance does not explain: the fit of a name takes some
 # tenths of a second. A limit of cost; whether the right one is ever below the sixth has not been measured.
 MOST_FITTED = 6
-
-
 # Share of what the strongest look explains, below which no polish of shapes makes a rival of another: plays and
 # Stribeck curves double what their first shape explains.
 WORTH_FITTING = 0.2
@@ -281,9 +279,9 @@ class Search:
         lead = taken.score - other.score
         if lead < 0.0:  # the one taken is the commoner
             return False
-        power = [float(e @ e) for e in (other.errors, taken.errors)]
+        worse, better = (float(e @ e) for e in (other.errors, taken.errors))
         null = float(np.mean(taken.look.null) - np.mean(other.look.null))
-        lead = max(lead, gain(*power, n_effective(other.errors)) - 2.0 * null)
+        lead = max(lead, gain(worse, better, n_effective(other.errors)) - 2.0 * null)
         z = vuong(other.errors, taken.errors)
         if self.plant.exact and separable(lead, z, np.zeros(0), self.alpha):
             return True
