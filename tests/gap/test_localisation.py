@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks.blind_logs.servo import COLUMNS, make_case
 from whsklearn.gap import GapFinder
-from whsklearn.gap.localisation import dependence, locate, order_spectrum, sentence
+from whsklearn.gap.localisation import dependence, drift_sentence, locate, order_spectrum, sentence
 
 RNG = np.random.default_rng(0)
 N = 8000
@@ -64,14 +64,14 @@ def test_a_friction_that_drifts_moves_with_time():
     first = d.drifting[0]
     assert (first["name"], first["follows"]) == ("coulomb", "time")
     assert first["taken"] > 0.5
-    assert "coulomb" in sentence(d.drifting)
+    assert "coulomb" in drift_sentence(d.drifting)
 
 
 def test_constants_stay_constant_where_nothing_is_missing():
     case = make_case("none", 42, **SHORT)
     d = GapFinder("servo").fit(case.frame, **COLUMNS).diagnosis_
     assert all(r["taken"] < 0.1 and r["spread"] < 0.02 for r in d.drifting)
-    assert sentence(d.drifting) == ""
+    assert drift_sentence(d.drifting) == ""
 
 
 def test_false_alarms_of_dependent_paths_stay_at_their_level():
