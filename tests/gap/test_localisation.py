@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks.blind_logs.servo import COLUMNS, make_case
 from whsklearn.gap import GapFinder
-from whsklearn.gap.localisation import dependence, drift_sentence, locate, order_spectrum, sentence
+from whsklearn.gap.localisation import dependence, drift_sentence, locate, order_spectrum
 
 RNG = np.random.default_rng(0)
 N = 8000
