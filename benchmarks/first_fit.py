@@ -1,4 +1,4 @@
-"""What the first fit of a fresh process costs with nothing in Numba's cache, function by function.
+"""What the first fit of a process costs with nothing compiled, function by function, and where all is compiled.
 
     python benchmarks/first_fit.py                # RMILSRegressor, half a minute of CPU
     python benchmarks/first_fit.py --estimator PEMRegressor
@@ -57,6 +57,8 @@ def measure(name: str) -> None:
         marks.append(time.process_time())
     fit, predict, again = np.diff(marks)
     print(f"{name}: fit {fit:.1f} s, predict {predict:.1f} s; a second fit {again:.3f} s")
+    if not own:
+        return
     print(f"{len(own)} functions compiled in {compiling_seconds():.1f} s of that")
     for function, seconds in own.most_common(TOP):
         print(f"{seconds:8.2f}  {function}")
@@ -72,7 +74,9 @@ def main() -> None:
         return
     with tempfile.TemporaryDirectory() as folder:
         run = [sys.executable, __file__, "--estimator", options.estimator, "--here"]
-        subprocess.run(run, check=True, env=os.environ | {"NUMBA_CACHE_DIR": folder})
+        for state in ("nothing compiled", "all compiled, as after `whsklearn warm` or in a new environment"):
+            print(f"\n{state}:", flush=True)
+            subprocess.run(run, check=True, env=os.environ | {"NUMBA_CACHE_DIR": folder})
 
 
 if __name__ == "__main__":
