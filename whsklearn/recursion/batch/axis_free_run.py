@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from whsklearn._numba import njit
+from whsklearn._numba import njit, part
 from whsklearn.effects.equations import speed_hinge
 from whsklearn.recursion.batch.levenberg_marquardt import descend
 from whsklearn.systems._servo_step import implicit_gain
@@ -282,6 +282,20 @@ def _pass(theta: Array, log: AxisLog, rows: Array) -> Array:
     return motion
 
 
+@part
+def _of_position(e, hangs, force, slope):
+    """Forces of the position at weight one and their slopes, at ``e`` from the centre: a pendulum's or powers of e."""
+    if hangs:
+        force[0], force[1] = math.sin(e), math.cos(e)
+        slope[0], slope[1] = force[1], -force[0]
+        return
+    power = 1.0
+    for k in range(force.size):
+        slope[k] = (k + 1.0) * power
+        power *= e
+        force[k] = power
+
+
 @njit(cache=True, error_model="numpy")
 def axis_pass(theta, form, u, bounds, start, dt, rows):
     """Return velocity and position, (2, n); write the derivatives into rows (2, p + 2, n) unless it is empty."""
@@ -312,15 +326,7 @@ def axis_pass(theta, form, u, bounds, start, dt, rows):
                     rows[1, i, t] = dq[i]
             for j in range(steps):
                 e = q + half * v - form.centre
-                if form.hangs:
-                    force[0], force[1] = math.sin(e), math.cos(e)
-                    slope[0], slope[1] = force[1], -force[0]
-                else:
-                    power = 1.0
-                    for k in range(of_position):
-                        slope[k] = (k + 1.0) * power
-                        power *= e
-                        force[k] = power
+                _of_position(e, form.hangs, force, slope)
                 pull = u[t, j] - offset - viscous * v
                 by_v, by_q = viscous, 0.0  # slopes of what resists
                 for k in range(of_position):
