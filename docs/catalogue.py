@@ -15,6 +15,7 @@ import whsklearn.effects
 from whsklearn.datasets import default_axis, draw_effect, reference_signal
 from whsklearn.effects import PLACES, Effect, base
 from whsklearn.effects.chain import AtPort
+from whsklearn.gap.plants.arm_terms import ALONG_TWO, at_a_joint
 from whsklearn.plot import EffectDisplay
 
 
@@ -73,6 +74,16 @@ def forget_own(gallery_conf, fname):
             del base._REGISTRY[name]
 
 
+def at_a_joint_of_an_arm(cls: type[Effect]) -> str:
+    """Whether `Arm` simulates the effect there, and whether `gap` names it."""
+    if cls.port == "block":
+        return "no, as it splits the joint in two"
+    if cls.name not in {c.name for c in at_a_joint()}:
+        return "simulated, not named by ``gap``"
+    both = ", also along two joints that one gear turns" if cls.name in ALONG_TWO else ""
+    return f"simulated, and named by ``gap``{both}"
+
+
 def describe(app, what, name, obj, options, lines):
     """Put the catalogue's entry behind the summary of an effect's page."""
     if what != "class" or not (inspect.isclass(obj) and issubclass(obj, Effect) and obj.equation):
@@ -85,6 +96,8 @@ def describe(app, what, name, obj, options, lines):
     rows += [f":The record must hold: {obj.needs}"] if obj.needs else []
     if obj.aliases:
         rows.append(f":No log can tell it from: {', '.join(f'``{a}``' for a in obj.aliases)}")
+    if obj.place in PLACES and not issubclass(obj, AtPort):
+        rows.append(f":At a joint of an arm: {at_a_joint_of_an_arm(obj)}")
     rows += [f":Source: {obj.reference}"] if obj.reference else []
     curve = []
     if obj in drawn():

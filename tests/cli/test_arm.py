@@ -6,6 +6,7 @@ import json
 import re
 
 import numpy as np
+import pandas as pd
 import pytest
 from click.testing import CliRunner
 
@@ -95,6 +96,52 @@ def test_what_is_wrong_is_told_in_one_sentence(folder, log, more, said):
     assert done.exit_code != 0
     assert said in " ".join(done.output.split())
     assert "Traceback" not in done.output
+
+
+@pytest.mark.parametrize(
+    ("change", "more", "said"),
+    [
+        ({"p1": lambda t: np.rad2deg(t["p1"]), "p2": lambda t: np.rad2deg(t["p2"])}, [], "if positions are in degrees"),
+        ({"u1": lambda t: t["u2"], "u2": lambda t: t["u1"]}, [], "The drives fit far better in another order"),
+        ({"p2": lambda t: 0.3}, [], "pitch does not move"),
+        ({"u1": lambda t: 1e3 * t["u1"], "u2": lambda t: 1e3 * t["u2"]}, [], "if they are currents in mA"),
+        ({"p2": lambda t: 0.5 * t["p1"]}, [], "All joints move along one line"),
+        ({"u2": lambda t: 0.0}, [], "The drive of pitch is zero throughout"),
+        ({"p1": lambda t: 0.0, "p2": lambda t: 0.0}, [], "No joint moves more than its encoder's noise"),
+        ({}, ["--joints", "yaw:p1,u1;pitch:p9,u2"], "p9"),
+        ({}, ["--joints", "yaw:p1,u1;pitch:p2,u2", "--time", "nowhere"], "nowhere"),
+    ],
+)
+def test_what_is_doubtful_in_a_log_is_told_in_one_sentence(folder, tmp_path, change, more, said):
+    out, _ = folder
+    table = pd.read_csv(out / "bare.csv")
+    table.assign(**{name: new(table) for name, new in change.items()}).to_csv(tmp_path / "log.csv", index=False)
+    named = [] if "--joints" in more else ["--joints", "yaw:p1,u1;pitch:p2,u2"]
+    named += [] if "--time" in more else ["--time", "time_s"]
+    done = run(
+        identify, tmp_path / "log.csv", "--robot", out / "arm.xml", "--out", tmp_path, "--no-track", *named, *more
+    )
+    told = " ".join(done.output.split())
+    assert told.count(said) == 1, told
+    assert "Traceback" not in done.output
+
+
+@pytest.mark.parametrize(
+    ("inner", "said"),
+    [
+        ("<equality><joint joint1='pitch' joint2='yaw'/></equality>", "follows another one (mimic)"),
+        ("<equality><connect body1='pitch_link' anchor='0.2 0 0'/></equality>", "has a closed chain"),
+    ],
+)
+def test_a_robot_whose_joints_are_bound_is_refused_in_one_sentence(folder, tmp_path, inner, said):
+    out, _ = folder
+    text = (out / "arm.xml").read_text().replace("</mujoco>", f"{inner}</mujoco>")
+    (tmp_path / "bound.xml").write_text(text)
+    done = run(identify, out / "arm.csv", "--robot", tmp_path / "bound.xml", "--out", tmp_path, "--no-track")
+    assert done.exit_code != 0
+    assert " ".join(done.output.split()).count(said) == 1
+    assert "Traceback" not in done.output
+    assert not (tmp_path / "model.json").exists()
 
 
 def test_a_name_or_a_number_tells_whose_column_it_is():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 import warnings
 from collections.abc import Mapping, Sequence
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from whsklearn.systems import Arm
 
 WINDOW = 0.5  # s of a free run in `simulate`: an arm from its drives alone falls away within seconds
+PER_JOINT = ("LOG009", "LOG019")  # a joint at rest, unknown units: told once, of the whole arm
 AT_FIRST = 200  # rows of a stream's file that tell its rate
 A_ROW = 1.0  # P(0) of a stream: the file's numbers weigh as much as one row, and first rows do not throw them away
 LONGEST_STEP = 2.5  # samples: a longer one begins a new experiment, as no derivative reaches across it
@@ -135,14 +137,18 @@ def read_arm(path: str, options: Mapping[str, Any], arm: Arm) -> Bunch:
 
     from whsklearn.logs import open_source
     from whsklearn.logs.roles import guess
+    from whsklearn.logs.units import UNSTATED
 
     source = open_source(path)
     time = options["time_column"] or (None if options.get("rate") or source.clocked else guess(source, "time"))
     given = columns_of(options, arm, source.names)
     gains = checked_gains(options, arm)
     positions, drives, log = [], [], None
+    unstated: list[str] = []
     for joint, slides in zip(arm.joints, arm.slides, strict=True):
-        log = longest(read(path, options, time=time, position=given[joint][0], drive=given[joint][1]))
+        position, drive = given[joint]
+        log = longest(read(path, options, PER_JOINT, time=time, position=position, drive=drive))
+        unstated += [c for c, role in ((position, "position"), (drive, "drive")) if log.units[role] in UNSTATED]
         far, by = to_si(joint, bool(slides), log.units["position"], log.units["drive"], gains)
         positions.append(far * log.y)
         drives.append(by * log.X[:, 0])
@@ -151,6 +157,10 @@ def read_arm(path: str, options: Mapping[str, Any], arm: Arm) -> Bunch:
                 f"The columns of {joint} have holes where those of other joints have samples; cut the log there."
             )
     assert log is not None
+    if unstated:
+        note(
+            f"No unit is known of {', '.join(unstated)}; taken are rad and Nm (m and N). State it in the column's name."
+        )
     if log.units["time"] == "samples":
         raise ValueError("The log has no time; name its column with --time, or its rate with --rate.")
     return Bunch(
@@ -239,7 +249,7 @@ def identify(options: dict[str, Any]) -> None:
     with tracker.run(f"identify {Path(options['train']).stem}") as run:
         run.log_params({k: v for k, v in options.items() if v not in (None, (), False)})
         run.log_tags({"recommended": "arm"})
-        run.log_metrics({f"missing_{j}": v for j, v in found.missing.items()})
+        run.log_metrics({f"missing_{j}": v for j, v in found.missing.items() if not math.isnan(v)})
         run.log_text(f"{joints_table(found)}\n\n{numbers_table(found)}", "table.txt")
     say_where(tracker)
 
@@ -298,6 +308,11 @@ def arm_stream(options: Mapping[str, Any]) -> ArmStream:
     return ArmStream(model, columns, scale, arm.joints, LONGEST_STEP * dt / clock)
 
 
+def known(share: float) -> float | None:
+    """A share, None in place of NaN."""
+    return None if math.isnan(share) else share
+
+
 def document(found: ArmFit) -> dict[str, Any]:
     """What identify.json holds of an arm."""
     model, units = found.model, found.model.parameter_units
@@ -307,8 +322,7 @@ def document(found: ArmFit) -> dict[str, Any]:
         for k, v in model.parameters.items()
     ]  # fmt: skip
     joints = [
-        {"name": j, "missing": v, "one_axis_at_a_time": a if (a := found.alone[j]) == a else None}
-        for j, v in found.missing.items()
+        {"name": j, "missing": known(v), "one_axis_at_a_time": known(found.alone[j])} for j, v in found.missing.items()
     ]
     return {
         "recommended": "arm", "models": [], "parameters": parameters, "joints": joints, "model_file": "model.json",
@@ -318,7 +332,10 @@ def document(found: ArmFit) -> dict[str, Any]:
 
 def joints_table(found: ArmFit) -> str:
     """Held-out errors, coupled and one axis at a time."""
-    rows = [[j, f"{100 * v:.1f}", f"{100 * found.alone[j]:.1f}"] for j, v in found.missing.items()]
+    rows = [
+        [j, *(None if math.isnan(x) else f"{100 * x:.1f}" for x in (v, found.alone[j]))]
+        for j, v in found.missing.items()
+    ]
     return table(
         ["joint", "coupled", "one axis at a time"], rows,
         title="Error on held-out blocks, % of the joint's rms drive, slow samples left out",

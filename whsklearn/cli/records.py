@@ -115,8 +115,8 @@ def roles_of(
     return roles
 
 
-def read(path: str | Path, options: Mapping[str, Any], **columns: Any) -> Bunch:
-    """The log, its drive turned round if that is asked for, with its notes on the terminal."""
+def read(path: str | Path, options: Mapping[str, Any], quiet: tuple[str, ...] = (), **columns: Any) -> Bunch:
+    """The log, its drive turned round if that is asked for, with its notes, but those of ``quiet``, on the terminal."""
     from whsklearn.logs import load_log
     from whsklearn.logs.errors import LogWarning
 
@@ -130,7 +130,7 @@ def read(path: str | Path, options: Mapping[str, Any], **columns: Any) -> Bunch:
             torque_constant=options.get("torque_constant"),
         )
     for finding in log.report.findings:
-        if finding.code not in _QUIET and not (finding.code == "LOG022" and options.get("gains")):
+        if finding.code not in (*_QUIET, *quiet) and not (finding.code == "LOG022" and options.get("gains")):
             note(f"{finding.title}. {finding.explanation}")
     if options.get("invert_drive"):
         log.X = -log.X

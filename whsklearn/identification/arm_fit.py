@@ -179,6 +179,8 @@ def block_covariance(rows: Array, error: Array, block: NDArray[np.int64], white:
 def held_out(phi: Array, target: Array, keep: NDArray[np.bool_], weights: Array, drive: Array | None = None) -> Array:
     """For each joint the rms error on blocks that were not fitted, as a share of its rms drive there; (n_joints,).
 
+    NaN where no row of a joint counts, as it does not move.
+
     Parameters
     ----------
     phi, target, keep, weights
@@ -193,7 +195,7 @@ def held_out(phi: Array, target: Array, keep: NDArray[np.bool_], weights: Array,
         test = block % 2 == fold
         theta, _ = fitted(phi[~test], target[~test], keep[~test], weights)
         left += np.sum(np.where(keep, target - phi @ theta, 0.0)[test] ** 2, axis=0)
-    return np.asarray(np.sqrt(left / np.where(whole > 0.0, whole, np.inf)))
+    return np.asarray(np.sqrt(left / np.where(whole > 0.0, whole, np.nan)))
 
 
 def one_axis(lags: RigidBodyLags, joint: int, q: Array, torque: Array) -> float:
@@ -236,7 +238,7 @@ def suspicions(arm: Arm, q: Array, torque: Array) -> list[str]:
     far = [j for j, x, slides in zip(arm.joints, q.T, arm.slides, strict=True) if not slides and np.ptp(x) > FAR]
     if far:
         out.append(f"{', '.join(far)} travels more than two turns; if positions are in degrees, give position=deg.")
-    moving = q[:, np.std(q, axis=0) > 0.0]
+    moving = q[:, np.ptp(q, axis=0) > 0.0]
     if moving.shape[1] > 1 and np.abs(np.corrcoef(moving.T)).min() > ONE_LINE:
         out.append(
             "All joints move along one line, so the log says little of how they act on each other, and free runs off "

@@ -176,6 +176,20 @@ def present(base: dict[str, tuple[str, ...]], terms: Any) -> dict[str, set[str]]
     return out
 
 
+def at_a_joint() -> list[Candidate]:
+    """What is asked for at a single joint.
+
+    Examples
+    --------
+    >>> names = {c.name for c in at_a_joint()}
+    >>> "cogging" in names, "backlash" in names, "encoder_eccentricity" in names
+    (True, False, False)
+    """
+    stops = [Candidate(ContactStop, (("side", side),)) for side in ("upper", "lower")]
+    every = (c for c in catalogue() if c.cls.port != "block" and c.name not in ELSEWHERE and not c.cls.sought)
+    return [*every, *stops]
+
+
 def candidates(arm: Arm, there: dict[str, set[str]], *, frozen: bool, weight: int) -> Iterator[AtJoint]:
     """All effects that an arm may lack.
 
@@ -192,13 +206,12 @@ def candidates(arm: Arm, there: dict[str, set[str]], *, frozen: bool, weight: in
     """
     eye = np.eye(arm.n_joints)
     each = [(joint, tuple(map(float, row))) for joint, row in zip(arm.joints, eye, strict=True)]
-    stops = tuple(Candidate(ContactStop, (("side", side),)) for side in ("upper", "lower"))
     for joint, row in each:
         names = there.get(joint, set())
         said = {n for e in catalogue() if e.name in names for n in e.cls.covers}
-        for c in (*catalogue(), *stops):
+        for c in at_a_joint():
             more = frozen and c.elementary
-            if c.cls.port == "block" or c.name in ELSEWHERE or c.name in said or c.cls.sought:
+            if c.name in said:
                 continue
             if (c.name not in names or c.repeats or more) and (not c.parent or c.parent in names):
                 yield AtJoint(c.cls, joint, row, c, place=frozenset([joint]), again=more and c.name in names)
