@@ -126,6 +126,23 @@ def test_friction_that_has_become_less_than_it_was_is_named_by_itself():
     assert not names(GapFinder(unsure).fit(record({"pitch": [Viscous(-0.05)]}, random_state=3)))
 
 
+def test_a_law_with_a_shape_must_explain_more_than_one_without():
+    q, u = make_arm_log(return_arrays=True)
+    empty = identify_arm(q, u, dt=0.002, robot=ARM)
+    plant = arm_plant(empty.model, record({"pitch": [Coulomb(0.1)]}, random_state=3), law=None, tolerance=0.004)
+    plant.check()
+    rng = np.random.default_rng(0)
+    model = plant.base(rng)
+    starts = {k.name: k.start for k in plant.looks(model, rng)}
+    soft = dataclasses.replace(starts["presliding_hysteresis at pitch"], q=(0.0, 0.004))
+    dry, soft = (plant.view.fit(model.with_term(term)) for term in (starts["coulomb at pitch"], soft))
+    assert (
+        plant.size(plant.errors(dry), plant.errors(soft)) < 0.04
+    )  # of the drive of the joint, of which 0.1 Nm is 20 %
+    assert plant.objection(model, dry) == ""
+    assert plant.objection(model, soft) == "coulomb explains as much with fewer numbers"
+
+
 def test_the_report_tells_every_joint(tmp_path):
     pytest.importorskip("matplotlib")
     found = GapFinder(ARM).fit(record({"pitch": [Cogging(0.1, order=7.0)]}, duration=12.0))

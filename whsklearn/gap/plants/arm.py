@@ -23,7 +23,16 @@ from whsklearn.gap.filters import whiteness
 from whsklearn.gap.localisation import spectra
 from whsklearn.gap.plant import Figures, Gap, Linearised, PlantDefaults, Told
 from whsklearn.gap.plants.arm_families import FURTHEST, families, look_at_limit, nameless, polished
-from whsklearn.gap.plants.arm_terms import AtJoint, JointInertia, JointTerm, Load, Weight, candidates, present
+from whsklearn.gap.plants.arm_terms import (
+    AtJoint,
+    JointInertia,
+    JointTerm,
+    Load,
+    Weight,
+    at_a_joint,
+    candidates,
+    present,
+)
 from whsklearn.gap.plants.arm_view import LATEST, ArmState, ArmView, law_of
 from whsklearn.gap.plants.servo_candidates import aliases as of_axis
 from whsklearn.gap.plants.servo_candidates import candidate
@@ -39,9 +48,13 @@ from whsklearn.systems.arm import Arm
 
 Array = NDArray[Any]
 # Largest ratio, at one joint, of the torque of an effect to the residual that it removes: with a larger one, like that
-# of a spring against gravity, it only cancels other terms.  What is left of it is then below one part in twenty, and the
-# columns of a real arm are no better than that (4 to 10 % on held-out blocks, `python -m benchmarks.arms`).
+# of a spring against gravity, it only cancels other terms.  What is left of it is then below one part in twenty, and
+# the columns of a real arm are no better than that (4 to 10 % on held-out blocks, `python -m benchmarks.arms`).
 CANCELS = 20.0
+# Least rms that a law must explain beyond an elementary one without a shape, as a share of what that one explains: less
+# may stay without a name (`whsklearn.gap.conclude.STILL`).  MuJoCo's dry friction is soft, and a distance of some mrad
+# beside it explains 3 % (`python -m benchmarks.blind_arms --kinds coulomb`).
+BEYOND = 0.04
 SUBSTEPS = 4  # fine steps per sample in a proof
 SOME = 200  # positions at which the mass matrix is checked for being positive definite
 
@@ -251,6 +264,12 @@ class ArmPlant(PlantDefaults):
             for field, value, (low, high) in list(zip(fields, t.shape, ranges, strict=True))[:n]:
                 if (low and value <= low + 1e-3 * abs(low)) or value >= high - 1e-3 * abs(high):
                     return f"its {field} reaches the limit of the plausible range"
+        for c in at_a_joint() if t.kind.catalogued is not None and not t.effect.elementary else ():
+            if c.elementary and c.n_slots == 1:
+                plain = view.fit(model.with_term(JointTerm(replace(t.kind, cls=c.cls, catalogued=c), (0.0,))))
+                beyond, most = (self.size(*map(self.errors, pair)) for pair in ((plain, grown), (model, plain)))
+                if beyond < BEYOND * most:
+                    return f"{c.name.replace('_', ' ')} explains as much with fewer numbers"
         asked = view.by_joint(view.contribution(t))  # all joints carry a mass, and gravity is always large
         closed = view.by_joint(view.left(view.fit(model))) ** 2 - view.by_joint(view.left(grown)) ** 2
         j = int(np.argmax(closed / np.maximum(view.drive_rms, 1e-300) ** 2))
