@@ -41,7 +41,7 @@ TABLE_2 = "The article's own record and indices (Table 2): MILS 2.37e-3, RMILS 3
 @click.option("--position", help="Column of the position in the log.")
 @click.option("--innovation", "p", type=click.IntRange(min=1), default=4, help="Innovation length p.")
 @click.option("--orders", default="2,2,2,2", help="Orders n_a,n_b,n_c,n_d.")
-@click.option("--law", default=None, help="Friction law, names joined by commas; the law (4) if left out.")
+@click.option("--law", default=None, help="Friction law, names joined by commas; the law (4) if omitted.")
 @click.option("--batch", is_flag=True, help="Compare the batch fit too, which takes half a minute.")
 @click.option("--figures", type=click.Path(file_okay=False), help="Folder to write the figures to as well.")
 def main(**options: Any) -> None:

@@ -126,5 +126,5 @@ def real_array(values: Any, name: str) -> NDArray[np.float64]:
     except (TypeError, ValueError):
         array = np.array("")
     if array.dtype.kind not in "biuf":
-        raise ValueError(f"{name} holds values that are no numbers; expected real numbers, rows of one length.")
+        raise ValueError(f"{name} holds values that are not numbers; expected real numbers, rows of one length.")
     return array.astype(np.float64, copy=False)

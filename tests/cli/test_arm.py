@@ -178,7 +178,7 @@ def test_gap_tests_the_repaired_arm_on_a_second_log_and_refuses_the_first(folder
     assert all(r["after"] < 0.5 * r["before"] for r in rows)
     done = run(gap, out / "one.csv", *options, "--test", out / "one.csv")
     assert done.exit_code != 0
-    assert "a test on what was fitted tests nothing" in " ".join(done.output.split())
+    assert "the test would be on data of the fit" in " ".join(done.output.split())
 
 
 def test_gap_finds_gains_by_a_load_and_a_load_by_an_identified_model(folder):
@@ -250,7 +250,7 @@ def test_a_stream_learns_the_joints_and_goes_on_where_it_stopped(folder):
     [
         ("arm.csv", ["--orders", "1,1,1,1"], "which has no orders"),
         ("arm.csv", ["--joints", "yaw:a,b"], "names no columns for 'pitch'"),
-        ("-", [], "name them with --joints"),
+        ("-", [], "give them with --joints"),
     ],
 )
 def test_what_a_stream_of_an_arm_cannot_take_is_told(folder, log, more, said):

@@ -57,7 +57,7 @@ def test_three_records_tell_since_when(logs, tmp_path, mlflow_root):
 def test_one_log_is_a_wrong_use(logs, tmp_path):
     result = run(logs / "day0.csv", "--out", tmp_path, "--no-track")
     assert result.exit_code == 2
-    assert "two at least" in result.output
+    assert "at least two" in result.output
 
 
 def test_a_short_log_cannot_be_used(logs, tmp_path):

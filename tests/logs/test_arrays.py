@@ -51,5 +51,5 @@ def test_numpy_archives_hold_no_code(tmp_path):
     np.savez(tmp_path / "axis.npz", **TABLE)
     same(load_log(tmp_path / "axis.npz", time="time_s", drive="torque_nm", position="position_rad"))
     np.savez(tmp_path / "objects.npz", a=np.array([{}, {}], dtype=object))
-    with pytest.raises(LogError, match="no whole NumPy file"):
+    with pytest.raises(LogError, match="not a complete NumPy file"):
         open_source(tmp_path / "objects.npz")

@@ -40,7 +40,7 @@ def test_rounded_stamps_leave_the_samples_as_they_are(load):
 def test_coarse_stamps_that_several_rows_share_are_spread(load):
     table = columns(1000)
     table["time_s"] = np.arange(1000) // 4 * 0.01
-    with pytest.warns(LogWarning, match="rows share a stamp"):
+    with pytest.warns(LogWarning, match="rows share a time stamp"):
         log = load(table)
     assert log.sample_rate == pytest.approx(400, rel=1e-3)
 

@@ -37,7 +37,7 @@ def test_null_is_a_missing_number_and_a_cut_last_line_is_left_out(tmp_path):
     source = open_json(tmp_path / "log.json")
     column = source.fetch(["b"])["b"].values
     np.testing.assert_array_equal(column, [0.0, 0.5, np.nan, 1.5, 2.0])
-    assert source.notes == ["The last line is cut; it was left out."]
+    assert source.notes == ["The last line is incomplete and was left out."]
 
 
 def test_a_broken_line_and_a_file_without_vectors_are_one_sentence(tmp_path):
@@ -45,7 +45,7 @@ def test_a_broken_line_and_a_file_without_vectors_are_one_sentence(tmp_path):
     with pytest.raises(LogError, match=r"line 2 is '\{\"a\": oops\}'"):
         open_json(tmp_path / "log.json")
     (tmp_path / "log.json").write_text('{"rate": 100, "vectors": [1, 2]}')
-    with pytest.raises(LogError, match="holds no vectors of 3 numbers"):
+    with pytest.raises(LogError, match="has no vectors of at least 3 numbers"):
         open_json(tmp_path / "log.json")
 
 

@@ -71,7 +71,7 @@ def test_a_lerobot_folder_is_one_segment_an_episode(tmp_path):
         frame["action"] = [[np.sin(x), 0.0] for x in t]
         frame["observation.state"] = [[np.sin(x - 0.1), 1.0] for x in t]
         frame.to_parquet(folder / "data" / "chunk-000" / f"episode_{episode:06d}.parquet")
-    with pytest.warns(UserWarning, match="time falls back"):
+    with pytest.warns(UserWarning, match="time jumps back"):
         log = load_log(
             folder, time="timestamp", command="action.shoulder_pan.pos", position="observation.state.shoulder_pan.pos"
         )

@@ -17,7 +17,7 @@ def test_gzip_comments_amid_the_data_and_a_half_written_last_row(tmp_path):
         file.write("\n".join([*lines, "1.5,0.2"]))
     log = load_log(tmp_path / "axis.csv.gz", **NAMES)
     assert len(log.y) == 300
-    assert any("last row is cut" in n for n in log.notes)
+    assert any("last row is incomplete" in n for n in log.notes)
 
 
 def test_a_tail_of_zero_bytes_is_left_out_and_zeros_amid_the_data_are_refused(tmp_path):
@@ -27,7 +27,7 @@ def test_a_tail_of_zero_bytes_is_left_out_and_zeros_amid_the_data_are_refused(tm
     assert len(log.y) == 300
     assert any("zero bytes" in n for n in log.notes)
     (tmp_path / "amid.csv").write_bytes(good[:3000] + bytes(3) + good[3000:])
-    with pytest.raises(LogError, match=r"line \d+ holds zero bytes"):
+    with pytest.raises(LogError, match=r"line \d+ has zero bytes"):
         load_log(tmp_path / "amid.csv", **NAMES)
 
 
@@ -35,11 +35,11 @@ def test_a_tail_of_zero_bytes_is_left_out_and_zeros_amid_the_data_are_refused(tm
     ("content", "message"),
     [
         (b"", "is empty"),
-        (b"\n \n", "nothing but blanks"),
-        (bytes(900), "nothing but blanks or zero bytes"),
-        (b"time_s,torque_nm,position_rad\n", "has a header and no samples"),
-        (b"# only a remark\n", "comments only"),
-        (b"Dear Ann,\nhere is\nthe log,\nas agreed.\nYours\n", "is no table of numbers: line 1 is 'Dear Ann,'"),
+        (b"\n \n", "only blanks"),
+        (bytes(900), "only blanks or zero bytes"),
+        (b"time_s,torque_nm,position_rad\n", "has a header but no samples"),
+        (b"# only a remark\n", "has comments but no samples"),
+        (b"Dear Ann,\nhere is\nthe log,\nas agreed.\nYours\n", "is not a table of numbers: line 1 is 'Dear Ann,'"),
         (b"\x7fELF\x02\x01\x01" + bytes(range(256)) * 20, "binary file that begins with"),
         (
             b"time_s,torque_nm,position_rad\n0,0,1\n0,01,1,2\n0,02,1,3\n",

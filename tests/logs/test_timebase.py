@@ -22,7 +22,7 @@ def test_a_hole_cuts_the_log_into_segments(load):
 def test_a_clock_that_starts_anew_begins_a_segment(load):
     table = columns(1000)
     table["time_s"][600:] -= table["time_s"][600]
-    with pytest.warns(LogWarning, match="At row 600 time falls back"):
+    with pytest.warns(LogWarning, match="At row 600 time jumps back"):
         log = load(table)
     assert np.bincount(log.groups).tolist() == [600, 400]
     assert np.all(np.diff(log.time) > 0)
@@ -31,7 +31,7 @@ def test_a_clock_that_starts_anew_begins_a_segment(load):
 def test_one_wrong_stamp_is_one_lost_row(load):
     table = columns(1000)
     table["time_s"][300] = 1e9
-    with pytest.warns(LogWarning, match=r"Row 300 is stamped 1e\+09 s"):
+    with pytest.warns(LogWarning, match=r"Row 300 has the stamp 1e\+09 s"):
         log = load(table)
     assert log.groups.max() == 0
     assert len(log.y) == 1000
@@ -74,7 +74,7 @@ def test_stamps_may_be_dates(write):
         log = load_log(write({**columns, "stamp": dates}, name), **{**NAMES, "time": "stamp"})
         assert log.sample_rate == pytest.approx(RATE)
         assert log.time[-1] == pytest.approx(columns["time_s"][-1])
-    with pytest.raises(ValueError, match=r"'word' is not numeric and no dates either: row 0 holds 'noon'"):
+    with pytest.raises(ValueError, match=r"'word' holds neither numbers nor dates: row 0 holds 'noon'"):
         load_log(write({**columns, "word": ["noon"] * 400}), **{**NAMES, "time": "word"})
 
 

@@ -94,7 +94,7 @@ def test_there_and_back_is_one(a, b):
 
 @pytest.mark.parametrize(("a", "b"), [("A", "Nm"), ("rad", "m"), ("N", "Nm"), ("counts", "rad")])
 def test_what_measures_something_else_is_refused(a, b):
-    with pytest.raises(ValueError, match=f"{a} cannot be brought to {b}"):
+    with pytest.raises(ValueError, match=f"{a} cannot be converted to {b}"):
         factor_between(a, b)
 
 

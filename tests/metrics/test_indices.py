@@ -83,7 +83,7 @@ def test_a_run_beyond_floats_scores_infinite_without_a_warning():
         ([1.0, 2.0], [np.inf, 2.0], 0, "y_hat holds 1 NaN"),
         ([[1.0, 2.0]], [1.0, 2.0], 0, "shape"),
         ([], [], 0, "shape"),
-        (["a", "b"], [1.0, 2.0], 0, "no numbers"),
+        (["a", "b"], [1.0, 2.0], 0, "not numbers"),
         ([1.0, 2.0], [1.0, 2.0], 2, "skip is 2"),
         ([1.0, 2.0], [1.0, 2.0], -1, "skip is -1"),
         ([1.0, 2.0], [1.0, 2.0], 0.5, "skip is 0.5"),

@@ -104,7 +104,7 @@ def test_long_records_and_large_units_cost_neither_memory_nor_overflow():
         (np.ones(3), {}, "shape"),
         (np.ones((0, 3)), {}, "shape"),
         ([[np.nan]], {}, "NaN"),
-        ([["x"]], {}, "no numbers"),
+        ([["x"]], {}, "not numbers"),
         (np.ones((3, 2)), {"names": ["a"]}, "1 names for 2"),
         (np.ones((3, 2)), {"p": 0}, "p is 0"),
         (np.ones((3, 2)), {"p": 1.5}, "p is 1.5"),

@@ -103,7 +103,7 @@ def test_each_test_sees_its_family(left, seen_by):
         (np.arange(50.0), np.arange(50.0), 5, "50 samples for 6 lags"),
         (np.arange(5.0), np.arange(5.0), 5, "longer record"),
         (np.r_[np.nan, np.arange(500.0)], np.arange(501.0), 5, "NaN"),
-        (["a"] * 500, np.arange(500.0), 5, "no numbers"),
+        (["a"] * 500, np.arange(500.0), 5, "not numbers"),
     ],
 )
 def test_bad_input_is_refused(e, u, lags, said):

@@ -10,15 +10,15 @@ import click
 COMMANDS = {
     "identify": "Find the model of an axis from its log: linear, Wiener-Hammerstein or physics.",
     "gap": "Find, name and close the gap between a model and a log.",
-    "compare": "Tell what moved between records of one axis.",
-    "design": "Write the next reference, and tell what it would show.",
+    "compare": "Find what changed between records of one axis.",
+    "design": "Design the next reference, and predict what it would show.",
     "tune": "Search innovation length, covariance, forgetting, orders and laws.",
-    "stream": "Identify row by row, day and night, with alarms and checkpoints.",
-    "fleet": "Identify every axis of a folder and tell which stand apart.",
+    "stream": "Identify row by row, continuously, with alarms and checkpoints.",
+    "fleet": "Identify every axis in a folder and list the outliers.",
     "simulate": "Run a model file with the drive of a log.",
     "export": "Write a model for MuJoCo, URDF, Isaac Lab, C99, PLCs or FMI.",
     "ui": "Show the recorded runs in a browser.",
-    "warm": "Compile ahead what later runs load.",
+    "warm": "Compile in advance, for quick first runs.",
     "demo": "Identify a simulated example, then find an effect hidden in a log.",
 }
 WIDTH = 100

@@ -223,7 +223,7 @@ def gains_by_load(options: dict[str, Any], arm: Arm) -> str:
     empty, loaded = ((log.position, log.drive) for log in pair)
     found = gains_from_load(lags, empty, loaded, joint=arm.joints[-1], numbers=numbers)
     if untold := [j for j, (g, _) in found.items() if g != g]:
-        note(f"The load moves no drive of {', '.join(untold)}; each keeps its own unit.")
+        note(f"The load does not change the drive of {', '.join(untold)}; each keeps its own unit.")
     return ";".join(f"{j}:{g:.6g}+-{e:.3g}" if g == g else f"{j}:1" for j, (g, e) in found.items())
 
 
@@ -281,7 +281,7 @@ def arm_stream(options: Mapping[str, Any]) -> ArmStream:
         raise ValueError(f"{path} is the model of {known.kind}, expected one of an arm; identify writes it.")
     arm, dt = known.arm, known.dt
     if source == "-" and not options["joints"]:
-        raise ValueError('Lines on stdin tell no columns; name them with --joints "NAME:POSITION,DRIVE;...".')
+        raise ValueError('Lines on stdin have no column names; give them with --joints "NAME:POSITION,DRIVE;...".')
     clock = factor_between(unit_of(time), "s") if time else 1.0
     names: list[str] = []
     if source != "-":

@@ -27,9 +27,9 @@ AN_AXIS = {"kind": "servo", "robot": None, "simulator": None}  # what `gap` asks
 
 @job
 @click.argument("logs", metavar="BEFORE AFTER [...]", nargs=-1, required=True, type=click.Path(exists=True))
-@click.option("--time", "time_column", help="Column of the time; by its name if left out.")
+@click.option("--time", "time_column", help="Time column; found by its name if omitted.")
 @click.option("--drive", help="Column of the drive: torque, force, current, voltage.")
-@click.option("--position", help="Column of the measured position; _deg, _mm and the like tell the unit.")
+@click.option("--position", help="Column of the measured position; a suffix such as _deg or _mm gives its unit.")
 @click.option("--velocity", help="Column of the velocity, where no position is logged.")
 @click.option("--command", help="Column of a position servo's command, where no drive is logged.")
 @click.option("--robot", type=click.Path(exists=True, dir_okay=False), help="URDF, MJCF or model file of an arm.")
@@ -40,11 +40,11 @@ AN_AXIS = {"kind": "servo", "robot": None, "simulator": None}  # what `gap` asks
     "--alpha",
     type=click.FloatRange(0.0, 1.0, min_open=True, max_open=True),
     default=0.01,
-    help="Probability of a change that is named though nothing moved.",
+    help="Probability of reporting a change when nothing changed.",
 )
 @click.option("--out", type=click.Path(file_okay=False), default="compare", help="Folder for the report.")
 def main(**options: Any) -> None:
-    """What moved between records of one axis or one arm, in the order of time.
+    """Find what changed between records of one axis or one arm, given in the order of time.
 
     \b
     whsklearn compare before.csv after.csv --drive torque_nm --position position_rad --out compare
@@ -55,7 +55,7 @@ def main(**options: Any) -> None:
 
     files = options["logs"]
     if len(files) < 2:
-        raise click.UsageError("One log cannot be compared; give two at least, in the order of time.")
+        raise click.UsageError("One log cannot be compared; give at least two, in the order of time.")
     folder = writable_folder(options["out"])
     labels = names_of(files)
     compared = comparison_of(options, files, labels)

@@ -12,8 +12,8 @@ from whsklearn.cli.job import writable_folder
 
 
 @click.command(context_settings={"show_default": True, "max_content_width": 100})
-@click.option("--seed", type=click.IntRange(min=0), default=0, help="Seed of everything random.")
-@click.option("--track/--no-track", default=True, help="Record the runs in MLflow, or do not.")
+@click.option("--seed", type=click.IntRange(min=0), default=0, help="Random seed.")
+@click.option("--track/--no-track", default=True, help="Record the runs in MLflow.")
 @click.option("--out", type=click.Path(file_okay=False), default="reports", help="Folder for the log and the report.")
 @click.pass_context
 def main(ctx: click.Context, seed: int, track: bool, out: str) -> None:

@@ -34,11 +34,11 @@ def limits_of(_context: Any, _option: Any, text: str) -> dict[str, float]:
 @click.option(
     "--limits", required=True, callback=limits_of, help="position=..,speed=..,drive=..,seconds=.. of the rig."
 )
-@click.option("--rivals", help="Names of effects, joined by commas; those of the diagnosis if left out.")
+@click.option("--rivals", help="Names of effects, joined by commas; those of the diagnosis if omitted.")
 @click.option("--out", type=click.Path(file_okay=False), default="design", help="Folder for reference and answer.")
-@click.option("--seed", type=click.IntRange(min=0), default=0, help="Seed of everything random.")
+@click.option("--seed", type=click.IntRange(min=0), default=0, help="Random seed.")
 def main(**options: Any) -> None:
-    """What to run next: a reference within limits, and what it would show.
+    """Design the next reference within limits, and predict what it would show.
 
     GAP.JSON is that of `whsklearn gap`, with repaired.json beside it. Limits are in the units of the log.
 

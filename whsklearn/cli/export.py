@@ -27,13 +27,15 @@ POSITIVE = click.FloatRange(min=0, min_open=True)
 @click.option("--to", type=click.Choice(FORMAT_NAMES), required=True, help="The format.")
 @click.option("--out", type=click.Path(), required=True, help="A folder, or the path of the file.")
 @click.option("--effects", type=click.Path(exists=True, dir_okay=False), help="A Python file with effects of your own.")
-@click.option("--what", type=click.Choice(["model", "compensator"]), default="model", help="Of c and st.")
-@click.option("--real", type=click.Choice(["double", "float"]), default="double", help="Numbers of the C code.")
-@click.option("--rated-torque", type=POSITIVE, help="Nm; of table: for TF5200 and ServoOne.")
-@click.option("--torque-constant", type=POSITIVE, help="Nm/A; of table: for ServoOne's cogging table.")
+@click.option("--what", type=click.Choice(["model", "compensator"]), default="model", help="For c and st.")
+@click.option("--real", type=click.Choice(["double", "float"]), default="double", help="Number type of the C code.")
+@click.option("--rated-torque", type=POSITIVE, help="Rated torque in Nm, for tables of TF5200 and ServoOne.")
+@click.option("--torque-constant", type=POSITIVE, help="Torque constant in Nm/A, for ServoOne's cogging table.")
 @click.option("--speed", type=POSITIVE, default=10.0, help="Highest speed of friction tables, rad/s or m/s.")
 @click.option(
-    "--spread", type=click.Path(exists=True, dir_okay=False), help="compare.json; of mjcf: ranges over units."
+    "--spread",
+    type=click.Path(exists=True, dir_okay=False),
+    help="A compare.json, to write ranges over units (mjcf only).",
 )
 def main(model: str, to: str, out: str, effects: str | None, **options: Any) -> None:
     """Write MODEL (model.json of identify, repaired.json of gap) for another tool.
@@ -66,7 +68,7 @@ def write(model: Path, to: str, out: str, effects: str | None = None, **options:
         for loss in done.losses:
             click.echo(wrapped(f"  {loss}"))
     else:
-        click.echo("The format holds all of the model.")
+        click.echo("The format can represent the whole model.")
     if done.left:
         rows = [
             (r.name, r.before, round(r.after, 12), f"{100 * round(r.after / r.before, 6):.3g} %") for r in done.left

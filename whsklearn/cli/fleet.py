@@ -26,19 +26,21 @@ SHOWN = 10
 @job
 @click.argument("folder", type=click.Path(exists=True, file_okay=False, path_type=Path))
 @click.option("--axis", default="axis", help="Partition key: the folder holds AXIS=NAME/*.parquet.")
-@click.option("--input", "inputs", multiple=True, default=["u"], help="Input column; several times for several.")
+@click.option("--input", "inputs", multiple=True, default=["u"], help="Input column; repeat for several.")
 @click.option("--output", default="y", help="Output column.")
 @click.option("--time", "time_column", default=None, help="Time column; rows are put in its order.")
-@click.option("--estimator", type=click.Choice(sorted(ESTIMATORS)), default="rmils", help="What learns.")
+@click.option("--estimator", type=click.Choice(sorted(ESTIMATORS)), default="rmils", help="Estimator.")
 @click.option("--orders", default="2,2,2,2", help="n_a, n_b, n_c, n_d of the Wiener-Hammerstein model.")
 @click.option("--law", default="reduced", help="Friction law: names joined by commas.")
 @click.option("--p", type=int, default=4, help="Innovation length.")
 @click.option("--forgetting", type=float, default=1.0, help="Forgetting factor.")
-@click.option("--test-share", type=click.FloatRange(0, 0.9), default=0.25, help="Last part of a log, kept for judging.")
-@click.option("--in-process", is_flag=True, help="No cluster: this machine's cores, by joblib.")
-@click.option("--scheduler", default=None, help="Address of a Dask scheduler; a local cluster if left out.")
+@click.option(
+    "--test-share", type=click.FloatRange(0, 0.9), default=0.25, help="Share at the end of a log, held out as a test."
+)
+@click.option("--in-process", is_flag=True, help="Use this machine's cores through joblib, without a cluster.")
+@click.option("--scheduler", default=None, help="Address of a Dask scheduler; a local cluster if omitted.")
 @click.option("--workers", type=click.IntRange(1), default=2, help="Processes here.")
-@click.option("--batch", type=click.IntRange(1), default=10, help="Axes of one task.")
+@click.option("--batch", type=click.IntRange(1), default=10, help="Axes per task.")
 @click.option("--out", type=click.Path(dir_okay=False, path_type=Path), default=Path("fleet.parquet"), help="Table.")
 def main(
     folder: Path, axis: str, inputs: tuple[str, ...], output: str, time_column: str | None, estimator: str,
@@ -163,17 +165,17 @@ def summary(found: Any, apart: Any, failed: Any, out: Path, seconds: float) -> s
     """The summary on the terminal: outliers first, then failures by their reason."""
     text = (
         f"{len(found)} axes, {int(found['rows'].sum())} rows in {seconds:.1f} s "
-        f"({1e3 * found['seconds'].sum() / len(found):.1f} ms of work an axis); {len(apart)} stand apart, "
+        f"({1e3 * found['seconds'].sum() / len(found):.1f} ms of work an axis); {len(apart)} outliers, "
         f"{len(failed)} failed; table in {out}."
     )
     lines = [wrapped(text)]
     bad = int((found["nmse"].astype(float) > 1.0).sum())
     if bad:
         lines.append(
-            wrapped(f"{bad} have an NMSE above 1, worse than the mean of their output; their model says nothing.")
+            wrapped(f"{bad} have an NMSE above 1, worse than the mean of their output; their models are useless.")
         )
     if len(apart):
-        lines += ["", "Outliers, the worst first: what lies how many robust standard deviations from the median"]
+        lines += ["", "Outliers, worst first: distance from the median in robust standard deviations"]
         lines += [_entry(f"{r['axis']}: NMSE {cell(r['nmse'])};", r["why"]) for _, r in apart.head(SHOWN).iterrows()]
         lines += _and_more(len(apart))
     if len(failed):

@@ -59,12 +59,12 @@ def read_axis(
         try:
             parts.append(np.column_stack([table.column(c).to_numpy().astype(np.float64) for c in columns]))
         except (TypeError, ValueError):
-            raise ValueError(f"{file.name} holds values that are no numbers") from None
+            raise ValueError(f"{file.name} holds values that are not numbers") from None
     rows = np.concatenate(parts)
     if time_column:
         rows = rows[np.argsort(rows[:, 0], kind="stable")]
         if np.any(np.diff(rows[:, 0]) <= 0):
-            raise ValueError(f"a {time_column} stands twice")
+            raise ValueError(f"a {time_column} is repeated")
         rows = rows[:, 1:]
     return rows[:, :-1], rows[:, -1]
 

@@ -57,10 +57,12 @@ def orders_of(_context: Any, _option: Any, text: str | None) -> tuple[int, int, 
     default="servo",
     help="Kind of the base model.",
 )
-@click.option("--time", "time_column", help="Column of the time; by its name if left out.")
-@click.option("--reference", help="Column of the reference (servo); may be left out.")
+@click.option("--time", "time_column", help="Time column; found by its name if omitted.")
+@click.option("--reference", help="Reference column (servo); optional.")
 @click.option("--drive", help="Column of the drive: torque, force, current, voltage (servo).")
-@click.option("--position", help="Column of the measured position; _deg, _mm and the like tell the unit (servo).")
+@click.option(
+    "--position", help="Column of the measured position; a suffix such as _deg or _mm gives its unit (servo)."
+)
 @click.option("--velocity", help="Column of the velocity, where no position is logged (servo).")
 @click.option("--command", help="Column of a position servo's command, where no drive is logged.")
 @click.option("--input", "input_column", default="u", help="Column of the input (Wiener-Hammerstein).")
@@ -79,28 +81,33 @@ def orders_of(_context: Any, _option: Any, text: str | None) -> tuple[int, int, 
     "--direct", type=click.IntRange(0, 2), default=0, help="Blocks with a direct path, 0 to 2 (Wiener-Hammerstein)."
 )
 @click.option(
-    "--tolerance", type=float, default=0.004, help="Smallest effect worth a name, share of the rms drive or output."
+    "--tolerance",
+    type=float,
+    default=0.004,
+    help="Smallest effect worth naming, as a share of the rms drive or output.",
 )
 @click.option(
     "--alpha",
     type=click.FloatRange(0.0, 1.0, min_open=True, max_open=True),
     default=0.01,
-    help="Probability of a false name where nothing is missing (an axis with a logged drive).",
+    help="Probability of a false name when nothing is missing (axis with a logged drive).",
 )
-@click.option("--max-effects", type=click.IntRange(min=1, max=5), default=3, help="Effects added at the most.")
+@click.option("--max-effects", type=click.IntRange(min=1, max=5), default=3, help="Maximum number of effects to add.")
 @click.option(
     "--effects", type=click.Path(exists=True, dir_okay=False), help="A Python file with effects of your own to search."
 )
 @click.option(
-    "--robot", type=click.Path(exists=True, dir_okay=False), help="URDF, MJCF or model.json: LOG is one of an arm."
+    "--robot", type=click.Path(exists=True, dir_okay=False), help="URDF, MJCF or model.json: LOG is a log of an arm."
 )
-@click.option("--joints", help='Of the robot: "NAME:POSITION,DRIVE;...", columns of each; by their names if left out.')
-@click.option("--gains", help='Of the robot: "NAME:NM_PER_AMPERE+-ERROR;...", where drives are currents.')
-@click.option("--load", help="Of the robot: mass in kg (and place, KG:X,Y,Z in m) of a known load at the last joint.")
-@click.option("--loaded", type=click.Path(exists=True), help="A log with that load, for the gains; LOG is without.")
+@click.option("--joints", help='Columns of each joint: "NAME:POSITION,DRIVE;..."; found by their names if omitted.')
+@click.option("--gains", help='Torque constants: "NAME:NM_PER_AMPERE+-ERROR;...", where drives are currents.')
+@click.option("--load", help="Known load at the last joint: mass in kg, or with its place in m, KG:X,Y,Z.")
+@click.option(
+    "--loaded", type=click.Path(exists=True), help="Log with that load, to find the gains; LOG is without it."
+)
 @click.option("--simulator", type=click.Path(exists=True, dir_okay=False), help="A MuJoCo model.xml or an FMU.")
 @click.option("--joint", help="Joint of the simulator.")
-@click.option("--actuator", help="Actuator of that joint whose control was logged, where it has several.")
+@click.option("--actuator", help="Actuator whose control was logged, if the joint has several.")
 @click.option("--test", "second", type=click.Path(exists=True), help="Another log of the axis, to test the result on.")
 @click.option("--report", "report", type=click.Path(file_okay=False), default="gap", help="Folder for the report.")
 def main(**options: Any) -> None:
@@ -119,7 +126,7 @@ def main(**options: Any) -> None:
 
     folder = writable_folder(options["report"])
     if options["more"] and (options["robot"] or options["simulator"] or options["kind"] != "servo"):
-        raise click.UsageError("Several logs are taken of a servo axis only; give one.")
+        raise click.UsageError("Several logs are supported for a servo axis only; give one.")
     if options["robot"]:
         from whsklearn.cli.arm import gap_log
 
@@ -221,7 +228,7 @@ def another(options: dict[str, Any], first: Bunch, file: str) -> Any:
     """A further log of the axis, with the columns of the first."""
     log = liveliest(taken(options, read_log(options, file)))
     refuse_fitted(first, log)
-    first.notes = (*first.notes, f"{log.name} counts too: {log.y.size} samples at {log.sample_rate:.6g} Hz.")
+    first.notes = (*first.notes, f"{log.name} is used too: {log.y.size} samples at {log.sample_rate:.6g} Hz.")
     return as_record(options, log)[0]
 
 
@@ -324,7 +331,7 @@ def as_record(options: dict[str, Any], log: Bunch) -> tuple[Any, dict[str, Any]]
         record = replace(record, drive=error)
         late = f", the command taken {delay:.3g} s later," if delay else ""
         text = (
-            f"No drive is logged: command minus position{late} stands for it. Sizes are per unit of the loop's gain: "
+            f"No drive is logged: command minus position{late} is used instead. Sizes are per unit of the loop's gain: "
             "inertia in s2, viscous friction in s, torques in the unit of the position. The gain itself, and what the "
             "loop does besides (integral action, limits), cannot be known from this log."
         )

@@ -11,7 +11,7 @@ import click
 @click.option("--effect", default="cogging", help="Name of the effect in the catalogue, or 'none'.")
 @click.option("--size", type=click.FloatRange(min=0.0), default=0.1, help="Its size as a share of the rms drive.")
 @click.option("--duration", type=click.FloatRange(min=5.0), default=40.0, help="Length of the log in s.")
-@click.option("--seed", type=click.IntRange(min=0), default=0, help="Seed of everything random.")
+@click.option("--seed", type=click.IntRange(min=0), default=0, help="Random seed.")
 @click.option("--out", type=click.Path(dir_okay=False), default="reports/hidden.csv", help="File to write.")
 def main(effect: str, size: float, duration: float, seed: int, out: str) -> None:
     """Simulate a log with a hidden effect."""

@@ -32,21 +32,21 @@ if TYPE_CHECKING:
 
 @job
 @click.argument("train", metavar="TRAIN", type=click.Path(exists=True))
-@click.option("--input", "input_column", help="Column that drives.")
-@click.option("--output", "output_column", help="Column that answers.")
+@click.option("--input", "input_column", help="Input column.")
+@click.option("--output", "output_column", help="Output column.")
 @click.option("--time", "time_column", help="Column of time stamps; without it (or --rate) a sample is 1 s.")
 @reading_options
 @click.option(
     "--robot", type=click.Path(exists=True, dir_okay=False), help="URDF, MJCF or model.json: a log of an arm."
 )
-@click.option("--joints", help='Of the robot: "NAME:POSITION,DRIVE;...", columns of each; by their names if left out.')
-@click.option("--gains", help='Of the robot: "NAME:NM_PER_AMPERE;...", where drives are currents.')
+@click.option("--joints", help='Columns of each joint: "NAME:POSITION,DRIVE;..."; found by their names if omitted.')
+@click.option("--gains", help='Torque constants: "NAME:NM_PER_AMPERE;...", where drives are currents.')
 @click.option("--test", type=click.Path(exists=True), help="Another log to report on.")
-@click.option("--skip", type=click.IntRange(min=0), default=0, help="First samples of the test that do not count.")
+@click.option("--skip", type=click.IntRange(min=0), default=0, help="Samples at the start of the test to ignore.")
 @logged_option
-@click.option("--out", default="model", type=click.Path(file_okay=False), help="Folder for what is found.")
+@click.option("--out", default="model", type=click.Path(file_okay=False), help="Folder for the results.")
 def main(**options: Any) -> None:
-    """Find the model that the log TRAIN asks for: linear, Wiener-Hammerstein or physics.
+    """Find the model that describes the log TRAIN best: linear, Wiener-Hammerstein or physics.
 
     \b
     whsklearn identify axis.csv --input torque_nm --output position_rad --time time_s --out model
@@ -146,7 +146,7 @@ def log_of(path: str, options: dict[str, Any]) -> Bunch:
         columns = {"drive": options["input_column"], "position": options["output_column"]}
         columns |= {"time": options["time_column"]}
     else:
-        raise ColumnError("Give --input and --output, the names of the columns that drive and that answer.")
+        raise ColumnError("Give --input and --output, the input and output columns.")
     return read(path, options, **columns)
 
 

@@ -55,8 +55,8 @@ def job(function: Callable[..., None]) -> click.Command:
     """A click command with ``--seed`` and ``--no-track`` whose expected errors are one clear sentence."""
 
     @click.command(help=function.__doc__, context_settings={"show_default": True, "max_content_width": WIDTH})
-    @click.option("--seed", type=click.IntRange(min=0), default=0, help="Seed of everything random.")
-    @click.option("--track/--no-track", default=True, help="Record the runs in MLflow, or do not.")
+    @click.option("--seed", type=click.IntRange(min=0), default=0, help="Random seed.")
+    @click.option("--track/--no-track", default=True, help="Record the runs in MLflow.")
     @functools.wraps(function)
     def command(**kwargs: Any) -> None:
         guarded(function, **kwargs)
@@ -81,7 +81,7 @@ def guarded(function: Callable[..., None], **kwargs: Any) -> None:
             raise
         raise click.ClickException(str(error)) from error
     except KeyboardInterrupt as error:
-        click.echo("Interrupted; what was finished is kept.", err=True)
+        click.echo("Interrupted; finished results are kept.", err=True)
         raise SystemExit(ENDED if isinstance(error, Ended) else INTERRUPTED) from None
     finally:
         if before is not None:
@@ -122,7 +122,7 @@ def writable_folder(path: str | os.PathLike[str]) -> Path:
         probe.unlink()
     except OSError as error:
         reason = error.strerror or str(error)
-        raise OSError(f"Nothing can be written into {folder} ({reason}); name another folder.") from None
+        raise OSError(f"Cannot write to {folder} ({reason}); name another folder.") from None
     return folder
 
 
@@ -171,7 +171,7 @@ def tracker_for(experiment: str, track: bool, **tags: str) -> Tracker:
     from whsklearn.tracking import open_tracker
 
     if track:
-        click.echo("Opening the record of runs (the first time takes some seconds) ...", err=True)
+        click.echo("Opening the MLflow store (the first time takes a few seconds) ...", err=True)
     return open_tracker(experiment, root=root(), enabled=track, tags=tags)
 
 
@@ -190,14 +190,14 @@ def worse_than_mean(nmse: Mapping[str, float]) -> str:
     ''
     >>> print(wrapped(worse_than_mean({"ARX": 0.2, "axis": 1.4})))
     Worse than the mean of the output (an NMSE above 1): axis. It does not describe this record; check
-    columns, units and the sense of the drive.
+    columns, units and the sign of the drive.
     """
     bad = [name for name, value in nmse.items() if value > 1.0]
     if not bad:
         return ""
     text = f"Worse than the mean of the output (an NMSE above 1): {', '.join(bad)}."
     who = "It does" if len(bad) == 1 else "They do"
-    return f"{text} {who} not describe this record; check columns, units and the sense of the drive."
+    return f"{text} {who} not describe this record; check columns, units and the sign of the drive."
 
 
 def wrapped(text: str) -> str:

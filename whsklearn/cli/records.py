@@ -23,11 +23,19 @@ _SIGNALS = ("X", "y", "time", "reference", "command", "groups", "frame")
 def reading_options(function: Callable[..., Any]) -> Callable[..., Any]:
     """``--columns``, ``--unit``, ``--rate``, ``--torque-constant``, ``--invert-drive``: how a log is to be taken."""
     options = [
-        click.option("--columns", help="Columns by number from 0 or name: time,drive,position; two: no time."),
-        click.option("--unit", "units", multiple=True, metavar="ROLE=UNIT", help="Such as position=deg; repeatable."),
-        click.option("--rate", type=click.FloatRange(min=0, min_open=True), help="Samples a second, without --time."),
+        click.option("--columns", help="Columns by name or number from 0: time,drive,position or drive,position."),
         click.option(
-            "--torque-constant", metavar="K+-S", help="Nm/A of a drive in amperes, and its standard deviation."
+            "--unit",
+            "units",
+            multiple=True,
+            metavar="ROLE=UNIT",
+            help="Unit of a column, such as position=deg; may be repeated.",
+        ),
+        click.option(
+            "--rate", type=click.FloatRange(min=0, min_open=True), help="Sample rate in Hz, in place of --time."
+        ),
+        click.option(
+            "--torque-constant", metavar="K+-S", help="Nm/A with its standard deviation, for a drive in amperes."
         ),
         click.option("--invert-drive", is_flag=True, help="Change the sign of the drive."),
     ]
@@ -40,7 +48,7 @@ logged_option = click.option(
     "--logged",
     type=click.Choice(["auto", "output", "velocity", "position"]),
     default="auto",
-    help="What the output is; a position is fitted by its velocity.",
+    help="Kind of output; a position is fitted through its velocity.",
 )
 
 
@@ -48,8 +56,8 @@ def log_options(function: Callable[..., Any]) -> Callable[..., Any]:
     """``--log``, ``--input``, ``--output``, ``--time`` and how the log is to be taken."""
     options = [
         click.option("--log", "log_file", type=click.Path(exists=True), help="A log: CSV, Parquet, MAT, MCAP, ..."),
-        click.option("--input", "input_column", help="Column of the log that drives the axis."),
-        click.option("--output", "output_column", help="Column of the log that answers."),
+        click.option("--input", "input_column", help="Input column of the log."),
+        click.option("--output", "output_column", help="Output column of the log."),
         click.option("--time", "time_column", help="Column of time stamps; if given, the sampling is checked."),
         logged_option,
     ]
@@ -102,13 +110,13 @@ def roles_of(
                 "position": ", or the velocity with --velocity",
             }
             raise ColumnError(
-                f"{source.name} has no column that is surely the {role}; it has: {', '.join(source.names[:30])}. "
+                f"{source.name} has no column that is clearly the {role}; it has: {', '.join(source.names[:30])}. "
                 f"Name it with --{role}{instead.get(role, '')}, or by number with --columns."
             )
         if role == "drive" and found != usual.get(role) and not units_of(options.get("units", ())).get("drive"):
             unit = source.units.get(found) or unit_of(found)
             if (text := doubt(found, unit)) and not (options.get("torque_constant") and is_current(found, unit)):
-                raise ColumnError(f"{source.name} has no column that is surely a torque. {text}")
+                raise ColumnError(f"{source.name} has no column that is clearly a torque. {text}")
         if found != usual.get(role):
             note(f"Column {found!r} is taken for the {role}.")
         roles[role] = found
@@ -166,8 +174,8 @@ def refuse_fitted(train: Bunch, test: Bunch) -> None:
         i, j, n = found
         raise LogError(
             f"{test.name} from {test.time[j]:.6g} to {test.time[j + n - 1]:.6g} s is {train.name} from "
-            f"{train.time[i]:.6g} to {train.time[i + n - 1]:.6g} s, sample by sample ({n} of them), and a test on what "
-            "was fitted tests nothing; give --test a log of another run."
+            f"{train.time[i]:.6g} to {train.time[i + n - 1]:.6g} s, sample by sample ({n} of them), so the test would "
+            "be on data of the fit; give --test a log of another run."
         )
 
 
@@ -177,7 +185,7 @@ def note_assumed(log: Bunch) -> None:
 
     for role, si in (("drive", "Nm or N"), ("position", "rad or m")):
         if log.units.get(role) == UNKNOWN:
-            note(f"The unit of the {role} is not stated and taken for SI ({si}); --unit {role}=UNIT says another.")
+            note(f"The unit of the {role} is not stated and is taken to be SI ({si}); --unit {role}=UNIT sets another.")
 
 
 SHORTEST_SEGMENT = 2.0  # s, below which a filter of 2 Hz and an observer leave nothing of a segment to judge
@@ -271,7 +279,7 @@ def liveliest(log: Bunch) -> Bunch:
     part = _cut(log, slice(start, start + MOST_ROWS))
     text = (
         f"{MOST_ROWS} of {n} samples are used, from {part.time[0]:.6g} to {part.time[-1]:.6g} s, where the axis "
-        "travels most; more would tell hardly more. Another part, cut out, can be given with --test."
+        "travels most; more samples would add little. Another part, in a file of its own, can be given with --test."
     )
     note(text)
     part.notes = (*part.notes, text)
@@ -298,7 +306,7 @@ def record_of(options: dict[str, Any]) -> ComparedRecord:
         columns = {"drive": options["input_column"], "position": options["output_column"]}
         columns |= {"time": options["time_column"]}
     else:
-        raise ValueError("--log needs --input and --output, the names of the columns that drive and that answer.")
+        raise ValueError("--log needs --input and --output, the input and output columns.")
     log = read(options["log_file"], options, **columns)
     for role, values in (("drive", log.X), ("position", log.y)):
         if np.ptp(values) == 0:
@@ -308,7 +316,7 @@ def record_of(options: dict[str, Any]) -> ComparedRecord:
     timed = columns.get("time") or options.get("rate")
     seen = view(log.X[:, 0], log.y, 1.0 / log.sample_rate if timed else 1.0, options["logged"], log.groups)
     if seen.y.size < log.y.size:
-        note(f"{seen.y.size} of {log.y.size} samples are used: the other segments are too short to tell anything.")
+        note(f"{seen.y.size} of {log.y.size} samples are used: the other segments are too short.")
     if seen.logged == "position":
         note(
             f"{log.columns['position']} is a position: its velocity is fitted, and scores are of the velocity. "

@@ -14,13 +14,13 @@ from whsklearn.cli.records import note, read, reading_options, roles_of
 @job
 @click.argument("model", metavar="MODEL.json", type=click.Path(exists=True, dir_okay=False))
 @click.argument("log_file", metavar="LOG", type=click.Path(exists=True))
-@click.option("--time", "time_column", help="Column of the time; by its name if left out.")
-@click.option("--input", "input_column", help="Column of the drive; by its name if left out.")
+@click.option("--time", "time_column", help="Time column; found by its name if omitted.")
+@click.option("--input", "input_column", help="Drive column; found by its name if omitted.")
 @click.option("--output", "output_column", help="Column of the measured output, to compare with.")
 @reading_options
-@click.option("--joints", help='Of an arm: "NAME:POSITION,DRIVE;...", columns of each joint.')
-@click.option("--gains", help='Of an arm: "NAME:NM_PER_AMPERE;...", where drives are currents.')
-@click.option("--skip", type=click.IntRange(min=0), default=0, help="Samples at the start not to judge.")
+@click.option("--joints", help='Columns of each joint of an arm: "NAME:POSITION,DRIVE;...".')
+@click.option("--gains", help='Torque constants of an arm: "NAME:NM_PER_AMPERE;...", where drives are currents.')
+@click.option("--skip", type=click.IntRange(min=0), default=0, help="Samples at the start to ignore.")
 @click.option("--out", default="simulated.csv", type=click.Path(dir_okay=False), help="Table to write.")
 def main(**options: Any) -> None:
     """Simulate MODEL.json with the drive of LOG and write time, drive, output and measurement.

@@ -27,7 +27,7 @@ VALIDATION_RECORDS = 3
 @click.option("--snr", type=float, default=SNR_DB, help="Signal-to-noise ratio of the simulated record in dB.")
 @click.option("--innovation", "p", type=click.IntRange(min=1), default=4, help="Innovation length p.")
 @click.option("--orders", default="2,2,2,2", help="Orders n_a,n_b,n_c,n_d.")
-@click.option("--law", default=None, help="Friction law, names joined by commas; the law (4) if left out.")
+@click.option("--law", default=None, help="Friction law, names joined by commas; the law (4) if omitted.")
 @click.option("--evolution", is_flag=True, help="Compare differential evolution too, which takes a minute.")
 @click.option("--figures", type=click.Path(file_okay=False), help="Folder to write the figures to as well.")
 def main(**options: Any) -> None:

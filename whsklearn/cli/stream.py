@@ -25,37 +25,40 @@ ESTIMATORS = {"rls": "RLSRegressor", "mils": "MILSRegressor", "rmils": "RMILSReg
 
 @job
 @click.argument("source")
-@click.option("--input", "inputs", multiple=True, default=["u"], help="Input column; several times for several.")
+@click.option("--input", "inputs", multiple=True, default=["u"], help="Input column; repeat for several.")
 @click.option("--output", default="y", help="Output column.")
 @click.option(
     "--robot", type=click.Path(exists=True, dir_okay=False), help="model.json of an arm, in place of --orders."
 )
-@click.option("--joints", help='Of an arm: "NAME:POSITION,DRIVE;...", columns of each joint.')
-@click.option("--gains", help='Of an arm: "NAME:NM_PER_AMPERE;...", where drives are currents.')
+@click.option("--joints", help='Columns of each joint of an arm: "NAME:POSITION,DRIVE;...".')
+@click.option("--gains", help='Torque constants of an arm: "NAME:NM_PER_AMPERE;...", where drives are currents.')
 @click.option("--time", "time_column", default=None, help="Time column; its values must increase.")
 @click.option("--max-step", type=float, default=math.inf, help="A longer pause in time begins a new experiment.")
 @click.option("--follow", is_flag=True, help="Wait for rows that are appended to the file.")
-@click.option("--estimator", type=click.Choice(sorted(ESTIMATORS)), default="rmils", help="What learns.")
+@click.option("--estimator", type=click.Choice(sorted(ESTIMATORS)), default="rmils", help="Estimator.")
 @click.option("--orders", default="2,2,2,2", help="n_a, n_b, n_c, n_d of the Wiener-Hammerstein model.")
 @click.option("--law", default="reduced", help="Friction law: names joined by commas.")
 @click.option("--p", type=int, default=4, help="Innovation length.")
 @click.option("--forgetting", type=float, default=1.0, help="Forgetting factor.")
 @click.option("--every", type=click.IntRange(1), default=1000, help="Rows between estimates.")
 @click.option("--predictions/--no-predictions", default=False, help="Write the one-step prediction of every row.")
-@click.option("--smallest-change", type=float, default=5.0, help="Per cent; lesser changes are not reported.")
-@click.option("--alarm-interval", type=float, default=1e6, help="Rows between false alarms, on average, at least.")
+@click.option("--smallest-change", type=float, default=5.0, help="Smallest change to report, in per cent.")
+@click.option("--alarm-interval", type=float, default=1e6, help="Minimum average number of rows between false alarms.")
 @click.option("--bad-rows", type=click.Choice(["skip", "refuse"]), default="skip", help="Report and go on, or stop.")
+@click.option("--hole", type=click.Choice(["hold", "restart"]), default="hold", help="What replaces a bad row.")
+@click.option("--most-held", type=click.IntRange(0), default=10, help="Maximum number of consecutive bad rows to hold.")
 @click.option(
-    "--hole", type=click.Choice(["hold", "restart"]), default="hold", help="What takes the place of a bad row."
+    "--disk-full", type=click.Choice(["go-on", "stop"]), default="go-on", help="If there is no space for a checkpoint."
 )
-@click.option("--most-held", type=click.IntRange(0), default=10, help="Bad rows in a row that are held, not more.")
-@click.option("--disk-full", type=click.Choice(["go-on", "stop"]), default="go-on", help="If no checkpoint fits.")
 @click.option(
-    "--out", type=click.Path(dir_okay=False, path_type=Path), default=None, help="Records; stdout if left out."
+    "--out",
+    type=click.Path(dir_okay=False, path_type=Path),
+    default=None,
+    help="File for the records; stdout if omitted.",
 )
 @click.option("--checkpoint", type=click.Path(dir_okay=False, path_type=Path), default=None, help="[SOURCE.whs]")
 @click.option("--checkpoint-every", type=float, default=5.0, help="Seconds between checkpoints.")
-@click.option("--fresh", is_flag=True, help="Begin anew even if there is a checkpoint.")
+@click.option("--fresh", is_flag=True, help="Start afresh even if there is a checkpoint.")
 def main(
     source: str, inputs: tuple[str, ...], output: str, robot: str | None, joints: str | None, gains: str | None,
     time_column: str | None, max_step: float, follow: bool, estimator: str, orders: str, law: str, p: int,

@@ -40,9 +40,9 @@ MEAN = 1.0  # the NMSE of a model that only knows the mean of the output
 )
 @click.option("--candidates", type=click.IntRange(min=1), default=20, help="Candidates of a random search.")
 @click.option("--folds", type=click.IntRange(min=2), default=4, help="Folds; each is tested on what comes after it.")
-@click.option("--jobs", type=int, default=-1, help="Worker processes; -1 for one a core.")
+@click.option("--jobs", type=int, default=-1, help="Worker processes; -1 for one per core.")
 @click.option("--backend", type=click.Choice(["local", "dask"]), default="local", help="Where the workers are.")
-@click.option("--scheduler", help="Address of a Dask scheduler; a cluster of two local workers if left out.")
+@click.option("--scheduler", help="Address of a Dask scheduler; a cluster of two local workers if omitted.")
 @click.option("--register", "registered", default="tuned", help="Name to register the best model under.")
 def main(**options: Any) -> None:
     """Search innovation length, covariance, forgetting, orders and laws with time-safe folds.
@@ -126,7 +126,7 @@ def what_is_better(search: Any, record: ComparedRecord, champion: Callable[[], A
     if not best < MEAN:
         return (
             f"The best candidate has an NMSE of {best:.3g}, and the mean of the output one of 1. Try --P0 default,1, "
-            "other --orders or another --law; `whsklearn identify` tells which structure the record asks for."
+            "other --orders or another --law; `whsklearn identify` finds the structure that fits the record."
         )
     try:
         holder = champion()
@@ -282,7 +282,7 @@ def workers(backend: str, scheduler: str | None) -> Iterator[None]:
             client = stack.enter_context(Client(scheduler, timeout=10))
         except (OSError, TimeoutError) as error:
             raise OSError(
-                f"The Dask scheduler at {scheduler} does not answer; start it, or leave --scheduler out."
+                f"The Dask scheduler at {scheduler} does not answer; start it, or omit --scheduler."
             ) from error
         click.echo(f"Dask: {len(client.scheduler_info()['workers'])} workers at {scheduler}.", err=True)
         stack.enter_context(parallel_config(backend="dask"))

@@ -108,7 +108,7 @@ def _announce(server: str, found: list[tuple[str, str]], browser: bool) -> None:
 
     addresses = {name: page_of(server, experiment_id) for name, experiment_id in found} or {"no runs yet": server}
     width = max(map(len, addresses))
-    click.echo("The runs, those written to last first:")
+    click.echo("Runs, most recent first:")
     for name, address in addresses.items():
         click.echo(f"  {name:<{width}}  {address}")
     if browser and (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY") or sys.platform != "linux"):

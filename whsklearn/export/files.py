@@ -87,7 +87,7 @@ def export_model(
         ``c`` and ``st`` also write a feed-forward torque from position and velocity; ``c`` of an arm is always its
         inverse dynamics.
     real : {"double", "float"}
-        Numbers of the C code.
+        Number type of the C code.
     ratings : Ratings, optional
         Rated torque, torque constant and highest speed of a ``table``.
 

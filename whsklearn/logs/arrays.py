@@ -74,7 +74,7 @@ def _list_width(file: Any, name: str) -> int:
 
 def _damaged(path: Path, what: str, error: BaseException) -> LogError:
     reason = (str(error).strip() or type(error).__name__).splitlines()[0].rstrip(".")
-    return LogError(f"{path.name} is no whole {what} file ({reason[:160]}); copy or export it again.")
+    return LogError(f"{path.name} is not a complete {what} file ({reason[:160]}); copy or export it again.")
 
 
 def open_matlab(path: Path) -> Source:

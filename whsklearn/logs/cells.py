@@ -136,7 +136,7 @@ def as_numbers(values: pd.Series, decimal: str) -> tuple[pd.Series, str, list[st
     other = "," if decimal == "." else "."
     if all_of(rest, _THOUSANDS[decimal]):
         out.loc[rest.index] = number(rest.str.replace(rf"[{other}{_GROUP}]", "", regex=True))
-        notes.append("Separators of thousands were taken out of the numbers.")
+        notes.append("Thousands separators were removed from the numbers.")
     elif decimal == "." and all_of(rest, _DECIMAL_COMMA):
         out.loc[rest.index] = pd.to_numeric(rest.str.replace(",", ".", regex=False), errors="coerce")
         notes.append("Quoted numbers have a decimal comma.")
@@ -145,7 +145,7 @@ def as_numbers(values: pd.Series, decimal: str) -> tuple[pd.Series, str, list[st
         notes.append("Numbers are hexadecimal.")
     elif all_of(rest, _BRACKETS):
         out.loc[rest.index] = -number(rest.str.extract(_BRACKETS)[0])
-        notes.append("Numbers in brackets were read as negative.")
+        notes.append("Numbers in parentheses were read as negative.")
     elif rest.size:
         out.loc[rest.index] = number(rest.str.replace(r"(?<=\d)[dD](?=[+-]?\d)", "e", regex=True))
     return out, unit, notes

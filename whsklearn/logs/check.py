@@ -111,7 +111,7 @@ def _stamps(time: Array, rows: NDArray[np.intp]) -> list[Finding]:
                 "error",
                 rows[same + 1],
                 f"Row {rows[same[0] + 1]} has the stamp of the row before, "
-                f"{time[same[0]]:.6g} s; drop the doubles or resample.",
+                f"{time[same[0]]:.6g} s; drop the duplicates or resample.",
             )
         )
     if holes.size:
@@ -160,7 +160,7 @@ def _clipping(name: str, x: Array) -> list[Finding]:
     step = lattice(x) or 0.0  # on a lattice every turning point is flat, and left by single steps
     if flat < 5 or flat > 0.6 * x.size or not jumps or np.median(jumps) < max(0.5 * usual, 1.5 * step):
         return []
-    text = f"{name} rests at its extreme values in {flat} samples, the first time at row {min(first)}; "
+    text = f"{name} stays at its extreme values in {flat} samples, first at row {min(first)}; "
     text += "cut those rows, or give the model a saturation."
     return [Finding("LOG005", "warning", text, tuple(sorted(first)[:10]), flat / x.size)]
 

@@ -101,12 +101,12 @@ def doubt(column: str, unit: str) -> str:
     """
     if is_current(column, unit):
         return (
-            f"Column {column!r} is a current and no torque. For results in Nm add --torque-constant 0.12+-0.01 (Nm for "
-            f"each A, and its standard deviation); for results in amperes name it, --drive {column!r}."
+            f"Column {column!r} is a current, not a torque. For results in Nm add --torque-constant 0.12+-0.01 (Nm/A "
+            f"with its standard deviation); for results in amperes name it, --drive {column!r}."
         )
     if factor_of(unit)[1] == UNKNOWN and _EFFORT & set(words_of(column)):
         return (
-            f"Column {column!r} may be a torque, a current or a share of either. Name it and its unit: --drive "
+            f"Column {column!r} may be a torque, a current or a percentage of either. Name it and its unit: --drive "
             f"{column!r} --unit drive=Nm (or A, with --torque-constant; or %)."
         )
     return ""

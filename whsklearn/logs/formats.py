@@ -86,7 +86,9 @@ def open_source(path: str | os.PathLike[str]) -> Source:
     ending = _ENDINGS.get(file.suffix.lower())
     if ending is not None and ending is not arrays.open_matlab:
         what = file.suffix.lower().lstrip(".")
-        raise LogError(f"{file.name} is empty." if not head else f"{file.name} is no {what} file: it begins otherwise.")
+        raise LogError(
+            f"{file.name} is empty." if not head else f"{file.name} is not a {what} file: its first bytes differ."
+        )
     if ending is not None and head:
         return arrays.open_matlab(file)
     return _of_text(file)
@@ -116,7 +118,7 @@ def _unpacked(path: Path, head: bytes) -> Source:
         except packed.DAMAGE:
             inside = b""
     if any(inside.startswith(magic) for magic, _ in _MAGIC):
-        raise LogError(f"{path.name} is packed and no table of text inside; unpack it first.")
+        raise LogError(f"{path.name} is packed, and its content is not a text table; unpack it first.")
     return _of_text(path)
 
 

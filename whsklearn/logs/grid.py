@@ -57,12 +57,12 @@ def even(time: Array, signals: dict[str, Array], segment: NDArray[np.int64]) -> 
     straight = [line for line in lines if line is not None]
     if len(straight) == len(spans) > 0:
         period = float(np.median([(line[-1] - line[0]) / (line.size - 1) for line in straight]))
-        text = f"The stamps are rounded; rows were taken {period:.6g} s apart in {len(spans)} segment(s), as logged."
+        text = f"The time stamps are rounded; rows are taken {period:.6g} s apart in {len(spans)} segment(s)."
         parts = [(line, {k: v[part] for k, v in signals.items()}) for line, part in zip(straight, spans, strict=True)]
     else:
         near = step[inside & (step < GAP * period)]
         period = float(near.mean())  # the median of 10, 12, 10, 12 ms is neither
-        text = f"Onto an even grid of {period:.6g} s in {len(spans)} segment(s); motions by splines, the rest linearly."
+        text = f"It is on an even grid of {period:.6g} s, in {len(spans)} segment(s); motions by splines, the rest linearly."
         parts = [_resampled(time[part], {k: v[part] for k, v in signals.items()}, period) for part in spans]
     return Even(
         np.concatenate([t for t, _ in parts]),

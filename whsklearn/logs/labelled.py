@@ -54,16 +54,16 @@ def open_labelled(path: Path) -> Source:
         with opened(path) as file:
             lines = file.read().decode("utf-8-sig", errors="replace").splitlines()
     except DAMAGE as error:
-        raise LogError(f"{path.name} is no whole archive ({error}); copy or pack it again.") from None
+        raise LogError(f"{path.name} is not a complete archive ({error}); copy or pack it again.") from None
     labels = [_labels(t) for t in lines]
     names = Counter(filter(None, labels)).most_common(1)[0][0]
     kept = [_PAIRS.findall(_MONITOR.sub("", t)) for t, n in zip(lines, labels, strict=True) if n == names]
     table = np.array([[float(v) for _, v, _ in row] for row in kept])
     units = {n: u for n, (_, _, word) in zip(names, kept[0], strict=True) if (u := symbol_of(word))}
-    notes = [f"Each line names its numbers: {', '.join(names)}."]
+    notes = [f"Each line labels its numbers: {', '.join(names)}."]
     left = sum(bool(t.strip()) for t in lines) - len(kept)
     if left:
-        notes.append(f"{left} line(s) that name other numbers, or none, were left out.")
+        notes.append(f"{left} line(s) with other labels or none were ignored.")
     return Source(
         path.name,
         list(names),

@@ -160,7 +160,7 @@ def load_log(
     columns = {r: source.resolve(c, r) for r, c in asked.items() if c is not None}
     if "drive" in columns and columns["drive"] == columns.get("position"):
         raise ColumnError(
-            f"Column {columns['drive']!r} of {source.name} was named for drive and position; name two columns."
+            f"Column {columns['drive']!r} of {source.name} was given for both drive and position; name two columns."
         )
     table = read_columns(source, columns, given, sample_rate)
     constant = None if torque_constant is None else TorqueConstant.of(torque_constant)
@@ -240,7 +240,7 @@ def read_columns(
         told = ", ".join(f"{r} {n}" for r, n in lengths.items())
         raise LogError(f"The columns of {source.name} differ in length ({told} rows); give columns of one table.")
     if len(clock) < 3:
-        raise LogError(f"{source.name} has {len(clock)} rows; a log needs 3 at the very least.")
+        raise LogError(f"{source.name} has {len(clock)} rows; a log needs at least 3.")
     for role, column in columns.items():
         if role != "time":
             mend.too_small(role, column, values[role])
@@ -268,11 +268,11 @@ def _one_clock(
             continue
         if own.size < 3 or base.size < 3:
             raise LogError(
-                f"Column {column!r} for {role} holds nothing in the time of {lead!r}; pick signals of one run."
+                f"Column {column!r} for {role} has no samples in the time of {lead!r}; choose signals of one run."
             )
         order = np.argsort(own, kind="stable")
         out[role] = np.interp(base, own[order], values[role][order])
-        found.append(Finding("LOG011", "info", f"{column!r} was brought to the stamps of {lead!r}, linearly."))
+        found.append(Finding("LOG011", "info", f"{column!r} was interpolated at the stamps of {lead!r}, linearly."))
     return out, base
 
 
@@ -374,7 +374,7 @@ def _mended(name: str, table: _Table) -> Bunch:
                 text = f.explanation.partition(";")[0].rstrip(".") + "."
                 found.append(Finding(f.code, "warning", text, f.rows, f.value))
         if done.segment[-1] > 0:
-            found.append(Finding("LOG020", "info", f"It falls into {done.segment[-1] + 1} segments."))
+            found.append(Finding("LOG020", "info", f"There are {done.segment[-1] + 1} segments."))
     return _bunch(name, table, done, _report(raw, found, [f for f in raw.findings if f.code not in _STAMPS]))
 
 
@@ -394,7 +394,7 @@ def _motions(signals: dict[str, Array], units: Mapping[str, str]) -> tuple[dict[
 def _summed(time: Array, velocity: Array, segment: NDArray[np.int64]) -> tuple[Array, Finding]:
     """The position that a velocity sums up to, by the trapezoidal rule, from 0 in each segment."""
     step = np.where(np.diff(segment) == 0, np.diff(time) * 0.5 * (velocity[1:] + velocity[:-1]), 0.0)
-    text = "Only the velocity is logged; its sum stands for the position, whose origin and slow drift are not known."
+    text = "Only the velocity is logged; its integral is taken as the position, whose origin and drift are unknown."
     return np.r_[0.0, np.cumsum(step)], Finding("LOG018", "warning", text)
 
 

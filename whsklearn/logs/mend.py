@@ -37,7 +37,7 @@ def missing_rows(signals: dict[str, Array], columns: dict[str, str]) -> tuple[ND
     for values in signals.values():
         bad |= ~(np.abs(values) < HUGE) | no_value(values)
     if bad.size - bad.sum() < 3:
-        raise LogError(f"Only {bad.size - bad.sum()} rows hold a number in every column; a log needs 3 at least.")
+        raise LogError(f"Only {bad.size - bad.sum()} rows have a number in every column; a log needs at least 3.")
     if not bad.any():
         return bad, None
     rows = np.flatnonzero(bad)
@@ -45,8 +45,8 @@ def missing_rows(signals: dict[str, Array], columns: dict[str, str]) -> tuple[ND
     value = signals[role][rows[0]]
     held = "no number" if math.isnan(value) else f"{value:.3g}"
     text = (
-        f"Column {columns[role]!r} has no value at row {rows[0]} ({held}; {rows.size} such rows in all); they "
-        "were left out, and the holes treated as lost samples."
+        f"Column {columns[role]!r} has no value at row {rows[0]} ({held}; {rows.size} such rows in all); these "
+        "rows were left out and count as lost samples."
     )
     return bad, finding("LOG010", "warning", rows, text, rows.size / bad.size)
 
@@ -79,7 +79,7 @@ def too_small(role: str, column: str, values: Array) -> None:
     top = float(np.max(np.abs(values))) if values.size else 0.0
     if 0.0 < top < TINY:
         raise LogError(
-            f"Column {column!r} for {role} never exceeds {top:.3g}; no unit makes that a measurement. Check the export."
+            f"Column {column!r} for {role} never exceeds {top:.3g}, too little for any unit; check the export."
         )
 
 
@@ -119,8 +119,7 @@ def unwrap(role: str, values: Array, turn: float) -> tuple[Array, Finding]:
     out = np.unwrap(values, period=turn)
     leaps = np.flatnonzero(np.abs(np.diff(values)) > 0.5 * turn) + 1
     text = (
-        f"The {role} leaps by a turn of {turn:.6g} at {leaps.size} rows, the first is row {leaps[0]}; the turns were "
-        "added."
+        f"The {role} jumps by a turn of {turn:.6g} at {leaps.size} rows, the first is row {leaps[0]}; it was unwrapped."
     )
     return out, finding("LOG012", "info", leaps, text, turn)
 
@@ -144,7 +143,7 @@ def signed(role: str, values: Array) -> tuple[Array, Finding | None]:
             middle = (values > 0.25 * whole) & (values < 0.75 * whole)
             if middle.any() or negative.all():
                 return values, None
-            text = f"The {role} holds {bits}-bit numbers above {whole / 2:.0f}, which are negative: less {whole:.0f}."
+            text = f"The {role} has {bits}-bit numbers above {whole / 2:.0f}; they are negative, less {whole:.0f}."
             return np.where(negative, values - whole, values), finding(
                 "LOG021", "info", np.flatnonzero(negative), text, whole
             )
@@ -185,6 +184,6 @@ def held(time: Array, drive: Array, position: Array) -> tuple[NDArray[np.bool_],
     seconds = out.sum() * period
     text = (
         f"Drive and position do not change at all for {seconds:.3g} s, from row {long[0][0]} on ({len(long)} "
-        "phase(s)): an emergency stop, a brake or a disabled drive. Those rows were cut out."
+        "phase(s)): an emergency stop, a brake or a disabled drive. Those rows were removed."
     )
     return out, finding("LOG014", "warning", np.flatnonzero(out), text, float(seconds))

@@ -41,7 +41,7 @@ def open_json(path: Path) -> Source:
         with opened(path) as file:
             text = file.read().decode("utf-8-sig")
     except (UnicodeDecodeError, *DAMAGE) as error:
-        raise LogError(f"{path.name} is no whole JSON file ({error}); export it again.") from None
+        raise LogError(f"{path.name} is not a complete JSON file ({error}); export it again.") from None
     notes: list[str] = []
     try:
         try:
@@ -52,7 +52,9 @@ def open_json(path: Path) -> Source:
     except RecursionError:
         raise LogError(f"{path.name} is nested too deeply; save time, drive and position as vectors.") from None
     if not columns:
-        raise LogError(f"{path.name} holds no vectors of {FEWEST} numbers and more; save time, drive and position so.")
+        raise LogError(
+            f"{path.name} has no vectors of at least {FEWEST} numbers; save time, drive and position as vectors."
+        )
     return Source(path.name, list(columns), lambda wanted: {w: Column(columns[w]) for w in wanted}, notes=notes)
 
 
@@ -66,9 +68,10 @@ def _lines(text: str, name: str, notes: list[str]) -> list[Any]:
         except ValueError:
             if i < lines[-1][0] or len(lines) < FEWEST:
                 raise LogError(
-                    f"{name} is no whole JSON and no JSON lines: line {i} is {line[:50]!r}; export it again, or cut it."
+                    f"{name} is neither complete JSON nor JSON lines: line {i} is {line[:50]!r}; export it "
+                    "again, or cut it."
                 ) from None
-            notes.append("The last line is cut; it was left out.")
+            notes.append("The last line is incomplete and was left out.")
     return out
 
 

@@ -46,7 +46,7 @@ def members(path: Path) -> list[str]:
         with zipfile.ZipFile(path) as archive:
             names = [i.filename for i in archive.infolist() if not i.is_dir()]
     except DAMAGE as error:
-        raise LogError(f"{path.name} is no whole ZIP archive ({error}); copy or pack it again.") from None
+        raise LogError(f"{path.name} is not a complete ZIP archive ({error}); copy or pack it again.") from None
     return [n for n in names if not n.startswith("__MACOSX/") and not Path(n).name.startswith(".")]
 
 
@@ -64,6 +64,6 @@ def member(path: Path) -> str:
     if len(names) != 1:
         there = ", ".join(names[:8]) or "nothing"
         raise LogError(
-            f"{path.name} holds {len(names)} files ({there}); unpack the log that is meant and give its path."
+            f"{path.name} holds {len(names)} files ({there}); extract the log that you want and give its path."
         )
     return names[0]

@@ -80,7 +80,7 @@ def open_folder(path: Path, opener: Callable[[Path], Source]) -> Source:
     files = sorted(f for f in path.iterdir() if f.is_file() and f.suffix.lower() in _TEXTS and f.name[0] != ".")
     if not files:
         raise LogError(
-            f"{path} is a folder with no table of text, no ROS 2 bag (metadata.yaml) and no LeRobot data set "
+            f"{path} is a folder without text tables, a ROS 2 bag (metadata.yaml) or a LeRobot data set "
             "(meta/info.json); give the file of a log, or a folder with a CSV for each signal."
         )
     where: dict[str, tuple[Source, str, str | None]] = {}
@@ -109,7 +109,7 @@ def open_folder(path: Path, opener: Callable[[Path], Source]) -> Source:
         stamps = on_one_clock([read[w][str(where[w][2])].values for w in wanted], clock, str(where[wanted[0]][2]))
         return {w: read[w][where[w][1]]._replace(stamps=t) for w, t in zip(wanted, stamps, strict=True)}
 
-    notes = [f"{len(files)} files of a folder hold a signal each."]
+    notes = [f"{len(files)} files of a folder hold one signal each."]
     return Source(
         path.name, list(where), fetch, units={n: u for n, u in units.items() if u}, notes=notes, clocked=timed == {True}
     )

@@ -29,7 +29,7 @@ def open_tdms(path: Path) -> Source:
     units = {n: str(p["unit_string"]) for n, (_, _, p) in zip(where, channels, strict=True) if p.get("unit_string")}
     steps = {n: p.get("wf_increment") for n, (_, _, p) in zip(where, channels, strict=True)}
     if not where:
-        raise LogError(f"{path.name} holds no channel; record the log again.")
+        raise LogError(f"{path.name} has no channels; record the log again.")
 
     def fetch(wanted: Sequence[str]) -> dict[str, Column]:
         with TdmsFile.open(path) as file:
@@ -72,7 +72,7 @@ def open_mdf(path: Path) -> Source:
     except Exception as error:  # asammdf raises whatever its parser meets, bare struct.error among it
         raise _damaged(path, "MDF", error) from None
     if not where:
-        raise LogError(f"{path.name} holds no channel; record the log again.")
+        raise LogError(f"{path.name} has no channels; record the log again.")
 
     def fetch(wanted: Sequence[str]) -> dict[str, Column]:
         with MDF(path) as file:

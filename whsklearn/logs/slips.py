@@ -135,12 +135,12 @@ def drive_slips(drive: Array, position: Array) -> list[Slip]:
     by_speed = 1.0 - _rest(u, [one, p, v, np.sign(position[inside])]) / rest
     crosses = abs(position.mean()) < 0.5 * position.std()
     if crosses and by_speed > EXPLAINED and by_speed > 2.0 * by_axis:
-        text = "The drive turns with the sign of the position column and not with its rate: is it a velocity?"
+        text = "The drive changes sign with the position column, not with its rate: is the column a velocity?"
         return [Slip(text, _VELOCITY)]
     inertia = np.linalg.lstsq(np.column_stack([a, v, np.sign(v), p, one]), u, rcond=None)[0][0]
     power = float(np.mean(u * v) / (u.std() * v.std()))
     if inertia < 0 and power < -SURE:
-        text = "The axis would give power and its inertia come out negative: is the drive's sign inverted?"
+        text = "The axis would deliver power and have a negative inertia: is the sign of the drive inverted?"
         return [Slip(text, "--invert-drive")]
     return []
 

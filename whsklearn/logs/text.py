@@ -43,7 +43,7 @@ def open_text(path: Path) -> Source:
     whole, last, notes = _whole_rows(path, encoding, layout)
     cut = _is_cut(last.decode(encoding, errors="replace"), clean, layout)
     if cut:
-        notes.append("The last row is cut off; it was left out.")
+        notes.append("The last row is incomplete and was left out.")
     names = layout.names or [str(i) for i in range(layout.width)]
     units = {n: u for n, u in zip(names, layout.units or [], strict=False) if u}
     if encoding == "cp1252":
@@ -58,7 +58,7 @@ def open_text(path: Path) -> Source:
             notes.append(f"Column {names[column]!r} counts ticks, {rate:g} a second.")
     period = None if any(is_time(units.get(n) or unit_of(n)) or _is_time(n) for n in names) else period_in(above)
     if period:
-        notes.append(f"Rows are {period:.6g} s apart, as the lines above them say.")
+        notes.append(f"Rows are {period:.6g} s apart, according to the header.")
     why = _why_nameless(layout) if layout.names is None else ""
     if why:
         notes.append(f"{why[0].upper()}{why[1:]}; its columns are called 0 to {layout.width - 1}.")
@@ -91,7 +91,7 @@ def _begin(path: Path) -> tuple[bytes, str, list[str], Dialect | None]:
             with opened(path) as file:
                 head = file.read(size)
         except DAMAGE as error:
-            raise LogError(f"{path.name} is no whole archive ({error}); copy or pack it again.") from None
+            raise LogError(f"{path.name} is not a complete archive ({error}); copy or pack it again.") from None
         encoding = _encoding(head[:HEAD], path.name) if head.strip(_NOTHING) else "utf-8-sig"
         lines = _logical(head.decode(encoding, errors="replace").splitlines())
         if len(head) == size and len(lines) > 1:
@@ -102,7 +102,7 @@ def _begin(path: Path) -> tuple[bytes, str, list[str], Dialect | None]:
             break
         size *= 4
     if not head.strip(_NOTHING):
-        what = "is empty" if not head else "holds nothing but blanks or zero bytes"
+        what = "is empty" if not head else "contains only blanks or zero bytes"
         raise LogError(f"{path.name} {what}; record the log again, or give another file.")
     return head, encoding, clean, layout
 
@@ -153,7 +153,7 @@ def _encoding(head: bytes, name: str) -> str:
     if (strange > 0.02 * min(len(head), 4096) and head.rstrip(b"\0")[:4096].count(0) > 8) or strange > 200:
         start = head[:4].decode("latin-1").encode("unicode_escape").decode()
         raise LogError(
-            f"{name} is a binary file that begins with '{start}', of no format that is read here; export it as CSV, "
+            f"{name} is a binary file that begins with '{start}', in a format that is not supported; export it as CSV, "
             "Parquet, MAT, HDF5, TDMS, MDF4 or MCAP."
         )
     try:
@@ -167,17 +167,17 @@ def _encoding(head: bytes, name: str) -> str:
 def _why_none(lines: list[str], name: str, more: bool) -> str:
     """Why no table was found."""
     if more:
-        return f"{name} holds no rows of numbers in its first {MOST_HEAD >> 20} MB; export the log without that head."
+        return f"{name} has no rows of numbers in its first {MOST_HEAD >> 20} MB; export the log without that head."
     live = [t for t in lines if t.strip() and not t.lstrip().startswith(("#", "%"))]
     if len(live) <= 3 and live:
         return (
-            f"{name} has a header and no samples; its first line is {live[0][:60]!r}. Record or export the log again."
+            f"{name} has a header but no samples; its first line is {live[0][:60]!r}. Record or export the log again."
         )
     if not live:
-        return f"{name} holds comments only and no samples; record or export the log again."
+        return f"{name} has comments but no samples; record or export the log again."
     return (
-        f"{name} is no table of numbers: line 1 is {live[0][:60]!r}, and no line after it holds numbers separated by "
-        "comma, semicolon, tab or blanks; export the log as CSV with one header line."
+        f"{name} is not a table of numbers: line 1 is {live[0][:60]!r}, and no later line has numbers separated by "
+        "commas, semicolons, tabs or blanks; export the log as CSV with one header line."
     )
 
 
@@ -196,7 +196,7 @@ def _whole_rows(path: Path, encoding: str, layout: Dialect) -> tuple[int | None,
                 block = block[at:]
             if first is not None and block.strip(b"\0\r\n \t"):
                 raise LogError(
-                    f"{path.name}: line {first + 1} holds zero bytes amid the data; the file is damaged. Copy or "
+                    f"{path.name}: line {first + 1} has zero bytes amid the data; the file is damaged. Copy or "
                     "export it again, or cut that line."
                 )
             lines += block.count(b"\n") if first is None else 0
@@ -251,10 +251,10 @@ def _read(
         if ragged is not None:
             raise LogError(
                 f"{path.name}: line {ragged[2]} has {ragged[3]} cells where {ragged[1]} are usual; look for a "
-                "separator amid its cells, or cut that line."
+                "separator inside a cell, or cut that line."
             ) from None
         reason = str(error).strip().rstrip(".")
-        raise LogError(f"{path.name} is no readable CSV ({reason}); export it again as UTF-8.") from None
+        raise LogError(f"{path.name} is not a readable CSV file ({reason}); export it again as UTF-8.") from None
     inorder = sorted(columns.items(), key=lambda c: c[1])
     return _typed({name: parts[i][:-1] if cut else parts[i] for name, i in inorder}, layout.decimal, notes)
 
@@ -282,7 +282,7 @@ def _typed(cells: dict[str, Any], decimal: str, notes: list[str]) -> dict[str, C
     out = again | footer
     if out.any() and out.sum() < rows:
         notes.append(
-            f"{out.sum()} row(s) of words amid or below the data were left out, the first is row {out.argmax()}."
+            f"{out.sum()} row(s) of text between or below the data were left out, the first is row {out.argmax()}."
         )
         cells = {n: v[~out] for n, v in cells.items()}
         text = {n: v[~out].reset_index(drop=True) for n, v in text.items()}

@@ -119,9 +119,7 @@ def _unwound(values: Array, column: str) -> tuple[Array, tuple[Finding, ...]]:
     usual = float(np.median(step))
     for size in _COUNTERS:
         if values.min() >= 0 and values.max() < size and np.all(np.abs(step[falls] + size - usual) <= 5.0 * usual):
-            text = (
-                f"The counter of column {column!r} begins anew at {size:.0f}, first at row {falls[0] + 1}; counted on."
-            )
+            text = f"Column {column!r} is a counter that overflows at {size:.0f}, first at row {falls[0] + 1}."
             out = values + size * np.r_[0.0, np.cumsum(step < 0)]
             return out, (finding("LOG015", "info", falls + 1, text),)
     return values, ()
@@ -162,7 +160,7 @@ def _dates(values: NDArray[Any], column: str) -> tuple[Array, tuple[Finding, ...
     bad = np.flatnonzero((numbers.isna() & text.notna()).to_numpy())
     row = int(bad[0]) if bad.size else 0
     raise LogError(
-        f"Column {column!r} is not numeric and no dates either: row {row} holds {str(text.iloc[row])[:40]!r}; time is "
+        f"Column {column!r} holds neither numbers nor dates: row {row} holds {str(text.iloc[row])[:40]!r}; time is "
         "numbers in s, ms, us or ns, or dates such as 2024-05-01T12:00:00.005."
     )
 
@@ -197,7 +195,7 @@ def in_order(time: Array, same_rows: NDArray[np.bool_], rows: NDArray[np.intp]) 
     turned = np.mean(np.diff(time) < 0) > TURNED
     if turned:
         time, rows, same_rows = time[::-1], rows[::-1], same_rows[::-1]
-        found.append(Finding("LOG004", "warning", "The newest row stands first; the rows were turned round."))
+        found.append(Finding("LOG004", "warning", "The newest row comes first; the rows were reversed."))
     step = np.diff(time)
     rising = step[step > 0]
     period = float(np.median(rising)) if rising.size else 0.0
@@ -212,7 +210,7 @@ def in_order(time: Array, same_rows: NDArray[np.bool_], rows: NDArray[np.intp]) 
         first = rows[np.flatnonzero(starts)]
         text = f"At row {first[0]}" + (f" and {first.size - 1} more" if first.size > 1 else "")
         found.append(
-            finding("LOG013", "warning", first, f"{text} time falls back; each start begins a new experiment.")
+            finding("LOG013", "warning", first, f"{text} time jumps back; each restart begins a new experiment.")
         )
         fall = np.where(starts, time - np.r_[0.0, time[:-1]] - period, 0.0)
         time = time - np.cumsum(fall)
@@ -225,7 +223,7 @@ def in_order(time: Array, same_rows: NDArray[np.bool_], rows: NDArray[np.intp]) 
         found.append(finding("LOG003", "warning", lost, text, float(lost.size)))
     time, rows, starts = time[later], rows[later], starts[later]
     if time.size < 3:
-        raise LogError(f"only {time.size} stamps increase; check the column of time.")
+        raise LogError(f"only {time.size} stamps increase; check the time column.")
     breaks = np.diff(time) >= LONG_GAP * _period(time)
     segment = np.r_[0, np.cumsum(breaks | starts[1:])].astype(np.int64)
     return Stamps(rows, time, segment, tuple(found))
@@ -252,7 +250,7 @@ def _spread(time: Array, same_rows: NDArray[np.bool_], period: float) -> tuple[A
     else:
         last = time[first[-1]] + period
         out, how = np.interp(place, np.r_[first, time.size], np.r_[time[first], last]), "evenly"
-    text = f"Up to {counts.max()} rows share a stamp, which tells {period:.3g} s at best; they were spread {how}."
+    text = f"Up to {counts.max()} rows share a time stamp with a resolution of {period:.3g} s; they were spread {how}."
     return out, [finding("LOG003", "warning", np.flatnonzero(double), text, float(double.sum()))]
 
 
@@ -273,7 +271,7 @@ def _without_strays(
         return time, rows, []
     lost = rows[stray]
     text = (
-        f"Row {lost[0]} is stamped {time[stray][0]:.6g} s amid rows at {time[max(0, lost[0] - 1)]:.6g} s; "
+        f"Row {lost[0]} has the stamp {time[stray][0]:.6g} s among rows at {time[max(0, lost[0] - 1)]:.6g} s; "
         f"{lost.size} such row(s) were left out."
     )
     return time[~stray], rows[~stray], [finding("LOG004", "warning", lost, text, float(lost.size))]
@@ -287,5 +285,7 @@ def _sorted(time: Array, rows: NDArray[np.intp], period: float) -> tuple[Array, 
         return time, rows, []
     order = np.argsort(time, kind="stable")
     at = np.flatnonzero(back) + 1
-    text = f"{at.size} rows are stamped earlier than the row before, the first is row {rows[at[0]]}; they were sorted."
+    text = (
+        f"{at.size} rows have an earlier stamp than the row before, the first is row {rows[at[0]]}; they were sorted."
+    )
     return time[order], rows[order], [finding("LOG004", "warning", rows[at], text, float(at.size))]

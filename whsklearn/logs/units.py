@@ -163,7 +163,7 @@ def factor_between(source: str, target: str) -> float:
         return 1.0
     (here, a), (there, b) = factor_of(source), factor_of(target)
     if a != b and not {source, target} & UNSTATED:
-        raise ValueError(f"{source} cannot be brought to {target}")
+        raise ValueError(f"{source} cannot be converted to {target}")
     return here / there
 
 

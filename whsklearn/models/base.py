@@ -111,8 +111,8 @@ class IdentifiedModel:
             return factor_between(unit, known)
         except ValueError:
             raise ValueError(
-                f"The {column} of the log is in {unit}, that of the model in {known}, and one cannot be brought to the "
-                f"other; give a log of the same quantity, or say the unit with --unit {_ROLES[column]}=UNIT."
+                f"The {column} of the log is in {unit}, that of the model in {known}, and one cannot be converted to "
+                f"the other; give a log of the same quantity, or say the unit with --unit {_ROLES[column]}=UNIT."
             ) from None
 
     def simulate(self, u: ArrayLike, *, start: float = 0.0) -> NDArray[np.float64]:

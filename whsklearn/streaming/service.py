@@ -42,7 +42,7 @@ class Files(NamedTuple):
     follow : bool
         Wait for more at the end of the file.
     fresh : bool
-        Begin anew even if there is a checkpoint.
+        Start afresh even if there is a checkpoint.
     checkpoint_seconds : float
         Time between checkpoints (s).
     stops_when_full : bool

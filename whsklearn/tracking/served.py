@@ -48,7 +48,7 @@ class Served:
         Raises
         ------
         ValueError
-            If it is not one column, or one in a unit that cannot be brought to the model's.
+            If it is not one column, or one in a unit that cannot be converted to the model's.
         """
         u = np.asarray(model_input, dtype=float)
         if u.size != u.shape[0]:
@@ -65,7 +65,7 @@ class Served:
             return factor_between(given, own)
         except ValueError:
             raise ValueError(
-                f"The column {column!r} is in {given}, and the model takes {own}; one cannot be brought to the other."
+                f"The column {column!r} is in {given}, and the model takes {own}; one cannot be converted to the other."
             ) from None
 
 

@@ -207,8 +207,8 @@ class InSentences:
             return self._patience.wait(quietly, fair)
         except Exception as error:
             raise TrackingError(
-                f"The record at {public(self._client.tracking_uri)} cannot be written ({sentence(error)}); what "
-                "the job writes to files is on the disk. Use --no-track to work without the record."
+                f"The record at {public(self._client.tracking_uri)} cannot be written ({sentence(error)}); the "
+                "files that the job writes are on the disk. Use --no-track to work without the record."
             ) from error
 
 
