@@ -32,6 +32,6 @@ def test_failures_of_an_axis_are_a_row(tmp_path):
     names = axes_of(tmp_path, "axis")
     rows = {r["axis"]: r for r in identify_axes(MODEL, names, source(tmp_path), 0.25)}
     assert rows.pop("ok")["failure"] == ""
-    said = {"text": "not numbers", "short": "samples?", "missing": "no column y", "twice": "stands twice", "nan": "NaN"}
+    said = {"text": "not numbers", "short": "samples?", "missing": "no column y", "twice": "is repeated", "nan": "NaN"}
     for name, pattern in (said | {"empty": "no Parquet file"}).items():
         assert re.search(pattern, rows[name]["failure"]), rows[name]

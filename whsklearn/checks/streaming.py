@@ -215,7 +215,7 @@ def _check_same_seed_same_bits(estimator: Any, X: NDArray[np.float64], y: NDArra
 
 
 def _check_clone_starts_clean(estimator: Any, X: NDArray[np.float64], y: NDArray[np.float64]) -> None:
-    """A clone has the parameters and nothing learnt; fit forgets what was learnt before."""
+    """A clone has the parameters and no learned state; fit discards the state of earlier fits."""
     model = _streamed(estimator, X, y, [])
     again = clone(model)
     assert not hasattr(again, "theta_"), "clone_starts_clean: the clone is fitted"

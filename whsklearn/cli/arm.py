@@ -95,7 +95,7 @@ def gains_of(text: str) -> dict[str, tuple[float, float]]:
 
 
 def columns_of(options: Mapping[str, Any], arm: Arm, names: Sequence[str]) -> dict[str, tuple[str, str]]:
-    """Columns of position and drive of every joint: those of ``--joints``, or those that the log's names tell."""
+    """Columns of position and drive of every joint: those of ``--joints``, or found by their names."""
     given = joint_columns(options["joints"]) if options.get("joints") else guessed_columns(arm.joints, names)
     if missing := [j for j in arm.joints if j not in given]:
         raise ValueError(
@@ -176,7 +176,7 @@ def robot_of(options: Mapping[str, Any]) -> Arm:
 
 
 def base_of(options: Mapping[str, Any]) -> Any:
-    """What `gap` begins with: an identified model, whose numbers stay, or the robot of a file."""
+    """The base model of `gap`: an identified model, whose numbers are kept, or the robot of a file."""
     from whsklearn.models import load_model
 
     if Path(options["robot"]).suffix == ".json":
@@ -314,7 +314,7 @@ def known(share: float) -> float | None:
 
 
 def document(found: ArmFit) -> dict[str, Any]:
-    """What identify.json holds of an arm."""
+    """The content of identify.json for an arm."""
     model, units = found.model, found.model.parameter_units
     parameters = [
         {"name": k, "value": v, "standard_error": model.standard_errors[k], "unit": units.get(k, ""),

@@ -1,4 +1,4 @@
-"""Compare records of one axis or arm: what moved, by how much, or that nothing did, or why that cannot be told.
+"""Compare records of one axis or arm: what changed and by how much, that nothing did, or why they cannot tell.
 
 Writes ``compare.html`` (for a person) and ``compare.json`` (for programs), and records the comparison in MLflow: a
 parent run, and a child run for every record.

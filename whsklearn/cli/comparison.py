@@ -140,7 +140,7 @@ def compare(
                 _record(outcome, run, train)
         except ValueError as error:
             outcome.failure = str(error).splitlines()[0]
-        except TrackingError:  # without a record the rest is not waited for; what is done is told
+        except TrackingError:  # without a record the search ends; results so far are printed
             click.echo(f"\n{results_table([*outcomes, outcome], f'As far as it was recorded, on {train.name}')}")
             raise
         outcomes.append(outcome)

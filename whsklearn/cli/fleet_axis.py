@@ -102,15 +102,15 @@ def identify_axes(model: Any, names: list[str], source: dict[str, Any], test_sha
 
 
 def digest_of(folder: Path, axis: str, name: str) -> str:
-    """What tells whether an axis's files are those of before: sizes and times of change."""
+    """A digest of an axis's files, from sizes and modification times, to see whether they changed."""
     stats = [f.stat() for f in sorted((folder / f"{axis}={name}").glob("*.parquet"))]
     return ",".join(f"{s.st_size}:{s.st_mtime_ns}" for s in stats)
 
 
 def outliers(table: Any, limit: float = 6.0) -> Any:
-    """Rows of a result table that stand apart, the worst first, with what stands apart in ``why``; none that failed.
+    """Outliers of a result table, worst first, with the outlying columns in ``why``; failed axes are excluded.
 
-    A column stands apart by its distance from the fleet's median in units of the scaled median absolute deviation,
+    A column is outlying by its distance from the fleet's median in units of the scaled median absolute deviation,
     nmse on a logarithmic scale and upwards only.
     """
     import pandas as pd

@@ -1,4 +1,4 @@
-"""Close the gap: find what a model lacks against a log, name it, add it, and prove that the gap has closed.
+"""Close the gap: find what a model is missing, name it, add it, and prove that the gap has closed.
 
 Writes ``gap.html`` (for a person), ``gap.json`` (for programs) and ``repaired.json`` (the model with what was
 missing) into the report folder and records the diagnosis in MLflow: a parent run, and a child run for every round.
@@ -163,7 +163,7 @@ def main(**options: Any) -> None:
 
 
 def taken(options: dict[str, Any], log: Bunch) -> Bunch:
-    """Of a log with holes what the kind of model can use: all segments, without short ones or very long holes."""
+    """The part of a log with holes that this kind of model can use: without short segments or very long holes."""
     return long_segments(log) if options["kind"] == "servo" else bridged(log)
 
 
@@ -341,7 +341,7 @@ def as_record(options: dict[str, Any], log: Bunch) -> tuple[Any, dict[str, Any]]
 
 
 def model_of(options: dict[str, Any]) -> Any:
-    """What the options say is the base model."""
+    """The base model that the options name."""
     if options["robot"]:
         from whsklearn.cli.arm import base_of
 

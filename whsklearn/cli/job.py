@@ -1,4 +1,4 @@
-"""What every job's command line shares: options, one-sentence errors, tables that fit 100 columns."""
+"""Shared by all commands: options, one-sentence errors, tables that fit 100 columns."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class WrongOption(click.ClickException):
 
 
 class UnusableLog(click.ClickException):
-    """A log of which nothing can be learnt.
+    """A log from which nothing can be learned.
 
     Examples
     --------
@@ -147,7 +147,7 @@ def writable_file(path: str | os.PathLike[str]) -> Path:
 
 @contextlib.contextmanager
 def progress_bar(items: Iterable[Any] | None = None, **options: Any) -> Iterator[Any]:
-    """A progress bar on a terminal, nothing elsewhere; what the library logs meanwhile goes above it, errors below.
+    """A progress bar if stderr is a terminal; log messages appear above it, errors below.
 
     Parameters
     ----------
@@ -176,7 +176,7 @@ def tracker_for(experiment: str, track: bool, **tags: str) -> Tracker:
 
 
 def say_where(tracker: Tracker) -> None:
-    """Tell where the runs are, and what shows them."""
+    """Print where the runs are and how to see them."""
     if tracker.client is not None:
         click.echo(f"\nRecorded in MLflow, experiment {tracker.experiment}: {tracker.place}\n`whsklearn ui` shows it.")
 

@@ -1,4 +1,4 @@
-"""A user's log as a job takes it: the options that name its columns, the reading, the notes on the terminal."""
+"""A user's log for a command: the options that name its columns, reading it, and the notes on the terminal."""
 
 from __future__ import annotations
 

@@ -221,7 +221,7 @@ def build_search(
 
 
 def varied_names(grid: list[dict[str, list[Any]]]) -> list[str]:
-    """The parameters that the search varies, the innovation length first: what tells one run from another."""
+    """The parameters that the search varies, the innovation length first; they name the runs."""
     values: dict[str, set[str]] = {}
     for part in grid:
         for name, choices in part.items():
@@ -232,7 +232,7 @@ def varied_names(grid: list[dict[str, list[Any]]]) -> list[str]:
 def run_search(search: Any, record: ComparedRecord, parent: Any, total: int, varied: list[str]) -> None:
     """Fit, and record each chunk of candidates as it comes in.
 
-    What a search finds is its record: without one it ends, and tells what it has.
+    The result of a search is its record: if that fails, the search ends and prints the candidates so far.
     """
     from whsklearn.tracking import TrackingError, log_candidates
 
@@ -311,7 +311,7 @@ def leaders(results: dict[str, Any], n: int = 8) -> str:
 
 
 def shown(value: Any) -> Any:
-    """A setting as the table has it: None is what the estimator takes by itself."""
+    """A setting as shown in the table: None is the estimator's default."""
     return "default" if value is None else value
 
 

@@ -18,7 +18,7 @@ SINES = 5  # of a reference by default: enough for every base number of six join
 
 
 def default_arm() -> Arm:
-    """A turntable of two axes: a yaw that stands upright, and on it a pitch with its load off the axis.
+    """A two-axis turntable: a vertical yaw axis, and on it a pitch axis with an eccentric load.
 
     Examples
     --------

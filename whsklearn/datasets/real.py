@@ -272,7 +272,7 @@ def _verify(name: str, frame: pd.DataFrame, path: Path) -> None:
 
 @dataclass(frozen=True)
 class _Records:
-    """What tells one publication from another: its files, how they are read, where they are."""
+    """The properties of one publication: its files, how they are read, where they are."""
 
     name: str
     stem: str

@@ -14,7 +14,7 @@ fields in their order, and the result is the torque the effect asks of the drive
 It must be proportional to the size; then the regressor columns, the simulation in
 `whsklearn.systems.ServoAxis` (where it is compiled and called in every fine step),
 the search for it and the gap workflow follow from that one method, and
-`whsklearn.checks.check_effect` tells whether it is sound::
+`whsklearn.checks.check_effect` checks that it is sound::
 
     @dataclass(frozen=True)
     class Magnet(Effect):
@@ -92,7 +92,7 @@ class Effect:
     quantities : dict of str to Quantity
         Unit and range of every field.
     signature : str
-        What tells the effect from its neighbours in data.
+        What distinguishes the effect from its neighbours in data.
     needs : str
         What a record must contain for the effect to be seen.
     aliases : tuple of str

@@ -1,4 +1,4 @@
-"""The one numbering of the effects: what a compiled function switches on, because it cannot hold a Python object.
+"""The numbering of the effects on which compiled functions switch, because they cannot hold Python objects.
 
 A compiled function takes an effect as a row: its code here and its `Effect.row` of numbers.
 """

@@ -34,7 +34,7 @@ class InputOffset(Effect):
     size: ClassVar[str] = "torque"
     quantities: ClassVar[dict[str, Quantity]] = {"torque": Quantity("Nm", -1e3, 1e3)}
     signature: ClassVar[str] = "a constant, at rest and in motion"
-    needs: ClassVar[str] = "both directions; rest tells it from asymmetric_coulomb"
+    needs: ClassVar[str] = "both directions; rest distinguishes it from asymmetric_coulomb"
     aliases: ClassVar[tuple[str, ...]] = ("asymmetric_coulomb",)
     reference: ClassVar[str] = (
         "Janot, Gautier, Brunot 2019, Data Set and Reference Models of EMPS, Nonlinear System Identification Benchmarks"

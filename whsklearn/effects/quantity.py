@@ -1,4 +1,4 @@
-"""What a number of an effect means: its unit, its plausible range, and where a search for it begins."""
+"""A number of an effect: its unit, its plausible range, and where a search for it begins."""
 
 from __future__ import annotations
 

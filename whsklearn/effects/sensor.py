@@ -139,7 +139,7 @@ class EncoderEccentricity(Effect):
 
 @dataclass(frozen=True)
 class Quantization(Effect):
-    """The sensor counts in steps, y = s round(q / s) (rad); no column stands for it.
+    """The sensor counts in steps, y = s round(q / s) (rad); it has no column.
 
     See Also
     --------

@@ -1,4 +1,4 @@
-"""What the batch fit and the block-by-block fit of a Wiener-Hammerstein chain share."""
+"""Shared by the batch fit and the block-by-block fit of a Wiener-Hammerstein chain."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a user gives, checked, and what there is to say of it."""
+"""Checks of the user's input, and warnings about it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an identified model is, and what was learnt of it."""
+"""The identified model and its learned attributes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What was learnt, carried on: by threads, as a state, in a file."""
+"""Keeping the learned state: between threads, as a dict, in a file."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class KeptModel(FittedModel):
 
     @contextmanager
     def _alone(self) -> Iterator[None]:
-        """Make other threads that learn, or that read what was learnt, wait."""
+        """Block other threads that learn or read the learned state."""
         with self._lock:
             yield
 
@@ -47,7 +47,7 @@ class KeptModel(FittedModel):
         return state
 
     def get_state(self) -> dict[str, Any]:
-        """Return a copy of all that was learnt, as a dict of arrays and numbers."""
+        """Return a copy of the learned state as a dict of arrays and numbers."""
         check_is_fitted(self, "state_")
         with self._alone():
             state = {"n_features_in": int(self.n_features_in_), "state": copy.deepcopy(self.state_)}

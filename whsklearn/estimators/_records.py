@@ -15,7 +15,7 @@ LARGEST = 1e30  # largest magnitude that is accepted as a sane number
 
 
 class Given(NamedTuple):
-    """What a caller gave, joined: X, y, groups, sample_weight and, if records came as a list, their lengths."""
+    """The caller's arguments, joined: X, y, groups, sample_weight and, for a list of records, their lengths."""
 
     X: Any
     y: Any

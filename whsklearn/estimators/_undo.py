@@ -84,7 +84,7 @@ def _own(value: Any) -> Any:
 
 
 class Undo:
-    """What is needed to return to the state before the present call.
+    """What is needed to restore the state before the current call.
 
     Python handles interrupts where a call returns or a function begins, never between two plain assignments.
     So assignments below that belong together are kept together.
@@ -114,7 +114,7 @@ class Undo:
             self._y[self._filled : self._filled + n] = y
 
     def done(self, n: int) -> None:
-        """Count the rows as learnt."""
+        """Count the rows as learned."""
         self.noted = False
         if n > ROWS:
             self._of = None

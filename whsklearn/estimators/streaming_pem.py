@@ -85,7 +85,7 @@ class StreamingPEMRegressor(ChainRegressor):
     def fit(
         self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None, sample_weight: ArrayLike | None = None
     ) -> Self:
-        """Forget all that was learnt and fit a record in one pass, as `partial_fit` on a new estimator.
+        """Discard the learned state and fit a record in one pass, as `partial_fit` on a new estimator.
 
         Parameters
         ----------

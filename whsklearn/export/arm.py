@@ -20,7 +20,7 @@ LEAST = 1e-6  # kg and kg m2: MuJoCo takes no moving body without mass
 
 
 def arm_mjcf(arm: Arm) -> tuple[str, list[Loss]]:
-    """The file's text, and what it does not hold; a motor of gear one drives each joint.
+    """The text of the file, and the parts of the model that it cannot represent; a motor of gear one drives each joint.
 
     Examples
     --------
@@ -59,7 +59,7 @@ def arm_mjcf(arm: Arm) -> tuple[str, list[Loss]]:
 
 
 def arm_urdf(arm: Arm) -> tuple[str, list[Loss]]:
-    """The file's text, and what it does not hold.
+    """The text of the file, and the parts of the model that it cannot represent.
 
     Examples
     --------

@@ -1,6 +1,6 @@
 """The law of an arm as C: drives from position, velocity and acceleration of all joints, specialised to its numbers.
 
-The rigid-body equations stand once, in `whsklearn.systems._arm_kernels`.  They are run here on expressions instead of
+The rigid-body equations exist once, in `whsklearn.systems._arm_kernels`.  They are run here on expressions instead of
 numbers, with the geometry and the links known, so that what is zero or constant is never computed (Khalil and Dombre
 2002, ch. 9, customised symbolic method).
 """

@@ -36,7 +36,7 @@ def identifier(text: str) -> str:
 
 
 def code_losses(model: Exported, what: str) -> list[Loss]:
-    """What the code of a model or a compensator leaves out."""
+    """Parts of a model that its code or compensator cannot represent."""
     if model.axis is None:
         direct = model.chain is not None and model.chain.direct
         reason = "effects of a chain with a direct path are not exported"

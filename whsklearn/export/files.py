@@ -36,13 +36,13 @@ FORMATS = {
 
 @dataclass(frozen=True)
 class Export:
-    """What was written.
+    """The result of an export.
 
     Attributes
     ----------
     paths : list of Path
     losses : list of Loss
-        What the format does not hold, with its size.
+        Parts of the model that the format cannot represent, with their sizes.
     left : list of Left
         What each table leaves of its torque, by a replay against the model; of ``table``.
 

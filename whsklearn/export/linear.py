@@ -14,7 +14,7 @@ _LINEAR = ("viscous", "cable_spring")
 
 
 def to_dlti(model: Any) -> tuple[Any, list[Loss]]:
-    """The linear part in discrete time, and what it leaves out.
+    """The linear part in discrete time, and the parts of the model that it omits.
 
     Parameters
     ----------

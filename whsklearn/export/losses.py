@@ -1,4 +1,4 @@
-"""What a format cannot hold, and how large it is: reported, never dropped silently."""
+"""Parts of a model that a format cannot represent, with their sizes: reported, never dropped silently."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Loss:
     size : str
         Its numbers with their units.
     reason : str
-        Why it is not there, or what stands in its place.
+        Why it is missing, or what replaces it.
 
     References
     ----------

@@ -22,7 +22,7 @@ GRAVITY = 9.81
 # faster than any motion that a drive of 1 kHz can log (benchmarks/export.py, --steps)
 FINEST = 2.5e-4
 CREEP = 2e-3  # time constant of friction at rest (s), eight steps; MuJoCo's default of 20 ms creeps visibly
-BRISTLE = 1e-4  # rad: over which Stribeck's curve, which has no presliding, is reached where LuGre stands in for it
+BRISTLE = 1e-4  # rad: over which Stribeck's curve, which has no presliding, is reached where LuGre replaces it
 
 FAR = 1e3  # where a stop that is not there stands
 
@@ -48,7 +48,7 @@ class Mjcf:
 
 
 def mjcf(model: Exported, joint: str = "axis") -> tuple[str, list[Loss]]:
-    """The file's text, and what it does not hold.
+    """The text of the file, and the parts of the model that it cannot represent.
 
     Examples
     --------
@@ -111,7 +111,7 @@ def mapped(axis: ServoAxis, linear: bool = False) -> Mjcf:
 
 
 def hold_in(m: Mjcf, effect: Effect, others: list[Effect]) -> None:
-    """Put one effect into ``m``, if MuJoCo holds its like; ``others`` are the effects beside it."""
+    """Put one effect into ``m`` if MuJoCo has an equivalent; ``others`` are the other effects."""
     if effect.name in _HOLDERS:
         _HOLDERS[effect.name](m, effect, others)
 

@@ -1,4 +1,4 @@
-"""What is exported: an axis or a chain with its units, from a file or an object."""
+"""The model to export: an axis or a chain with its units, from a file or an object."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class Exported:
         return [dataclasses.replace(loss, size=spelled(loss.size)) for loss in losses]
 
     def foreign(self) -> list[Loss]:
-        """What a format in Nm or N, rad or m cannot take: a current, counts, or an unknown unit."""
+        """Units that a format in Nm or N and rad or m cannot take: a current, counts, or an unknown unit."""
         out = []
         for what, column, symbol, wanted in (
             ("drive", "input", self.si[0], ("Nm", "N")),

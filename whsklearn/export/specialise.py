@@ -1,6 +1,6 @@
 """Compiled equations as straight-line code of another language, with everything that is known in advance worked out.
 
-The effects' equations and the integrator stand once, as Python functions that Numba compiles.  An exported model
+The effects' equations and the integrator exist once, as Python functions that Numba compiles.  An exported model
 must not write them down again, so it is made of the same functions: `Specialiser` walks their syntax trees with
 the model's numbers bound (online partial evaluation; Jones, Gomard, Sestoft 1993, Partial Evaluation and Automatic
 Program Generation, ch. 4), folds what is constant, unrolls loops over effects, inlines calls, and writes the rest

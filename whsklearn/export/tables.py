@@ -1,4 +1,4 @@
-"""Tables for drives: the torque of cogging over a turn, that of friction over speed, and what they leave.
+"""Tables for drives: cogging torque over a turn, friction torque over speed, and the error that remains.
 
 Sources: TF5200 friction compensation, Beckhoff Infosys, P-COMP-00041 to 00047 (at most 20 speeds in 0.001 degree/s
 or um/s, ascending; values in the drive's own unit, for CANopen and SERCOS drives 0.1 % of the rated torque).
@@ -71,7 +71,7 @@ class Ratings(NamedTuple):
 
 
 class Left(NamedTuple):
-    """What a table leaves of a torque, predicted by replaying it against the model.
+    """The torque that remains with a table, predicted by replaying the table against the model.
 
     Attributes
     ----------

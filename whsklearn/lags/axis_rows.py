@@ -93,7 +93,7 @@ def advance(
 
 
 def checked_torque(y: ArrayLike, n: int) -> Array:
-    """The target as an array; raises an error that says what is wrong with it."""
+    """The target as an array; raises an error that explains what is wrong."""
     torque = np.asarray(y, dtype=float).ravel()
     if len(torque) != n:
         raise ValueError(f"y has {len(torque)} values and X {n} rows; give one torque a position.")

@@ -36,7 +36,7 @@ Array = NDArray[np.float64]
 
 __all__ = ["InverseDynamicsLags"]
 
-SHORTEST = 64  # samples below which a record tells nothing of its noise
+SHORTEST = 64  # samples below which a record says nothing about its noise
 
 
 class InverseDynamicsLags(MotionStream, TransformerMixin, BaseEstimator):
@@ -261,7 +261,7 @@ class InverseDynamicsLags(MotionStream, TransformerMixin, BaseEstimator):
         return min(1.0, kept / apart)
 
     def interpret(self, theta: ArrayLike) -> tuple[float, tuple[Effect, ...]]:
-        """Inertia and effects that these weights of the columns stand for.
+        """Inertia and effects for these weights of the columns.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""What a cell of a text table holds: numbers in every spelling that spreadsheets and loggers have."""
+"""The cells of a text table: numbers in every notation of spreadsheets and loggers."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def is_word(cell: str) -> bool:
 
 
 def is_number(cell: str, decimal: str = ".") -> bool:
-    """Whether a cell holds a number in some spelling, or nothing.
+    """Whether a cell is empty or holds a number in some notation.
 
     Examples
     --------
@@ -85,14 +85,14 @@ def is_number(cell: str, decimal: str = ".") -> bool:
 
 
 def is_plain(cell: str, decimal: str = ".") -> bool:
-    """Whether a cell holds a number as a program writes it, or nothing."""
+    """Whether a cell is empty or holds a number as programs write it."""
     if decimal == ",":
         cell = cell.replace(",", ".") if "." not in cell else "x"
     return _NUMBER.match(cell) is not None
 
 
 def as_numbers(values: pd.Series, decimal: str) -> tuple[pd.Series, str, list[str]]:
-    """Floats of cells, the unit that all of them carry, and what was done; NaN where a cell is no number.
+    """Floats of cells, the unit that all of them carry, and what was done; NaN where a cell is not a number.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What is wrong with a log before anything is fitted: stamps, holes, clipping, repeated samples, lattice."""
+"""Checks of a log before anything is fitted: time stamps, holes, clipping, repeated samples, quantization."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def check_log(
     extra: tuple[Finding, ...] = (),
     rows: NDArray[np.intp] | None = None,
 ) -> LogReport:
-    """Look a log over.
+    """Check a log.
 
     Parameters
     ----------

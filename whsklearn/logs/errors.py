@@ -1,4 +1,4 @@
-"""What goes wrong with a log, separated by who can mend it."""
+"""Errors about logs, separated by who can correct them."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class ColumnError(LogError):
 
 
 class LogWarning(UserWarning):
-    """Something in a log was mended on reading; the message says what.
+    """Something in a log was repaired on reading; the message says what.
 
     Examples
     --------

@@ -18,7 +18,7 @@ _STALE_SECONDS = 600.0
 
 
 def utf8(text: str) -> str:
-    """A name that holds bytes which the locale has no character for (PEP 383), as the UTF-8 that it is."""
+    """A file name decoded as UTF-8 where the locale could not decode it (PEP 383)."""
     return text.encode("utf-8", "surrogateescape").decode("utf-8", "replace")
 
 

@@ -1,4 +1,4 @@
-"""What was found in a log, and the report that collects it.
+"""Findings in a log, and the report that collects them.
 
 Every finding has a stable code, a title and an explanation that says what to do or what was done.
 """
@@ -77,7 +77,7 @@ class Finding:
 
     @property
     def title(self) -> str:
-        """What the code stands for."""
+        """The meaning of the code."""
         return TITLES[self.code]
 
 

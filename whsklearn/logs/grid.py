@@ -62,7 +62,7 @@ def even(time: Array, signals: dict[str, Array], segment: NDArray[np.int64]) -> 
     else:
         near = step[inside & (step < GAP * period)]
         period = float(near.mean())  # the median of 10, 12, 10, 12 ms is neither
-        text = f"It is on an even grid of {period:.6g} s, in {len(spans)} segment(s); motions by splines, the rest linearly."
+        text = f"Onto an even grid of {period:.6g} s in {len(spans)} segment(s): motions by splines, the rest linearly."
         parts = [_resampled(time[part], {k: v[part] for k, v in signals.items()}, period) for part in spans]
     return Even(
         np.concatenate([t for t, _ in parts]),

@@ -1,4 +1,4 @@
-"""Logs whose every line names its numbers, as sketches for an Arduino print them: ``Time: 5001 Position: 595``."""
+"""Logs in which every line labels its numbers, as Arduino sketches print them: ``Time: 5001 Position: 595``."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _FEWEST = 3
 
 
 def is_labelled(head: bytes) -> bool:
-    r"""Whether the lines of a text name their numbers.
+    r"""Whether the lines of a text label their numbers.
 
     Examples
     --------
@@ -43,7 +43,7 @@ def is_labelled(head: bytes) -> bool:
 
 
 def open_labelled(path: Path) -> Source:
-    """A text of named numbers as a source of columns; lines that hold other names are left out.
+    """A text of labelled numbers as a source of columns; lines with other labels are left out.
 
     Raises
     ------
@@ -74,6 +74,6 @@ def open_labelled(path: Path) -> Source:
 
 
 def _labels(line: str) -> tuple[str, ...]:
-    """The names in a line that holds named numbers and nothing else."""
+    """The labels in a line of labelled numbers."""
     text = _MONITOR.sub("", line.strip())
     return tuple(n.strip() for n, _, _ in _PAIRS.findall(text)) if _LINE.fullmatch(text) else ()

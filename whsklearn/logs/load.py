@@ -77,7 +77,7 @@ def load_log(
     resample: bool = True,
     return_X_y: bool = False,
 ) -> Any:
-    """Read the log of an axis, mend what can be mended, and say what was found and done.
+    """Read the log of an axis, repair what can be repaired, and report it.
 
     Parameters
     ----------
@@ -135,7 +135,7 @@ def load_log(
     Warns
     -----
     LogWarning
-        In one message, a sentence or two for everything that was mended.
+        One message with a sentence or two for each repair.
 
     Examples
     --------
@@ -182,7 +182,7 @@ def load_log(
 
 
 def _as_torque(table: _Table, constant: TorqueConstant | None) -> None:
-    """A current times its constant; a remark on one that stays a current."""
+    """Convert a current to a torque; report a drive that remains a current."""
     if "drive" not in table.signals:
         return
     column, unit = table.columns["drive"], table.units["drive"]
@@ -321,7 +321,7 @@ def _floats(values: NDArray[Any], column: str, name: str) -> Array:
 
 
 def _refuse(name: str, table: _Table) -> None:
-    """Refuse a log that would have to be mended."""
+    """Refuse a log that would need repairs."""
     _, hole = mend.missing_rows({"time": table.time, **table.signals}, table.columns)
     if hole is not None:
         raise LogError(f"{name}: {hole.explanation.partition(');')[0]}); fill or drop them, or pass resample=True.")

@@ -1,4 +1,4 @@
-"""What is mended in the signals of a log before any model sees them: missing values, wrapped angles, held phases."""
+"""Repairs of the signals of a log: missing values, wrapped angles, held phases."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-HUGE = 1e100  # no sensor tells more; squares of it overflow
+HUGE = 1e100  # no sensor reads more; squares of it overflow
 TINY = 1e-100  # a signal that never exceeds it is zero but for a slip of the unit
 NONE = (999.0, 9999.0, 99999.0, 999999.0)  # what loggers write for no value
 APART = 0.1  # of such a value: all others lie below
@@ -125,7 +125,7 @@ def unwrap(role: str, values: Array, turn: float) -> tuple[Array, Finding]:
 
 
 def signed(role: str, values: Array) -> tuple[Array, Finding | None]:
-    """Whole numbers of 8, 16 or 32 bits whose negative ones were logged as large positive ones, brought back.
+    """Restore the sign of integers of 8, 16 or 32 bits whose negative values were logged as large positive ones.
 
     Two's complement leaves its mark: the values fill both ends of the range and leave the middle half empty.
 
@@ -155,7 +155,7 @@ def held(time: Array, drive: Array, position: Array) -> tuple[NDArray[np.bool_],
 
     There drive and position keep their last digit for a second and more, in a log whose drive otherwise
     changes from row to row.  A stop of less than half a second before it was the brake's and goes too; a longer
-    one is a coast that tells friction, and stays.  A drive that stands at its limit while its axis is stalled is
+    one is a coast that shows friction, and stays.  A drive that is at its limit while its axis is stalled is
     controlled, and stays too.
     """
     n = drive.size

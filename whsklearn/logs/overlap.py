@@ -1,4 +1,4 @@
-"""Whether two records hold the same samples: a test on what was fitted tests nothing."""
+"""Whether two records share samples: a test must not use the data of the fit."""
 
 from __future__ import annotations
 

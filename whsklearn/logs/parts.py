@@ -23,7 +23,7 @@ _FEWEST_ROWS = 3
 
 
 def by_motor(source: Source) -> Source:
-    """The columns of each motor, ``position.2``, where a column tells whose a row is; else the source itself.
+    """The columns of each motor, ``position.2``, where a column identifies each row's motor; else the source itself.
 
     Examples
     --------
@@ -62,7 +62,7 @@ def by_motor(source: Source) -> Source:
 
 
 def _ids(values: Any) -> Any:
-    """Whose each row is, as text; None where the column holds measurements."""
+    """The motor of each row, as text; None if the column holds measurements."""
     if values.dtype.kind in "fiu":
         whole = np.isfinite(values) & (values == np.round(values))
         return np.array([f"{v:.0f}" for v in values]) if whole.all() else None
@@ -70,7 +70,7 @@ def _ids(values: Any) -> Any:
 
 
 def open_folder(path: Path, opener: Callable[[Path], Source]) -> Source:
-    """A folder of text tables, one a signal, each with its time or none: columns are called as the files are.
+    """A folder of text tables, one per signal, each with or without its own time; columns are named after the files.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Which column is what: the names given, numbers, or the names that people give to time, drive and position."""
+"""Which column is which: by given names, by number, or by the usual names of time, drive and position."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _ROLE_OF_UNIT = {
 
 
 def guess(source: Source, role: str) -> str | None:
-    """The one column whose name, or the unit in its name, says that it is `role`; None if there is none.
+    """The one column whose name or unit identifies it as `role`; None if there is none.
 
     Raises
     ------

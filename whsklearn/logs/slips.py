@@ -1,7 +1,7 @@
-"""Mistakes that a log reveals: an inverted drive, a velocity for a position, degrees for radians, ms for s.
+"""Mistakes that a log reveals: an inverted drive, a velocity in place of a position, degrees for radians, ms for s.
 
 Pure functions of signals: the gap workflow and ``identify`` ask them when a log is read and when a result is no
-physics.  Each answer is a sentence and the option that mends it; nothing is changed unasked.
+physics.  Each answer is a sentence and the option that corrects it; nothing is changed without being asked.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _VELOCITY = "--velocity COLUMN in place of --position"
 
 
 class Slip(NamedTuple):
-    """What looks wrong, and the option that would mend it.
+    """A likely mistake, and the option that would correct it.
 
     Attributes
     ----------

@@ -148,7 +148,7 @@ def _encoding(head: bytes, name: str) -> str:
         return "utf-16"
     even, odd = head[:4096:2].count(0), head[1:4096:2].count(0)
     if max(even, odd) > 0.4 * min(len(head), 4096) / 2 and min(even, odd) < 0.01 * len(head[:4096]):
-        return "utf-16-be" if even > odd else "utf-16-le"  # without the mark that tells
+        return "utf-16-be" if even > odd else "utf-16-le"  # without a byte order mark
     strange = sum(b < 9 or 13 < b < 32 for b in head.rstrip(b"\0")[:4096])
     if (strange > 0.02 * min(len(head), 4096) and head.rstrip(b"\0")[:4096].count(0) > 8) or strange > 200:
         start = head[:4].decode("latin-1").encode("unicode_escape").decode()
@@ -272,7 +272,7 @@ def _typed(cells: dict[str, Any], decimal: str, notes: list[str]) -> dict[str, C
         odd = np.asarray(no_numbers(values, as_numbers(values, decimal)[0]), dtype=bool)
         if 2 * odd.sum() > rows:
             odd = ~_true(values.str.fullmatch(_DATE)) & ~_true(values.isna())
-        if 2 * odd.sum() > rows:  # neither numbers nor dates: a column of words tells nothing of its rows
+        if 2 * odd.sum() > rows:  # neither numbers nor dates: a column of words says nothing about its rows
             del words[name]
         else:
             words[name] = odd

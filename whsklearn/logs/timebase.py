@@ -1,4 +1,4 @@
-"""Stamps of a log: numbers, ticks since 1970 or dates, brought to seconds from the first, in order, in segments."""
+"""Time stamps of a log, as numbers, ticks or dates, converted to seconds from the first, sorted, in segments."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Units: read off the names and headers of a log's columns, brought to SI, and put back where a person reads.
+"""Units: read from column names and headers, converted to SI, and converted back in reports.
 
 Everything inside is SI: s, rad and Nm, or m and N.  A drive in amperes stays in amperes: they cannot be turned into
 newton metres without the torque constant, so friction comes in amperes then, and says so.
@@ -11,7 +11,7 @@ import re
 from collections.abc import Mapping
 
 UNKNOWN = "as logged"
-UNSTATED = frozenset({"", UNKNOWN})  # what stands for a unit that nothing states
+UNSTATED = frozenset({"", UNKNOWN})  # a unit that is not stated
 
 # Symbol -> factor to SI, SI symbol, other spellings. Radians count as SI. Signs between letters and case do not matter:
 # N·m, N m and nm are one spelling. The pound's, ounce's and kilogram's forces are those of ISO 80000-4.
@@ -88,7 +88,7 @@ def unit_of(column: str, default: str = UNKNOWN) -> str:
 
 
 def written_unit(column: str) -> str:
-    """What stands in brackets at the end of a column's name, a unit or not; empty without.
+    """The text in brackets at the end of a column's name, whether a unit or not; empty if there is none.
 
     Examples
     --------
@@ -100,7 +100,7 @@ def written_unit(column: str) -> str:
 
 
 def symbol_of(text: str) -> str | None:
-    """The symbol for a unit as people spell it; None for a word that is no unit we know.
+    """The symbol of a unit in any usual spelling; None for an unknown unit.
 
     ``counts/4096`` and ``ticks/16384`` say how many counts make a turn; of a time, how many ticks make a second.
 
@@ -145,7 +145,7 @@ def factor_of(symbol: str) -> tuple[float, str]:
 
 
 def factor_between(source: str, target: str) -> float:
-    """What a number in the unit ``source`` is to be multiplied with to be one in ``target``.
+    """The factor that converts a number from the unit ``source`` to ``target``.
 
     A unit that is not known is taken for SI.
 
@@ -223,7 +223,7 @@ def readable(symbol: str, default: str = "") -> str:
 
 
 def own_units(si: tuple[str, str], logged: tuple[str, str]) -> dict[str, str]:
-    """SI symbols of drive and motion -> the units in which a report tells them, where these are others.
+    """SI symbols of drive and motion -> the units used in a report, where these differ.
 
     Examples
     --------
@@ -235,7 +235,7 @@ def own_units(si: tuple[str, str], logged: tuple[str, str]) -> dict[str, str]:
 
 
 def turn_of(symbol: str) -> float | None:
-    """How much of the unit a full turn is; None where the unit is no angle or the counts of a turn are not known."""
+    """A full turn in this unit; None if the unit is not an angle or the counts per turn are unknown."""
     factor, si = factor_of(symbol)
     return 2 * math.pi / factor if si == "rad" else None
 
@@ -246,7 +246,7 @@ def is_time(symbol: str) -> bool:
 
 
 def time_unit_of(column: str, symbol: str) -> str:
-    """The unit of a column of time: the one at its end, or one that its name holds elsewhere, as ``ms_today`` does.
+    """The unit of a time column: at the end of its name, or elsewhere in it, as in ``ms_today``.
 
     Examples
     --------

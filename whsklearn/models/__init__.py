@@ -1,4 +1,4 @@
-"""Identified models as plain objects: what a file holds, a report draws and an export translates."""
+"""Identified models as plain objects, for files, reports and exports."""
 
 from whsklearn.models.arm import ArmModel
 from whsklearn.models.axis import AxisModel

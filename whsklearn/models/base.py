@@ -81,11 +81,11 @@ class IdentifiedModel:
         return factor_of(self.units.get("input", UNKNOWN))[1], factor_of(self.units.get("output", UNKNOWN))[1]
 
     def from_logged(self) -> Any:
-        """The model whose numbers, so far in the units of its columns, are brought to SI (files of version 1)."""
+        """The model with its numbers converted from the units of its columns to SI (files of version 1)."""
         raise NotImplementedError
 
     def column_factor(self, column: str, unit: str) -> float:
-        """What a signal in ``unit`` is to be multiplied with for `simulate` to take it, or to be compared with it.
+        """The factor that converts a signal in ``unit`` to the unit of `simulate`'s input or output.
 
         Parameters
         ----------
@@ -129,7 +129,7 @@ class IdentifiedModel:
 
 
 def as_input(u: ArrayLike) -> NDArray[np.float64]:
-    """The input as a contiguous vector; refuses what is not finite."""
+    """The input as a contiguous vector; refuses values that are not finite."""
     signal = np.ascontiguousarray(np.asarray(u, dtype=float).reshape(-1))
     if not np.isfinite(signal).all():
         raise ValueError("The input holds NaN or infinity, expected finite numbers; clean the log.")

@@ -17,7 +17,7 @@ HORIZONS = (1, 2, 3, 5, 8, 13, 21, 34, 55)
 class HorizonDisplay(Display):
     """NMSE against the prediction horizon, up to the free run: *the* validation picture.
 
-    A model that is good one step ahead and poor in free run has learnt the sensor's memory, not the axis.
+    A model that is good one step ahead and poor in free run has learned the sensor's memory, not the axis.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The look that all displays share."""
+"""The style that all displays share."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ TRUTH = (0, (6, 4))  # the dashes of what is known, not estimated
 
 
 class Display:
-    """What all displays share: figure and axes in one look."""
+    """Shared by all displays: figure and axes in one style."""
 
     figure_: Any
     axes_: Any

@@ -26,7 +26,7 @@ class ResidualDisplay(Display):
     Attributes
     ----------
     whiteness, dependence : WhitenessTest, CorrelationTest
-        The tests of `whsklearn.validation` behind the panels; their p-values stand in the titles.
+        The tests of `whsklearn.validation` behind the panels; their p-values are in the titles.
 
     References
     ----------

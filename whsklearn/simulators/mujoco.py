@@ -1,4 +1,4 @@
-"""An MJCF model as a simulator: finds what it lacks against a log, and writes it repaired (extra ``mujoco``)."""
+"""An MJCF model as a simulator: finds what it is missing against a log, and writes it repaired (extra ``mujoco``)."""
 
 from __future__ import annotations
 

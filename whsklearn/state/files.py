@@ -1,6 +1,6 @@
-"""What a stream carries, on disk: atomic, versioned, checked, and without pickle.
+"""State files of streams: atomic, versioned, checked, and without pickle.
 
-A state file is three lines of text and the arrays' bytes, so ``head -3 FILE`` tells what it is::
+A state file is three lines of text and the arrays' bytes, so ``head -3 FILE`` shows what it is::
 
     whsklearn-state 2
     <SHA-256 of all that is not this line, in hex>
@@ -54,7 +54,7 @@ def write_state(path: str | os.PathLike[str], kind: str, params: dict[str, Any],
     kind : str
         What the state is of, such as the estimator's class name; `read_state` asks for it.
     params, state : dict
-        Constructor parameters and learnt state: numbers, strings, None, arrays of numbers,
+        Constructor parameters and learned state: numbers, strings, None, arrays of numbers,
         lists, tuples, dicts with string keys, effects, friction laws, estimators (by their
         parameters) and NumPy random generators, nested at will.
 
@@ -111,7 +111,7 @@ def read_state(path: str | os.PathLike[str], kind: str | None = None) -> tuple[d
 
 
 def read_kind(path: str | os.PathLike[str]) -> str:
-    """What a state file is of, such as ``"RMILSRegressor"``; raises as `read_state` does.
+    """The kind of a state file, such as ``"RMILSRegressor"``; raises as `read_state` does.
 
     Parameters
     ----------

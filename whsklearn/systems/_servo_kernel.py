@@ -3,7 +3,7 @@
 ``run`` serves the closed loop (the controller writes the drive), the replay of a logged drive, and the observer:
 a replay that is corrected after every sample by the innovation e = y - y_hat, position by ``gains[0]`` e and
 velocity by ``gains[1]`` e (Luenberger 1971, IEEE Trans. Autom. Control 16(6), 596-602).  Held near the measurement
-like that, no controller need be known, and what the model lacks stands in e.  With l1 = gains[0] / dt and
+like that, no controller need be known, and what the model is missing appears in e.  With l1 = gains[0] / dt and
 l2 = gains[1] / dt,
 
     missing torque = J (p^2 + l1 p + l2) e + F(q, v) - F(q^, v^),

@@ -184,7 +184,7 @@ def sensed(codes, rows, memory, own, q, t, dt):
 
 @njit(cache=False, error_model="numpy", forceinline=True)
 def unsensed(codes, rows, own, y, expected, t, dt):
-    """The output q that a reading y stands for, the ``expected`` sign where a folded reading leaves the choice."""
+    """The output q behind a reading y, with the ``expected`` sign where a folded reading is ambiguous."""
     q = y
     for j in range(codes.size - 1, -1, -1):
         c = codes[j]

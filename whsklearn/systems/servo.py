@@ -337,7 +337,7 @@ def fine_steps(effects: Iterable[Effect], sample_time: float) -> int:
 
 # --- as compiled passes take it --------------------------------------------------------------------------------------
 def parts_of(axis: ServoAxis) -> NDArray[np.float64]:
-    """The numbers of an axis that are no effects, shape (12,), in the order of `Plant.parts`."""
+    """The numbers of an axis that belong to no effect, shape (12,), in the order of `Plant.parts`."""
     kappa = 1.0 / axis.smoothing if axis.friction == "tanh" else math.inf
     d, part = axis.drive, axis.transmission
     coupling = (0.0, 0.0, 0.0, 0.0)

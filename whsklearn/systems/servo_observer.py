@@ -52,7 +52,7 @@ _NOTHING = np.zeros(0)
 
 
 def bare_parts(inertia: float, delay: float = 0.0, *, resolution: float = 0.0, on_load: bool = False) -> Array:
-    """`Plant.parts` of an axis of which nothing but this is known; all else stands in its effects.
+    """`Plant.parts` of an axis of which only this is known; everything else is in its effects.
 
     Parameters
     ----------

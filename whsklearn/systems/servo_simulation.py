@@ -1,4 +1,4 @@
-"""What is done to a servo axis, checked and completed, and the compiled run of it."""
+"""An experiment on a servo axis, checked and completed, and its compiled simulation."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class Experiment(NamedTuple):
-    """What is done to the axis: arrays of n samples, checked."""
+    """An experiment on the axis: arrays of n samples, checked."""
 
     drive: NDArray[np.float64] | None
     reference: NDArray[np.float64]
@@ -87,7 +87,7 @@ def experiment(
     drive: ArrayLike | None,
     wanted: Conditions,
 ) -> Experiment:
-    """Check what the caller wants and complete it.
+    """Check and complete the caller's experiment.
 
     Raises
     ------

@@ -99,7 +99,7 @@ class BesideRun:
             self._lose("it takes metrics more slowly than they come")
 
     def close(self, seconds: float = CLOSE_SECONDS) -> int:
-        """End the run if that takes no longer than so many seconds; the number of sets of metrics that were lost.
+        """End the run within the given time; return the number of lost sets of metrics.
 
         Parameters
         ----------

@@ -96,7 +96,7 @@ _COMPARISON = (
 
 
 def view_of(experiment: str) -> dict[str, Any]:
-    """What the page shows of an experiment's runs: their order and the columns that tell them apart.
+    """Order and columns of an experiment's runs on MLflow's page.
 
     Examples
     --------
@@ -370,7 +370,7 @@ class Run:
             self._buffer["params"] += [Param(k, utf8(str(v))[:500]) for k, v in params.items()]
 
     def log_metrics(self, metrics: Mapping[str, float], step: int = 0) -> None:
-        """Buffer metrics of one step; what is not finite becomes the tag ``not_finite``.
+        """Buffer metrics of one step; names of values that are not finite go into the tag ``not_finite``.
 
         Parameters
         ----------
@@ -410,7 +410,7 @@ class Run:
             self.flush()
 
     def flush(self) -> None:
-        """Write what is buffered: one call, as a rule, since each may take a server's answer to come back."""
+        """Write the buffer, usually in one call, since each call may wait for a server."""
         while any(self._buffer.values()):
             self._client.log_batch(self.id, **{k: v[: BATCH[k]] for k, v in self._buffer.items()})
             for k, v in self._buffer.items():
@@ -649,7 +649,7 @@ def alias_of(data: str) -> str:
 
 
 def model_requirements() -> list[str]:
-    """What a logged model needs, pinned to what runs here.
+    """The requirements of a logged model, pinned to the installed versions.
 
     Examples
     --------
@@ -734,7 +734,7 @@ def log_candidates(
 
 
 def experiments(root: str | os.PathLike[str] = ".") -> list[tuple[str, str]]:
-    """Name and id of every experiment that holds runs, the one that was written to last first.
+    """Name and id of every experiment with runs, most recent first.
 
     Each is given the columns of its page (`view_of`), should it have been made by something else.
 

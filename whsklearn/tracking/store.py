@@ -99,7 +99,7 @@ def initialise(database: Path) -> None:
 
 
 def probe(uri: str) -> None:
-    """Tell at once that a server is down; MLflow itself would retry for minutes."""
+    """Fail at once if the server is down; MLflow itself would retry for minutes."""
     parts = urlsplit(uri)
     try:
         if parts.scheme in ("http", "https"):
@@ -118,7 +118,7 @@ def probe(uri: str) -> None:
 
 
 class Patience:
-    """Waits for a server, but not for ever: it may be killed, stopped or slow at any time.
+    """Waits for a server, but only for a limited time: it may be killed, stopped or slow at any moment.
 
     Each call runs in a thread of its own, so that whoever waits can be interrupted; what takes longer than is fair uses
     up the patience, and when that has gone every further call fails at once.  A store in a file has no server.
@@ -167,7 +167,7 @@ class Patience:
 
 
 class InSentences:
-    """A client whose every failure is a `TrackingError` of one sentence: databases raise what their drivers do.
+    """A client that turns every failure, whatever a database driver raises, into a `TrackingError` of one sentence.
 
     Parameters
     ----------

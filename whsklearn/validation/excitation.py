@@ -2,7 +2,7 @@
 
 Theorem 1 asks for alpha I <= (1/t) sum_j sum_i phi(j, i) phi(j, i)' <= beta I with
 alpha > 0.  Here alpha and beta are the extreme eigenvalues of that matrix, and the
-directions in which it is as good as zero are told by the names of their parameters.
+directions in which it is practically zero are reported by the names of their parameters.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class ExcitationWarning(UserWarning):
 
 @dataclass(frozen=True)
 class Excitation:
-    """What the regressors can show.
+    """The directions of the parameter space that the regressors excite.
 
     Attributes
     ----------
@@ -102,7 +102,7 @@ def excitation(phi: ArrayLike, names: Sequence[str] | None = None, p: int = 1, t
     names : sequence of str, optional
         Name of each parameter; ``theta[i]`` by default.
     p : int, default=1
-        Innovation length: sample k stands in the windows j = k, ..., k + p - 1.
+        Innovation length: sample k is in the windows j = k, ..., k + p - 1.
     tolerance : float, default=1e-6
         A direction counts as unseen if its singular value, columns scaled to unit length, is
         below this share of the largest: its parameter then has 1e6 times the uncertainty.

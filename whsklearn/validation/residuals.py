@@ -1,4 +1,4 @@
-"""Residual tests: what is left in e = y - y_hat, and whether chance explains it.
+"""Residual tests: structure in e = y - y_hat, and whether chance explains it.
 
 Bands are 1.96 / sqrt(N) for 95 %.  They are for one lag and hold where one of the two
 signals is white; 25 lags inside 95 % bands raise a false alarm in most records.  So the
