@@ -1,5 +1,6 @@
 # Every target sets itself up: a virtual environment in .venv, the package in it, and nothing else.
-# Needed on the machine: python 3.11 or newer, and pip. Once set up, no target needs a network.
+# Needed on the machine: python 3.11 or newer, with pip or ensurepip. Once set up, only the targets that build further
+# environments (test-lowest, wheel, clean-room, bench) need a network.
 
 VENV   := .venv
 PYTHON := $(shell for p in python3 python3.14 python3.13 python3.12 python3.11 python; do \
@@ -21,10 +22,15 @@ setup:
 .PHONY: install
 install: $(PY)
 	@echo "Setting up $(VENV) (once; a few minutes at most)"
-	@if $(PY) -m uv --version >/dev/null 2>&1 || $(PYTHON) -m pip --python $(PY) install --quiet uv 2>/dev/null; then \
+	@$(PY) -m uv --version >/dev/null 2>&1 || $(PYTHON) -m pip --python $(PY) install --quiet uv 2>/dev/null || \
+	  { $(PY) -m ensurepip >/dev/null 2>&1 && $(PY) -m pip install --quiet uv 2>/dev/null; } || true
+	@if $(PY) -m uv --version >/dev/null 2>&1; then \
 	    $(PY) -m uv pip install --quiet --python $(PY) -e '.[$(EXTRAS)]'; \
+	  elif $(PY) -m pip --version >/dev/null 2>&1; then \
+	    echo "uv is not available; using pip, which takes longer"; \
+	    $(PY) -m pip install --quiet -e '.[$(EXTRAS)]'; \
 	  else \
-	    echo "uv cannot be had here; going on with pip"; \
+	    echo "uv is not available; using pip, which takes longer"; \
 	    $(PYTHON) -m pip --python $(PY) install --quiet -e '.[$(EXTRAS)]'; \
 	  fi
 	@cp pyproject.toml $(VENV)/installed.toml
