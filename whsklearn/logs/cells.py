@@ -131,7 +131,7 @@ def as_numbers(values: pd.Series, decimal: str) -> tuple[pd.Series, str, list[st
         unit = str(found[1].iloc[0])
         cut = rest.str.removesuffix(unit).str.strip()
         out.loc[cut.index] = number(cut)
-        notes.append(f"The unit {unit!r} stands behind each number; it was taken off.")
+        notes.append(f"Each number is followed by its unit, {unit!r}, which was removed.")
         rest = left()
     other = "," if decimal == "." else "."
     if all_of(rest, _THOUSANDS[decimal]):
