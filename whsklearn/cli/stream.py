@@ -72,7 +72,6 @@ def main(
 
     With --robot the rows are those of an arm, and what is learnt are the numbers of its joints.
     """
-    from whsklearn.change import ChangeAlarm
     from whsklearn.streaming import Files, Options, run_stream
 
     kept = checkpoint or Path("stdin.whs" if source == "-" else f"{source}.whs")
@@ -96,9 +95,8 @@ def main(
         bool(time_column), outputs, factors,
     )  # fmt: skip
     files = Files(source, out, kept, follow, fresh, checkpoint_every, disk_full == "stop")
-    alarm = ChangeAlarm(interval=alarm_interval)
     say = functools.partial(click.echo, err=True)
-    run_stream(model, columns, files, options, alarm, root=root() if track else None, say=say)
+    run_stream(model, columns, files, options, alarm_interval, root=root() if track else None, say=say)
 
 
 def build_model(estimator: str, orders: str, law: str, p: int, forgetting: float, seed: int) -> Any:

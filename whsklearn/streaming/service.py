@@ -119,7 +119,7 @@ def run_stream(
     columns: list[str],
     files: Files,
     options: Options | None = None,
-    alarm: ChangeAlarm | None = None,
+    alarm: ChangeAlarm | float = 1e6,
     *,
     root: Path | None = None,
     say: Say = _to_stderr,
@@ -136,8 +136,8 @@ def run_stream(
         What is read and written.
     options : Options, optional
         What is done with the rows.
-    alarm : ChangeAlarm, optional
-        What watches the innovations.
+    alarm : ChangeAlarm or float, default=1e6
+        What watches the innovations, or the rows between its false alarms, on average, at least.
     root : Path, optional
         The folder that holds ``mlruns/``; without one nothing is recorded in MLflow.
     say : callable
@@ -164,7 +164,8 @@ def run_stream(
     >>> len((folder / "records.jsonl").read_text().splitlines())
     2
     """
-    options, alarm = options or Options(), alarm or ChangeAlarm()
+    options = options or Options()
+    alarm = alarm if isinstance(alarm, ChangeAlarm) else ChangeAlarm(interval=alarm)
     source, kept = files.source, files.kept
     check_files(source, files.out, kept, files.fresh)
     with alone(kept, files.out):
