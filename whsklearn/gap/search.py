@@ -282,6 +282,8 @@ class Search:
         worse, better = (float(e @ e) for e in (other.errors, taken.errors))
         null = float(np.mean(taken.look.null) - np.mean(other.look.null))
         lead = max(lead, gain(worse, better, n_effective(other.errors)) - 2.0 * null)
+        if lead < 2.0 * np.log(1.0 / self.alpha):
+            return False
         z = vuong(other.errors, taken.errors)
         if self.plant.exact and separable(lead, z, np.zeros(0), self.alpha):
             return True

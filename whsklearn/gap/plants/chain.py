@@ -15,9 +15,9 @@ from whsklearn.gap.diagnosis import NamedEffect
 from whsklearn.gap.plant import Figures, Gap, Linearised, PlantDefaults, Reading, Told
 from whsklearn.gap.plants import chain_model as cm
 from whsklearn.gap.plants import chain_record as readings
-from whsklearn.gap.plants.chain_anew import fits, fitted, fitted_once, is_strong, nudged
+from whsklearn.gap.plants.chain_anew import anew, fitted, fitted_once, is_strong, near, nudged
 from whsklearn.gap.plants.chain_candidates import Candidate
-from whsklearn.gap.plants.chain_fit import base_starts, minima, polished, sharpened
+from whsklearn.gap.plants.chain_fit import base_starts, cost, minima, polished, sharpened
 from whsklearn.gap.plants.chain_law import LawChoice, falls_short, with_knots
 from whsklearn.gap.plants.chain_looks import SLOPED, WRONG_SIDE, Seen, gained, look
 from whsklearn.gap.plants.chain_model import ChainModel, Record
@@ -178,18 +178,22 @@ class ChainPlant(PlantDefaults):
         looks = [dataclasses.replace(k, size=k.size * self.unit) for k in seen.looks]
         if seen.p_value > GATE:
             return looks
+        # an effect that is tried again beside others competes with those that came close to it before
+        among = None if beside is None else self._near
+        grown = list(near(self.record, model, seen.looks, among))
+        best = min((m for _, m in grown), key=lambda m: cost(self.record, m), default=model)
+        if self.seen(best, rng).p_value <= GATE:  # the blocks may have bent so much that none fits from where they are
+            others = self._others if not model.terms else []
+            grown += anew(self.record, model, others, seen.looks, rng, among)
         before = rms(self.errors(model))
         out: dict[str, tuple[Look, Candidate]] = {}
-        others = self._others if not model.terms else []
-        # an effect that is tried again beside others competes with those that came close to it before
-        near = None if beside is None else self._near
-        for kind, grown in fits(self.record, model, others, seen.looks, rng, near):
-            g = gained(self.record, model, grown)
+        for kind, m in grown:
+            g = gained(self.record, model, m)
             null = max((k.null for k in looks if k.name == kind.name), key=np.mean, default=np.zeros(2))
             size = before * np.sqrt(max(0.0, -np.expm1(-g / self.n_effective)))
             p = max(seen.p_value, p_value(g, null, len(looks)))
             if kind.name not in out or g > out[kind.name][0].gain:
-                out[kind.name] = Look(kind.name, g, null, grown, kind.n_numbers, float(size), 1.0, p), kind
+                out[kind.name] = Look(kind.name, g, null, m, kind.n_numbers, float(size), 1.0, p), kind
         ranked = sorted(out.values(), key=lambda pair: -pair[0].score)
         self._near |= {k.name for k, _ in ranked if k.size**2 > WORTH_FITTING * ranked[0][0].size ** 2}
         # A fit of a strong effect finds more than its look does, and it does so in the model's own records too.  The
@@ -251,8 +255,9 @@ class ChainPlant(PlantDefaults):
         leads = []
         for _ in range(FEW):
             s = cm.made(self.record, other.model, rng)
-            wrong = sharpened(s, taken.model, (10.0, 30.0, *cm.HARD))
-            leads.append(gained(s, polished(s, other.model), polished(s, wrong)) - price)
+            right = sharpened(s, other.model, (cm.SHARPEST,))
+            wrong = sharpened(s, sharpened(s, taken.model, (10.0, 30.0, *cm.HARD)), (cm.SHARPEST,))
+            leads.append(gained(s, right, wrong) - price)
         return np.array(leads)
 
     # --- proof ------------------------------------------------------------------------------------

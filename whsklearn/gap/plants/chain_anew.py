@@ -57,51 +57,72 @@ def is_strong(kind: Candidate, s: Record) -> bool:
     return kind.linear == 0
 
 
-def fits(
-    s: Record, m: ChainModel, others: list[ChainModel], looks: list[Look], rng: np.random.Generator, among: Any = None
-) -> Iterator[tuple[Candidate, ChainModel]]:
-    """Fit the model with one more candidate, for strong candidates and for the most promising others of two looks.
+def near(s: Record, m: ChainModel, looks: list[Look], among: Any = None) -> Iterator[tuple[Candidate, ChainModel]]:
+    """Fit the model with one more candidate from where it is: strong candidates and the most promising others.
 
     Parameters
     ----------
-    others : list of ChainModel
-        Further minima of the model without the candidate.
     looks : list of Look
         From `whsklearn.gap.plants.chain_looks.look`; a second look under a softer sign is taken here.
     among : container of str, optional
         The names to be fitted; by default all.
     """
+    for start in promising(s, m, looks, among):
+        yield start.kind, fitted(s, [m], start)
+
+
+def promising(s: Record, m: ChainModel, looks: list[Look], among: Any = None) -> list[Term]:
+    """Starts of all strong candidates and of the best others, at the shapes that either look prefers."""
+    both = [sorted((k for k in looks if k.start is not None), key=lambda k: -k.score), softly(s, m)]
+    out: list[Term] = []
+    for one in both:
+        starts = [k.start for k in one if (among is None or k.name in among) and not k.start.kind.folds]
+        out += [t for t in starts if is_strong(t.kind, s) and t not in out]
+        # of an additive one the softer look knows the better start
+        weak = [t for t in starts if not is_strong(t.kind, s)][:PROMISING]
+        out = [t for t in out if is_strong(t.kind, s) or t.kind not in {w.kind for w in weak}] + weak
+    return out
+
+
+def anew(
+    s: Record, m: ChainModel, others: list[ChainModel], looks: list[Look], rng: np.random.Generator, among: Any = None
+) -> Iterator[tuple[Candidate, ChainModel]]:
+    """Fit the chain again with a strong candidate inside, and additive ones from other minima of the model.
+
+    Parameters
+    ----------
+    others : list of ChainModel
+        Further minima of the model without the candidate.
+    looks, among
+        As of `near`.
+    """
     strong = [k for k in kinds(s, m) if is_strong(k, s) and (among is None or k.name in among)]
     yield from fitted_anew(s, m, others, strong, rng)
-    both = [sorted((k for k in looks if k.start is not None), key=lambda k: -k.score), softly(s, m)]
-    seen: set[int] = set()
-    for one in both:
-        weak = [k for k in one if not is_strong(k.start.kind, s) and (among is None or k.name in among)]
-        for found in weak[:PROMISING]:
-            start = found.start
-            if start.kind.code in seen and one is both[0]:
-                continue
-            seen.add(start.kind.code)
-            yield start.kind, fitted(s, [m, *others], start)
+    if others:
+        for start in promising(s, m, looks, among):
+            if not is_strong(start.kind, s):
+                yield start.kind, fitted(s, others, start)
 
 
 def fitted(s: Record, models: list[ChainModel], term: Term) -> ChainModel:
-    """The best of several models with an additive effect, which starts from the size that a look gives it."""
+    """The best of several models with an effect, which starts from the size that a look gives it."""
     z = cm.sizes(s, models[0])
     bounds = [term.kind.range_of(i, z) for i in range(len(term.q))]
     term = Term(term.kind, tuple(float(np.clip(v, *b)) for v, b in zip(term.q, bounds, strict=True)))
     ways = [sharpened(s, m.plus(term), (10.0, 30.0, *cm.HARD), 6) for m in models]
-    ways.append(sharpened(s, models[0].plus(term), cm.HARD[1:], 8))
+    if term.kind.linear:
+        ways.append(sharpened(s, models[0].plus(term), cm.HARD[1:], 8))
     out = min(ways, key=lambda m: cost(s, m))
     return walked(s, out) if term.kind.scan == "step" else out
 
 
 def fitted_once(s: Record, m: ChainModel, kind: Candidate, rng: np.random.Generator) -> ChainModel:
-    """The model with one candidate, fitted as in `fits`; the model itself if no fit is stable."""
-    if is_strong(kind, s):
-        return next((grown for _, grown in fitted_anew(s, m, [], [kind], rng)), m)
+    """The model with one candidate, fitted as in `near` and `anew`; the model itself if no fit is stable."""
     start = next((k.start for k in softly(s, m) if k.start.kind == kind), None)
-    return m if start is None else fitted(s, [m], start)
+    ways = [m] if start is None else [fitted(s, [m], start)]
+    if is_strong(kind, s):
+        ways += [grown for _, grown in fitted_anew(s, m, [], [kind], rng)]
+    return min(ways, key=lambda w: cost(s, w))
 
 
 def walked(s: Record, m: ChainModel) -> ChainModel:

@@ -11,9 +11,9 @@ from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from whsklearn.effects import FrictionLaw
+from whsklearn.gap.least_squares import least_squares
 from whsklearn.gap.plants import chain_model as cm
 from whsklearn.gap.plants.chain_candidates import Term
 from whsklearn.gap.plants.chain_model import ChainModel, Record
@@ -30,6 +30,7 @@ N_RANDOM = 16  # starts besides the divisions, for blocks that are far from thos
 KEPT, POLISHED = 6, 2  # minima under a soft sign that are sharpened, and those that are fitted until they converge
 N_HOPS, HOP = 2, 1.0  # trials of neighbouring valleys, and their distance in standard errors
 DIFFERENT = 1e-3  # share of the sum of squares by which two minima differ
+LEAST_DROP = 1e-6  # of the sum of squares in one step of a fit
 UNSEEN = 1e-12  # share of the largest column below which a column is rounding error
 
 
@@ -42,33 +43,30 @@ def climb(s: Record, m: ChainModel, sharpness: float, steps: int, *, robust: boo
     """The model fitted at a sharpness (kappa times rms dx) with its noise colour unchanged."""
     kappa, z = sharpness / cm.rms_dx(s, m), cm.sizes(s, m)
     low, high = cm.bounds(m, z)
-    room = 1e-9 * np.maximum(np.abs(np.where(np.isfinite(low), low, 0.0)), 1.0)
-    x = np.clip(cm.to_vector(m), low + room, high - room)
+    x = np.clip(cm.to_vector(m), low, high)
     sigma = np.sqrt(cm.variance_of(cm.left(s, cm.from_vector(m, x), kappa)[s.fit]))
 
     def errors(x: Array) -> Array:
-        return cm.left(s, cm.from_vector(m, x), kappa)[s.fit] / sigma
+        e = cm.left(s, cm.from_vector(m, x), kappa)[s.fit] / sigma
+        return np.copysign(np.sqrt(cm.capped(e**2)), e) if robust else e
 
-    def rows(x: Array) -> Array:
-        out = cm.sensitivities(s, cm.from_vector(m, x), kappa)[s.fit] / sigma
+    def slopes(x: Array) -> Array:
+        """Derivatives of `errors`; a capped error is the root of its cost, so its slope is e w(e) over that root."""
+        at = cm.from_vector(m, x)
+        out = cm.sensitivities(s, at, kappa)[s.fit] / sigma
         size = np.linalg.norm(out, axis=0)
-        return np.where(size > UNSEEN * size.max(initial=0.0), out, 0.0)  # a kink far from every x is rounding only
+        out[:, size <= UNSEEN * size.max(initial=0.0)] = 0.0  # a kink far from every x is rounding only
+        if robust:
+            e = cm.left(s, at, kappa)[s.fit] / sigma
+            out *= (cm.share(e**2) * np.abs(e) / np.maximum(np.sqrt(cm.capped(e**2)), 1e-150))[:, None]
+        return out
 
-    loss = _capped if robust else "linear"
+    near = 1e-6 * np.maximum(np.abs(x), 0.05)
     try:
-        found = least_squares(
-            errors, x, rows, bounds=(low, high), x_scale="jac", loss=loss, max_nfev=steps, ftol=1e-7, xtol=1e-9
-        )
+        found = least_squares(errors, x, near, (low, high), max_iterations=steps, tolerance=LEAST_DROP, slopes=slopes)
     except (ValueError, np.linalg.LinAlgError):
         return m
     return cm.from_vector(m, found.x)
-
-
-def _capped(z: Array) -> Array:
-    """`capped` with its two derivatives, in the form of a SciPy loss."""
-    g, floor = np.exp(-0.5 * z), np.exp(-0.5 * cm.CAP)
-    w = g / (g + floor)
-    return np.array([-2.0 * np.log((g + floor) / (1.0 + floor)), w, -0.5 * w * (1.0 - w)])
 
 
 def coloured(s: Record, m: ChainModel) -> ChainModel:

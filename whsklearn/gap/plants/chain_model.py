@@ -137,39 +137,42 @@ def ports(terms: tuple[Term, ...]) -> Ports | None:
 def simulate(s: Record, m: ChainModel, kappa: float = np.inf, u: Array | None = None) -> tuple[Array, Array, Array]:
     """x, v and y_hat of the free run, each of shape (n,); the sign of dx is tanh(kappa dx)."""
     u = s.u if u is None else u
-    n = u.size
-    x, v, y = np.empty(n), np.empty(n), np.empty(n)
-    run(m.theta, s.chain(kappa), ports(m.terms), u, s.y, np.zeros(n), True, x, v, y)
+    x, v, y = np.empty((3, u.size))
+    _run_all(s, [m], kappa, u, (x, v, y[None]))
     return x, v, y
 
 
 def outputs(s: Record, models: list[ChainModel], kappa: float) -> Array:
     """y_hat of several models with the same effects, shape (n_models, n), in one compiled call."""
     out = np.empty((len(models), s.u.size))
-    if not models:
-        return out
-    thetas = np.array([m.theta for m in models])
-    packed = [ports(m.terms) for m in models]
-    if packed[0] is None:
-        _runs(thetas, s.chain(kappa), s.u, s.y, out)
-    else:
-        rows = np.array([p.rows for p in packed if p is not None])
-        _runs_with(thetas, rows, packed[0].codes, packed[0].own, s.chain(kappa), s.u, s.y, out)
+    if models:
+        _run_all(s, models, kappa, s.u, (*np.empty((2, s.u.size)), out))
     return out
 
 
-@njit(nogil=True, error_model="numpy")
-def _runs(thetas, chain, u, y, out):
-    x, v, none = np.empty(u.size), np.empty(u.size), np.zeros(u.size)
-    for i in range(thetas.shape[0]):
-        run(thetas[i], chain, None, u, y, none, True, x, v, out[i])
+def _run_all(s: Record, models: list[ChainModel], kappa: float, u: Array, out: tuple[Array, Array, Array]) -> None:
+    """Fill y_hat of every model, and x and v of the last one."""
+    thetas, packed = np.array([m.theta for m in models]), [ports(m.terms) for m in models]
+    # flat arguments: Numba would find out the types of a named tuple in Python, which takes longer than a run
+    chain = (s.dims, s.law.codes, s.law.shapes, float(kappa), s.dt, u, s.y, *out)
+    if packed[0] is None:
+        _runs(thetas, *chain)
+    else:
+        _runs_with(thetas, np.array([p.rows for p in packed if p]), packed[0].codes, packed[0].own, *chain)
 
 
 @njit(nogil=True, error_model="numpy")
-def _runs_with(thetas, rows, codes, own, chain, u, y, out):
-    x, v, none = np.empty(u.size), np.empty(u.size), np.zeros(u.size)
+def _runs(thetas, dims, law, shapes, kappa, dt, u, readings, x, v, out):
+    chain, none = PackedChain(dims, law, shapes, kappa, dt), np.zeros(u.size)
     for i in range(thetas.shape[0]):
-        run(thetas[i], chain, Ports(codes, rows[i], own), u, y, none, True, x, v, out[i])
+        run(thetas[i], chain, None, u, readings, none, True, x, v, out[i])
+
+
+@njit(nogil=True, error_model="numpy")
+def _runs_with(thetas, rows, codes, own, dims, law, shapes, kappa, dt, u, readings, x, v, out):
+    chain, none = PackedChain(dims, law, shapes, kappa, dt), np.zeros(u.size)
+    for i in range(thetas.shape[0]):
+        run(thetas[i], chain, Ports(codes, rows[i], own), u, readings, none, True, x, v, out[i])
 
 
 def free_run(s: Record, m: ChainModel) -> Array:
@@ -179,7 +182,26 @@ def free_run(s: Record, m: ChainModel) -> Array:
 
 def whiten(x: Array, ar: Array) -> Array:
     """A(q) x along the first axis."""
-    return np.asarray(lfilter(np.concatenate([[1.0], ar]), [1.0], x, axis=0)) if ar.any() else x
+    return filtered(np.concatenate([[1.0], ar]), np.ones(1), np.ascontiguousarray(x.T)).T if ar.any() else x
+
+
+def filtered(b: Array, a: Array, rows: Array) -> Array:
+    """b(q) / a(q) of every row, from rest, with a[0] = 1; of the shape of ``rows``, (n,) or (k, n)."""
+    out = np.empty_like(rows)
+    _filter(b, a, np.atleast_2d(rows), np.atleast_2d(out))
+    return out
+
+
+@njit(nogil=True, error_model="numpy")
+def _filter(b, a, rows, out):
+    for k in range(rows.shape[0]):
+        for t in range(rows.shape[1]):
+            s = 0.0
+            for i in range(min(b.size, t + 1)):
+                s += b[i] * rows[k, t - i]
+            for i in range(1, min(a.size, t + 1)):
+                s -= a[i] * out[k, t - i]
+            out[k, t] = s
 
 
 def pieces_of(seen: NDArray[np.bool_]) -> list[slice]:
@@ -217,16 +239,21 @@ def sizes(s: Record, m: ChainModel) -> Sizes:
 # --- the residual, robustly ----------------------------------------------------------------------
 def variance_of(e: Array) -> float:
     """Variance of the errors without outliers: a Gaussian over a low floor, by expectation-maximisation."""
-    variance, floor = float(np.mean(e**2)) + 1e-300, np.exp(-0.5 * CAP)
+    variance = float(np.mean(e**2)) + 1e-300
     for _ in range(20):
-        g = np.exp(-0.5 * e**2 / variance)
-        w = g / (g + floor)
+        w = share(e**2 / variance)
         new = float(np.sum(w * e**2) / max(float(np.sum(w)), 1.0)) + 1e-300
         done = abs(new - variance) < 1e-4 * variance
         variance = new
         if done:
             break
     return variance
+
+
+def share(z: Array) -> Array:
+    """Weight of squared errors z in the capped cost: its derivative, one if z is small and zero for an outlier."""
+    g = np.exp(-0.5 * z)
+    return np.asarray(g / (g + np.exp(-0.5 * CAP)))
 
 
 def capped(z: Array) -> Array:
@@ -332,22 +359,19 @@ def sensitivities(s: Record, m: ChainModel, kappa: float) -> Array:
     vector, p = to_vector(m), m.theta.size
     _, _, weights, up, down = s.blocks
     moved = list(range(vector.size)) if m.at_sensor else [*range(weights.start), *range(p, vector.size)]
-    out = np.empty((s.u.size, vector.size))
+    out = np.zeros((vector.size, s.u.size))
     where = slots(m)
     steps = [1e-6 * max(abs(vector[i]), 0.05) if i < p or m.terms[where[i - p][0]].kind.linear else 1e-4 for i in moved]
     others = [from_vector(m, vector + h * np.eye(1, vector.size, i)[0]) for i, h in zip(moved, steps, strict=True)]
-    out[:, moved] = ((outputs(s, others, kappa) - y) / np.array(steps)[:, None]).T
+    out[moved] = (outputs(s, others, kappa) - y) / np.array(steps)[:, None]
     if not m.at_sensor:
-        c = np.concatenate([[0.0, 1.0], m.theta[up]])
-        d = np.concatenate([[1.0], m.theta[down]])
-        dx = np.diff(x, prepend=0.0)
-        out[:, weights] = lfilter(c, d, law_values(s.law.codes, s.law.shapes, x, dx, kappa), axis=1).T
-        for delay, i in enumerate(range(up.start, up.stop), start=2):
-            out[:, i] = lfilter(np.concatenate([np.zeros(delay), [1.0]]), d, v)
-        past = lfilter([1.0], d, y) if down.stop > down.start else y
-        for delay, i in enumerate(range(down.start, down.stop), start=1):
-            out[delay:, i], out[:delay, i] = -past[:-delay], 0.0
-    return -whiten(np.clip(np.nan_to_num(out), -1e12, 1e12), m.ar)
+        c, d = (np.concatenate([first, m.theta[block]]) for first, block in (([0.0, 1.0], up), ([1.0], down)))
+        out[weights] = filtered(c, d, law_values(s.law.codes, s.law.shapes, x, np.diff(x, prepend=0.0), kappa))
+        for block, first, signal in ((up, 2, v), (down, 1, -y)):
+            late = filtered(np.ones(1), d, signal)
+            for delay, i in enumerate(range(block.start, block.stop), start=first):
+                out[i, delay:] = late[:-delay]
+    return -whiten(np.clip(np.nan_to_num(out), -1e12, 1e12).T, m.ar)
 
 
 def stable(s: Record, m: ChainModel) -> ChainModel:
