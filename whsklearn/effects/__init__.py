@@ -1,7 +1,7 @@
 """The effects of a servo axis: one catalogue for laws, simulators and the gap workflow."""
 
 from whsklearn.effects.base import PLACES, Effect, effect_names, get_effect
-from whsklearn.effects.chain import ChainDeadZone, ChainLimit, ChainPlay, ChainResonance, ChainTone
+from whsklearn.effects.chain import ChainDeadZone, ChainLimit, ChainPlay, ChainResonance, ChainSpring, ChainTone
 from whsklearn.effects.drive import ActuatorLag, DeadZone, InputDelay, InputOffset, Saturation, TorqueRipple
 from whsklearn.effects.friction import (
     AsymmetricCoulomb,
@@ -45,6 +45,7 @@ __all__ = [
     "ChainLimit",
     "ChainPlay",
     "ChainResonance",
+    "ChainSpring",
     "ChainTone",
     "Cogging",
     "ContactStop",

@@ -13,6 +13,7 @@ from typing import Any, ClassVar
 from whsklearn.effects import codes
 from whsklearn.effects.base import Effect
 from whsklearn.effects.drive import DeadZone, Saturation
+from whsklearn.effects.position import HardeningSpring
 from whsklearn.effects.quantity import Quantity
 from whsklearn.effects.timed import DisturbanceTone
 from whsklearn.effects.transmission import Backlash, FlexibleCoupling
@@ -178,6 +179,31 @@ class ChainDeadZone(AtPort, DeadZone):  # type: ignore[override]
     _codes: ClassVar[dict[str, int]] = {"input": codes.DEAD_ZONE, "middle": codes.DEAD_ZONE_X}
 
 
+@dataclass(frozen=True)
+class ChainSpring(AtPort, HardeningSpring):
+    """A spring c (x - x_0)^3 that adds to the law, or that pulls on the mass that L1 is: the input then loses it.
+
+    With the second, L1 linear behind u - c x^3 is Duffing's oscillator, held between samples.
+
+    See Also
+    --------
+    HardeningSpring : the first.
+
+    Examples
+    --------
+    >>> from whsklearn import WienerHammersteinSystem
+    >>> from whsklearn.effects import ChainSpring
+    >>> mass = WienerHammersteinSystem([1.0], [], [1.0], [], "linear", effects=[ChainSpring(0.5, at="input")])
+    >>> mass.simulate([1.0, 0.0, 0.0, 0.0]).tolist()
+    [0.0, 0.0, 1.0, -0.5]
+    """
+
+    at: str = "law"
+
+    choices: ClassVar[dict[str, tuple[str, ...]]] = {"at": ("law", "input")}
+    _codes: ClassVar[dict[str, int]] = {"law": codes.HARDENING_SPRING, "input": codes.SPRING_U}
+
+
 CHAIN_FORMS: dict[str, type[Effect]] = {
-    c.name: c for c in (ChainPlay, ChainResonance, ChainTone, ChainLimit, ChainDeadZone)
+    c.name: c for c in (ChainPlay, ChainResonance, ChainTone, ChainLimit, ChainDeadZone, ChainSpring)
 }

@@ -80,6 +80,7 @@ RESONANCE_Y = 161
 TONE_U = 162
 SATURATION_X = 163
 DEAD_ZONE_X = 164
+SPRING_U = 165
 
 # effects of one's own, by port
 USER_TORQUE = 200

@@ -20,6 +20,7 @@ from whsklearn.effects.equations import (
     dead_zone,
     delayed,
     disturbance_tone,
+    hardening_spring,
     hysteresis_torque,
     lagged,
     parameter_change,
@@ -42,6 +43,7 @@ def at_drive(code):
         or code == k.CHANGE_GAIN
         or k.INPUT_DELAY <= code <= k.ACTUATOR_LAG
         or code == k.TONE_U
+        or code == k.SPRING_U
         or code == k.PLAY_U
     )
 
@@ -112,6 +114,8 @@ def passed(c, rows, memory, j, w, time, x, dt):
         return w - saturation(rows[j, 0], w)
     if c == k.TONE_U:
         return w + disturbance_tone(rows[j, 0], rows[j, 1], rows[j, 2], time)
+    if c == k.SPRING_U:
+        return w - hardening_spring(rows[j, 0], rows[j, 1], x)
     return w - motor_torque(c, rows, j, time, x, 0.0, 0.0, 0.0, w)[0]
 
 

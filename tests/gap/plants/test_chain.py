@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks.blind_logs import wiener_hammerstein as blind
+from whsklearn.datasets import make_coupled_drives
 from whsklearn.gap import GapFinder
 
 
@@ -78,6 +79,13 @@ def test_a_strong_saturation_does_not_leave_the_blocks_bent():
     assert finder.verdict_ == "named"
     assert [e.name for e in finder.effects_] == ["saturation"]
     assert finder.diagnosis_.after["rmse"] < 1.1 * np.std(noise_of(case))  # the noise of the record, by its generator
+
+
+@pytest.mark.parametrize("kind", ["prbs", "uniform"])
+def test_the_coupled_drives_lack_a_sensor_that_knows_the_sign(kind):
+    finder = GapFinder("wiener-hammerstein", law="linear").fit(*make_coupled_drives(kind=kind, random_state=1))
+    assert (finder.verdict_, [e.name for e in finder.effects_]) == ("named", ["sensor_rectification"])
+    assert finder.diagnosis_.closure > 0.9
 
 
 def test_of_two_names_that_no_record_can_tell_apart_the_simpler_is_first():

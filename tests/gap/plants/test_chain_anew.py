@@ -7,9 +7,10 @@ import pytest
 
 from benchmarks.blind_logs import filtered_chain
 from tests.gap.plants.example_chain import PLAIN, TRUE, kind, record, term
-from whsklearn.effects import ChainDeadZone, ParameterChange, as_law
+from whsklearn.effects import ActuatorLag, ChainDeadZone, ParameterChange, as_law
 from whsklearn.gap.plants import chain_anew as anew
 from whsklearn.gap.plants.chain_fit import base_starts, coloured, cost, minima, sharpened
+from whsklearn.gap.plants.chain_looks import gained, look
 from whsklearn.gap.plants.chain_model import Record
 
 RNG = np.random.default_rng
@@ -71,8 +72,19 @@ def test_an_instant_is_walked_to():
     assert found[0] == pytest.approx(0.3, rel=0.1)
 
 
-def test_all_strong_candidates_and_the_best_of_the_rest_are_fitted():
-    s = record(ChainDeadZone(0.3))
-    m = coloured(s, TRUE)
-    names = [k.name for k, _ in anew.fits(s, m, [], [], RNG(0), among=("dead_zone", "cogging"))]
-    assert set(names) == {"dead_zone", "cogging"}
+def test_all_strong_candidates_and_the_best_of_the_rest_start_from_the_model():
+    m = coloured(s := record(ChainDeadZone(0.3)), TRUE)
+    starts = anew.promising(s, m, [])
+    strong = {k.code for k in anew.kinds(s, m) if anew.is_strong(k, s)}
+    assert strong <= {t.kind.code for t in starts}
+    assert len({t.kind.code for t in starts} - strong) == anew.PROMISING
+    assert {t.kind.name for t in anew.promising(s, m, [], among=("dead_zone", "cogging"))} == {"dead_zone", "cogging"}
+
+
+def test_a_small_lag_that_a_softer_sign_hides_is_fitted_from_where_the_model_is():
+    s = record(ActuatorLag(0.3))
+    base = minima(s, base_starts(s, RNG(0)))[0]
+    found = [m for k, m in anew.near(s, base, look(s, base, RNG(1)).looks, among=("actuator_lag",))]
+    best = min(found, key=lambda m: cost(s, m))
+    assert best.terms[-1].q[0] == pytest.approx(0.3, rel=0.1)
+    assert gained(s, base, best) > 20.0

@@ -15,11 +15,11 @@ from whsklearn.gap.diagnosis import NamedEffect
 from whsklearn.gap.plant import Figures, Gap, Linearised, PlantDefaults, Reading, Told
 from whsklearn.gap.plants import chain_model as cm
 from whsklearn.gap.plants import chain_record as readings
-from whsklearn.gap.plants.chain_anew import anew, fitted, fitted_once, is_strong, near, nudged
+from whsklearn.gap.plants.chain_anew import anew, fitted, fitted_anew, fitted_once, is_strong, near, nudged
 from whsklearn.gap.plants.chain_candidates import Candidate
 from whsklearn.gap.plants.chain_fit import base_starts, cost, minima, polished, sharpened
 from whsklearn.gap.plants.chain_law import LawChoice, falls_short, with_knots
-from whsklearn.gap.plants.chain_looks import SLOPED, WRONG_SIDE, Seen, gained, look
+from whsklearn.gap.plants.chain_looks import SLOPED, WRONG_SIDE, Seen, gained, kinds, look
 from whsklearn.gap.plants.chain_model import ChainModel, Record
 from whsklearn.gap.record import rms
 from whsklearn.gap.search import WORTH_FITTING
@@ -43,6 +43,7 @@ FITTED = 0.6  # share of the record to which models are fitted for the proof; th
 # p-value below which candidates are fitted, which takes seconds, so it is above the usual levels; and the p-value below
 # which the look alone is sufficient
 GATE, NO_DOUBT = 0.1, 1e-3
+UNEXPLAINED = 0.1  # of the output's rms: a free run that leaves less has blocks near the true ones
 FEW = 9  # own records in which the best candidate is fitted as well
 AT_BOUND = 1.02  # ratio to the end of a range within which a shape counts as being at the end
 # Share of the base model's gap (rms) that a further effect must explain.  A smaller share may be due to the form of the
@@ -176,14 +177,19 @@ class ChainPlant(PlantDefaults):
         """
         seen = self.seen(model, rng)
         looks = [dataclasses.replace(k, size=k.size * self.unit) for k in seen.looks]
-        if seen.p_value > GATE:
+        # a lost sign leaves so much that the residual may pass for noise: it is always asked where readings allow it
+        folds = [k for k in kinds(self.record, model) if k.folds and is_strong(k, self.record)]
+        shown = seen.p_value <= GATE
+        if not (shown or folds):
             return looks
         # an effect that is tried again beside others competes with those that came close to it before
         among = None if beside is None else self._near
-        grown = list(near(self.record, model, seen.looks, among))
+        others = self._others if not model.terms else []
+        grown = list(near(self.record, model, seen.looks, among)) if shown else []
         best = min((m for _, m in grown), key=lambda m: cost(self.record, m), default=model)
-        if self.seen(best, rng).p_value <= GATE:  # the blocks may have bent so much that none fits from where they are
-            others = self._others if not model.terms else []
+        if not shown:
+            grown += fitted_anew(self.record, model, others, folds, rng)
+        elif self._may_be_bent(best, rng):
             grown += anew(self.record, model, others, seen.looks, rng, among)
         before = rms(self.errors(model))
         out: dict[str, tuple[Look, Candidate]] = {}
@@ -202,6 +208,15 @@ class ChainPlant(PlantDefaults):
         if seen.p_value > NO_DOUBT and ranked and is_strong(ranked[0][1], self.record):
             ranked[0] = self._fitted_too(model, *ranked[0], len(looks), rng), ranked[0][1]
         return sorted([*(k for k in looks if k.name not in out), *(k for k, _ in ranked)], key=lambda k: -k.score)
+
+    def _may_be_bent(self, model: ChainModel, rng: np.random.Generator) -> bool:
+        """Whether the blocks may have bent so much that no effect fits from where they are.
+
+        Where a model leaves much, its residual passes for noise of that colour, and a look at the rest says little.
+        """
+        s = self.record
+        run = (s.y - cm.free_run(s, model))[s.fit]
+        return rms(run) > UNEXPLAINED * self.scale or self.seen(model, rng).p_value <= GATE
 
     def _fitted_too(
         self, model: ChainModel, look: Look, kind: Candidate, families: int, rng: np.random.Generator

@@ -172,7 +172,7 @@ def fitted_anew(
     whole = softened(s, climb(s, m, SOFT[0], 8, robust=False))
     least = WORTH_FITTING * (whole - min(left.values(), default=whole))
     for kind, found in soft:
-        if found and whole - left[id(found)] >= least:
+        if found and whole - left[id(found)] >= max(least, 0.0):
             keep = max(kind.n_numbers, 1) * KEPT  # a resonance has more valleys than a width
             yield kind, sharpest(s, found[:keep])[0]
 
