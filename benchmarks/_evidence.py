@@ -14,10 +14,8 @@ from benchmarks.blind_logs.wiener_hammerstein import Case
 from whsklearn.effects import reduced_law
 from whsklearn.gap.plant import DEFAULT_TOLERANCE
 from whsklearn.gap.plants.chain import ChainPlant
-from whsklearn.gap.plants.chain_candidates import Term, catalogue
-from whsklearn.gap.plants.chain_fit import base_starts, coloured, cost, minima, polished, sharpened
-from whsklearn.gap.plants.chain_law import law_choice
-from whsklearn.gap.plants.chain_model import HARD, ChainModel, Record, free_run
+from whsklearn.gap.plants.chain_fit import base_starts, coloured, cost, law_choice, minima, polished, sharpened
+from whsklearn.gap.plants.chain_model import HARD, ChainModel, Record, Term, catalogue, free_run
 
 PLACES = {"position": 20, "time": 2000, "step": 40}  # independent places that a scan looks at
 

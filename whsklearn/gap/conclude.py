@@ -29,6 +29,8 @@ from whsklearn.gap.tangent import Look
 from whsklearn.logs.units import respelled
 
 UNFINISHED = ("unknown", "partial", "coloured_noise")  # verdicts beside which a nameless torque is learned
+# Multiple of the floor from which the free run of exact records must close by as much: a floor is known to percents.
+ABOVE_FLOOR = 1.1
 # Share of the gap in simulation that learned curves must close, or they are left out (`benchmarks.learned`).
 LEARNED_CLOSURE = 0.1
 # Share of the rms gap that may still follow the motion without a name beside a verdict of ``named``
@@ -113,7 +115,10 @@ def _proved(plant: Any, found: Found, rng: np.random.Generator, alpha: float) ->
         reading = plant.reading(found.base, found.model)
     if reading.effects and not found.taken:
         return Diagnosis("named", "", effects=reading.effects), rows
-    verdict = verdict_of(plant, found, alpha, _headline(plant, rows)["closure"])
+    row = _headline(plant, rows)
+    verdict = verdict_of(plant, found, alpha, row["closure"])
+    if plant.exact and found.taken and row["closure"] < LEAST_SHARE and row["before"] > ABOVE_FLOOR * row["floor"]:
+        verdict = "unknown"  # no name without closure in simulation
     diagnosis = Diagnosis(verdict, "")
     if verdict in ("named", "ambiguous", "partial"):
         diagnosis.effects = _effects(plant, found) + reading.effects

@@ -6,8 +6,7 @@ import numpy as np
 
 from whsklearn import WienerHammersteinSystem
 from whsklearn.effects import as_law
-from whsklearn.gap.plants.chain_candidates import Term, catalogue
-from whsklearn.gap.plants.chain_model import ChainModel, Record, sizes
+from whsklearn.gap.plants.chain_model import ChainModel, Record, Term, catalogue, sizes
 
 THETA = np.array([2.2, 1.0, 0.5, 0.05, 0.7, 0.2, 0.2, 0.15, 0.4])
 PARTS = {"a": [1.0, 2.2], "b": [1.0, 0.5], "c": [1.0, 0.2], "d": [0.15, 0.4]}

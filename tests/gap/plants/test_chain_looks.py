@@ -10,9 +10,8 @@ import pytest
 from tests.gap.plants.example_chain import PLAIN, TRUE, kind, record, term
 from whsklearn.effects import Backlash, Cogging, ParameterChange, as_law
 from whsklearn.gap.plants import chain_looks as looks
-from whsklearn.gap.plants.chain_candidates import catalogue
 from whsklearn.gap.plants.chain_fit import coloured, polished
-from whsklearn.gap.plants.chain_model import simulate
+from whsklearn.gap.plants.chain_model import catalogue, simulate
 
 RNG = np.random.default_rng
 

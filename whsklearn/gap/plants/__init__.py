@@ -78,7 +78,7 @@ def _chain(
 ) -> Any:  # fmt: skip
     """The plant of a chain; orders, direct paths and law are taken from the system unless they are given."""
     from whsklearn.gap.plants.chain import ChainPlant
-    from whsklearn.gap.plants.chain_law import law_choice
+    from whsklearn.gap.plants.chain_fit import law_choice
 
     system = None if isinstance(model, str) else model
     law, orders, direct = base

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -10,21 +11,29 @@ import numpy as np
 from whsklearn.effects import Quantization, get_effect
 from whsklearn.estimators import _model as wh
 from whsklearn.gap.calibration import p_value
-from whsklearn.gap.data_check import DataProblem
+from whsklearn.gap.data_check import DataProblem, flat_share
 from whsklearn.gap.diagnosis import NamedEffect
+from whsklearn.gap.localisation import spectra
 from whsklearn.gap.plant import Figures, Gap, Linearised, PlantDefaults, Reading, Told
 from whsklearn.gap.plants import chain_model as cm
-from whsklearn.gap.plants import chain_record as readings
 from whsklearn.gap.plants.chain_anew import anew, fitted, fitted_anew, fitted_once, is_strong, near, nudged
-from whsklearn.gap.plants.chain_candidates import Candidate
-from whsklearn.gap.plants.chain_fit import base_starts, cost, minima, polished, sharpened
-from whsklearn.gap.plants.chain_law import LawChoice, falls_short, with_knots
+from whsklearn.gap.plants.chain_fit import (
+    LawChoice,
+    base_starts,
+    cost,
+    falls_short,
+    minima,
+    polished,
+    sharpened,
+    with_knots,
+)
 from whsklearn.gap.plants.chain_looks import SLOPED, WRONG_SIDE, Seen, gained, kinds, look
-from whsklearn.gap.plants.chain_model import ChainModel, Record
-from whsklearn.gap.record import rms
+from whsklearn.gap.plants.chain_model import Candidate, ChainModel, Record
+from whsklearn.gap.record import lattice, rms
 from whsklearn.gap.search import WORTH_FITTING
 from whsklearn.gap.tangent import Look
 from whsklearn.systems.wiener_hammerstein import WienerHammersteinSystem
+from whsklearn.validation.residuals import whiteness_test
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -52,6 +61,20 @@ BESIDE = 0.05
 NO_PEAK = 2.0**-0.5  # damping above which a second-order resonance has no peak and is a pair of poles like any other
 REMEMBERED = 8  # samples for which L2 remembers a sign; with a pole at 0.8 a sixth of it is left after them
 GRID_SEEN = 0.95  # confidence of a grid that is seen directly in the readings
+
+# --- what a record must have (`tests/gap/plants/test_chain.py`) -----------------------------
+
+FEWEST = 400  # samples: about twenty numbers are fitted to 60 % of them
+STANDING = 0.98  # share of samples that may repeat the one before; a signal that repeats more often is constant
+# Share of samples at an extreme above which the output is clipped, and the number of distinct values below which it is
+# a signal with a few levels and not a clipped one.
+CLIPPED, LEVELS = 0.02, 50
+FAR = 40.0  # multiple of the 0.99 quantile of the distance from the median; samples beyond are outliers of the file
+COARSE_READING = 0.003  # rms of rounding errors as a share of the output's: a finer grid is that of a normal converter
+ROUNDING = 0.15  # share of the errors' mean square that rounding must make up to be mentioned
+
+LAGS = 20  # of the whiteness test
+WINDOW = 200  # samples of the overlay
 
 
 class ChainPlant(PlantDefaults):
@@ -100,8 +123,8 @@ class ChainPlant(PlantDefaults):
         self._seen: dict[int, tuple[ChainModel, Seen]] = {}
 
     def check(self) -> list[DataProblem]:
-        """See `whsklearn.gap.plants.chain_record.check_chain`; holes may not be longer than what was logged."""
-        found = readings.check_chain(self.u, self.y)
+        """See `whsklearn.gap.plants.chain.check_chain`; holes may not be longer than what was logged."""
+        found = check_chain(self.u, self.y)
         if self.length > (1.0 + MOST_MISSING) * self.u.size:
             text = (
                 f"{self.length - self.u.size} samples are missing in the holes of the log, which has {self.u.size}. "
@@ -333,7 +356,7 @@ class ChainPlant(PlantDefaults):
         Also what the base model lacks in its orders and law, if that explains more than the effects found.
         """
         shortfall = falls_short(self.record, base, model) if self.follows(model) else ""
-        step = readings.coarse_grid(self.record, model)
+        step = coarse_grid(self.record, model)
         grid = [NamedEffect(Quantization(step), {}, float(self.y.size), GRID_SEEN, 0.0)] if step else []
         return Reading(grid, shortfall)
 
@@ -359,29 +382,33 @@ class ChainPlant(PlantDefaults):
 
     def gap(self, model: ChainModel) -> Gap:
         """Whitened errors with outliers capped; the numbers of a chain are not regression coefficients of its error."""
-        axes = readings.axes(self.record, model, self.units)
-        return Gap(self.errors(model), self.dt, {k: (v[self.record.fit], unit) for k, (v, unit) in axes.items()}, {})
+        signals = signals_of(self.record, model, self.units)
+        return Gap(self.errors(model), self.dt, {k: (v[self.record.fit], unit) for k, (v, unit) in signals.items()}, {})
 
     def numbers(self, model: ChainModel) -> dict[str, tuple[float, str]]:
         """Natural parameters by name; they have no units."""
         return {k: (v, "") for k, v in cm.numbers_of(self.record, model).items()}
 
     def told(self, base: ChainModel, model: ChainModel) -> Told:
-        """Whiteness, remarks, and the series that the page draws."""
-        tests = readings.residual_tests(self.record, base, model)
+        """Whiteness before and after, remarks, and the series that the page draws."""
+        tests = []
+        for word, m in (("before", base), ("after", model)):
+            w = whiteness_test(cm.clipped(cm.left(self.record, m)[self.record.fit]), LAGS, cm.AR_ORDER)
+            tests.append({"test": f"Ljung-Box, {LAGS} lags, outliers clipped, {word}", "statistic": w.statistic,
+                          "p_value": w.p_value, "largest": float(np.abs(w.r).max()), "band": w.band})  # fmt: skip
         return Told(tests, self._notes(), self._pictures(base, model))
 
     def _notes(self) -> list[str]:
         """Remarks on how the record was used."""
-        long = [f"Effects were searched for in the first {SEARCHED} samples and fitted to all {self.u.size}."]
         holes = len(cm.pieces_of(self.everything.seen)) - 1
         passed = (
             f"All segments are used: the model runs through {holes} hole{'s' if holes > 1 else ''} under an "
             f"interpolated input, and the {cm.SKIP} samples after a hole, where its state is not known, do not count."
         )
+        long = f"Effects were searched for in the first {SEARCHED} samples and fitted to all {self.u.size}."
         return [
             *([passed] if holes else []),
-            *(long if self.record is not self.everything else []),
+            *([long] if self.record is not self.everything else []),
             "All errors are those of the free run, whitened by an autoregression of the residual. The null is "
             "taken from records that the model made itself.",
             "Errors before and after exclude samples on the wrong side of a sign (beyond six robust deviations, and "
@@ -391,25 +418,89 @@ class ChainPlant(PlantDefaults):
         ]
 
     def _pictures(self, base: ChainModel, model: ChainModel) -> dict[str, Any]:
-        """Series that the page draws."""
+        """Measured output and free runs, the gap over time, and its spectra by frequency and by order of x."""
+        s, whole = self.record, self.everything
         runs = {word: self.simulate(m, self.headline) for word, m in (("before", base), ("after", model))}
-        series = readings.pictures(self.record, base, model, self.unit)
-        s = self.everything
-        return series | {
-            "time": np.arange(self.length) * self.dt, "measured": np.where(s.seen, s.y, np.nan),
+        drawn = s.fit | (np.arange(s.u.size) < cm.SKIP)  # the spectra skip the first ones themselves
+        errors = (cm.left(s, m) * drawn for m in (base, model))
+        gaps = (self.unit * np.clip(e, -cm.clip_at(e[drawn]), cm.clip_at(e[drawn])) for e in errors)
+        x = cm.simulate(s, base)[0]
+        return {
+            "gap_time": np.arange(s.u.size) * s.dt, "usable": s.fit, "units": ("", ""), "what": "whitened error",
+            "output": "output", "window": WINDOW, "clock": "s" if s.dt != 1.0 else "samples",
+            **spectra(*gaps, s.dt, x, np.linspace(0.3, 12.0, 160) / max(rms(x), 1e-12), cm.SKIP),
+            "time": np.arange(self.length) * self.dt, "measured": np.where(whole.seen, whole.y, np.nan),
             "runs": runs, "held": self.measured()[1], "beside_turned": self._turned(model),
-            "axes": readings.axes(self.everything, base, self.units), "floor": self.figures(base, model)[2],
+            "axes": signals_of(whole, base, self.units), "floor": self.figures(base, model).floor,
         }  # fmt: skip
 
     def system(self, model: ChainModel) -> WienerHammersteinSystem:
-        """The repaired system with its effects and the grid of its readings."""
+        """The repaired system with its effects and the grid of its"""
         s = self.everything
         final = cm.stable(s, self.final(model))
         structure = wh.Structure(s.dims, 1, s.law, -1 if s.law.key is None else s.law.key)
         named = wh.named(final.theta, structure)
-        grid = readings.coarse_grid(s, final)
+        grid = coarse_grid(s, final)
         effects = [*(t.effect for t in final.terms), *([Quantization(grid)] if grid else [])]
         return WienerHammersteinSystem(
             named["a"], named["b"], named["c"], named["d"], s.law.reweighted(final.theta[s.blocks[2]]),
             effects=effects, dt=self.dt, direct=self.direct,
         )  # fmt: skip
+
+
+# --- the record itself ----------------------------------------------------------------------------
+def check_chain(u: Array, y: Array) -> list[DataProblem]:
+    """Problems of a record; all of them are fatal.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> [p.code for p in check_chain(np.ones(1000), np.random.default_rng(0).normal(size=1000))]
+    ['data-no-drive']
+    """
+    bad = [name for name, x in (("input", u), ("output", y)) if not np.all(np.isfinite(x))]
+    if bad:
+        text = f"The {' and the '.join(bad)} holds values that are missing or not finite; repair or remove them."
+        return [DataProblem("data-not-finite", "Missing values", text)]
+    if u.size < FEWEST:
+        text = f"{u.size} samples; at least {FEWEST} are needed to distinguish an effect from noise. Log longer."
+        return [DataProblem("data-too-short", "Record too short", text)]
+    if np.ptp(u) == 0 or np.mean(np.diff(u) == 0) > STANDING:
+        text = "The input is constant or changes in fewer than 2 % of the samples; pick the input that was applied."
+        return [DataProblem("data-no-drive", "The input does not change", text)]
+    if np.ptp(y) == 0 or np.mean(np.diff(y) == 0) > STANDING:
+        text = "The output is constant or changes in fewer than 2 % of the samples; pick the measured output."
+        return [DataProblem("data-not-moving", "The output does not change", text)]
+    out = []
+    share = flat_share(y)
+    if share > CLIPPED and np.unique(y).size > LEVELS:
+        text = (
+            f"The output is at its extreme for {100 * share:.0f} % of the record. Either the log clips it, or the "
+            "plant stops there, like a tank that overflows. A chain of this kind does not: pass the part before it."
+        )
+        out.append(DataProblem("data-clipped-position", "The output stops at its extreme", text))
+    jumps = np.abs(y - np.median(y))
+    spikes = int(np.sum(jumps > FAR * (np.quantile(jumps, 0.99) + 1e-300)))
+    if spikes:
+        text = f"{spikes} samples of the output are far away from all others; repair the outliers."
+        out.append(DataProblem("data-spikes", "Outliers in the output", text))
+    return out
+
+
+def coarse_grid(s: Record, m: ChainModel) -> float:
+    """Step of the grid of the readings if rounding is a considerable part of the residual, otherwise 0."""
+    step = lattice(s.y[s.seen])
+    if not step or step / math.sqrt(12.0) < COARSE_READING * rms(s.y[s.seen]):
+        return 0.0
+    gain = 1.0 + float(m.ar @ m.ar)  # of A(q) on white rounding errors
+    return step if gain * step**2 / 12.0 > ROUNDING * cm.variance_of(cm.left(s, m)[s.fit]) else 0.0
+
+
+def signals_of(s: Record, m: ChainModel, units: tuple[str, str]) -> dict[str, tuple[Array, str]]:
+    """The signals that the gap may follow, delayed by one sample like the output of L2."""
+    x, _, y_hat = cm.simulate(s, m)
+    dx = np.diff(x, prepend=x[:1])
+    out: dict[str, tuple[Any, str]] = {"time": (np.arange(s.u.size) * s.dt, "s" if s.dt != 1.0 else "samples")}
+    late = {"input": (s.u, units[0]), "x": (x, ""), "dx": (dx, "")}
+    out |= {k: (np.concatenate([v[:1], v[:-1]]), unit) for k, (v, unit) in late.items()}
+    return out | {"output": (y_hat, units[1])}

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn.gap.plants import chain_model as cm
-from whsklearn.gap.plants.chain_candidates import Candidate, Term
 from whsklearn.gap.plants.chain_fit import (
     SOFT,
     base_starts,
@@ -31,7 +30,7 @@ from whsklearn.gap.plants.chain_fit import (
     weighed,
 )
 from whsklearn.gap.plants.chain_looks import kinds, softly
-from whsklearn.gap.plants.chain_model import ChainModel, Record
+from whsklearn.gap.plants.chain_model import Candidate, ChainModel, Record, Term
 from whsklearn.gap.record import rms
 from whsklearn.gap.search import WORTH_FITTING
 from whsklearn.gap.tangent import Look

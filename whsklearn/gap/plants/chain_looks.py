@@ -17,9 +17,8 @@ from scipy.signal import lfilter
 
 from whsklearn.gap.calibration import gain
 from whsklearn.gap.plants import chain_model as cm
-from whsklearn.gap.plants.chain_candidates import Candidate, Sizes, Term, catalogue
 from whsklearn.gap.plants.chain_fit import climb, coloured, sharpened
-from whsklearn.gap.plants.chain_model import ChainModel, Record
+from whsklearn.gap.plants.chain_model import Candidate, ChainModel, Record, Sizes, Term, catalogue
 from whsklearn.gap.record import rms
 from whsklearn.gap.tangent import Family, Look, Tangent, with_p_values
 
