@@ -50,10 +50,13 @@ PASSES = 60  # alternating projections; they converge after about ten
 
 
 def is_strong(kind: Candidate, s: Record) -> bool:
-    """Whether a candidate may distort the blocks so much that the chain is refitted: true unless it is additive."""
+    """Whether a candidate may distort the blocks so much that the chain is refitted: true unless it is additive.
+
+    What pulls on L1 is strong as well, since a linear base does not show which of its blocks L1 is.
+    """
     if kind.folds:
         return float(np.quantile(s.y, 0.01)) > ONE_SIDED * rms(s.y)
-    return kind.linear == 0
+    return kind.linear == 0 or kind.pulls
 
 
 def near(s: Record, m: ChainModel, looks: list[Look], among: Any = None) -> Iterator[tuple[Candidate, ChainModel]]:
@@ -182,9 +185,13 @@ def starts_of(
     """The starts of a strong candidate: those with the least residual before a fit."""
     z = cm.sizes(s, m)
     starts: list[ChainModel] = []
-    terms = [Term(kind, shape) for shape in (FOLDS if kind.folds else kind.shapes(z))]
+    sizes = (0.0,) if kind.pulls else ()
+    terms = [Term(kind, (*sizes, *shape)) for shape in (FOLDS if kind.folds else kind.shapes(z))]
     starts += [o.plus(term) for o in (m, *others) for term in terms]
-    if kind.at == "input" or kind.cls.place == "drive":
+    if kind.pulls:
+        for theta in divided(s, linear_model(s, s.u)):
+            starts += [dataclasses.replace(m.plus(term), theta=theta) for term in terms]
+    elif kind.at == "input" or kind.cls.place == "drive":
         linear = [(linear_model(s, applied(s, term)), term) for term in terms]
         linear.sort(key=lambda pair: misfit(s, pair[0], applied(s, pair[1])))
         for ratio, term in linear[:DIVIDED]:

@@ -163,6 +163,11 @@ class Candidate:
         q = self.cls.quantities[self.cls.size]
         return self.linear == 1 and self.at_sensor and (q.low, q.high) == (0.0, 1.0)
 
+    @property
+    def pulls(self) -> bool:
+        """Whether it is a force on the mass that L1 is: a function of x at the input."""
+        return self.cls.place == "position" and self.at == "input"
+
     def ratios(self, i: int) -> bool:
         """Whether number i is varied by ratios."""
         if i < self.linear:
