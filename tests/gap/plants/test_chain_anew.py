@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.blind_logs import filtered_chain
+from benchmarks.blind_logs import filtered_chain, mass_on_spring
 from tests.gap.plants.example_chain import PLAIN, TRUE, kind, record, term
 from whsklearn.effects import ActuatorLag, ChainDeadZone, ParameterChange, as_law
 from whsklearn.gap.plants import chain_anew as anew
-from whsklearn.gap.plants.chain_fit import base_starts, coloured, cost, minima, sharpened
+from whsklearn.gap.plants.chain import ChainPlant
+from whsklearn.gap.plants.chain_fit import base_starts, coloured, cost, law_choice, minima, sharpened
 from whsklearn.gap.plants.chain_looks import gained, look
-from whsklearn.gap.plants.chain_model import Record
+from whsklearn.gap.plants.chain_model import Record, free_run
 
 RNG = np.random.default_rng
 
@@ -88,3 +89,15 @@ def test_a_small_lag_that_a_softer_sign_hides_is_fitted_from_where_the_model_is(
     best = min(found, key=lambda m: cost(s, m))
     assert best.terms[-1].q[0] == pytest.approx(0.3, rel=0.1)
     assert gained(s, base, best) > 20.0
+
+
+def test_a_spring_that_pulls_on_a_mass_is_fitted_from_every_division_of_a_linear_model():
+    log = mass_on_spring.record(0, 2000)
+    plant = ChainPlant(
+        *(log[k].to_numpy() for k in ("u", "y")), (law_choice("linear"), (2, 2, 2, 2), 1), tolerance=0.004
+    )
+    base = plant.base(RNG(0))
+    ((_, grown),) = anew.fitted_anew(plant.record, base, [], [kind("hardening_spring", "input")], RNG(0))
+    before, after = (np.std((plant.y - free_run(plant.everything, m))[plant.record.fit]) for m in (base, grown))
+    assert after < 0.1 * before
+    assert grown.terms[-1].q[0] > 0.0
