@@ -1,4 +1,4 @@
-"""A user's simulator of three methods goes through the same door."""
+"""A user's simulator of three methods goes through the same door; what its page draws."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ import pytest
 from tests.gap.plants.example_simulator import RECORD, Damper, Told
 from whsklearn.effects import CableSpring
 from whsklearn.gap import GapFinder
-from whsklearn.gap.plants.simulator import SimulatorPlant
+from whsklearn.gap.plants.simulator import SimulatorPlant, pictures, signals
+from whsklearn.gap.plants.simulator_model import EffectTerm
 from whsklearn.gap.standard_errors import errors_of, labelled_errors
 from whsklearn.gap.tangent import Look
 
@@ -39,3 +40,16 @@ def test_numbers_that_can_be_set_have_errors_without_a_refit():
     rough = 1e-3 / np.std(RECORD.position) / np.sqrt(0.6 * len(RECORD))
     assert rough / 3 < errors["damping"] < 10 * rough
     assert 0 < next(iter(of_spring.values())) < 0.01 * spring.stiffness
+
+
+def test_series_are_of_one_length_and_runs_those_of_the_models():
+    plant = SimulatorPlant(Told(1.0), RECORD, tolerance=0.004)
+    base = plant.base(np.random.default_rng(0))
+    model = plant.fits.build((EffectTerm(CableSpring(0.3, 0.0)),))
+    shown = pictures(plant, base, model)
+    np.testing.assert_allclose(shown["runs"]["after"], model.simulator.simulate(RECORD))
+    n = shown["gap_time"].size
+    assert {x.size for x, _ in signals(plant).values()} == {n, shown["gap_before"].size}
+    assert np.std(shown["gap_after"]) < 0.5 * np.std(shown["gap_before"])
+    assert len(shown["spectrum"]) == len(shown["order_spectrum"]) == 2
+    np.testing.assert_array_equal(shown["held"], ~plant.train)

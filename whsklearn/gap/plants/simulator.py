@@ -31,17 +31,16 @@ from whsklearn.effects import effect_names, get_effect
 from whsklearn.gap.calibration import gain, n_effective, p_value
 from whsklearn.gap.data_check import DataProblem, check_servo
 from whsklearn.gap.filters import autoregression, whiten, whiteness
+from whsklearn.gap.localisation import since_reversal, spectra
 from whsklearn.gap.plant import Figures, Gap, Linearised, PlantDefaults, Told
-from whsklearn.gap.plants.simulator_families import Seen, accelerations, slopes
-from whsklearn.gap.plants.simulator_look import Motion, catalogue, gone, motion, whole
-from whsklearn.gap.plants.simulator_model import SimulatorFit, SimulatorModel
-from whsklearn.gap.plants.simulator_pictures import pictures, signals
-from whsklearn.gap.plants.simulator_refine import PROMISING, refine
+from whsklearn.gap.plants.simulator_look import Motion, Seen, accelerations, catalogue, gone, motion, slopes, whole
+from whsklearn.gap.plants.simulator_model import PROMISING, SimulatorFit, SimulatorModel, refine
 from whsklearn.gap.record import SPLIT, ServoRecord, held_out_blocks, lattice, noise_level, rms
 from whsklearn.gap.search import MOST_FITTED, WORTH_FITTING
 from whsklearn.gap.tangent import Look, with_p_values
 
 Array = NDArray[Any]
+
 AR_ORDER = 12  # of the whitening polynomial
 FAR_ABOVE = 3.0  # multiple of the noise, whose level is known from sixth differences to within a few percent
 GATE = 0.1  # p-value below which an effect is fitted, which takes seconds, so it is above the usual levels
@@ -316,3 +315,28 @@ def _scale(record: ServoRecord) -> float:
     if record.reference is None:
         return motion_rms
     return min(motion_rms, rms(record.reference - record.position)) or motion_rms
+
+
+def signals(plant: Any) -> dict[str, tuple[Array, str]]:
+    """Name -> (signal at the judged samples, unit)."""
+    s, k = plant.motion.signals, plant.every
+    drive, rad = plant.units
+    still = 0.01 * rms(s.velocity)
+    return {
+        "time": (s.time[::k], "s"), "position": (s.position[::k], rad), "velocity": (s.velocity[::k], f"{rad}/s"),
+        "reversal": (since_reversal(s.velocity, plant.record.dt, still)[::k], "s"), "drive": (s.drive[::k], drive),
+    }  # fmt: skip
+
+
+def pictures(plant: Any, base: SimulatorModel, model: SimulatorModel) -> dict[str, Any]:
+    """Overlay, gap over time, its spectra by frequency and by order, and its axes."""
+    step, y, clock = plant.record.dt * plant.every, plant.record.position, plant.record.clock
+    errors = plant.errors(base), plant.errors(model)
+    gaps = errors[0][:: plant.every], errors[1][:: plant.every]
+    return {
+        "time": clock, "measured": y, "held": ~plant.train,
+        "runs": {"before": y - errors[0], "after": y - errors[1]},
+        "gap_time": clock[:: plant.every], "usable": np.ones(gaps[0].size, dtype=bool),
+        "floor": plant.noise, "axes": signals(plant), "units": plant.units, "what": plant.gap_word,
+        **spectra(*gaps, step, y[:: plant.every], np.arange(0.5, 40.0, 0.1)),
+    }  # fmt: skip

@@ -16,8 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn.effects import Effect
+from whsklearn.gap.plants.simulator_look import gone, sized_by_drive, smallest
+from whsklearn.gap.tangent import Look
 
 Array = NDArray[Any]
+
 STEP = 1e-3  # of a logarithm
 PARTS = 6  # of the record that are excluded in turn: one more than the usual number of parameters of a rigid axis
 ITERATIONS = 10  # of Gauss-Newton; half of the effects need only two
@@ -101,11 +104,6 @@ class SimulatorModel:
     terms: tuple[EffectTerm, ...] = ()
     error: Array = dataclasses.field(default_factory=lambda: np.zeros(0), compare=False, repr=False)
     n_base: int = 0
-
-    @property
-    def has_play(self) -> bool:
-        """Always false, because the content of the simulator is not known."""
-        return False
 
     def without(self, index: int) -> SimulatorModel:
         """The model without one term, not built yet; see `SimulatorFit.built`."""
@@ -361,3 +359,99 @@ def _spanned(columns: list[Array], n: int) -> Array:
         return np.zeros((n, 0))
     u, values, _ = np.linalg.svd(np.column_stack(columns), full_matrices=False)
     return u[:, values > 1e-6 * max(values[0], 1e-300)]
+
+
+# --- the fit of one effect: its size first, then all its numbers together --------------------------
+# Share of the error.  An effect with a smaller residual is fitted again under the weights of that residual, because the
+# previous weights hid the effect's own spectrum.  If a look promised as much but the fit has a larger residual, the fit
+# is started anew.
+PROMISING = 0.5
+# Number of such fits at most, and the share of the error that the last one may leave: a stop takes three.
+AGAIN, SETTLED = 4, 0.8
+
+
+def refine(plant: Any, model: SimulatorModel, look: Look) -> SimulatorModel:
+    """The model with the effect at its best numbers and the simulator refitted; unchanged if it cannot be added."""
+    model = plant.fits.built(model)
+    plant.tune(model.error)
+    best: SimulatorModel | None = None
+    scanned = {"order", "frequency"} & set(look.start[0].shape_fields())  # waves have many minima
+    for start in look.start if scanned else look.start[:1]:
+        try:
+            found = grown(plant, model, start)
+        except (ValueError, NotImplementedError, FloatingPointError) as error:
+            plant.refused[look.name] = str(error)
+            continue
+        if best is None or plant.left(found) < plant.left(best):
+            best = found
+    if best is None:
+        refused = (*model.terms, EffectTerm(look.start[0].resized(0.0)))
+        return SimulatorModel(model.simulator, refused, model.error)
+    whole = plant.scale * gone(plant.motion, model.error, np.zeros_like(model.error), plant.record)
+    if look.size**2 > PROMISING * whole**2 and plant.left(best) > PROMISING * plant.left(model):
+        best = min((best, anew(plant, model, look.start[0])), key=plant.left)
+    left = plant.left(model)
+    if plant.left(best) < PROMISING * left:
+        for _ in range(AGAIN):
+            plant.tune(best.error)  # weighted by the residual; the previous weights hid the effect's own spectrum
+            left, best = plant.left(best), plant.fits.grow(model, best, plant.weighed, again=True)
+            if plant.left(best) > SETTLED * left:
+                break
+    return best
+
+
+def grown(plant: Any, model: SimulatorModel, start: Any) -> SimulatorModel:
+    """A start brought to its size, then all its numbers fitted.
+
+    The fit begins from the simulator's refitted numbers or from those that it was given with, whichever is better with
+    the effect: a refit without it may have changed them greatly to compensate.
+    """
+    pairs = begins(plant, model, start)
+    home, begin = min(pairs, key=lambda pair: plant.rms(plant.weighed(pair[1].error)))
+    return plant.fits.grow(home, begin, plant.weighed)
+
+
+def anew(plant: Any, model: SimulatorModel, start: Any) -> SimulatorModel:
+    """The same, with the simulator refitted beside the effect before all numbers are fitted together.
+
+    Bristles in place of dry friction move inertia, damping and friction far from both starts, and steps along the
+    slopes there lead nowhere, although the look has promised most of the gap.
+    """
+    refitted = (plant.fits.refitted(begin) for _, begin in begins(plant, model, start))
+    return plant.fits.grow(model, min(refitted, key=plant.left), plant.weighed, again=True)
+
+
+def begins(plant: Any, model: SimulatorModel, start: Any) -> list[tuple[SimulatorModel, SimulatorModel]]:
+    """(home, home with the effect at its estimated size) for every home of the model."""
+    fixed = (*start.later, *plant.whole_fields)
+    searched = tuple(f for f in start.shape_fields() if movable(f) and f not in fixed)
+    out = []
+    for home in plant.fits.homes(model):
+        for effect in sizes(plant, home, start):
+            out.append((home, plant.fits.begun(home, EffectTerm(effect, searched))))
+    return out
+
+
+def sizes(plant: Any, home: SimulatorModel, start: Any) -> list[Any]:
+    """The effect at the size given by the simulation's slope and, if it acts only for instants, by the drive too."""
+    if start.column_kind != "exact":
+        return [start]
+    effects = [sized(plant, home, start)]
+    if isinstance(start, plant.further_shapes):
+        effects.append(sized_by_drive(plant.motion, start, plant.train))
+    positive = start.quantities[start.size].low >= 0.0 and not start.phased
+    return [start if positive and e.magnitude <= 0.0 else e for e in effects]
+
+
+def sized(plant: Any, model: SimulatorModel, start: Any) -> Any:
+    """The size (and phase) from the sensitivity of the simulated position to it."""
+    slopes, shape = smallest(plant, model, start)
+    own = plant.weighed(plant.fits.tangent(model))
+    columns = np.column_stack([plant.weighed(slopes), own])
+    size = -np.linalg.lstsq(columns, plant.weighed(model.error), rcond=1e-9)[0][: slopes.shape[1]]
+    return type(start).from_coefficients(size, **shape)
+
+
+def movable(field: str) -> bool:
+    """Whether a fit may move a shape number: exponents and counts stay."""
+    return field not in ("exponent", "elements", "load_share", "damping_ratio")
