@@ -180,7 +180,7 @@ class ChainDeadZone(AtPort, DeadZone):  # type: ignore[override]
 
 
 @dataclass(frozen=True)
-class ChainSpring(AtPort, HardeningSpring):
+class ChainSpring(AtPort, HardeningSpring):  # type: ignore[override]
     """A spring c (x - x_0)^3 that adds to the law, or that pulls on the mass that L1 is: the input then loses it.
 
     With the second, L1 linear behind u - c x^3 is Duffing's oscillator, held between samples.
