@@ -423,12 +423,12 @@ class ChainPlant(PlantDefaults):
         runs = {word: self.simulate(m, self.headline) for word, m in (("before", base), ("after", model))}
         drawn = s.fit | (np.arange(s.u.size) < cm.SKIP)  # the spectra skip the first ones themselves
         errors = (cm.left(s, m) * drawn for m in (base, model))
-        gaps = (self.unit * np.clip(e, -cm.clip_at(e[drawn]), cm.clip_at(e[drawn])) for e in errors)
+        before, after = (self.unit * np.clip(e, -cm.clip_at(e[drawn]), cm.clip_at(e[drawn])) for e in errors)
         x = cm.simulate(s, base)[0]
         return {
             "gap_time": np.arange(s.u.size) * s.dt, "usable": s.fit, "units": ("", ""), "what": "whitened error",
             "output": "output", "window": WINDOW, "clock": "s" if s.dt != 1.0 else "samples",
-            **spectra(*gaps, s.dt, x, np.linspace(0.3, 12.0, 160) / max(rms(x), 1e-12), cm.SKIP),
+            **spectra(before, after, s.dt, x, np.linspace(0.3, 12.0, 160) / max(rms(x), 1e-12), cm.SKIP),
             "time": np.arange(self.length) * self.dt, "measured": np.where(whole.seen, whole.y, np.nan),
             "runs": runs, "held": self.measured()[1], "beside_turned": self._turned(model),
             "axes": signals_of(whole, base, self.units), "floor": self.figures(base, model).floor,

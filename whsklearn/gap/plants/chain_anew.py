@@ -79,10 +79,8 @@ def promising(s: Record, m: ChainModel, looks: list[Look], among: Any = None) ->
     out: list[Term] = []
     for one in both:
         starts = [k.start for k in one if (among is None or k.name in among) and not k.start.kind.folds]
-        out += [t for t in starts if is_strong(t.kind, s) and t not in out]
-        # of an additive one the softer look knows the better start
         weak = [t for t in starts if not is_strong(t.kind, s)][:PROMISING]
-        out = [t for t in out if is_strong(t.kind, s) or t.kind not in {w.kind for w in weak}] + weak
+        out += [t for t in starts if (is_strong(t.kind, s) or t in weak) and t not in out]
     return out
 
 
