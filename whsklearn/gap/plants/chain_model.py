@@ -384,26 +384,32 @@ def outputs(s: Record, models: list[ChainModel], kappa: float) -> Array:
 def _run_all(s: Record, models: list[ChainModel], kappa: float, u: Array, out: tuple[Array, Array, Array]) -> None:
     """Fill y_hat of every model, and x and v of the last one."""
     thetas, packed = np.array([m.theta for m in models]), [ports(m.terms) for m in models]
-    # flat arguments: Numba would find out the types of a named tuple in Python, which takes longer than a run
-    chain = (s.dims, s.law.codes, s.law.shapes, float(kappa), s.dt, u, s.y, *out)
+    # plain tuples: Numba would find out the types of a named one in Python, which takes longer than a run
+    chain = (s.dims, s.law.codes, s.law.shapes, float(kappa), s.dt)
     if packed[0] is None:
-        _runs(thetas, *chain)
+        _runs(thetas, chain, u, s.y, out)
     else:
-        _runs_with(thetas, np.array([p.rows for p in packed if p]), packed[0].codes, packed[0].own, *chain)
+        rows = np.array([p.rows for p in packed if p is not None])
+        _runs_with(thetas, (rows, packed[0].codes, packed[0].own), chain, u, s.y, out)
 
 
 @njit(nogil=True, error_model="numpy")
-def _runs(thetas, dims, law, shapes, kappa, dt, u, readings, x, v, out):
+def _runs(thetas, packed, u, readings, out):
+    dims, law, shapes, kappa, dt = packed
     chain, none = PackedChain(dims, law, shapes, kappa, dt), np.zeros(u.size)
+    x, v, y = out
     for i in range(thetas.shape[0]):
-        run(thetas[i], chain, None, u, readings, none, True, x, v, out[i])
+        run(thetas[i], chain, None, u, readings, none, True, x, v, y[i])
 
 
 @njit(nogil=True, error_model="numpy")
-def _runs_with(thetas, rows, codes, own, dims, law, shapes, kappa, dt, u, readings, x, v, out):
+def _runs_with(thetas, effects, packed, u, readings, out):
+    dims, law, shapes, kappa, dt = packed
     chain, none = PackedChain(dims, law, shapes, kappa, dt), np.zeros(u.size)
+    rows, codes, own = effects
+    x, v, y = out
     for i in range(thetas.shape[0]):
-        run(thetas[i], chain, Ports(codes, rows[i], own), u, readings, none, True, x, v, out[i])
+        run(thetas[i], chain, Ports(codes, rows[i], own), u, readings, none, True, x, v, y[i])
 
 
 def free_run(s: Record, m: ChainModel) -> Array:
