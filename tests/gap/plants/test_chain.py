@@ -209,5 +209,5 @@ def test_gaps_and_their_spectra_are_those_of_the_two_models():
     assert shown["usable"].sum() == s.u.size - SKIP
     for spectrum, gap in zip(shown["spectrum"], (shown["gap_before"], shown["gap_after"]), strict=True):
         assert np.sum(0.5 * spectrum**2) / 1.5 == pytest.approx(np.var(gap[SKIP:]), rel=0.1)
-    before, after = told.tests
+    before, after = plant.told(TRUE, model).tests
     assert before["p_value"] < 1e-4 < after["p_value"]
