@@ -420,10 +420,10 @@ class ArmPlant(PlantDefaults):
         ]  # fmt: skip
 
     def _worst(self, model: ArmState) -> int:
-        """The joint to report first: that of the first term, or the one with the largest residual above the floor."""
-        shares = self._shares(self.errors(model)) / np.maximum(self.own.floor, 1e-12)
-        at = [t.kind.index for t in model.terms if t.kind.index is not None]
-        return at[0] if at else int(np.argmax(np.nan_to_num(shares)))
+        """The joint to report first: of those of the first term, or of all, the one farthest above the floor."""
+        shares = np.nan_to_num(self._shares(self.errors(model)) / np.maximum(self.own.floor, 1e-12))
+        first = next((np.flatnonzero(t.kind.direction) for t in model.terms if t.kind.place), np.arange(shares.size))
+        return int(first[np.argmax(shares[first])])
 
     def gap(self, model: ArmState) -> Gap:
         """The gap of the joint with the largest one, as a share of its drive; no constant is freed on its own."""
