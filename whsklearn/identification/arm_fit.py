@@ -94,7 +94,7 @@ def identify_arm(position: ArrayLike, drive: ArrayLike, *, dt: float, robot: Any
     lags = RigidBodyLags(robot, sample_rate=1.0 / dt, **settings)
     phi, target, keep = lags.joint_rows(q, torque)
     for text in (*suspicions(lags.arm_, q, torque), *swapped(lags.arm_.joints, phi, target, keep)):
-        warnings.warn(text, UserWarning, stacklevel=2)
+        warnings.warn(text, UserWarning, stacklevel=3)
     weights = lags.weights_ = lags._weights(phi, target, keep)
     names = lags.base_.names
     # a drive is held for a sample, and logged late or early: beside its age, friction and inertia are what they are
