@@ -9,12 +9,13 @@ from tests.recursion.axis_log import TRUTH, axis_log, slow_drive
 from whsklearn import ServoAxis
 from whsklearn.datasets import make_servo_log, make_silverbox
 from whsklearn.datasets.silverbox import SAMPLE_RATE
-from whsklearn.effects import CableSpring, Cogging, GravityImbalance, HardeningSpring, as_law
+from whsklearn.effects import CableSpring, Cogging, FlexibleCoupling, GravityImbalance, HardeningSpring, as_law
 from whsklearn.identification.axis_fit import (
     fit_free_law_axis,
     fit_hanging_axis,
     fit_rigid_axis,
     fit_sprung_axis,
+    fit_two_masses,
     standard_errors,
     white,
 )
@@ -178,3 +179,21 @@ def test_a_held_drive_is_told_from_a_smooth_one():
 def test_what_is_no_mass_on_a_spring_is_refused():
     with pytest.raises(ValueError, match=r"no mass on a spring|next to nothing"):
         fit_sprung_axis(view(-U, VELOCITY, 0.005, "output"), 3)
+
+
+def test_a_load_behind_a_spring_is_found_from_the_motor_s_side():
+    """Resonance at 8 Hz in open loop, 0.02 mrad of noise."""
+    rng = np.random.default_rng(0)
+    compliance = 1.0 / (0.5 * 0.6 * 0.4 * (2 * np.pi * 8.0) ** 2)
+    law = as_law("viscous,coulomb").reweighted([1.0, 0.8])
+    axis = ServoAxis(0.5, law, [FlexibleCoupling(compliance, 0.6, 0.05)], sample_rate=250.0, substeps=32)
+    u = 2.0 * slow_drive(1200, 5) / 0.4
+    position = axis.simulate_drive(u).position + 2e-5 * rng.standard_normal(u.size)
+    model = fit_two_masses(view(u, position, 0.004, "position"))
+    coupling = model.effects[1]
+    assert coupling.compliance == pytest.approx(compliance, rel=0.01)
+    assert coupling.load_share == pytest.approx(0.6, abs=0.01)
+    assert coupling.damping_ratio == pytest.approx(0.05, rel=0.05)
+    assert model.parameters["coulomb"] == pytest.approx(0.8, rel=0.02)
+    with pytest.raises(ValueError, match="behind a position only"):
+        fit_two_masses(view(u, position, 0.004, "velocity"))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from whsklearn.effects import Coulomb, FrictionLaw, InputOffset, SpeedHinge, Viscous
+from whsklearn.effects import Coulomb, FlexibleCoupling, FrictionLaw, InputOffset, SpeedHinge, Viscous
 from whsklearn.filtering.between_samples import HOLDS
 from whsklearn.identification.axis_inverse import Start, inverse_starts, position_columns
 from whsklearn.identification.axis_numbers import axis_log, axis_residual, position_effects, shooting_log
@@ -18,7 +18,18 @@ from whsklearn.identification.view import derivative, window_of
 from whsklearn.identification.windows import axis_score
 from whsklearn.models import AxisModel
 from whsklearn.models.axis import spring_steps
-from whsklearn.recursion.batch.axis_free_run import AxisFit, AxisForm, AxisLog, fit_axis, fit_pieces, free_run
+from whsklearn.recursion.batch.axis_free_run import (
+    SHARE_AND_DAMPING,
+    AxisFit,
+    AxisForm,
+    AxisLog,
+    coupling_of,
+    fit_axis,
+    fit_pieces,
+    free_run,
+    settled,
+)
+from whsklearn.systems.servo import fine_steps
 from whsklearn.validation import whiteness_test
 
 if TYPE_CHECKING:
@@ -41,6 +52,11 @@ SHOOTING = (
 LEAST_GRAVITY = 0.01
 LEAST_LINEAR = 0.5  # of the variance that the best linear model may leave, or no start is near
 LONG = 20_000  # samples of the first fits of an axis on a spring; the last one has all
+EARLY = 4_000  # samples on which resonances are looked for
+# Resonances that are tried: how many, from so many Hz to which share of the sampling rate.  A run of `RINGS` s tells
+# frequencies a quarter of a turn apart, which is an eighth of 4 Hz, so the grid is as fine there.
+RESONANCES, SLOWEST, FASTEST, RINGS = 20, 3.0, 0.2, 0.5
+FEW = 8  # steps of each fit of a coupled axis, whose derivatives are differences
 TINY = 1e-100
 LEVEL = 0.01  # of the test for whiteness
 LEAST_TESTED = 60  # samples, twice the lags of the test and some
@@ -104,6 +120,36 @@ def fit_sprung_axis(log: View, powers: int) -> AxisModel:
     return _model(best, whole, form)
 
 
+def fit_two_masses(log: View) -> AxisModel:
+    """Motor and load with a spring and a damper between them, friction on the motor's side, drive to motor position.
+
+    From the rigid axis and a grid of resonances by multiple shooting; the least error over windows wins.
+
+    Raises
+    ------
+    ValueError
+        If the output is no position, no resonance is found, or as `inverse_starts`.
+    """
+    if log.logged != "position":
+        raise ValueError("The resonance of a load is looked for behind a position only.")
+    rigid, form = _best_minimum(log, AxisForm()).theta, AxisForm(coupled=True)
+    log = replace(log, steps=fine_steps([FlexibleCoupling()], log.dt))
+    short = shooting_log(log.part(0, min(log.u.size, EARLY)), RINGS, form)
+    found = []
+    for frequency in np.geomspace(SLOWEST, FASTEST / log.dt, RESONANCES):
+        for share in (0.25, 0.5, 0.75):
+            theta = np.r_[rigid[:4], frequency, share, 0.05]
+            there = settled(theta, short, 2)
+            found.append((float(np.sum((there.target - free_run(theta, there)) ** 2)), theta))
+    found.sort(key=lambda pair: pair[0] if np.isfinite(pair[0]) else np.inf)
+    best = fit_pieces(found[0][1], short, iterations=FEW)
+    best = fit_pieces(best.theta, shooting_log(log, SHOOTING[-1], form), iterations=FEW)
+    (least, most), found_at = SHARE_AND_DAMPING, best.theta[-2:]
+    if not (np.isfinite(best.cost) and (found_at > least).all() and (found_at < most).all()):
+        raise ValueError("No resonance of a load is found: its share or its damping ends at the edge of what can be.")
+    return _model(best, log, form)
+
+
 def _of_position(log: View) -> View:
     """The record with its output as the position of an axis."""
     return replace(log, logged="position", target=derivative(log.y, log.dt, log.bounds)[0])
@@ -132,7 +178,7 @@ def _fit(log: View, form: AxisForm) -> AxisModel:
 def _model(best: AxisFit, log: View, form: AxisForm) -> AxisModel:
     """The numbers of a fit as an axis, with standard errors."""
     covariance = best.covariance
-    if not form.powers and not white(axis_residual(best.theta, log, form), log):
+    if not (form.powers or form.coupled) and not white(axis_residual(best.theta, log, form), log):
         other, spread = inverse_dynamics(log, form)
         # two estimators agree where nothing is missing, and how far they lie apart tells what is (Hausman 1978)
         errors = np.sqrt(np.maximum(np.diag(covariance), 0.0))
@@ -146,8 +192,9 @@ def _model(best: AxisFit, log: View, form: AxisForm) -> AxisModel:
 
 def axis_of(theta: Array, log: View, form: AxisForm) -> AxisModel:
     """The kernel's numbers as an axis."""
-    more, effects = position_effects(theta[4 : 4 + form.of_position], form)
-    hinges = [SpeedHinge(w, k) for w, k in zip(theta[4 + form.of_position :], form.knots, strict=True)]
+    last = theta.size - form.knots.size
+    more, effects = (0.0, [coupling_of(theta)]) if form.coupled else position_effects(theta[4:last], form)
+    hinges = [SpeedHinge(w, k) for w, k in zip(theta[last:], form.knots, strict=True)]
     return AxisModel(
         float(theta[0]),
         FrictionLaw([Viscous(theta[1]), Coulomb(theta[2]), *hinges]),

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from whsklearn.effects import CableSpring, GravityImbalance, HardeningSpring, SpeedHinge
+from whsklearn.effects import CableSpring, FlexibleCoupling, GravityImbalance, HardeningSpring, SpeedHinge
 from whsklearn.recursion.batch.axis_free_run import AxisForm, AxisLog, free_run, settled
 
 if TYPE_CHECKING:
@@ -66,6 +66,12 @@ def axis_theta(model: AxisModel) -> tuple[Array, AxisForm]:
     p = model.parameters
     hinges = [t for t in model.law.terms if isinstance(t, SpeedHinge)]
     offset, *rest = model.effects
+    if rest and isinstance(rest[0], FlexibleCoupling):
+        share = rest[0].load_share
+        reduced = model.inertia * share * (1.0 - share)
+        coupling = (reduced * rest[0].compliance) ** -0.5 / (2.0 * np.pi), share, rest[0].damping_ratio
+        theta = [model.inertia, p["viscous"], p["coulomb"], offset.magnitude, *coupling]
+        return np.array(theta), AxisForm(coupled=True)
     forces, base = position_weights(rest)
     hangs = any(isinstance(e, GravityImbalance) for e in rest)
     knots = np.array([t.knot for t in hinges])

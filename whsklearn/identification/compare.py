@@ -18,6 +18,7 @@ from whsklearn.identification.axis_fit import (
     fit_hanging_axis,
     fit_rigid_axis,
     fit_sprung_axis,
+    fit_two_masses,
     white,
 )
 from whsklearn.identification.chain_fit import fit_chain
@@ -47,6 +48,8 @@ if TYPE_CHECKING:
 AS_GOOD = 1.075  # a simpler structure is taken within 7.5 % of the least error: what twins of one system differ by
 AT_FLOOR = 1.3  # times the noise; no structure can be better, and that of thirty numbers takes most of the time
 ORDERS = (1, 2, 3, 4)
+TWO_MASSES, CHAIN = "axis with a load behind a spring", "Wiener-Hammerstein"
+LAST = (TWO_MASSES, CHAIN)  # what takes most of the time
 CHAIN_FROM = 300  # samples, below which some thirty numbers of a chain cannot be estimated
 # Of the way in a window: a steady rotation that constant velocity predicts to that follows its drive, whatever the
 # structures add
@@ -259,9 +262,17 @@ def identify(
     _score(trivial, held_out)
     tried: list[Compared] = []
     angle = whole.logged != "velocity" and smooth(whole.y, whole.bounds) and output[1] in ("rad", UNKNOWN)
-    structures = list(candidates(cut, angle=angle, sprung=whole.logged == "output", rectified=loses_sign(whole)))
+    structures = list(
+        candidates(
+            cut,
+            angle=angle,
+            placed=whole.logged == "position",
+            sprung=whole.logged == "output",
+            rectified=loses_sign(whole),
+        )
+    )
     for compared, fit in structures:
-        if compared.kind == "wiener-hammerstein" and min(c.score for c in tried) < AT_FLOOR:
+        if compared.name in LAST and min(c.score for c in tried) < AT_FLOOR:
             compared.failure = "left out, as a simpler structure is at the noise floor"
         else:
             if progress:
@@ -289,7 +300,7 @@ def identify(
 
 
 def candidates(
-    n: int, *, angle: bool, sprung: bool, rectified: bool
+    n: int, *, angle: bool, placed: bool, sprung: bool, rectified: bool
 ) -> Iterator[tuple[Compared, Callable[[View], Any]]]:
     """Every structure for ``n`` samples and how it is fitted.
 
@@ -313,6 +324,9 @@ def candidates(
     if angle:
         law = {"law": ["viscous", "coulomb"], "effects": ["gravity_imbalance"]}
         yield Compared("axis with gravity", "axis", law, "simulation"), fit_hanging_axis
+    if placed:
+        law = {"law": ["viscous", "coulomb"], "effects": ["flexible_coupling"]}
+        yield Compared(TWO_MASSES, "axis", law, "simulation"), fit_two_masses
     for name, powers in (("axis on a spring", 1), ("axis on a hardening spring", 3)) if sprung else ():
         effects = ["cable_spring", "hardening_spring"][: 1 + (powers > 1)]
         law = {"law": ["viscous", "coulomb"], "effects": effects}
@@ -333,7 +347,7 @@ def candidates(
             functools.partial(fit_folded, order=order),
         )
     if n >= CHAIN_FROM:
-        yield Compared("Wiener-Hammerstein", "wiener-hammerstein", {}, "simulation"), fit_chain
+        yield Compared(CHAIN, "wiener-hammerstein", {}, "simulation"), fit_chain
 
 
 def recommend(tried: list[Compared], trivial: Compared, *, steady: bool = False) -> tuple[Compared, str]:

@@ -100,8 +100,7 @@ def _theta_errors(
             log.dt, form, of_position=position,
         )  # fmt: skip
 
-    v0, q0 = fit_state(theta, pieces(lead_at))
-    run = free_run(theta, pieces(whole_at)._replace(v0=v0, q0=q0))
+    run = free_run(theta, pieces(whole_at).starting(fit_state(theta, pieces(lead_at))))
     return (log.y[whole_at] - run.reshape(whole_at.shape))[:, before:]
 
 

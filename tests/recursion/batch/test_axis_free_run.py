@@ -56,6 +56,6 @@ def test_the_state_before_a_window_is_found_from_the_wrong_side_of_standstill_to
     def errors(v0, q0):
         return np.add.reduceat((q - free_run(theta, log._replace(v0=v0, q0=q0))) ** 2, at[:-1])
 
-    before, after = errors(log.v0, log.q0), errors(*fit_state(theta, log))
+    before, after = errors(log.v0, log.q0), errors(*fit_state(theta, log).T)
     assert (after <= before).all()
     assert np.mean(after < 1e-9) > 0.95

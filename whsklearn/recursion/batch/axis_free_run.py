@@ -18,9 +18,11 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from whsklearn._numba import njit, part
+from whsklearn.effects import Coulomb, FlexibleCoupling, InputOffset, Viscous
 from whsklearn.effects.equations import speed_hinge
 from whsklearn.recursion.batch.levenberg_marquardt import descend
 from whsklearn.systems._servo_step import implicit_gain
+from whsklearn.systems.servo_observer import POSITION, VELOCITY, How, bare_parts, follow, plant_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -30,6 +32,8 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 SETTLED = 1e-9  # share of its cost by which one state at least must get better, or all are found
+SMALL = 1e-5  # of a number's size, over which a derivative is taken
+SHARE_AND_DAMPING = ((0.02, 0.003), (0.98, 1.0))  # least and most of a coupling's load share and damping ratio
 LARGEST = 1e100  # bound of an error or a sensitivity, so that its square stays finite
 
 
@@ -38,13 +42,20 @@ class AxisForm(NamedTuple):
 
     ``knots`` (> 0) are the kinks of the friction over speed; the forces of the position are those of gravity if the
     axis ``hangs``, else of a spring with so many ``powers`` of e (0: none).  theta holds inertia, viscous friction,
-    Coulomb friction, offset, one weight a force of the position, and one a knot.
+    Coulomb friction, offset, one weight a force of the position, and one a knot.  If it is ``coupled``, there is a load
+    behind a spring, and theta ends with resonance, load share and damping ratio; nothing else but friction acts then.
     """
 
     knots: Array = np.empty(0)
     hangs: bool = False
     powers: int = 0
     centre: float = 0.0
+    coupled: bool = False
+
+    @property
+    def states(self) -> int:
+        """Numbers of the state of a piece: velocity and position, and twist and slip of a coupling."""
+        return 4 if self.coupled else 2
 
     @property
     def of_position(self) -> int:
@@ -54,14 +65,14 @@ class AxisForm(NamedTuple):
     @property
     def size(self) -> int:
         """Number of parameters."""
-        return 4 + self.of_position + self.knots.size
+        return 4 + self.of_position + self.knots.size + 3 * self.coupled
 
 
 class AxisLog(NamedTuple):
     """Drive and motion of an axis, and the start of each piece; every piece has its own initial state.
 
     ``u`` is the drive in every fine step, shape (n, steps). ``v0`` and ``q0`` are the initial states.  ``target`` is
-    the velocity, or the position if ``of_position``.
+    the velocity, or the position if ``of_position``.  ``twist`` (k, 2) is that of a coupling, and its rate.
     """
 
     u: Array
@@ -73,6 +84,19 @@ class AxisLog(NamedTuple):
     dt: float
     form: AxisForm = AxisForm()
     of_position: bool = False
+    twist: Array | None = None
+
+    @property
+    def states(self) -> Array:
+        """Velocity, position and, of a coupling, twist and slip at the start of each piece, shape (k, 2 or 4)."""
+        own = np.column_stack([self.v0, self.q0])
+        if not self.form.coupled:
+            return own
+        return np.hstack([own, np.zeros_like(own) if self.twist is None else self.twist])
+
+    def starting(self, states: Array) -> AxisLog:
+        """The log with other states."""
+        return self._replace(v0=states[:, 0].copy(), q0=states[:, 1].copy(), twist=states[:, 2:])
 
 
 class AxisFit(NamedTuple):
@@ -86,15 +110,19 @@ class AxisFit(NamedTuple):
 
 def free_run(theta: Array, log: AxisLog) -> Array:
     """Velocity or position, shape (n,), whichever the log has as its target."""
-    velocity, position = _pass(theta, log, np.empty((0, 0, 0)))
+    velocity, position = _coupled(theta, log) if log.form.coupled else _pass(theta, log, np.empty((0, 0, 0)))
     return position if log.of_position else velocity
 
 
-def sensitivities(theta: Array, log: AxisLog) -> tuple[Array, Array]:
+def sensitivities(theta: Array, log: AxisLog, *, of_states: bool = False) -> tuple[Array, Array]:
     """The run, shape (n,), and its derivatives, shape (p + 2, n).
 
-    The last two derivatives are by v0 and q0 of the sample's piece.
+    The last two derivatives are by v0 and q0 of the sample's piece; four are by its state where there is a coupling,
+    which the servo's own kernel runs, and whose derivatives are differences; those by theta are left out if only those
+    ``of_states`` are wanted.
     """
+    if log.form.coupled:
+        return _differences(theta, log, of_states=of_states)
     rows = np.zeros((2, theta.size + 2, log.target.size))
     velocity, position = _pass(theta, log, rows)
     return (position, rows[1]) if log.of_position else (velocity, rows[0])
@@ -123,7 +151,7 @@ def fit_axis(theta: Array, log: AxisLog, *, iterations: int = 40) -> AxisFit:
         return _Run(trial, log, error, _squares(error))
 
     def rows_of(at: _Run) -> Array:
-        return sensitivities(at.theta, at.log)[1][:-2] * log.counts
+        return sensitivities(at.theta, at.log)[1][: -log.form.states] * log.counts
 
     return _fitted(theta, log, run_of, rows_of, iterations, 1e-8)
 
@@ -148,9 +176,12 @@ def _regular(information: Array) -> Array:
     return information
 
 
-def _stepped(theta: Array, step: Array) -> Array:
-    """theta after a step: the inertia keeps a twentieth, and friction only dissipates."""
+def _stepped(theta: Array, step: Array, form: AxisForm) -> Array:
+    """theta after a step: the inertia keeps a twentieth, a resonance half, and friction only dissipates."""
     trial = theta + step
+    if form.coupled:
+        trial[-3] = np.clip(trial[-3], 0.5 * theta[-3], 2.0 * theta[-3])
+        trial[-2:] = np.clip(trial[-2:], *SHARE_AND_DAMPING)
     trial[0] = max(trial[0], 0.05 * theta[0])
     trial[1:3] = np.maximum(trial[1:3], 0.0)
     return trial
@@ -158,8 +189,10 @@ def _stepped(theta: Array, step: Array) -> Array:
 
 def settled(theta: Array, log: AxisLog, passes: int = 8) -> AxisLog:
     """The log with the states of its pieces that these parameters ask for."""
-    v0, q0 = fit_state(theta, log, passes)
-    return log._replace(v0=v0, q0=q0)
+    return log.starting(fit_state(theta, log, passes))
+
+
+SETTLING = 3  # passes in which states follow a step of the parameters
 
 
 def fit_pieces(theta: Array, log: AxisLog, *, iterations: int = 25) -> AxisFit:
@@ -185,7 +218,7 @@ def fit_pieces(theta: Array, log: AxisLog, *, iterations: int = 25) -> AxisFit:
     """
 
     def run_of(trial: Array, before: AxisLog) -> _Run:
-        there = settled(trial, before)
+        there = settled(trial, before, SETTLING)
         error = there.target - free_run(trial, there)
         return _Run(trial, there, error, _squares(error))
 
@@ -210,7 +243,7 @@ def _fitted(
         return (_regular(rows @ rows.T), rows @ at.error) if _says_something(at.cost, rows) else None
 
     def moved(at: _Run, step: Array) -> _Run:
-        return run_of(_stepped(at.theta, step), at.log)
+        return run_of(_stepped(at.theta, step, log.form), at.log)
 
     end = descend(run_of(theta, log), equations, moved, iterations, enough=enough)
     rows = rows_of(end)
@@ -224,11 +257,12 @@ def beside_the_states(rows: Array, log: AxisLog) -> Array:
 
     Samples that do not count follow: their rows are of a run whose state is fitted to those that do.
     """
-    out = rows[:-2].copy()
+    n = log.form.states
+    out = rows[:-n].copy()
     if not np.abs(rows).max(initial=0.0) < LARGEST:  # the run is lost, and so are they
         return out
     for s, e in itertools.pairwise(log.bounds):
-        seen, by_state = log.counts[s:e], rows[-2:, s:e]
+        seen, by_state = log.counts[s:e], rows[-n:, s:e]
         follows = np.linalg.lstsq(by_state[:, seen].T, out[:, s:e][:, seen].T, rcond=1e-9)[0]
         out[:, s:e] -= follows.T @ by_state
     return out
@@ -239,31 +273,31 @@ def _squares(error: Array) -> float:
     return float(error @ error) if np.abs(error).max(initial=0.0) < LARGEST else np.inf
 
 
-def fit_state(theta: Array, log: AxisLog, passes: int = 8) -> tuple[Array, Array]:
-    """Fit v0 and q0 of every piece to the samples that count, by Gauss-Newton.
+def fit_state(theta: Array, log: AxisLog, passes: int = 8) -> Array:
+    """Fit the state of every piece to the samples that count, by Gauss-Newton.
 
     Replaying the drive over the 300 ms before a moment gives the state there to within 2.75e-4 rad after 2 s; a
     causal quadratic gives 1.9e-3 (library servo).  A step across standstill can be too long, so it is shortened: a
     single one of 24 windows that ended on the wrong side caused all of the error by which structures are compared.
     """
-    state = np.column_stack([log.v0, log.q0])
+    state, n = log.states, log.form.states
     trial, step, best = state.copy(), np.zeros_like(state), np.full(len(state), np.inf)
     for _ in range(passes):
         before = best.copy()
-        run, rows = sensitivities(theta, log._replace(v0=trial[:, 0], q0=trial[:, 1]))
+        run, rows = sensitivities(theta, log.starting(trial), of_states=True)
         left = log.target - run
         for e, (s, t) in enumerate(itertools.pairwise(log.bounds)):
             keep = log.counts[s:t]
             cost = _squares(left[s:t][keep])
-            if cost < best[e] and np.abs(rows[-2:, s:t]).max() < LARGEST:
+            if cost < best[e] and np.abs(rows[-n:, s:t]).max() < LARGEST:
                 best[e], state[e] = cost, trial[e]
-                step[e] = np.linalg.lstsq(rows[-2:, s:t][:, keep].T, left[s:t][keep], rcond=1e-9)[0]
+                step[e] = np.linalg.lstsq(rows[-n:, s:t][:, keep].T, left[s:t][keep], rcond=1e-9)[0]
             else:
                 step[e] /= 4.0
         if not (best < (1.0 - SETTLED) * before).any():
             break
         trial = state + step
-    return state[:, 0].copy(), state[:, 1].copy()
+    return state
 
 
 def _covariance(rows: Array, error: Array, batches: int = 60) -> Array:
@@ -274,6 +308,41 @@ def _covariance(rows: Array, error: Array, batches: int = 60) -> Array:
     edges = np.linspace(0, error.size, min(batches, error.size) + 1).astype(int)[:-1]
     scores = np.add.reduceat(unit * error, edges, axis=1)
     return (inverse @ (scores @ scores.T) @ inverse) / np.outer(scale, scale)
+
+
+def coupling_of(theta: Array) -> FlexibleCoupling:
+    """The coupling of theta's inertia, resonance (Hz, motor and load free), load share and damping ratio."""
+    frequency, share, ratio = theta[-3:].tolist()
+    reduced = float(theta[0]) * share * (1.0 - share)
+    return FlexibleCoupling(1.0 / (reduced * (2.0 * math.pi * frequency) ** 2), share, ratio)
+
+
+def _coupled(theta: Array, log: AxisLog) -> Array:
+    """Velocity and position of the motor's side, (2, n), by the servo's kernel, piece by piece."""
+    effects = [
+        Viscous(theta[1]), Coulomb(theta[2]), InputOffset(theta[3]), coupling_of(theta),
+    ]  # fmt: skip
+    plant, drive = plant_of(effects, bare_parts(theta[0])), np.ascontiguousarray(log.u[:, 0])
+    out = np.empty((2, drive.size))
+    for (a, b), (v, q, twist, slip) in zip(itertools.pairwise(log.bounds.tolist()), log.states.tolist(), strict=True):
+        start = np.repeat([[q], [v], [twist], [slip]], b - a, axis=1)
+        run = follow(plant, drive[a:b], start, How(log.dt, log.u.shape[1], every=b - a))
+        out[0, a:b], out[1, a:b] = run[VELOCITY], run[POSITION]
+    return out
+
+
+def _differences(theta: Array, log: AxisLog, *, of_states: bool) -> tuple[Array, Array]:
+    """The run of a coupled axis and its derivatives by forward differences."""
+    at, states = free_run(theta, log), log.states
+    torque, speed = float(np.std(log.u)), float(np.std(log.v0)) or 1.0
+    sizes = np.r_[theta[0], theta[0], torque, torque, theta[4:]]
+    rows = []
+    for step in np.diag(SMALL * np.maximum(np.abs(theta), sizes))[: 0 if of_states else None]:
+        rows.append((free_run(theta + step, log) - at) / step.max())
+    place = float(np.std(log.target)) if log.of_position else speed * log.dt
+    for step in np.diag(SMALL * np.array([speed, place, place, speed])):
+        rows.append((free_run(theta, log.starting(states + step)) - at) / step.max())
+    return at, np.array(rows)
 
 
 def _pass(theta: Array, log: AxisLog, rows: Array) -> Array:
