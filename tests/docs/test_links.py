@@ -130,7 +130,7 @@ def test_links_to_other_sites_have_the_shape_of_links() -> None:
     wrong = [
         (p, u)
         for p, u in urls
-        if not u.startswith(local) and not re.fullmatch(r"https://[\w-]+(\.[\w-]+)+(/[\w.~%#?=&+-]*)*[.:]?", u)
+        if not u.startswith(local) and not re.fullmatch(r"https?://[\w-]+(\.[\w-]+)+(/[\w.~%#?=&+{}-]*)*[.:]?", u)
     ]
     assert wrong == []
     assert [(p, d) for p, d in dois if not re.fullmatch(r"10\.\d{4,9}/[\w.()/-]+", d)] == []

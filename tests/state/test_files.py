@@ -245,6 +245,8 @@ for kill in range(kills):
         while True:
             n += 1
             write_state(path, "k", {}, {"n": n, "theta": np.full(5000, float(n))})
+    while kill % 2 and read_state(path, "k")[1]["n"] == before:  # however busy the machine is, it is killed at work
+        time.sleep(0.001)
     time.sleep(random.uniform(0.0, 0.02))
     os.kill(child, signal.SIGKILL)
     os.waitpid(child, 0)
@@ -259,6 +261,6 @@ print(advanced)
 def test_whoever_is_killed_and_when_there_is_a_whole_file(tmp_path):
     path = tmp_path / "axis.whs"
     done = subprocess.run(
-        [sys.executable, "-c", KILLING, str(path), "100", "7"], check=True, capture_output=True, text=True
+        [sys.executable, "-c", KILLING, str(path), "60", "7"], check=True, capture_output=True, text=True
     )
-    assert int(done.stdout) > 10  # most children got somewhere before they died
+    assert int(done.stdout) >= 30  # every second child had written before it died
