@@ -24,6 +24,7 @@ LAYOUTS = {
     "units in a line of their own": text(";", after=["s;Nm;rad"]),
     "numpy's header": text(head=None, before=["# time_s,torque_nm,position_rad"]),
     "quoted header": text(head=[f'"{h}"' for h in HEAD]),
+    "a separator behind the names": text(head=[*HEAD, ""]),
 }
 
 

@@ -87,6 +87,8 @@ def _read_as(
     above = [c for k, (_, c) in enumerate(rows[:start]) if not _is_data(c, decimal) or _label(rows, k, decimal)]
     if all(not c[-1] for c in body):  # every row ends in a separator, the head may do without
         above = [[*c, ""] if len(c) == width - 1 else c for c in above]
+    else:  # or the head alone does, as that of the Silverbox
+        above = [c[:-1] if len(c) == width + 1 and not c[-1] else c for c in above]
     if start == 0 and width > 1 and _counts_up(cells) and len(rows) > 1:  # pandas heads nameless columns 0, 1, 2
         head, (first, cells) = Head([n or "index" for n in cells], None), rows[1]
     else:
