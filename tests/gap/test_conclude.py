@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from whsklearn.gap import conclude
 from whsklearn.gap.conclude import verdict_of
 
 NAMELESS = SimpleNamespace(name="", p_value=1e-6, size=0.2)
@@ -50,3 +51,65 @@ def test_where_own_records_are_exact_the_errors_are_the_run_and_what_is_shown_is
     assert verdict(0.02, 0.3, exact=True) == "named"
     assert verdict(1.0, 0.0, taken=(), floor=0.999, remainder=[NAMELESS], exact=True) == "unknown"
     assert verdict(1.0, 0.0, taken=(), exact=True) == "coloured_noise"
+
+
+class Runs:
+    """A plant whose models are their terms; ``closes`` says what a model's free run closes at every horizon."""
+
+    headline = 2.0
+
+    def __init__(self, closes, refitted=lambda m: m):
+        self.closes, self.to_simulate = closes, refitted
+
+    def contributes(self, base, model):
+        return False
+
+    def settled(self, model):
+        return model
+
+
+class Terms(str):
+    """A model: a letter a term."""
+
+    __slots__ = ()
+
+    @property
+    def terms(self):
+        return tuple(self)
+
+    def without(self, index):
+        return Terms(self[:index] + self[index + 1 :])
+
+
+@pytest.fixture
+def closing(monkeypatch):
+    def rows(plant, base, model, rng, given=None):
+        return [{"horizon": h, "closure": c} for h, c in zip((1.0, 2.0), plant.closes(model), strict=True)]
+
+    def run(plant, model="ab"):
+        monkeypatch.setattr(conclude, "prove", rows)
+        found = SimpleNamespace(
+            base=Terms(), model=Terms(model), taken=list(model), remainder=[], steps=[SimpleNamespace(looks=[])]
+        )
+        return conclude._closing(plant, found, None, None), found
+
+    return run
+
+
+def test_the_last_effects_go_until_the_run_closes(closing):
+    _, found = closing(Runs(lambda m: (0.9, 0.9) if m in ("a", "") else (-0.1, -0.1)))
+    assert (found.model, found.taken) == ("a", ["a"])
+    _, found = closing(Runs(lambda m: (-0.1, -0.1) if m else (0.0, 0.0)))
+    assert (found.model, found.taken) == ("", [])
+
+
+def test_numbers_as_found_stand_in_where_those_refitted_along_the_run_are_worse(closing):
+    plant = Runs(lambda m: (0.9, 0.9) if m == "ab" else (-0.1, -0.1), refitted=lambda m: Terms(m.upper()))
+    assert closing(plant)[1].model == "ab"
+
+
+def test_a_run_that_is_useless_at_one_horizon_is_told_at_a_shorter_one(closing):
+    plant = Runs(lambda m: (0.6, -0.1))
+    rows, found = closing(plant)
+    assert (found.model, plant.headline) == ("ab", 1.0)
+    assert conclude._headline(plant, rows)["closure"] == 0.6
