@@ -213,6 +213,12 @@ def equal_pairs(data: Path) -> Iterator[tuple[str, list[ServoRecord]]]:
             yield f"{name} quarters 2 4", [second, fourth]
 
 
+def deviate(row: dict[str, Any]) -> float:
+    """Difference of a number between two records over its standard error."""
+    (a, b), errors = row["values"], row["standard_errors"]
+    return float((b - a) / np.hypot(*errors))
+
+
 def gain_pairs(data: Path) -> Iterator[tuple[str, list[ServoRecord]]]:
     """XL330 at two gains of its loop: all pairs of gains, either path each, and across."""
     logs = xl330(data, True)
@@ -310,15 +316,19 @@ def main(changes: int, equals: int, seeds: int, arms: int, real: bool, every: bo
 
 def of_real(every: bool) -> None:
     """The measured records."""
-    data, false, verdicts = folder(), [], []
+    data, false, verdicts, away = folder(), [], [], []
     for name, records in equal_pairs(data):
         found, _ = judged(records)
         false.append(bool(found.changes))
-        verdicts.append(found.verdict)
+        verdicts.append(found.verdict if found.numbers else "refused")
+        away += [deviate(row) for row in found.numbers]
         if every or found.changes:
             click.echo(f"{name:<30} {found.sentence[:160]}")
     click.echo(told("real equal axes, something named", false, "<= 2.5 %"))
-    click.echo(told("  cannot tell", [v == "cannot_tell" for v in verdicts], ""))
+    click.echo(told("  refused: no rigid axis, or no use", [v == "refused" for v in verdicts], ""))
+    click.echo(told("  cannot tell: half of any number is missed", [v == "cannot_tell" for v in verdicts], ""))
+    click.echo(told("numbers of equal records within two errors", [abs(z) < 2.0 for z in away], "95 % if honest"))
+    click.echo(f"  rms of their difference over its error: {np.sqrt(np.mean(np.square(away))):.2f}, 1 if honest")
     whole = []
     for name, arm, pieces in equal_arms(data):
         found = compare_arms(pieces, arm)

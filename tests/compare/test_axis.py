@@ -6,7 +6,9 @@ import numpy as np
 
 from tests.compare.test_records import record
 from whsklearn.compare.axis import LAW, axis_rows
+from whsklearn.compare.estimate import estimate
 from whsklearn.effects import Cogging
+from whsklearn.gap import ServoRecord
 
 
 def test_one_record_that_needs_a_column_gives_it_to_all():
@@ -21,3 +23,20 @@ def test_numbers_times_columns_are_the_drive():
     fit, *_ = np.linalg.lstsq(rows.columns, rows.target, rcond=None)
     assert np.std(rows.target - rows.columns @ fit) < 0.05 * rows.scale
     assert all(fit[:3] > 0.0)
+
+
+def test_a_record_that_sticks_is_judged_while_it_moves():
+    """Half of the time at rest with a drive that wanders inside the friction: the numbers are those of the motion."""
+    t = np.arange(0.0, 20.0, 0.002)
+    way = np.where(t % 4.0 < 2.0, t % 4.0, 2.0)  # up in two seconds, held for two
+    turn = (t // 4.0) % 2
+    q = np.where(turn == 0.0, 1.0 - np.cos(0.5 * np.pi * way), 1.0 + np.cos(0.5 * np.pi * way))
+    v, a = np.gradient(q, t), np.gradient(np.gradient(q, t), t)
+    still = np.abs(v) < 1e-3
+    drive = 0.05 * a + 0.1 * v + 0.2 * np.sign(v)
+    drive[still] = 0.19 * np.sin(7.0 * t[still])
+    made = ServoRecord(t, drive + 1e-3 * np.random.default_rng(0).standard_normal(t.size), q)
+    (rows,) = axis_rows([made], ["a"], 0.01, np.random.default_rng(0))
+    values = dict(zip(rows.names, estimate(rows).values, strict=True))
+    assert abs(values["coulomb"] - 0.2) < 0.02
+    assert abs(values["inertia"] - 0.05) < 0.005

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -26,6 +28,27 @@ def test_a_walk_is_told_and_widens_the_offset_alone():
     assert walking.drift[3] > 3.0 * still.drift.get(3, 0.0)
     wider = np.sqrt(np.diag(walking.covariance) / np.diag(still.covariance))
     assert wider[3] > 5.0 > wider[0]
+
+
+def test_errors_of_the_model_do_not_average_out_as_noise_does():
+    def error(n, wrong):
+        one = rows(seed=1, n=n, noise=0.1)
+        made = 0.3 * np.sin(3.0 * one.path) * np.abs(one.path)  # no column says that
+        return estimate(replace(one, target=one.target + wrong * made, floor=0.1)).errors[2]
+
+    assert error(12000, 0.0) < 0.65 * error(3000, 0.0)
+    assert error(12000, 1.0) > 0.7 * error(3000, 1.0)
+
+
+def test_what_no_sample_shows_is_unknown_and_the_rest_is_not():
+    one = rows(seed=1)
+    ahead = one.columns.copy()
+    ahead[:, 2] = 1.0  # an axis that never reverses: Coulomb friction is an offset
+    e = estimate(replace(one, columns=ahead, target=ahead @ TRUTH + 0.02 * np.random.default_rng(0).normal(size=3000)))
+    both = np.array([0.0, 0.0, 1.0, 1.0, 0.0])
+    assert min(e.errors[2], e.errors[3]) > one.scale[0]
+    assert np.sqrt(both @ e.covariance @ both) < 0.1 * one.scale[0]
+    assert abs(both @ e.values - both @ TRUTH) < 3.0 * np.sqrt(both @ e.covariance @ both)
 
 
 def test_the_pool_of_two_is_their_mean_and_knows_more():

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from whsklearn.compare.estimate import Estimate, Part
 from whsklearn.compare.hypotheses import Difference, hypotheses, moved, smallest, weigh
 
 NAMES = ("inertia", "viscous", "gravity", "gravity", "delay")
@@ -13,12 +14,9 @@ NAMES = ("inertia", "viscous", "gravity", "gravity", "delay")
 
 def difference(values, error=0.01, degrees=18.0):
     mean = np.array([1.0, 0.5, 0.6, 0.3, 0.0])
-    values, spread = np.array(values, dtype=float), np.full(5, error)
-    covariance = error**2 * np.eye(5)
-    before = mean - 0.5 * values
-    return Difference(
-        NAMES, {}, values, covariance, degrees, mean, spread, np.ones(5), before, covariance / 2, -covariance / 2
-    )
+    values, half = np.array(values, dtype=float), (Part(error**2 / 2 * np.eye(5), degrees / 2),)
+    first, second = (Estimate("", mean + by * values, half, 0.0, {}) for by in (-0.5, 0.5))
+    return Difference(NAMES, {}, first, second, mean, np.full(5, error), np.ones(5))
 
 
 def test_every_name_once_and_the_gain():

@@ -84,6 +84,24 @@ def test_records_that_turn_different_ways_are_not_compared(plain):
     assert "different ways" in found.reason
 
 
+def test_one_record_that_never_reverses_is_compared_in_what_it_shows(plain):
+    """Coulomb friction and offset of a run one way are one; a gain of the drive shows all the same."""
+    n = len(plain)
+    t, rng = plain.time, np.random.default_rng(0)
+    way = 2.0 * t + 0.3 * np.sin(2 * np.pi * 0.7 * t)
+    v = 2.0 + 0.3 * 2 * np.pi * 0.7 * np.cos(2 * np.pi * 0.7 * t)
+    a = -0.3 * (2 * np.pi * 0.7) ** 2 * np.sin(2 * np.pi * 0.7 * t)
+    back = np.sin(2 * np.pi * 0.4 * t), *(w * f(2 * np.pi * 0.4 * t) for w, f in (
+        (2 * np.pi * 0.4, np.cos), (-(2 * np.pi * 0.4) ** 2, np.sin)))  # fmt: skip
+    noise = 1e-3 * rng.standard_normal((2, n))
+    both = ServoRecord(t, 0.02 * back[2] + 0.05 * back[1] + 0.1 * np.sign(back[1]) + noise[0], back[0])
+    one = ServoRecord(t, 0.02 * a + 0.05 * v + 0.1 + noise[1], way)
+    assert compare_records([both, one]).verdict != "moved"
+    louder = compare_records([both, replace(one, drive=2.0 * one.drive)])
+    assert louder.changes[0].name == "gain"
+    assert louder.changes[0].after == pytest.approx(0.5, abs=0.05)
+
+
 @pytest.mark.parametrize("records", [1, 0])
 def test_one_record_is_refused(plain, records):
     with pytest.raises(ValueError, match="two records at least"):

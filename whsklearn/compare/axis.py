@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -32,6 +33,7 @@ MOST_EFFECTS = 4  # beside the law: with more numbers than that a block of a rec
 # Of the rms drive: filters alone leave 2 % of a record in which nothing is missing (`servo_own`), and no column takes
 # half of that.
 WORTH = 0.01
+FEWEST_MOVING = 20  # samples: three for each number of a law and an effect
 N_NULL = 19  # rows of chance, which give the moments of a Gumbel law to a sixth
 PLACES = ("friction", "position")  # effects of the sensor and of time are no constants of an axis
 SMALL = 0.01  # of a shape number: its columns change in proportion
@@ -58,7 +60,7 @@ def axis_rows(records: list[ServoRecord], labels: list[str], alpha: float, rng: 
     """
     views, models = alike(records)
     for _ in range(MOST_EFFECTS):
-        looks = [look for v, m in zip(views, models, strict=True) for look in missing(v, m, rng, alpha)]
+        looks = missing(views, models, rng, alpha)
         most = max((look.gain for look in looks), default=0.0)
         looks = [k for k in looks if k.gain > AS_WELL * most and shown_by_all(views, models, k.start)]
         if not looks:
@@ -76,14 +78,22 @@ def alike(records: list[ServoRecord]) -> tuple[list[InverseView], list[AxisModel
     views = [InverseView(v.record, v.scene, cutoff, v.start) for v in began]
     for v in views:
         v.motion, v.slowest = v.motion._replace(kappa=2.0 / slowest), slowest
+        judge_motion(v)
     ways = {direction(v.motion.velocity, slowest) for v in views}
-    if len(ways) > 1:
+    if {1, -1} <= ways and 0 not in ways:
         raise OneWay(
-            "The records turn different ways, and at least one of them never reverses, so friction and offset cannot "
-            "be separated. Log a run that reverses."
+            "The records turn different ways and never reverse, so friction and offset cannot be separated. Log a run "
+            "that reverses."
         )
-    law = LAW if ways == {0} else ONE_WAY
+    law = LAW if 0 in ways else ONE_WAY
     return views, [v.fit(base_model(law, v.scene)) for v in views]
+
+
+def judge_motion(view: InverseView) -> None:
+    """Leave rests out of a record that moves at all: while an axis sticks, its drive is anything up to its friction."""
+    if view.moving.sum() >= FEWEST_MOVING:
+        view.at = np.flatnonzero(view.moving)
+        view.n_effective = view.at.size * min(1.0, 2.0 * view.cutoff * view.step)
 
 
 def direction(speed: Array, slowest: float) -> int:
@@ -91,8 +101,28 @@ def direction(speed: Array, slowest: float) -> int:
     return 0 if reversals_of(speed, slowest).size else int(np.sign(np.mean(speed)))
 
 
-def missing(view: InverseView, model: AxisModel, rng: np.random.Generator, alpha: float) -> list[Look]:
-    """The effects whose columns explain more of one record's residual than chance does."""
+def missing(
+    views: Sequence[InverseView], models: Sequence[AxisModel], rng: np.random.Generator, alpha: float
+) -> list[Look]:
+    """The effects whose columns explain more of all records together than chance does.
+
+    An axis is one axis: what all its records need is asked of all of them, each with numbers of its own.
+    """
+    every = [looks_of(v, m, rng) for v, m in zip(views, models, strict=True)]
+    worth = [m.scene.torque * WORTH for m in models]
+    out = []
+    for kind in set.intersection(*map(set, every)):
+        looks = [each[kind] for each in every]
+        best = max(looks, key=lambda look: look.gain)
+        gain, null = sum(look.gain for look in looks), np.sum([look.null for look in looks], axis=0)
+        p = p_value(gain, null, len(every[0]), sum(look.degrees for look in looks) if best.degrees else 0.0)
+        if p <= alpha and any(look.size > least for look, least in zip(looks, worth, strict=True)):
+            out.append(replace(best, gain=gain, null=null))
+    return out
+
+
+def looks_of(view: InverseView, model: AxisModel, rng: np.random.Generator) -> dict[Candidate, Look]:
+    """What the columns of every constant effect explain of one record's residual, and of random rows of its colour."""
     scene = Scene(view, model)
     _, x, target, sizes, _ = view.solved(model)
     left = (target - x @ sizes)[view.at]
@@ -101,12 +131,7 @@ def missing(view: InverseView, model: AxisModel, rng: np.random.Generator, alpha
     time = view.time[:: view.every][view.at]
     slow, _ = drifting(np.ones((time.size, 1)), ("input_offset",), time, slowest_of(path_of(view), time))
     tangent = Tangent(left, null, np.column_stack([x[view.at], slow]), n_effective(null[0], view.n_effective))
-    looks = [look for k in inverse_kinds(model) if constant(k) and (look := tangent.look(family(scene, k)))]
-    return [
-        look for look in looks
-        if p_value(look.gain, look.null, len(looks), look.degrees) <= alpha
-        and look.size > WORTH * model.scene.torque
-    ]  # fmt: skip
+    return {k: look for k in inverse_kinds(model) if constant(k) and (look := tangent.look(family(scene, k)))}
 
 
 def path_of(view: InverseView) -> Array:
@@ -178,5 +203,5 @@ def rows_of(view: InverseView, model: AxisModel, label: str, own: Mapping[str, s
         label, names, units, columns, view.drive[at], at, view.step, time, path, blocks_between(turns, at.size),
         np.column_stack([nuisances, shapes]), of, np.array([view.rms(view.drive[at])]), slowest, covers,
         frozenset({"inertia", *(n for n, kind in kinds if kind.positive and n in LAW and both_ways)}),
-        (*(by for by, _ in told), 1.0),
+        (*(by for by, _ in told), 1.0), floor=view.floor(model),
     )  # fmt: skip

@@ -7,28 +7,59 @@ of a record, which must agree, show what a wrong model makes of another part of 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from whsklearn.compare.rows import SLOWER, Rows
-from whsklearn.gap.calibration import smoothed_power
+from whsklearn.compare.rows import Rows
+from whsklearn.gap.calibration import n_effective, smoothed_power
 
 Array = NDArray[Any]
 
-# Variance of the mean over a record that a drift within it stands for, over the power of that drift.  Of a random walk
-# the means of two records in a row lie twice the drift's rms apart, which is two times its power for either; the power
-# is known from two or three half waves only, and Student's law of so few has tails twice as far out.
-WANDERS = 8.0
-# A model that leaves a tenth of the drive has columns that are wrong by a part of it, the same all over a record and
-# another on another path, which no resampling of one record shows.
-RIDGE = 1e-9  # of the samples, on columns of unit rms: rounding, and a number that no sample shows gets no value
+# Variance of the mean over a record that a drift within it stands for, over the power of that drift: of a random walk,
+# the means of two records in a row lie twice the drift's rms apart, which is two times its power for either.
+WANDERS = 2.0
+RIDGE = 1e-9  # of the samples, on columns of unit rms: rounding
+AT_MOST = 3.0  # times the rms drive: one standard deviation of any number before the record is seen
 PARTS = (2, 4)  # of a record that must agree: whose own spread shows model error of a quarter of a record and longer
 SHOWN = 1e-3  # of the mean square of columns of unit rms: a direction in which a part moves less is not asked of it
 LEAST_ERROR = 0.0015  # of the rms drive, of every column
-OF_WHAT_IS_LEFT = 0.1
+# Independent samples.  Over 63 pairs of real equal records (`benchmarks.compare --real`), the numbers of one leave 0.81
+# of what its own leave of the other more than they do, rms; a tenth of its power for each of six or seven numbers.
+WORTH = 10.0
+JUDGED = 8.0  # degrees of freedom of what is set and not estimated: right to a quarter (GUM 2008, eq. G.3)
+
+
+class Part(NamedTuple):
+    """A summand of a covariance, shape (p, p), and the degrees of freedom with which it is known."""
+
+    covariance: Array
+    degrees: float
+
+
+def degrees_of(parts: Sequence[Part], to: Array) -> float:
+    """Degrees of freedom of the covariance of ``to @ values``, shape (k, p), as a whole.
+
+    1 / nu = sum of q_j^2 / nu_j, where q_j is the share of summand j in the covariance.
+
+    References
+    ----------
+    Satterthwaite 1946, Biometrics Bulletin 2(6), 110-114; Welch 1947, Biometrika 34, 28-35.
+
+    Examples
+    --------
+    >>> known, guessed = Part(np.eye(2), 100.0), Part(np.diag([0.0, 1.0]), 4.0)
+    >>> [round(degrees_of([known, guessed], unit[None]), 1) for unit in np.eye(2)]
+    [100.0, 15.4]
+    """
+    each = [to @ part.covariance @ to.T for part in parts]
+    inverse = np.linalg.pinv(np.sum(each, axis=0), rcond=1e-10, hermitian=True)
+    shares = np.array([np.sum(inverse * one) for one in each]) / to.shape[0]
+    return float(1.0 / max(float(np.sum(shares**2 / [p.degrees for p in parts])), 1e-9))
 
 
 @dataclass(frozen=True)
@@ -39,9 +70,8 @@ class Estimate:
     ----------
     label : str
     values : ndarray of shape (p,)
-    covariance : ndarray of shape (p, p)
-    degrees : float
-        Degrees of freedom of the covariance: the number of blocks minus one.
+    parts : tuple of Part
+        Of the covariance.
     left : float
         Rms of the residual, as a share of the rms drive.
     drift : dict
@@ -50,10 +80,19 @@ class Estimate:
 
     label: str
     values: Array
-    covariance: Array
-    degrees: float
+    parts: tuple[Part, ...]
     left: float
     drift: dict[int, float]
+
+    @cached_property
+    def covariance(self) -> Array:
+        """Of the values, shape (p, p)."""
+        return np.asarray(np.sum([part.covariance for part in self.parts], axis=0))
+
+    @cached_property
+    def errors(self) -> Array:
+        """Standard errors, shape (p,)."""
+        return np.sqrt(np.diag(self.covariance))
 
 
 def estimate(rows: Rows) -> Estimate:
@@ -67,45 +106,42 @@ def estimate(rows: Rows) -> Estimate:
     z = np.column_stack([rows.columns, rows.nuisances])
     size = np.maximum(np.sqrt(np.mean(z**2, axis=0)), 1e-300)
     z = z / size
-    inverse = np.linalg.inv(z.T @ z + RIDGE * rows.target.size * np.eye(z.shape[1]))
+    prior = AT_MOST * float(np.linalg.norm(rows.scale))
+    ridge = _ridge(z, rows, prior)
+    inverse = np.linalg.inv(z.T @ z + ridge * np.eye(z.shape[1]))
     fit = inverse @ (z.T @ rows.target)
     left = (rows.target - z @ fit) * np.sqrt(z.shape[0] / max(z.shape[0] - z.shape[1], 1))  # the fit took its share
     p = rows.columns.shape[1]
-    covariance = _stationary(z @ inverse, left, rows)
-    covariance = _wider(covariance, _by_block(z, rows)) * _disagreement(z, rows, left)
-    drift = _drift(fit[p:], np.diag(covariance)[p:], rows.of, size[p:], size[:p])
-    covariance = covariance[:p, :p]
-    for i, walk in drift.items():
-        covariance[i, i] += WANDERS * walk**2
-    covariance = covariance + np.diag(_of_the_model(left, rows))
-    size = size[:p]
-    return Estimate(
-        rows.label, fit[:p] / size, covariance / np.outer(size, size), float(rows.block.max()),
-        float(np.sqrt(np.mean(left**2)) / np.linalg.norm(rows.scale)), {i: w / size[i] for i, w in drift.items()},
-    )  # fmt: skip
+    noise = _wider(_stationary(z @ inverse, left, rows), _by_block(z, rows, ridge)) * _disagreement(z, rows, left)
+    wider = _wider(noise, _stationary(z @ inverse, left, rows, most=WORTH))
+    wider = wider + (ridge * prior) ** 2 * (inverse @ inverse)
+    wider[:p, :p] += np.diag((LEAST_ERROR * rows.scale) ** 2 @ rows.paid())
+    power = _walks(fit[p:], rows.of, size[p:], size[:p])
+    by_noise = _walks(np.sqrt(np.diag(noise)[p:]), rows.of, size[p:], size[:p])
+    drift = {i: float(np.sqrt(w - by_noise[i])) / size[i] for i, w in power.items() if w > by_noise[i]}
+    unit = np.outer(size[:p], size[:p])
+    parts = (
+        Part(noise[:p, :p] / unit, float(rows.block.max())),
+        Part((wider - noise)[:p, :p] / unit, JUDGED),
+        *(Part(np.diag(WANDERS * w * np.eye(p)[i]) / unit, float(rows.of.count(i))) for i, w in power.items()),
+    )
+    share = float(np.sqrt(np.mean(left**2)) / np.linalg.norm(rows.scale))
+    return Estimate(rows.label, fit[:p] / size[:p], parts, share, drift)
 
 
-def _of_the_model(left: Array, rows: Rows) -> Array:
-    """Variance of every number by errors of the model, columns of unit rms: what is left where the number is paid."""
-    n, least = rows.target.size, []
-    for those, drive in zip(rows.channels(), rows.scale.tolist(), strict=True):
-        fast = _fast(left, rows, those) * np.sqrt(those.size / n)
-        least.append(max(OF_WHAT_IS_LEFT * fast, LEAST_ERROR * drive))
-    return np.asarray(np.array(least) ** 2 @ rows.paid())
+def _ridge(z: Array, rows: Rows, prior: float) -> float:
+    """Noise over the prior of every number, columns of unit rms: what no sample shows gets no value, and says so."""
+    left = rows.target - z @ np.linalg.lstsq(z, rows.target, rcond=RIDGE)[0]
+    noise = float(left @ left) / n_effective(left)
+    return max(noise / prior**2, RIDGE * rows.target.size)
 
 
-def _fast(left: Array, rows: Rows, those: NDArray[np.intp]) -> float:
-    """Rms of what is left that is no slower than the motion: a walk of the offset is no error of the model."""
-    at = rows.at[those] - rows.at[those[0]]
-    grid = np.zeros(int(at[-1]) + 1)
-    grid[at] = left[those]
-    power = np.abs(np.fft.rfft(grid)) ** 2
-    fast = np.fft.rfftfreq(grid.size, rows.step) >= rows.slowest / SLOWER
-    return float(np.sqrt(np.mean(left[those] ** 2) * power[fast].sum() / max(float(power.sum()), 1e-300)))
+def _stationary(weights: Array, left: Array, rows: Rows, most: float = np.inf) -> Array:
+    """Covariance of ``weights.T @ noise`` for noise of the spectrum of what is left; gaps in the grid hold zeros.
 
-
-def _stationary(weights: Array, left: Array, rows: Rows) -> Array:
-    """Covariance of ``weights.T @ noise`` for noise of the spectrum of what is left; gaps in the grid hold zeros."""
+    What noise of the sensors does not explain counts as ``most`` independent samples at the most, however long the
+    record: the errors of a model come again with every motion.
+    """
     out = np.zeros((weights.shape[1], weights.shape[1]))
     for those in rows.channels():
         at = rows.at[those] - rows.at[those[0]]
@@ -114,6 +150,8 @@ def _stationary(weights: Array, left: Array, rows: Rows) -> Array:
         noise[at] = left[those]
         w[at] = weights[those]
         spectrum = smoothed_power(noise) / at.size
+        by_sensors = min(1.0, rows.floor**2 / max(float(np.mean(left[those] ** 2)), 1e-300))
+        spectrum *= by_sensors + (1.0 - by_sensors) * max(1.0, n_effective(left[those]) / most)
         f = np.fft.rfft(w, axis=0)
         twice = np.full(f.shape[0], 2.0)
         twice[0] = 1.0
@@ -137,14 +175,14 @@ def _wider(a: Array, b: Array) -> Array:
     return np.asarray((turned * np.maximum(more, 1.0)) @ turned.T)
 
 
-def _by_block(z: Array, rows: Rows) -> Array:
+def _by_block(z: Array, rows: Rows, ridge: float) -> Array:
     """Covariance by the jackknife over blocks."""
     parts = [np.flatnonzero(rows.block == k) for k in np.unique(rows.block)]
     grams = np.array([z[s].T @ z[s] for s in parts])
     crosses = np.array([z[s].T @ rows.target[s] for s in parts])
     total, cross = grams.sum(axis=0), crosses.sum(axis=0)
-    ridge = RIDGE * rows.target.size * np.eye(z.shape[1])
-    without = np.array([np.linalg.solve(total - g + ridge, cross - c) for g, c in zip(grams, crosses, strict=True)])
+    held = ridge * np.eye(z.shape[1])
+    without = np.array([np.linalg.solve(total - g + held, cross - c) for g, c in zip(grams, crosses, strict=True)])
     apart, m = without - without.mean(axis=0), len(parts)
     return np.asarray((m - 1.0) / m * apart.T @ apart)
 
@@ -179,12 +217,12 @@ def _disagreement(z: Array, rows: Rows, left: Array) -> float:
     return most
 
 
-def _drift(fit: Array, variance: Array, of: tuple[int, ...], size: Array, unit: Array) -> dict[int, float]:
-    """Rms by which each number walks, beyond what noise makes of its half waves; scaled as the numbers are."""
+def _walks(fit: Array, of: tuple[int, ...], size: Array, unit: Array) -> dict[int, float]:
+    """Mean square by which each number moves along its half waves; scaled as the numbers are."""
     power: dict[int, float] = {}
-    for i, c, v, s in zip(of, fit, variance, size, strict=False):  # behind them come the shapes
-        power[i] = power.get(i, 0.0) + 0.5 * float((c**2 - v) * (unit[i] / s) ** 2)
-    return {i: float(np.sqrt(x)) for i, x in power.items() if x > 0.0}
+    for i, c, s in zip(of, fit, size, strict=False):  # behind them come the shapes
+        power[i] = power.get(i, 0.0) + 0.5 * float((c * unit[i] / s) ** 2)
+    return power
 
 
 def pooled(parts: list[Estimate]) -> Estimate:
@@ -193,8 +231,10 @@ def pooled(parts: list[Estimate]) -> Estimate:
         return parts[0]
     weights = [np.linalg.inv(e.covariance) for e in parts]
     covariance = np.linalg.inv(np.sum(weights, axis=0))
-    values = covariance @ np.sum([w @ e.values for w, e in zip(weights, parts, strict=True)], axis=0)
+    shares = [covariance @ w for w in weights]
     return Estimate(
-        ", ".join(e.label for e in parts), values, covariance, float(sum(e.degrees for e in parts)),
+        ", ".join(e.label for e in parts),
+        np.sum([s @ e.values for s, e in zip(shares, parts, strict=True)], axis=0),
+        tuple(Part(s @ c @ s.T, nu) for s, e in zip(shares, parts, strict=True) for c, nu in e.parts),
         float(np.sqrt(np.mean([e.left**2 for e in parts]))), {},
     )  # fmt: skip

@@ -3,14 +3,16 @@
 The difference delta of two estimates with covariance S speaks for a hypothesis "delta = E s" by a Student law with as
 many degrees of freedom as S has: twice the log likelihood falls from (nu + p) ln(1 + chi0 / nu) to the same of chi_E.
 
-A gain scales every number a of the first record, which is known with an error itself: delta = (g - 1) a with the
-covariance S + (g - 1)^2 A - (g - 1) (C + C'), where A is that of a and C is between delta and a.  Numbers of which none
-is well known alone may still all be three times as large.
+A gain scales every number a of the first record, which is known with an error itself: b - g a has the covariance
+B + g^2 A, and where both records follow one path, so that d = b - a is known by itself, d - (g - 1) a has
+D + (g - 1)^2 A.  Its determinant counts too: without it a large g explains everything by the errors of a.  Numbers of
+which none is well known alone may still all be three times as large.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -18,6 +20,8 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 from scipy.stats import f as snedecor
 from scipy.stats import t as student
+
+from whsklearn.compare.estimate import Estimate, Part, degrees_of
 
 Array = NDArray[Any]
 
@@ -43,34 +47,64 @@ class Difference:
         Names of the p numbers.
     covers : dict
         Name -> names of numbers that change with it.
-    values : ndarray of shape (p,)
-    covariance : ndarray of shape (p, p)
-    degrees : float
-        Degrees of freedom of the covariance.
+    first, second : Estimate
+        The second is the difference itself if both records follow one path.
     mean, errors : ndarray of shape (p,)
         The numbers themselves, pooled, and their standard errors.
     sizes : ndarray of shape (p,)
         Rms drive per unit of each number, as a share of the rms drive at which it is paid.
-    before, before_covariance : ndarray of shape (p,), (p, p)
-        The first estimate.
-    cross : ndarray of shape (p, p)
-        Covariance of the difference with the first estimate.
     changes : dict
         Name -> directions in which a change moves the numbers; if empty, every named number may change.
+    one_path : bool
+    gain : float
+        Factor on the first estimate.
     """
 
     names: tuple[str, ...]
     covers: dict[str, tuple[str, ...]]
-    values: Array
-    covariance: Array
-    degrees: float
+    first: Estimate
+    second: Estimate
     mean: Array
     errors: Array
     sizes: Array
-    before: Array
-    before_covariance: Array
-    cross: Array
     changes: dict[str, Array] = field(default_factory=dict)
+    one_path: bool = False
+    gain: float = 1.0
+
+    @cached_property
+    def forces(self) -> Array:
+        """1 for every number that a gain scales, 0 for the age of the drive, shape (p,)."""
+        return np.array([float(not n.startswith("delay")) for n in self.names])
+
+    @cached_property
+    def factor(self) -> Array:
+        """By which the first estimate is subtracted, shape (p,)."""
+        return 1.0 + (self.gain - 1.0) * self.forces - float(self.one_path)
+
+    @cached_property
+    def values(self) -> Array:
+        """Of the difference, shape (p,)."""
+        return np.asarray(self.second.values - self.factor * self.first.values)
+
+    @cached_property
+    def parts(self) -> tuple[Part, ...]:
+        """Of its covariance."""
+        k = np.outer(self.factor, self.factor)
+        return (*self.second.parts, *(Part(k * c, nu) for c, nu in self.first.parts))
+
+    @cached_property
+    def weight(self) -> Array:
+        """Inverse of its covariance, shape (p, p)."""
+        return np.linalg.inv(np.sum([part.covariance for part in self.parts], axis=0))
+
+    @cached_property
+    def volume(self) -> float:
+        """Logarithm of the determinant of its covariance."""
+        return -float(np.linalg.slogdet(self.weight)[1])
+
+    def before(self, rest: Array) -> Array:
+        """The first numbers as both records know them, shape (p,), given what of the difference is noise."""
+        return np.asarray(self.first.values + self.first.covariance @ (self.factor * (self.weight @ rest)))
 
 
 @dataclass(frozen=True)
@@ -106,6 +140,8 @@ class Found:
         Improvement in chi-squared of the difference.
     evidence : float
         In nats, after subtracting the price of its numbers.
+    degrees : float
+        Degrees of freedom of the step's covariance.
     p_value : float
         Probability of such an improvement by chance, for one hypothesis.
     size : float
@@ -121,6 +157,7 @@ class Found:
     errors: Array
     chi2: float
     evidence: float
+    degrees: float
     p_value: float
     size: float
     taken: Array
@@ -128,23 +165,18 @@ class Found:
 
 
 def hypotheses(d: Difference) -> list[Hypothesis]:
-    """One hypothesis per named number, and one for the gain of the drive: all numbers scaled alike except its age."""
+    """One hypothesis per named number, and one for the gain of an axis: all scaled alike but the drive's age."""
     unit = np.eye(d.values.size)
     out = [
         Hypothesis(name, basis[:, :4], basis) if name.startswith(LOADS) else Hypothesis(name, basis)
         for name, basis in d.changes.items()
     ]
-    if out:
-        return [*out, Hypothesis("gain", (forces(d) * d.mean)[:, None])]
+    if out:  # of an arm, with a gain of every joint
+        return out
     for name in dict.fromkeys(d.names):
         those = (name, *d.covers.get(name, ()))
         out.append(Hypothesis(name, unit[:, [i for n in those for i, m in enumerate(d.names) if m == n]]))
-    return [*out, Hypothesis("gain", (forces(d) * d.mean)[:, None])]
-
-
-def forces(d: Difference) -> Array:
-    """1 for every number that a gain scales, 0 for the age of the drive, shape (p,)."""
-    return np.array([float(not n.startswith("delay")) for n in d.names])
+    return [*out, Hypothesis("gain", (d.forces * d.mean)[:, None])]
 
 
 def weigh(d: Difference, h: Hypothesis, given: Array) -> Found:
@@ -152,27 +184,30 @@ def weigh(d: Difference, h: Hypothesis, given: Array) -> Found:
     nothing, after = _left(d, given), d
     taken = np.zeros(h.basis.shape[1])
     if h.name == "gain":
-        gain = best_gain(d, given)
-        after = without_gain(d, gain)
-        h, taken = Hypothesis("gain", _known(d, after, gain, given)[:, None]), np.array([gain - 1.0])
-    w = np.linalg.inv(after.covariance)
+        after = replace(d, gain=best_gain(d, given))
+        known = d.forces * after.before(after.values - _project(after.values, after.weight, given))
+        h, taken = Hypothesis("gain", known[:, None]), np.array([after.gain - 1.0])
     if h.body is not None:
         h = replace(h, basis=at_one_point(h.body, d, given))
-    rest = after.values - _project(after.values, w, given)
+    w = after.weight
     beside = h.basis - _project(h.basis, w, given)
     information = beside.T @ w @ beside
     inverse = np.linalg.pinv(information, rcond=1e-10, hermitian=True)
-    step = taken + inverse @ (beside.T @ w @ rest)
-    nu, p, k = d.degrees, d.values.size, h.basis.shape[1]
-    chi2 = float(np.clip(nothing - _left(after, np.column_stack([given, h.basis])), 0.0, nothing))
+    to = inverse @ beside.T @ w
+    step = taken + to @ after.values
+    p, k = h.basis.shape
+    left = _left(after, np.column_stack([given, h.basis])) + after.volume - d.volume
+    chi2 = float(np.clip(nothing - left, 0.0, nothing))
+    nu = degrees_of(d.parts, np.eye(p))
     gained = 0.5 * (nu + p) * (np.log1p(nothing / nu) - np.log1p((nothing - chi2) / nu))
     size = float(np.linalg.norm(d.sizes * (h.basis @ step)))
     errors = np.sqrt(np.maximum(np.diag(inverse), 0.0))
     if h.body is not None and not shown(h.name, step, inverse):
         gained = -np.inf  # what moved is an inertia, and no load
+    own = degrees_of(after.parts, to)
     return Found(
-        h, step, errors, chi2, gained - _occam(d, h, information),
-        float(snedecor.sf(chi2 / k, k, nu)), size, taken, after,
+        h, step, errors, chi2, gained - _occam(d, h, information), own,
+        float(snedecor.sf(chi2 / k, k, own)), size, taken, after,
     )  # fmt: skip
 
 
@@ -197,7 +232,7 @@ def at_one_point(body: Array, d: Difference, given: Array) -> Array:
     Its inertia is of first degree in both, I(m, h) = (h.h - h h') / m, so that along its own derivatives it is what the
     step says, exactly (Euler's theorem).
     """
-    w = np.linalg.inv(d.covariance)
+    w = d.weight
     rest = d.values - _project(d.values, w, given)
     basis = body[:, :4]
     for _ in range(N_ROUNDS):
@@ -217,19 +252,12 @@ def at_one_point(body: Array, d: Difference, given: Array) -> Array:
     return np.asarray(basis)
 
 
-def without_gain(d: Difference, gain: float) -> Difference:
-    """The difference less what a gain makes of the first estimate."""
-    f, more = forces(d), gain - 1.0
-    cross = d.cross * f
-    covariance = d.covariance + more**2 * d.before_covariance * np.outer(f, f) - more * (cross + cross.T)
-    return replace(d, values=d.values - more * f * d.before, covariance=covariance)
-
-
 def best_gain(d: Difference, given: Array) -> float:
     """The factor on all numbers that explains the difference best."""
 
     def left(log_gain: float) -> float:
-        return _left(without_gain(d, float(np.exp(log_gain))), given)
+        after = replace(d, gain=float(np.exp(log_gain)))
+        return _left(after, given) + after.volume  # the numbers themselves are integrated out
 
     grid = np.linspace(-np.log(MOST_GAIN), np.log(MOST_GAIN), N_GAINS)
     k = int(np.argmin([left(x) for x in grid]))
@@ -237,18 +265,10 @@ def best_gain(d: Difference, given: Array) -> float:
     return float(np.exp(minimize_scalar(left, bounds=ends, method="bounded").x))
 
 
-def _known(d: Difference, after: Difference, gain: float, given: Array) -> Array:
-    """The first record's numbers that a gain scales, as both records know them."""
-    f, w = forces(d), np.linalg.inv(after.covariance)
-    with_rest = d.cross.T - (gain - 1.0) * d.before_covariance * f
-    return np.asarray(f * (d.before - with_rest @ w @ (after.values - _project(after.values, w, given))))
-
-
 def _left(d: Difference, given: Array) -> float:
     """Chi-squared that no step along ``given`` explains."""
-    w = np.linalg.inv(d.covariance)
-    rest = d.values - _project(d.values, w, given)
-    return float(rest @ w @ rest)
+    rest = d.values - _project(d.values, d.weight, given)
+    return float(rest @ d.weight @ rest)
 
 
 def _project(x: Array, w: Array, given: Array) -> Array:
@@ -287,21 +307,21 @@ def moved(d: Difference, alpha: float) -> list[tuple[Found, list[Found]]]:
 
 def smallest(d: Difference, alpha: float) -> dict[str, float]:
     """Name -> the smallest change that would have been detected, in the number's unit (for a pair, its amplitude)."""
-    w = np.linalg.inv(d.covariance)
-    every = hypotheses(d)
-    z = float(student.isf(alpha / len(every) / 2.0, d.degrees))
-    out = {}
+    w, every, out = d.weight, hypotheses(d), {}
+    nu = degrees_of(d.parts, np.eye(d.values.size))
     for h in every:
         one = np.linalg.norm(d.sizes[:, None] * h.basis, axis=0)
         information = h.basis.T @ w @ h.basis
+        inverse = np.linalg.pinv(information, rcond=1e-10, hermitian=True)
+        to = inverse @ h.basis.T @ w
         if h.body is not None:  # the others of mass and moments are free
             told = [0] if h.name.startswith("mass at ") else [1, 2, 3]
-            inverse = np.linalg.pinv(information, rcond=1e-10, hermitian=True)
             error = np.sqrt(max(inverse[i, i] for i in told))
-            one = one[told]
+            one, to = one[told], to[told]
         else:
             error = 1.0 / np.sqrt(np.maximum(np.linalg.eigvalsh(information)[0], 1e-300))
-        price = 2.0 * (BESIDE + _occam(d, h, information)) / (d.degrees + d.values.size)
-        need = max(z, float(np.sqrt(d.degrees * np.expm1(price))))
+        z = float(student.isf(alpha / len(every) / 2.0, degrees_of(d.parts, to)))
+        price = 2.0 * (BESIDE + _occam(d, h, information)) / (nu + d.values.size)
+        need = max(z, float(np.sqrt(nu * np.expm1(price))))
         out[h.name] = max(need * float(error), LEAST / max(float(one.max()), 1e-300))
     return out

@@ -206,7 +206,7 @@ def compare_rows(rows: list[Rows], alpha: float) -> Comparison:
             return cannot_tell(reason, labels)
     if len(rows) == 2:
         d = between(rows, parts[:1], parts[1:])
-        changes = changes_between(d, parts[0], rows[0].units, alpha)
+        changes = changes_between(d, rows[0].units, alpha)
     else:
         changes, d = change_point(rows, parts, alpha)
         changes = changes or scatter(rows, parts, alpha)
@@ -221,12 +221,11 @@ def compare_rows(rows: list[Rows], alpha: float) -> Comparison:
 
 def unphysical(rows: Rows, part: Estimate) -> str:
     """A sentence on the number that is clearly negative although physics requires a positive one; empty if none is."""
-    errors = np.sqrt(np.diag(part.covariance))
     for i, name in enumerate(rows.names):
-        if name in rows.positive and part.values[i] < -SURE * errors[i]:
+        if name in rows.positive and part.values[i] < -SURE * part.errors[i]:
             return (
-                f"{part.label}: {name} comes out as {part.values[i]:.2g} ± {errors[i]:.1g} {rows.units[i]}, which no "
-                "axis has: another axis drives this one, or the sense of the drive is wrong."
+                f"{part.label}: {name} comes out as {part.values[i]:.2g} ± {part.errors[i]:.1g} {rows.units[i]}, which "
+                "no axis has: another axis drives this one, or the sense of the drive is wrong."
             )
     return ""
 
@@ -290,7 +289,8 @@ def sentence(found: Comparison, d: Difference) -> str:
         return f"What moved cannot be told. {found.reason}"
     sizes = own_sizes(d)
     seen = by_effect({n: found.smallest_seen[n] / s for n, s in sizes.items() if found.smallest_seen[n] < SEEN * s})
-    seen.append(f"{100 * found.smallest_seen['gain']:.2g} % of the drive's gain")
+    if "gain" in found.smallest_seen:  # an arm has one at every joint
+        seen.append(f"{100 * found.smallest_seen['gain']:.2g} % of the drive's gain")
     masses = {n: x for n, x in found.smallest_seen.items() if n.startswith("mass at ")}
     if masses:  # the lightest that shows, of all places a hand may carry it
         name = min(masses, key=lambda n: masses[n])

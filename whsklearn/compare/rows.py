@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import dct
 
 Array = NDArray[Any]
 
@@ -63,6 +64,8 @@ class Rows:
         The joint that each sample belongs to, one joint after the other; an axis has one.
     changes : dict
         Name -> directions (p, k) in which a change moves the numbers; if empty, every named number may change.
+    floor : float
+        Rms of what noise of the sensors alone leaves, in the unit of the drive; zero if unknown.
     """
 
     label: str
@@ -84,6 +87,7 @@ class Rows:
     to_si: tuple[float, ...] = ()
     channel: NDArray[np.intp] | None = None
     changes: dict[str, Array] = field(default_factory=dict)
+    floor: float = 0.0
 
     def channels(self) -> list[NDArray[np.intp]]:
         """Samples of every joint."""
@@ -127,7 +131,8 @@ def blocks_between(reversals: NDArray[np.intp], n: int) -> NDArray[np.intp]:
     count = int(np.clip(reversals.size + 1, FEWEST_BLOCKS, MOST_BLOCKS))
     edges = np.arange(1, count) * n / count
     if reversals.size >= FEWEST_BLOCKS:
-        edges = np.unique(reversals[np.argmin(np.abs(reversals[:, None] - edges), axis=0)])
+        turns = np.unique(reversals[np.argmin(np.abs(reversals[:, None] - edges), axis=0)])
+        edges = turns if turns.size >= FEWEST_BLOCKS - 1 else edges
     return np.searchsorted(edges, np.arange(n), side="right").astype(np.intp)
 
 
@@ -146,9 +151,9 @@ def slowest_of(path: Array, time: Array) -> float:
     >>> round(slowest_of(np.sin(2 * np.pi * 0.5 * t), t), 2)
     0.5
     """
-    power = np.abs(np.fft.rfft(path - np.mean(path))) ** 2
+    power = dct(path - np.mean(path)) ** 2  # in half waves: a path that goes one way once is half a cycle
     line = int(np.searchsorted(np.cumsum(power), SLOW_SHARE * power.sum()))
-    return line / max(float(time[-1] - time[0]), 1e-300)
+    return 0.5 * line / max(float(time[-1] - time[0]), 1e-300)
 
 
 def drifting(columns: Array, names: tuple[str, ...], time: Array, slowest: float) -> tuple[Array, tuple[int, ...]]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from whsklearn.compare.comparison import Change
-from whsklearn.compare.estimate import Estimate
+from whsklearn.compare.estimate import Estimate, Part, degrees_of
 from whsklearn.compare.hypotheses import LEAST, Difference
 from whsklearn.compare.pair import between, changes_between
 from whsklearn.compare.rows import Rows
@@ -59,10 +59,11 @@ def change_point(rows: list[Rows], parts: list[Estimate], alpha: float) -> tuple
     best: tuple[list[Change], Difference] | None = None
     for k in splits:
         inside = np.maximum(scattered(parts[:k]), scattered(parts[k:]))
-        noisy = [replace(e, covariance=e.covariance + np.diag(inside)) for e in parts]
+        between_them = Part(np.diag(inside), max(len(parts) - 2.0, 1.0))
+        noisy = [replace(e, parts=(*e.parts, between_them)) for e in parts]
         d = between(rows, noisy[:k], noisy[k:])
         at = (parts[k - 1].label, parts[k].label)
-        found = changes_between(d, noisy[0], rows[0].units, alpha / len(splits))
+        found = changes_between(d, rows[0].units, alpha / len(splits))
         found = [replace(c, between=at, p_value=min(1.0, c.p_value * len(splits))) for c in found]
         if best is None or (found and (not best[0] or found[0].p_value < best[0][0].p_value)):
             best = found, d
@@ -80,8 +81,9 @@ def scatter(rows: list[Rows], parts: list[Estimate], alpha: float) -> list[Chang
         if p * len(rows[0].names) <= alpha and share > LEAST:
             a, b = int(np.argmin(values)), int(np.argmax(values))
             error = float(np.sqrt(variances[a] + variances[b]))
+            nu = degrees_of((*parts[a].parts, *parts[b].parts), np.eye(len(rows[0].names))[[i]])
             out.append(Change(
-                name, float(values[a]), float(values[b]), error, parts[a].degrees + parts[b].degrees, rows[0].units[i],
+                name, float(values[a]), float(values[b]), error, nu, rows[0].units[i],
                 min(1.0, p * len(rows[0].names)), [], share, between=(parts[a].label, parts[b].label),
             ))  # fmt: skip
     return sorted(out, key=lambda c: c.p_value)

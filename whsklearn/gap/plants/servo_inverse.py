@@ -90,7 +90,9 @@ class InverseView:
         self.motion = self.motion._replace(kappa=2.0 / self.slowest)
         self.acceleration = filtered(y - centre, g2, self.every)
         self.drive = self.blur(u)
-        self.usable = self._usable(sigma)
+        self.moving, whole = self._moving(sigma)
+        enough = self.moving.sum() >= rules.FEWEST_A_BLOCK * ols.N_BLOCKS
+        self.usable = self.moving if enough else whole
         self.at = np.flatnonzero(self.usable)
         self.block = (np.arange(self.at.size) * ols.N_BLOCKS // self.at.size).astype(np.intp)
         self.step = self.every * dt
@@ -99,8 +101,11 @@ class InverseView:
         self._floors: dict[Any, float] = {}
         self._columns: dict[Any, Array] = {}
 
-    def _usable(self, sigma: float) -> NDArray[np.bool_]:
-        """Decimated samples away from the ends and from rests longer than two sigma, where friction is undetermined."""
+    def _moving(self, sigma: float) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Decimated samples away from the ends and from rests longer than two sigma, where friction is undetermined.
+
+        The second mask has the rests and the ends too.
+        """
         dt, n = self.scene.dt, len(self.record)
         still = np.abs(self.motion.velocity) < self.slowest
         edges = np.flatnonzero(np.diff(np.concatenate([[0], still.astype(np.int8), [0]])))
@@ -113,8 +118,7 @@ class InverseView:
         keep &= ~(holes := self.record.near_a_hole(2 * half, 2 * half))
         if self.skipped is not None:
             keep[(self.time > self.skipped[0]) & (self.time < self.skipped[1])] = False
-        out = keep[:: self.every]
-        return out if out.sum() >= rules.FEWEST_A_BLOCK * ols.N_BLOCKS else ~holes[:: self.every]
+        return keep[:: self.every], ~holes[:: self.every]
 
     def rms(self, gap: Array) -> float:
         """Rms over the judged samples."""
