@@ -32,6 +32,7 @@ def draw(d: Diagnosis) -> list[tuple[str, str, str]]:
         if chain
         else f"The held-out part of {width_of(d):.3g} s that is worst, restarted every {d.horizon:g} s."
     )
+    turn = "in 2 pi of x" if chain else "a turn of the position"
     for title, caption, painter in (
         ("Simulation and measurement", worst, _overlay),
         ("The gap over time", "What the model lacks, before and after.", _over_time),
@@ -48,7 +49,7 @@ def draw(d: Diagnosis) -> list[tuple[str, str, str]]:
         ),
         ("Frequency", "Amplitude spectrum of the gap.", _spectrum),
         ("Map over one turn", "The sum of all orders of a family by the angle in the turn.", _map),
-        ("Order", "Amplitude by periods a turn: a line here is tied to the angle.", _orders),
+        ("Order", f"Amplitude by periods {turn}: a line here is tied to it, not to time.", _orders),
     ):
         image = _paint(painter, d)
         if image:
