@@ -19,6 +19,8 @@ Array = NDArray[Any]
 # largest of many has a Gumbel scale of 2: no spread over a scan is below that.
 LEAST_SCALE = 2.0
 CERTAIN = 20.0  # Gumbel scales below the centre from where p is one to all digits
+N_NULL = 15  # records that a model makes itself; they give the moments of a Gumbel law to within a quarter
+GATE = 0.1  # p-value below which effects are fitted, which takes seconds: above the usual levels, which keep the names
 VUONG_BLOCKS = 40  # a fortieth of a record: errors of neighbouring samples depend on each other, those of blocks hardly
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from whsklearn.effects import Quantization, get_effect
 from whsklearn.estimators import _model as wh
-from whsklearn.gap.calibration import p_value
+from whsklearn.gap.calibration import GATE, p_value
 from whsklearn.gap.data_check import DataProblem, flat_share
 from whsklearn.gap.diagnosis import NamedEffect
 from whsklearn.gap.localisation import spectra
@@ -29,7 +29,7 @@ from whsklearn.gap.plants.chain_fit import (
 )
 from whsklearn.gap.plants.chain_looks import SLOPED, WRONG_SIDE, Seen, gained, kinds, look
 from whsklearn.gap.plants.chain_model import Candidate, ChainModel, Record
-from whsklearn.gap.record import lattice, rms
+from whsklearn.gap.record import MAD, lattice, rms
 from whsklearn.gap.search import WORTH_FITTING
 from whsklearn.gap.tangent import Look
 from whsklearn.systems.wiener_hammerstein import WienerHammersteinSystem
@@ -49,9 +49,7 @@ ALIASES = {
 MOST_MISSING = 1.0  # share of a record's samples that its holes may have: they cost time and show nothing
 SEARCHED = 8000  # samples of a longer record in which effects are searched for, to save time
 FITTED = 0.6  # share of the record to which models are fitted for the proof; the rest judges them
-# p-value below which candidates are fitted, which takes seconds, so it is above the usual levels; and the p-value below
-# which the look alone is sufficient
-GATE, NO_DOUBT = 0.1, 1e-3
+NO_DOUBT = 1e-3  # p-value below which the look alone is sufficient
 UNEXPLAINED = 0.1  # of the output's rms: a free run that leaves less has blocks near the true ones
 FEW = 9  # own records in which the best candidate is fitted as well
 AT_BOUND = 1.02  # ratio to the end of a range within which a shape counts as being at the end
@@ -72,9 +70,6 @@ CLIPPED, LEVELS = 0.02, 50
 FAR = 40.0  # multiple of the 0.99 quantile of the distance from the median; samples beyond are outliers of the file
 COARSE_READING = 0.003  # rms of rounding errors as a share of the output's: a finer grid is that of a normal converter
 ROUNDING = 0.15  # share of the errors' mean square that rounding must make up to be mentioned
-
-LAGS = 20  # of the whiteness test
-WINDOW = 200  # samples of the overlay
 
 
 class ChainPlant(PlantDefaults):
@@ -334,7 +329,7 @@ class ChainPlant(PlantDefaults):
     def _turned(self, model: ChainModel) -> NDArray[np.bool_]:
         """Samples that follow one on the wrong side of a sign, for as long as L2 remembers it."""
         e = np.abs(cm.left(self.everything, self.part(model)))
-        far = e > WRONG_SIDE * cm.MAD * float(np.median(e[self.everything.seen]))
+        far = e > WRONG_SIDE * MAD * float(np.median(e[self.everything.seen]))
         return np.convolve(far, np.ones(REMEMBERED))[: far.size] > 0.5
 
     def made(self, model: ChainModel, rng: np.random.Generator) -> ChainPlant:
@@ -393,8 +388,8 @@ class ChainPlant(PlantDefaults):
         """Whiteness before and after, remarks, and the series that the page draws."""
         tests = []
         for word, m in (("before", base), ("after", model)):
-            w = whiteness_test(cm.clipped(cm.left(self.record, m)[self.record.fit]), LAGS, cm.AR_ORDER)
-            tests.append({"test": f"Ljung-Box, {LAGS} lags, outliers clipped, {word}", "statistic": w.statistic,
+            w = whiteness_test(cm.clipped(cm.left(self.record, m)[self.record.fit]), 20, cm.AR_ORDER)
+            tests.append({"test": f"Ljung-Box, 20 lags, outliers clipped, {word}", "statistic": w.statistic,
                           "p_value": w.p_value, "largest": float(np.abs(w.r).max()), "band": w.band})  # fmt: skip
         return Told(tests, self._notes(), self._pictures(base, model))
 
@@ -427,7 +422,7 @@ class ChainPlant(PlantDefaults):
         x = cm.simulate(s, base)[0]
         return {
             "gap_time": np.arange(s.u.size) * s.dt, "usable": s.fit, "units": ("", ""), "what": "whitened error",
-            "output": "output", "window": WINDOW, "clock": "s" if s.dt != 1.0 else "samples",
+            "output": "output", "window": 200, "clock": "s" if s.dt != 1.0 else "samples",
             **spectra(before, after, s.dt, x, np.linspace(0.3, 12.0, 160) / max(rms(x), 1e-12), cm.SKIP),
             "time": np.arange(self.length) * self.dt, "measured": np.where(whole.seen, whole.y, np.nan),
             "runs": runs, "held": self.measured()[1], "beside_turned": self._turned(model),

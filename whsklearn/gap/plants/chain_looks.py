@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from whsklearn.gap.calibration import gain
+from whsklearn.gap.calibration import N_NULL, gain
 from whsklearn.gap.plants import chain_model as cm
 from whsklearn.gap.plants.chain_fit import climb, coloured, sharpened
 from whsklearn.gap.plants.chain_model import Candidate, ChainModel, Record, Sizes, Term, catalogue
@@ -24,7 +24,6 @@ from whsklearn.gap.tangent import Family, Look, Tangent, with_p_values
 
 Array = NDArray[np.float64]
 
-N_NULL = 15  # own records; they give the moments of a Gumbel law to within a quarter
 SLOPED = 30.0  # kappa times rms dx at which a sign has a slope
 VERY_SOFT = 8.0  # the same for a sign that still resolves an eighth of rms dx
 SMALL = 1e-6  # of the size of v: a linear effect is tried at this size

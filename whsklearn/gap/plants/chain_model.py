@@ -28,7 +28,7 @@ from whsklearn.effects.own import WHICH, address_of
 from whsklearn.effects.static import Power
 from whsklearn.effects.terms import law_values
 from whsklearn.gap.plant import FittedTerm
-from whsklearn.gap.record import rms
+from whsklearn.gap.record import MAD, rms
 from whsklearn.recursion.batch.best_linear import stabilised
 from whsklearn.systems.chain import PackedChain, Ports, run
 
@@ -262,7 +262,6 @@ AR_ORDER = 6  # two for the denominator of L2, through which equation noise pass
 LONGEST_COLOUR = 0.95  # largest modulus of A's roots; closer to one, A would treat a tone or an offset as noise
 CAP = 16.0  # largest cost of a sample, in variances
 HELD_TO = 4.0  # robust deviations at which an error is clipped; six of 1e5 Gaussian ones are larger
-MAD = 1.4826  # standard deviation of a Gaussian over its median absolute deviation
 SHARPEST = 1000.0  # kappa times rms dx on the last rung of a fit: only one sample in a thousand differs from a sign
 HARD = (100.0, 300.0, SHARPEST)  # rungs from the first resolved sign up to the sign itself
 

@@ -28,7 +28,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from whsklearn.effects import effect_names, get_effect
-from whsklearn.gap.calibration import gain, n_effective, p_value
+from whsklearn.gap.calibration import GATE, gain, n_effective, p_value
 from whsklearn.gap.data_check import DataProblem, check_servo
 from whsklearn.gap.filters import autoregression, whiten, whiteness
 from whsklearn.gap.localisation import since_reversal, spectra
@@ -43,7 +43,6 @@ Array = NDArray[Any]
 
 AR_ORDER = 12  # of the whitening polynomial
 FAR_ABOVE = 3.0  # multiple of the noise, whose level is known from sixth differences to within a few percent
-GATE = 0.1  # p-value below which an effect is fitted, which takes seconds, so it is above the usual levels
 
 
 class SimulatorPlant(PlantDefaults):

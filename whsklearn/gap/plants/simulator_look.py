@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from whsklearn.effects import ContactStop, Coulomb, Effect, Scales, Viscous, effect_names, get_effect
 from whsklearn.filtering.gaussian import CUTOFF_SIGMA, filtered, gaussian_derivatives
-from whsklearn.gap.calibration import coloured, n_effective, smoothed_power
+from whsklearn.gap.calibration import N_NULL, coloured, n_effective, smoothed_power
 from whsklearn.gap.record import noise_level, rms
 from whsklearn.gap.tangent import Family, Look, Tangent
 
@@ -260,7 +260,6 @@ def smallest(plant: Any, model: Any, start: Any) -> tuple[Any, dict[str, Any]]:
 
 
 # --- looks ----------------------------------------------------------------------------------------
-N_NULL = 15  # own records; they give the moments of a Gumbel law to within a quarter
 STANDING_OUT = 2.0  # multiple of the noise's power up to which a line of the error counts as noise
 FEW_SHAPES = 8  # of an effect that is also tried by simulation, one run each
 BLOCK = 64  # shapes whose columns are held at once
