@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import pytest
 
 from whsklearn.gap import conclude
-from whsklearn.gap.conclude import verdict_of
+from whsklearn.gap.conclude import stays_open, verdict_of
 
 NAMELESS = SimpleNamespace(name="", p_value=1e-6, size=0.2)
 
@@ -113,3 +113,9 @@ def test_a_run_that_is_useless_at_one_horizon_is_told_at_a_shorter_one(closing):
     rows, found = closing(plant)
     assert (found.model, plant.headline) == ("ab", 1.0)
     assert conclude._headline(plant, rows)["closure"] == 0.6
+
+
+def test_a_run_stays_open_where_its_gap_is_seen_and_next_to_nothing_of_it_is_closed():
+    assert stays_open({"closure": 0.03, "before": 2.0, "floor": 1.0})
+    assert not stays_open({"closure": 0.5, "before": 2.0, "floor": 1.0})
+    assert not stays_open({"closure": 0.03, "before": 1.05, "floor": 1.0})  # a floor is not known so well

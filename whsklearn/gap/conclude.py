@@ -117,7 +117,7 @@ def _proved(plant: Any, found: Found, rng: np.random.Generator, alpha: float) ->
         return Diagnosis("named", "", effects=reading.effects), rows
     row = _headline(plant, rows)
     verdict = verdict_of(plant, found, alpha, row["closure"])
-    if plant.exact and found.taken and row["closure"] < LEAST_SHARE and row["before"] > ABOVE_FLOOR * row["floor"]:
+    if plant.exact and found.taken and stays_open(row):
         verdict = "unknown"  # no name without closure in simulation
     diagnosis = Diagnosis(verdict, "")
     if verdict in ("named", "ambiguous", "partial"):
@@ -157,6 +157,17 @@ def _closing(plant: Any, found: Found, rng: np.random.Generator, given: Any) -> 
 def _headline(plant: Any, rows: list[dict[str, Any]]) -> dict[str, Any]:
     """The row of the horizon of the first line."""
     return next(r for r in rows if r["horizon"] == plant.headline)
+
+
+def stays_open(row: dict[str, Any]) -> bool:
+    """Whether the names close next to nothing of a gap that a row of the proof shows.
+
+    Examples
+    --------
+    >>> [stays_open({"closure": 0.03, "before": before, "floor": 1.0}) for before in (2.0, 1.0)]
+    [True, False]
+    """
+    return bool(row["closure"] < LEAST_SHARE and row["before"] > ABOVE_FLOOR * row["floor"])
 
 
 def verdict_of(plant: Any, found: Found, alpha: float, run: float) -> str:
