@@ -164,6 +164,6 @@ def test_two_logs_are_one_diagnosis_and_one_log_twice_is_none(tmp_path):
     assert result.exit_code == 0, result.output
     data = json.loads((tmp_path / "report" / "gap.json").read_text(encoding="utf-8"))
     assert data["effects"][0]["name"] in ("cogging", "input_offset")
-    assert "1.csv counts too" in (tmp_path / "report" / "gap.html").read_text(encoding="utf-8")
+    assert "1.csv is used too" in (tmp_path / "report" / "gap.html").read_text(encoding="utf-8")
     assert run(logs[0], logs[0], "--report", tmp_path, "--no-track").exit_code == 3
     assert run(*logs, "--model", "wiener-hammerstein", "--report", tmp_path, "--no-track").exit_code == 2
