@@ -123,7 +123,7 @@ def roles_of(
     return roles
 
 
-def read(path: str | Path, options: Mapping[str, Any], quiet: tuple[str, ...] = (), **columns: Any) -> Bunch:
+def read(path: str | Path, options: Mapping[str, Any], quiet: tuple[str, ...] = (), /, **columns: Any) -> Bunch:
     """The log, its drive turned round if that is asked for, with its notes, but those of ``quiet``, on the terminal."""
     from whsklearn.logs import load_log
     from whsklearn.logs.errors import LogWarning
