@@ -364,8 +364,8 @@ class Arm:
         Notes
         -----
         Of all sets that agree with the values, the one nearest to the present set (that of the file) is taken.  A motor
-        that the file does not name is expected to have the inertia of the joint that it turns, as a gear is chosen so
-        (inertia matching).
+        that the file does not name is sought near its measured number, or, where the record does not tell it, near the
+        inertia of the joint that it turns, as a gear is chosen so (inertia matching).
 
         References
         ----------
@@ -373,8 +373,15 @@ class Arm:
         7(2), 2771-2778; Pasch and Seering 1984, On the drive systems for high-performance machines, J. Mechanisms,
         Transmissions, and Automation in Design 106(1), 102-108, on inertia matching.
         """
+        value = np.asarray(values, dtype=float)
+        error = (
+            np.zeros(value.size) if covariance is None else np.sqrt(np.maximum(np.diag(np.asarray(covariance)), 0.0))
+        )
+        # told from nothing at 95 %: in a record without the motion for it a motor's number may be anything
+        told = {n: v for n, v, e in zip(base.names, value, error, strict=False) if v > 1.96 * e}
         joint = np.diagonal(dataclasses.replace(self, armature=None).mass_matrix(np.zeros((1, self.n_joints)))[0])
-        motors = np.where(self.armature > 0.0, self.armature, joint)
+        motor = np.array([told.get(f"{j}.armature", 0.0) for j in self.joints])
+        motors = np.where(self.armature > 0.0, self.armature, np.where(motor > 0.0, motor, joint))
         inertial, armature = consistent_numbers(self.inertial, motors, base, values, covariance)
         return dataclasses.replace(self, inertial=inertial, armature=self.armature if armature is None else armature)
 
