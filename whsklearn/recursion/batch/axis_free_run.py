@@ -20,6 +20,7 @@ import numpy as np
 from whsklearn._numba import njit, part
 from whsklearn.effects import Coulomb, FlexibleCoupling, InputOffset, Viscous
 from whsklearn.effects.equations import speed_hinge
+from whsklearn.effects.transmission import contact_stiffness
 from whsklearn.recursion.batch.levenberg_marquardt import descend
 from whsklearn.systems._servo_step import implicit_gain
 from whsklearn.systems.servo_observer import POSITION, VELOCITY, How, bare_parts, follow, plant_of
@@ -314,7 +315,7 @@ def coupling_of(theta: Array) -> FlexibleCoupling:
     """The coupling of theta's inertia, resonance (Hz, motor and load free), load share and damping ratio."""
     frequency, share, ratio = theta[-3:].tolist()
     reduced = float(theta[0]) * share * (1.0 - share)
-    return FlexibleCoupling(1.0 / (reduced * (2.0 * math.pi * frequency) ** 2), share, ratio)
+    return FlexibleCoupling(1.0 / contact_stiffness(frequency, reduced), share, ratio)
 
 
 def _coupled(theta: Array, log: AxisLog) -> Array:
