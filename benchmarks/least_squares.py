@@ -19,7 +19,7 @@ from scipy import optimize
 from benchmarks.blind_logs import servo
 from whsklearn.gap import GapFinder
 from whsklearn.gap import least_squares as own
-from whsklearn.gap.plants import servo_observer
+from whsklearn.gap.plants import servo_run
 
 
 class Beside:
@@ -72,7 +72,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=77_000)
     options = parser.parse_args()
     beside = Beside()
-    with mock.patch.object(servo_observer, "least_squares", beside):
+    with mock.patch.object(servo_run, "least_squares", beside):
         for i, effect in enumerate(options.effects.split(",")):
             drawn = servo.make_case("named", options.seed + i, effects=(effect,), size=0.05, noise=servo.NOISES[0])
             GapFinder("servo").fit(drawn.frame, **servo.COLUMNS)

@@ -15,9 +15,8 @@ from whsklearn.gap.plant import DEFAULT_TOLERANCE
 from whsklearn.gap.plants import inverse_dynamics as ols
 from whsklearn.gap.plants import servo_stop as stop
 from whsklearn.gap.plants.servo_candidates import Candidate
-from whsklearn.gap.plants.servo_families import Scene, family
+from whsklearn.gap.plants.servo_families import Scene, family, inverse_kinds
 from whsklearn.gap.plants.servo_inverse import InverseView
-from whsklearn.gap.plants.servo_inverse_look import inverse_kinds
 from whsklearn.gap.plants.servo_model import AxisModel, Term
 from whsklearn.gap.plants.servo_start import base_model, start_of
 from whsklearn.gap.record import ServoRecord

@@ -86,7 +86,7 @@ class Look:
     degrees : float
         See `whsklearn.gap.calibration.p_value`.
     swapped : bool
-        Whether the gain is that of a regression the other way round (`whsklearn.gap.plants.servo_swapped`).
+        Whether the gain is that of a regression the other way round (`whsklearn.gap.plants.servo_families`).
     """
 
     name: str

@@ -12,7 +12,7 @@ import pytest
 from whsklearn import ServoAxis
 from whsklearn.effects import Coulomb, Viscous
 from whsklearn.gap import VERDICTS, GapFinder
-from whsklearn.gap.plants import servo_free_run, servo_stop
+from whsklearn.gap.plants import servo_run, servo_stop
 from whsklearn.gap.plants.servo import ServoPlant
 from whsklearn.gap.plants.servo_candidates import candidate
 from whsklearn.gap.plants.servo_model import Term
@@ -93,7 +93,7 @@ def test_the_unit_of_the_drive_scales_the_numbers_and_no_more(units):
 
 def test_numbers_for_simulation_are_compared_at_the_horizon_that_is_proved(monkeypatch):
     errors = {("found", 0.07): 1.0, ("found", 0.5): 9.0, ("refitted", 0.07): 5.0, ("refitted", 0.5): 4.0}
-    monkeypatch.setattr(servo_free_run, "train_error", lambda view, m, horizon: errors[m.name, horizon])
+    monkeypatch.setattr(servo_run, "train_error", lambda view, m, horizon: errors[m.name, horizon])
     plant = object.__new__(ServoPlant)
     monkeypatch.setattr(ServoPlant, "_horizons", lambda self, m: (0.07, (0.014, 0.07, 0.28)))
     monkeypatch.setattr(servo_stop, "holds", lambda m: False)

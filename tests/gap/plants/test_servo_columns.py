@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from whsklearn.gap.plants.servo_candidates import catalogue
-from whsklearn.gap.plants.servo_columns import ColumnSignals, effect_columns
+from whsklearn.gap.plants.servo_candidates import ColumnSignals, catalogue, effect_columns
 from whsklearn.gap.plants.servo_model import Term
 
 RNG = np.random.default_rng(3)

@@ -11,7 +11,9 @@ from tests.gap.plants.example_servo import INERTIA, RATE, SECONDS, TIME, opened,
 from whsklearn.effects import GravityImbalance
 from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants.servo_candidates import candidate
-from whsklearn.gap.plants.servo_free_run import (
+from whsklearn.gap.plants.servo_model import Term
+from whsklearn.gap.plants.servo_own import own_record
+from whsklearn.gap.plants.servo_run import (
     WINDOWS,
     free_run,
     held_out,
@@ -21,7 +23,6 @@ from whsklearn.gap.plants.servo_free_run import (
     smoothing_width,
     train_error,
 )
-from whsklearn.gap.plants.servo_model import Term
 
 LIGHT = 0.03 * INERTIA
 
@@ -56,9 +57,9 @@ def test_a_horizon_is_as_long_as_a_torque_that_is_worth_no_name_leaves_it(plain)
 
 
 def test_a_model_predicts_its_own_record_over_the_longest_horizon(plain):
-    _, observer, base = plain
+    inverse, observer, base = plain
     model = observer.fit(base)
-    own = observer.surrogate(model, np.random.default_rng(0))
+    own = replace(observer, record=own_record(inverse, model, np.random.default_rng(0), observer.record.drive, 0.0))
     assert predictable(own, model, rules.LONGEST_RUN) == rules.LONGEST_RUN
 
 

@@ -13,8 +13,8 @@ from whsklearn.effects import GravityImbalance, LuGre
 from whsklearn.gap import GapFinder
 from whsklearn.gap.plants import inverse_dynamics as ols
 from whsklearn.gap.plants.servo_candidates import candidate
+from whsklearn.gap.plants.servo_inverse import too_large
 from whsklearn.gap.plants.servo_model import Term
-from whsklearn.gap.plants.servo_objections import too_large
 from whsklearn.gap.plants.servo_start import filtered_motion, start_of
 from whsklearn.gap.proof import closure
 from whsklearn.gap.record import ServoRecord

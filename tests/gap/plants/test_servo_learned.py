@@ -14,8 +14,7 @@ from whsklearn.export.languages import C
 from whsklearn.filtering.gaussian import CUTOFF_SIGMA, filtered, gaussian_derivatives
 from whsklearn.gap import GapFinder
 from whsklearn.gap.plants.servo import ServoPlant
-from whsklearn.gap.plants.servo_candidates import catalogue
-from whsklearn.gap.plants.servo_columns import ColumnSignals
+from whsklearn.gap.plants.servo_candidates import ColumnSignals, catalogue
 from whsklearn.gap.plants.servo_learned import thinned
 from whsklearn.gap.proof import prove
 from whsklearn.gap.record import ServoRecord

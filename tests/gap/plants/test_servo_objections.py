@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from whsklearn.effects import CableSpring, ContactStop, EndStop
-from whsklearn.gap.plants.servo_objections import never_free, on_excitation_line
+from whsklearn.gap.plants.servo_inverse import never_free, on_excitation_line
 from whsklearn.gap.record import ServoRecord
 
 T = np.arange(4000) / 100

@@ -9,7 +9,7 @@ import pytest
 
 from whsklearn.effects import Viscous
 from whsklearn.gap.plants.servo_model import LONGEST_STEP
-from whsklearn.gap.plants.servo_observer import STEP_ERROR
+from whsklearn.gap.plants.servo_run import STEP_ERROR
 from whsklearn.gap.plants.servo_start import observer_view, start_of
 from whsklearn.gap.record import ServoRecord
 from whsklearn.systems import ServoAxis

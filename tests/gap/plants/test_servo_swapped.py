@@ -10,7 +10,7 @@ from whsklearn import ServoAxis
 from whsklearn.effects import CableSpring, Coulomb, FrictionLaw, GravityImbalance, Viscous
 from whsklearn.gap import GapFinder
 from whsklearn.gap.calibration import n_effective
-from whsklearn.gap.plants import servo_swapped
+from whsklearn.gap.plants import servo_families
 from whsklearn.gap.plants.servo_start import start_of
 from whsklearn.gap.record import ServoRecord
 from whsklearn.gap.tangent import Family
@@ -38,10 +38,10 @@ def view_of(frame):
 @pytest.mark.parametrize("effect", [GravityImbalance(2.8), CableSpring(2.8)])
 def test_what_swings_is_told_by_the_acceleration(effect):
     view, model = view_of(swings(effect))
-    left = servo_swapped.left(view, model)
-    a, _ = servo_swapped.regression(view, model)
+    left = servo_families.acceleration_left(view, model)
+    a, _ = servo_families.regression(view, model)
     assert np.std(left) > 0.8 * np.std(a), "the drive says next to nothing of the acceleration"
-    tangent = servo_swapped.tangent(view, model, np.random.default_rng(0))
+    tangent = servo_families.acceleration_tangent(view, model, np.random.default_rng(0))
     assert tangent.power[0] == pytest.approx(np.sum(left**2), rel=1e-6)
     column = view.blur(effect.contribution(view.motion))[view.at]
     power = tangent.taken(Family("one", lambda _: iter(()), lambda *_: None), column[:, None, None])[0]
@@ -57,8 +57,8 @@ def test_gravity_of_a_free_pendulum_is_named_first():
 def test_both_directions_leave_the_same_of_a_model_that_is_whole():
     frame = swings(seed=3)
     view, model = view_of(frame)
-    a, _ = servo_swapped.regression(view, model)
-    inverse, swapped = view.gap(model), servo_swapped.left(view, model)
+    a, _ = servo_families.regression(view, model)
+    inverse, swapped = view.gap(model), servo_families.acceleration_left(view, model)
     drive = view.drive[view.at]
     # of one regression the share that is left is one less the squared correlation, whichever way round
     assert np.var(swapped) / np.var(a) == pytest.approx(np.var(inverse) / np.var(drive), abs=0.05)
@@ -66,12 +66,12 @@ def test_both_directions_leave_the_same_of_a_model_that_is_whole():
 
 def test_a_model_gains_nothing_over_itself():
     view, model = view_of(swings(GravityImbalance(2.8)))
-    assert servo_swapped.explained(view, model, model) == (0.0, 0.0)
+    assert servo_families.explained_acceleration(view, model, model) == (0.0, 0.0)
 
 
 def test_own_noise_has_the_colour_of_what_is_left():
     view, model = view_of(swings(GravityImbalance(2.8)))
-    tangent = servo_swapped.tangent(view, model, np.random.default_rng(0))
+    tangent = servo_families.acceleration_tangent(view, model, np.random.default_rng(0))
     assert np.mean(tangent.null.std(axis=1)) == pytest.approx(np.std(tangent.left), rel=0.1)
     counts = [n_effective(row) for row in tangent.null]
     assert 0.3 < np.median(counts) / n_effective(tangent.left) < 3.0

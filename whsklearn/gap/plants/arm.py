@@ -37,8 +37,8 @@ from whsklearn.gap.plants.arm_view import LATEST, ArmState, ArmView, law_of
 from whsklearn.gap.plants.servo_candidates import aliases as of_axis
 from whsklearn.gap.plants.servo_candidates import candidate
 from whsklearn.gap.plants.servo_evidence import OWN_MOTION
+from whsklearn.gap.plants.servo_inverse import negative_damping, never_free, too_large
 from whsklearn.gap.plants.servo_model import Term
-from whsklearn.gap.plants.servo_objections import negative_damping, never_free, too_large
 from whsklearn.gap.record import SPLIT, held_out_blocks, rms
 from whsklearn.gap.tangent import Family, Look, Tangent
 from whsklearn.identification.arm_fit import fitted, suspicions, swapped

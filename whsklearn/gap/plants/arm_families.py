@@ -13,7 +13,7 @@ from scipy.optimize import minimize
 from whsklearn.effects import ContactStop
 from whsklearn.gap.plants.arm_terms import AtJoint, JointTerm, Load
 from whsklearn.gap.plants.arm_view import LATEST, OLDEST, ArmView
-from whsklearn.gap.plants.servo_nameless import generic_basis
+from whsklearn.gap.plants.servo_families import generic_basis
 from whsklearn.gap.tangent import Family, Look, Tangent
 
 Array = NDArray[Any]

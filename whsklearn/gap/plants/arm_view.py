@@ -21,7 +21,7 @@ from whsklearn.filtering import Motion, zero_phase
 from whsklearn.filtering.encoder import encoder_noise
 from whsklearn.gap.calibration import coloured, n_effective, smoothed_power
 from whsklearn.gap.plants.arm_terms import AtJoint, JointInertia, JointTerm, Load, Weight
-from whsklearn.gap.plants.servo_columns import ColumnSignals
+from whsklearn.gap.plants.servo_candidates import ColumnSignals
 from whsklearn.gap.plants.servo_inverse import later, reaching
 from whsklearn.gap.record import MAD, lattice, rms
 from whsklearn.identification.arm_fit import held_out

@@ -66,21 +66,6 @@ def _ridge(gram: Array, free: NDArray[np.bool_], n: int) -> Array:
     return out
 
 
-def held_out(b: Blocks, n: int, free: NDArray[np.bool_]) -> tuple[Array, Array]:
-    """Squared error of every block under the fit to all others, (n_blocks,), and those fits, (n_blocks, p)."""
-    total = b.gram.sum(axis=0)
-    rest = total[None] - b.gram
-    at = np.flatnonzero(free)
-    fits = np.zeros((b.gram.shape[0], free.size))
-    if at.size:
-        left = rest[:, at[:, None], at[None, :]] + RIDGE * n * np.eye(at.size)
-        fits[:, at] = np.linalg.solve(left, rest[:, at, -1:])[..., 0]
-    p = free.size
-    gram, cross, power = b.gram[:, :p, :p], b.gram[:, :p, p], b.gram[:, p, p]
-    rss = power - 2 * np.einsum("bi,bi->b", fits, cross) + np.einsum("bi,bij,bj->b", fits, gram, fits)
-    return np.maximum(rss, 0.0), fits / b.scale
-
-
 def slope(x: Array, step: float) -> Array:
     """Five-point derivative of samples ``step`` seconds apart."""
     p = np.pad(x, 2, mode="edge")

@@ -18,26 +18,31 @@ from whsklearn.gap.calibration import gain
 from whsklearn.gap.data_check import DataProblem, check_servo
 from whsklearn.gap.diagnosis import NamedEffect
 from whsklearn.gap.filters import whiteness
+from whsklearn.gap.localisation import since_reversal, spectra
 from whsklearn.gap.plant import QUIET, Figures, Gap, Learned, Linearised, PlantDefaults, Reading, Told
 from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants import (
     servo_families,
-    servo_free_run,
     servo_learned,
     servo_own,
-    servo_screening,
-    servo_swapped,
+    servo_run,
 )
 from whsklearn.gap.plants import servo_stop as stop
 from whsklearn.gap.plants.servo_candidates import TWO_MASS, aliases, candidate
+from whsklearn.gap.plants.servo_families import next_order, polished, widened
+from whsklearn.gap.plants.servo_families import settled as looking_settled
 from whsklearn.gap.plants.servo_inverse import InverseView
-from whsklearn.gap.plants.servo_inverse_look import next_order, polished, widened
-from whsklearn.gap.plants.servo_inverse_look import settled as looking_settled
 from whsklearn.gap.plants.servo_model import AxisModel
-from whsklearn.gap.plants.servo_observer import ObserverView
-from whsklearn.gap.plants.servo_pictures import pictures, signals
-from whsklearn.gap.plants.servo_sensors import coarse_encoder, unfold
-from whsklearn.gap.plants.servo_start import best_view, logged_late, observer_view, start_of, with_earlier_drive
+from whsklearn.gap.plants.servo_run import ObserverView
+from whsklearn.gap.plants.servo_start import (
+    best_view,
+    coarse_encoder,
+    logged_late,
+    observer_view,
+    start_of,
+    unfold,
+    with_earlier_drive,
+)
 from whsklearn.gap.record import SPLIT, ServoRecord, rms
 from whsklearn.gap.tangent import with_p_values
 from whsklearn.logs.units import inertia_unit
@@ -88,7 +93,7 @@ class ServoPlant(PlantDefaults):
         if straight is not None:
             given = self.record, self.inverse, self.observer, base
             unfolded = self._open(dataclasses.replace(self.record, position=straight))
-            if servo_free_run.misfit(self.observer, unfolded) < rules.UNFOLDED * servo_free_run.misfit(given[2], base):
+            if servo_run.misfit(self.observer, unfolded) < rules.UNFOLDED * servo_run.misfit(given[2], base):
                 self._folded = (given[2], base)
                 return unfolded
             self.record, self.inverse, self.observer, base = given
@@ -103,9 +108,9 @@ class ServoPlant(PlantDefaults):
 
     def made(self, model: AxisModel, rng: np.random.Generator) -> ServoPlant:
         """The plant of a record that the model itself makes in the same experiment."""
-        view = self.observer.surrogate(model, rng)
-        other = ServoPlant(view.record, self.law, None, self.tolerance)
-        other.observer = view
+        record = servo_own.own_record(self.inverse, model, rng, self.record.drive, model.timing * self.record.dt)
+        other = ServoPlant(record, self.law, None, self.tolerance)
+        other.observer = dataclasses.replace(self.observer, record=record)
         return other
 
     def to_simulate(self, model: AxisModel) -> AxisModel:
@@ -122,7 +127,7 @@ class ServoPlant(PlantDefaults):
             tried.append(self.corrected)
         # a fit that ends with no inertia, or with far too much, has lost it
         tried = [m for m in tried if not m.at_the_end_of_inertia] or [self.inverse.at_inertia(model)]
-        return min(tried, key=lambda m: servo_free_run.train_error(self.observer, m, self.headline))
+        return min(tried, key=lambda m: servo_run.train_error(self.observer, m, self.headline))
 
     def contributes(self, base: AxisModel, model: AxisModel) -> bool:
         """Whether an axis of the inertia found follows the record better with the effects than without.
@@ -131,7 +136,7 @@ class ServoPlant(PlantDefaults):
         sluggish axis leaves the path slowly whatever it lacks: no repair need be better than that.
         """
         without = self.inverse.at_inertia(base, model.inertia)
-        error, other = (servo_free_run.train_error(self.observer, m, self.headline) for m in (model, without))
+        error, other = (servo_run.train_error(self.observer, m, self.headline) for m in (model, without))
         return error < other
 
     def _from_load(self, model: AxisModel) -> list[AxisModel]:
@@ -142,7 +147,7 @@ class ServoPlant(PlantDefaults):
         i = next(i for i, t in enumerate(model.terms) if t.kind.code in TWO_MASS)
         rest = self.observer.fit(model.without(i))
         other = dataclasses.replace(model.terms[i].kind, on_load=True)
-        fitted = servo_screening.refined_alone(self.observer, rest, other)
+        fitted = servo_run.refined_alone(self.observer, rest, other)
         terms = fitted.terms
         return [fitted.with_terms((*terms[:i], terms[-1], *terms[i:-1]))] if len(terms) == len(model.terms) else []
 
@@ -158,7 +163,7 @@ class ServoPlant(PlantDefaults):
         if not self._weighs(after):
             return True
         horizon, _ = self._horizons(after)
-        old, new = (servo_free_run.train_error(self.observer, m, horizon) for m in (before, after))
+        old, new = (servo_run.train_error(self.observer, m, horizon) for m in (before, after))
         return not new < old
 
     def _weighs(self, model: AxisModel) -> bool:
@@ -167,10 +172,10 @@ class ServoPlant(PlantDefaults):
         return model.inertia * rms(acceleration) > self.tolerance * self.scale
 
     def _horizons(self, model: AxisModel) -> tuple[float, tuple[float, ...]]:
-        """(headline, all) horizons at which this model can be simulated (`servo_free_run.predictable`)."""
+        """(headline, all) horizons at which this model can be simulated (`servo_run.predictable`)."""
         made = self.made(model, np.random.default_rng(0))
-        longest = servo_free_run.horizon_of(model, model.scene, self.tolerance)
-        headline = servo_free_run.predictable(made.observer, model, longest)
+        longest = servo_run.horizon_of(model, model.scene, self.tolerance)
+        headline = servo_run.predictable(made.observer, model, longest)
         return headline, (headline / 5.0, headline, 4.0 * headline)
 
     def learn(self, model: AxisModel) -> Learned | None:
@@ -178,14 +183,14 @@ class ServoPlant(PlantDefaults):
 
         Inverse dynamics counts half a sample of age for the hold, which a simulation includes anyway.
         """
-        if self.inverse.quiet(model, self.tolerance * self.scale):
+        if self.rms(self.errors(model)) ** 2 <= (QUIET * self.own.floor) ** 2 + (self.tolerance * self.scale) ** 2:
             return None
         found = servo_learned.learn(self.inverse, model)
         if found is None:
             return None
         ages = (model.timing, found.model.timing - HOLD, found.model.timing)
         tried = [dataclasses.replace(found.model, timing=age) for age in ages]
-        best = min(tried, key=lambda m: servo_free_run.train_error(self.observer, m, self.headline))
+        best = min(tried, key=lambda m: servo_run.train_error(self.observer, m, self.headline))
         return found._replace(model=best)
 
     def reading(self, base: AxisModel, model: AxisModel) -> Reading:
@@ -222,7 +227,7 @@ class ServoPlant(PlantDefaults):
         if not look.swapped:
             return super().explained(model, grown, look)
         before = self.errors(model)
-        g, share = servo_swapped.explained(self.inverse, model, grown)
+        g, share = servo_families.explained_acceleration(self.inverse, model, grown)
         return g, max(self.size(before, self.errors(grown)), self.rms(before) * float(np.sqrt(share)))
 
     def refine(self, model: AxisModel, look: Any) -> AxisModel:
@@ -320,12 +325,12 @@ class ServoPlant(PlantDefaults):
 
     # --- proof --------------------------------------------------------------------------------
     def simulate(self, model: AxisModel, horizon: float) -> Array:
-        """See `whsklearn.gap.plants.servo_free_run.free_run`."""
-        return servo_free_run.free_run(self.observer, model, horizon)
+        """See `whsklearn.gap.plants.servo_run.free_run`."""
+        return servo_run.free_run(self.observer, model, horizon)
 
     def measured(self, *models: AxisModel) -> tuple[Array, NDArray[np.bool_]]:
         """Position and the mask of held-out samples without the edges."""
-        return self.observer.record.position, servo_free_run.held_out(self.observer)
+        return self.observer.record.position, servo_run.held_out(self.observer)
 
     def figures(self, base: AxisModel, model: AxisModel, nameless: float = 0.0) -> Figures:
         """The gap of inverse dynamics in the unit of the drive, as an engineer would compute it.
@@ -366,9 +371,9 @@ class ServoPlant(PlantDefaults):
         view, both = self.observer, (("before", base), ("after", model))
         view.weigh(0.0)
         tests = [whiteness(view.whitened(view.gap(m), on="all"), name) for name, m in both]
-        runs = {name: servo_free_run.free_run(view, m, self.headline) for name, m in both}
-        drawn = pictures(self.inverse, base, model, self.units, self.gap_word)
-        return Told(tests, self._notes(), drawn | {"runs": runs, "held": servo_free_run.held_out(view)})
+        runs = {name: servo_run.free_run(view, m, self.headline) for name, m in both}
+        drawn = pictures(self.inverse, base, model, self.units, self.gap_word) | {"floor": self.own.floor}
+        return Told(tests, self._notes(), drawn | {"runs": runs, "held": servo_run.held_out(view)})
 
     def _notes(self) -> list[str]:
         """Remarks on how the record was used."""
@@ -425,3 +430,31 @@ def law_names(law: str | None, default: str) -> tuple[str, ...]:
         if candidate(name).linear != 1:
             raise ValueError(f"{name!r} cannot be part of the base law of an axis; expected friction such as coulomb.")
     return names
+
+
+def signals(view: Any, units: tuple[str, str]) -> dict[str, tuple[Array, str]]:
+    """The signals that the gap may follow, at the judged samples of the inverse view."""
+    motion, dt = view.motion, view.scene.dt
+    drive, rad = units
+    picked = {
+        "time": (view.time, "s"),
+        "position": (motion.position, rad),
+        "velocity": (motion.velocity, f"{rad}/s"),
+        "reversal": (since_reversal(motion.velocity, dt, 0.01 * view.scene.speed), "s"),
+    }
+    if np.ptp(motion.position) > 2 * np.pi:
+        picked["angle in the turn"] = (np.mod(motion.position, 2 * np.pi), rad)
+    out = {k: (x[:: view.every][view.at], u) for k, (x, u) in picked.items()}
+    return out | {"drive": (view.drive[view.at], drive)}
+
+
+def pictures(view: Any, base: Any, model: Any, units: tuple[str, str], what: str) -> dict[str, Any]:
+    """Overlay, gap over time, its spectra by frequency and by order, and its axes."""
+    gaps = view.gap(base), view.gap(model)
+    orders = np.arange(0.5, min(160.0, 2 * np.pi * 2 * view.cutoff / view.scene.speed), 0.1)
+    return {
+        "time": view.time, "measured": view.record.position, "gap_time": view.time[:: view.every][view.at],
+        "usable": np.ones(gaps[0].size, dtype=bool),
+        "axes": signals(view, units), "units": units, "what": what,
+        **spectra(*gaps, view.step, view.motion.position[:: view.every][view.at], orders),
+    }  # fmt: skip

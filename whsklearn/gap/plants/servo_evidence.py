@@ -47,9 +47,6 @@ FEWEST_A_BLOCK = 10
 # Share of the rms residual beside play that a further effect must explain: impacts follow everything a little ("blind
 # --kinds named" with backlash).
 BESIDE_A_PLAY = 0.66
-# Share of the evidence for a name that the first steps of a two-mass refit must reach for the refit to continue
-# ("blind").
-HALF_WAY = 0.5
 # rad of travel above which a wave of one shaft must repeat every turn.
 SEVERAL_TURNS = 6 * np.pi
 # rad of travel below which the cosine of gravity is a constant and a slope to within 3 %, so that names are shared.

@@ -1,4 +1,17 @@
-"""Every candidate of an axis as a family of torque columns behind the view's filters, for the look to scan."""
+"""Every candidate of an axis as a family of torque columns behind the view's filters, looked at and then fitted.
+
+u = J a + f is fitted by least squares of the drive.  That is right under a stiff controller, where the path is given
+and the drive responds to whatever is missing.  If the axis swings freely it is the other way round: the drive is given
+and the acceleration responds.  Then J a and a force of the position nearly cancel, the fit ends at an inertia near
+zero, and the force explains hardly anything of the small drive (three of six logs of a pendulum).  A regression of the
+acceleration on the drive, a = (u - f) / J, shows that the same force explains nearly everything.  Both describe the
+same model, and a force of the position is tried in both directions.
+
+References
+----------
+Frisch 1934, Statistical Confluence Analysis by Means of Complete Regression Systems, for the two directions of one
+regression; Haavelmo 1943, The statistical implications of a system of simultaneous equations, Econometrica 11(1), 1-12.
+"""
 
 from __future__ import annotations
 
@@ -10,18 +23,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn.effects import codes as k
+from whsklearn.effects.quantity import ONE_PERIOD
 from whsklearn.filtering.gaussian import CUTOFF_SIGMA
+from whsklearn.gap.calibration import coloured, gain, n_effective, smoothed_power
+from whsklearn.gap.least_squares import least_squares
 from whsklearn.gap.plants import inverse_dynamics as ols
 from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants import servo_stop as stop
-from whsklearn.gap.plants import servo_swapped as swapped
 from whsklearn.gap.plants import servo_two_mass as two_mass
-from whsklearn.gap.plants.servo_candidates import TWO_MASS, Candidate
+from whsklearn.gap.plants.servo_candidates import TWO_MASS, Candidate, usable
 from whsklearn.gap.plants.servo_inverse import later, reaching
-from whsklearn.gap.plants.servo_inverse_look import ANTIRESONANCES, CONTACTS, GAPS, HIGHEST, N_LIMITS, inverse_kinds
 from whsklearn.gap.plants.servo_model import AxisModel, Term
-from whsklearn.gap.plants.servo_nameless import generic_basis
-from whsklearn.gap.plants.servo_own import Own
+from whsklearn.gap.plants.servo_own import N_NULL, Own
 from whsklearn.gap.search import HALF
 from whsklearn.gap.tangent import Family, Look, Tangent
 
@@ -73,7 +86,7 @@ def looks(view: Any, model: AxisModel, own: Own, beside: AxisModel | None = None
     rate = ols.slope(x @ sizes, view.step)[view.at]
     numbers = x[view.at][:, free[: x.shape[1]]]
     timed = Tangent(left, own.null, np.column_stack([numbers, rate]), own.n_effective, away)
-    other_way = swapped.tangent(view, model, np.random.default_rng(0))
+    other_way = acceleration_tangent(view, model, np.random.default_rng(0))
     out = [
         better(timed.look(f), other_way.look(f) if of_place else None, other_way.n, view.rms(left))
         for f, of_place in families(scene)
@@ -235,3 +248,225 @@ def nameless(scene: Scene, torque: Array) -> Iterator[Family]:
 
     for block in generic_basis(scene.view.scene, scene.angle, scene.speed, torque):
         yield all_at_once((block / (block.std(axis=0) + 1e-12))[:, None, :])
+
+
+def next_order(view: Any, model: AxisModel, kind: Candidate) -> AxisModel | None:
+    """The model with the best further order of a family; only whole orders can join whole ones, and are preferred."""
+    scene = Scene(view, model)
+    _, x, target, sizes, free = view.solved(model)
+    x = stop.without_pushes(model, x)
+    left = (target - x @ sizes)[view.at]
+    tangent = Tangent(left, np.empty((0, left.size)), x[view.at][:, free], view.n_effective, stop.away(view, model))
+    present = [t.q[2] for t in model.terms if t.kind == kind]
+    whole = all(float(o).is_integer() for o in present)
+    apart = ONE_PERIOD / view.scene.reach  # closer orders are one wave with an envelope
+    powers: dict[float, float] = {}
+    for shapes, columns, _ in orders(scene, kind):
+        power = tangent.taken(family(scene, kind), columns)[0][:, 0]
+        powers |= {o: float(p) for (o,), p in zip(shapes, power, strict=True)}
+    open_orders = [
+        o for o in powers if (o.is_integer() or not whole) and all(abs(o - p) > apart for p in present)
+    ]  # fmt: skip
+    if not open_orders:
+        return None
+    best = max(open_orders, key=lambda o: powers[o] * (rules.WHOLE_ORDER if o.is_integer() else 1.0))
+    return polished(view, model, Term(kind, (0.0, 0.0, best)))
+
+
+HATS = (0.08, 0.03, 0.01)  # of the travel: a stop or a bump at one angle is narrower than any wave up to order 12
+
+
+def generic_basis(scene: Any, angle: Array, v: Array, u: Array) -> list[Array]:
+    """Blocks of nameless columns, shape (n, k) each: functions of position, speed, drive and time, and products."""
+    q = angle
+    t = np.arange(q.size) / q.size
+    q = (q - scene.centre) / scene.reach
+    v, u = v / (2 * scene.speed), u / (2 * scene.torque)
+    s = np.sign(v)
+    powers = [q, v, u, q * v, q * q, v * v, q**3, v**3, q * q * v, q * v * v, s, s * q, s * v, s * q * q, q * u]
+    waves = [f(k * angle_k) for k in range(1, 13) for angle_k in [angle] for f in (np.sin, np.cos)]
+    return [
+        np.column_stack(powers),
+        np.column_stack([np.exp(-0.5 * ((v - c) / 0.12) ** 2) for c in np.linspace(-1, 1, 16)]),
+        np.column_stack(waves),
+        np.column_stack([w * x for w in waves[:8] for x in (np.ones_like(v), v, s, u)]),
+        np.column_stack([p * t for p in powers]),
+        np.column_stack([np.roll(x, k) for x in (u, v, s) for k in (0, 1, 2, 4, 8)]),
+        *(hats(q, 2.0 * width) for width in HATS),
+    ]
+
+
+def hats(q: Array, width: float) -> Array:
+    """Piecewise linear functions, each around one position within -1 to 1, shape (n, k); they sum to one.
+
+    Examples
+    --------
+    >>> hats(np.array([-1.0, -0.25, 1.0]), 0.5)
+    array([[1. , 0. , 0. , 0. , 0. ],
+           [0. , 0.5, 0.5, 0. , 0. ],
+           [0. , 0. , 0. , 0. , 1. ]])
+    """
+    centres = np.linspace(-1.0, 1.0, round(2.0 / width) + 1)
+    return np.maximum(0.0, 1.0 - np.abs(q[:, None] - centres) / (centres[1] - centres[0]))
+
+
+def regression(view: Any, model: AxisModel) -> tuple[Array, Array]:
+    """(acceleration, columns) at the judged samples; the columns are the drive and all of the model except inertia."""
+    _, x, target, _, free = view.solved(model)
+    columns = np.column_stack([target, stop.without_pushes(model, x)[:, 1:][:, free[1 : x.shape[1]]]])
+    return x[view.at, 0], columns[view.at]
+
+
+def acceleration_left(view: Any, model: AxisModel) -> Array:
+    """Residual of the acceleration under the model, shape (n,)."""
+    a, columns = regression(view, model)
+    norm = np.linalg.norm(columns, axis=0)
+    columns = columns[:, norm > 0.0] / norm[norm > 0.0]
+    return np.asarray(a - columns @ np.linalg.lstsq(columns, a, rcond=1e-10)[0])
+
+
+def acceleration_tangent(view: Any, model: AxisModel, rng: np.random.Generator) -> Tangent:
+    """Residual of the acceleration under the model, with noise of its colour for comparison.
+
+    The artefacts of the filters are subtracted from the drive (`InverseView.artefact`).  No record of the model itself
+    is made, because a model without the force does not swing.
+    """
+    rest = acceleration_left(view, model)
+    power = smoothed_power(rest)
+    null = np.array([coloured(power, rest.size, rng) for _ in range(N_NULL)])
+    n = n_effective(coloured(power, rest.size, np.random.default_rng(0)), view.n_effective)
+    return Tangent(rest, null, regression(view, model)[1], n, stop.away(view, model))
+
+
+def explained_acceleration(view: Any, model: AxisModel, grown: AxisModel) -> tuple[float, float]:
+    """(gain, share of the residual power removed) of the grown model, for the acceleration."""
+    before, after = acceleration_left(view, model), acceleration_left(view, grown)
+    power = smoothed_power(before)
+    n = n_effective(coloured(power, before.size, np.random.default_rng(0)), view.n_effective)
+    g = gain(float(before @ before), float(after @ after), n)
+    return g, float(max(0.0, -np.expm1(-g / n)))
+
+
+GAPS = (0.002, 0.004, 0.009, 0.018, 0.037, 0.075, 0.15)  # rad
+CONTACTS = (6.0, 12.0, 25.0, 60.0)  # Hz, of the antiresonance in contact
+ANTIRESONANCES = np.geomspace(0.8, 65.0, 20)  # Hz
+N_LIMITS = 40  # of the drive over the plausible range, an eighth apart
+# Rounds over the shape numbers.  The step shrinks by 0.55 in each, to a tenth of the spacing of the starts, and a
+# parabola goes through the last three: a spring of twice the drive, off by a tenth, leaves more than its neighbours
+# explain.
+POLISH = 4
+HIGHEST = 160.0  # periods per turn
+
+
+def inverse_kinds(model: AxisModel) -> tuple[Candidate, ...]:
+    """Candidates with a form in this view."""
+    return tuple(c for c in (*usable([t.kind for t in model.terms]), *stop.usable(model)) if has_form(c))
+
+
+def has_form(c: Candidate) -> bool:
+    """Whether inverse dynamics of the motor side shows a candidate."""
+    return c.linear > 0 or c.transforms or c.code in TWO_MASS
+
+
+def polished(view: Any, model: AxisModel, term: Term) -> AxisModel:
+    """The model with the term; its free shape numbers are moved downhill one at a time and the sizes solved for."""
+    if term.kind in stop.KINDS:
+        return stop.settled(view, model, term)
+    grown = downhill(view, view.fit(model.with_term(term)), len(model.terms))
+    return jointly(view, grown, len(model.terms)) if term.kind.later else grown
+
+
+def settled(view: Any, model: AxisModel) -> AxisModel:
+    """The model with the shapes of its effects polished again beside the last one.
+
+    Without that one, the rest position of a spring compensates for whatever was missing.
+    """
+    for i in range(model.n_base, len(model.terms)):
+        kind = model.terms[i].kind
+        if kind.scanned != "step" and kind.code not in TWO_MASS and kind not in stop.KINDS:
+            model = downhill(view, model, i)
+    return model
+
+
+def downhill(view: Any, grown: AxisModel, i: int) -> AxisModel:
+    """The model with the free shape numbers of term ``i`` moved downhill one at a time and the sizes solved for."""
+    term = grown.terms[i]
+    free = [(j, log) for of, j, log in grown.free() if of == i and j >= term.kind.linear]
+    if term.kind.scanned == "position" and float(term.q[2]).is_integer():
+        free = []
+    if not free:
+        return grown
+    cost = view.rms(view.gap(grown))
+    widths = dict.fromkeys((j for j, _ in free), 0.0)
+    for j, log in free:
+        widths[j] = 0.35 if log else 0.3 * view.scene.reach
+        if term.kind.code == k.SATURATION:
+            widths[j] = 0.12  # the spacing of limits; one that is 0.1 % too low leaves a trace of its own
+        elif term.kind.scanned == "position":
+            widths[j] = np.log1p(0.2 / (view.scene.reach * term.q[j]))
+        elif term.kind.scanned == "time":
+            widths[j] = np.log1p(0.2 / (view.scene.duration * term.q[j]))
+        elif term.kind.scanned == "step":
+            widths[j] = 0.02 * view.scene.duration
+    low, high = grown.bounds()
+    limits = {j: (a, b) for (of, j, _), a, b in zip(grown.free(), low[2:], high[2:], strict=True) if of == i}
+
+    def at(j: int, log: bool, x: float) -> tuple[float, AxisModel]:
+        moved = float(np.clip(x, *limits[j]))
+        t = grown.terms[i].with_slot(j, float(np.exp(moved)) if log else moved)
+        other = view.fit(grown.with_terms((*grown.terms[:i], t, *grown.terms[i + 1 :])))
+        return view.rms(view.gap(other)), other
+
+    for _ in range(POLISH * (3 if term.kind.code == k.SATURATION else 1)):
+        for j, log in free:
+            value, width = grown.terms[i].q[j], widths[j]
+            x = float(np.log(max(value, 1e-300))) if log else value
+            sides = []
+            for move in (-width, width):
+                c, other = at(j, log, x + move)
+                sides.append(c)
+                if c < cost:
+                    grown, cost = other, c
+                    widths[j] *= 1.6
+                    break
+            else:  # between the two, at the vertex of the parabola through the three powers
+                below, above = (c**2 - cost**2 for c in sides)
+                if below + above > 0.0:
+                    c, other = at(j, log, x + 0.5 * width * (below - above) / (below + above))
+                    if c < cost:
+                        grown, cost = other, c
+            widths[j] *= 0.55
+    return grown
+
+
+def jointly(view: Any, grown: AxisModel, i: int) -> AxisModel:
+    """The model with the free shape numbers of term ``i`` fitted together; the sizes are solved for at each step.
+
+    Distance and damping of bristles trade against each other; moved one at a time, they stop halfway down.
+    """
+    first = grown.terms[i].kind.linear
+    free = [(n, j, log) for n, (of, j, log) in enumerate(grown.free(), 2) if of == i and j >= first]
+    at = [n for n, _, _ in free]
+    (low, high), steps = grown.bounds(), grown.steps()
+
+    def moved(x: Array) -> AxisModel:
+        term = grown.terms[i]
+        for (_, j, log), value in zip(free, x, strict=True):
+            term = term.with_slot(j, float(np.exp(value)) if log else float(value))
+        return view.fit(grown.with_terms((*grown.terms[:i], term, *grown.terms[i + 1 :])))
+
+    fit = least_squares(
+        lambda x: view.gap(moved(x)), grown.vector()[at], 3.0 * steps[at], (low[at], high[at]), tolerance=1e-3
+    )
+    best = moved(fit.x)
+    return best if view.rms(view.gap(best)) < view.rms(view.gap(grown)) else grown
+
+
+def widened(view: Any, model: AxisModel) -> AxisModel | None:
+    """The last term with its later numbers freed, from the best of their starts."""
+    last = model.terms[-1]
+    rows = last.kind.opened(last.q, view.scene)
+    if not rows:
+        return None
+    tried = [view.fit(model.with_terms((*model.terms[:-1], Term(*row)))) for row in rows]
+    return jointly(view, min(tried, key=lambda m: view.rms(view.gap(m))), len(model.terms) - 1)

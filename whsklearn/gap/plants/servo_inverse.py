@@ -17,19 +17,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from whsklearn.effects import Scales, codes
+from whsklearn.effects import EndStop, Scales, codes
 from whsklearn.filtering.gaussian import CUTOFF_SIGMA, filtered, gaussian_derivatives
 from whsklearn.gap.least_squares import jacobian
-from whsklearn.gap.plant import QUIET, Linearised
+from whsklearn.gap.plant import Linearised
 from whsklearn.gap.plants import inverse_dynamics as ols
 from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants import servo_stop as stop
 from whsklearn.gap.plants import servo_two_mass as two_mass
-from whsklearn.gap.plants.servo_candidates import TWO_MASS
-from whsklearn.gap.plants.servo_columns import ColumnSignals, effect_columns
+from whsklearn.gap.plants.servo_candidates import TWO_MASS, ColumnSignals, effect_columns
 from whsklearn.gap.plants.servo_model import AxisModel, Term
-from whsklearn.gap.plants.servo_objections import unphysical
-from whsklearn.gap.plants.servo_surrogate import surrogate_record
 from whsklearn.gap.record import ServoRecord, lattice, noise_level, rms
 
 Array = NDArray[Any]
@@ -98,7 +95,6 @@ class InverseView:
         self.step = self.every * dt
         self.n_effective = self.at.size * min(1.0, 2 * cutoff * self.step)
         self.artefact: Array | None = None  # residual of a model's own record in this view, at the judged samples
-        self._floors: dict[Any, float] = {}
         self._columns: dict[Any, Array] = {}
 
     def _moving(self, sigma: float) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
@@ -124,16 +120,12 @@ class InverseView:
         """Rms over the judged samples."""
         return rms(gap)
 
-    def quiet(self, model: AxisModel, least: float) -> bool:
-        """Whether the gap is no larger than its floor and ``least`` together."""
-        return self.rms(self.gap(model)) ** 2 <= (QUIET * self.floor(model)) ** 2 + least**2
-
     def bare(self) -> InverseView:
         """The view without subtracting the artefacts."""
         if self.artefact is None:
             return self
         other = copy(self)
-        other.artefact, other._columns, other._floors = None, {}, {}
+        other.artefact, other._columns = None, {}
         return other
 
     def beside(self, record: ServoRecord) -> InverseView:
@@ -314,34 +306,6 @@ class InverseView:
         _, x, target, sizes, _ = self.solved(model)
         return (target - x @ sizes)[self.at]
 
-    def floor(self, model: AxisModel) -> float:
-        """Gap of the model's own record in the same view.
-
-        A model with almost no inertia shakes under its own controller.  If its record leaves more than noise can cause
-        behind any filter, the floor is the encoder noise through inertia and filter instead.
-        """
-        key = tuple((t.kind.label, t.q) for t in model.terms)
-        if key not in self._floors:
-            made = self.surrogate(model, np.random.default_rng(0))
-            floor = made.rms(made.gap(model))
-            if floor > rules.LARGEST_FLOOR * self.scene.torque:
-                *_, g2 = gaussian_derivatives(CUTOFF_SIGMA / (2 * np.pi * self.cutoff), self.scene.dt)
-                floor = min(floor, rules.DRIVE_NOISE * self.noise * model.inertia * float(np.linalg.norm(g2)))
-            self._floors[key] = floor
-        return self._floors[key]
-
-    def surrogate(self, model: AxisModel, rng: np.random.Generator) -> InverseView:
-        """The view of a record that the model itself makes in the same experiment."""
-        return InverseView(surrogate_record(self, model, rng), self.scene, self.cutoff, self.start, self.skipped)
-
-    def cross_validated(self, model: AxisModel) -> Array:
-        """Error of every judged sample under the fit to the other blocks."""
-        _, x, target, _, free = self.solved(model)
-        x, target, away = stop.without_pushes(model, x[self.at]), target[self.at], stop.away(self, model)
-        rows = (x, target) if away is None else (x * away[:, None], target * away)
-        _, fits = ols.held_out(ols.blocks_of(*rows, self.block), self.at.size, free)
-        return stop.outside(target - np.einsum("ij,ij->i", x, fits[self.block]), away)
-
     def objection(self, model: AxisModel, index: int) -> str:
         """What is wrong with the sign or the range of a term's numbers; empty if nothing."""
         t = model.terms[index]
@@ -363,13 +327,6 @@ class InverseView:
         """
         below = np.abs(self.record.drive[:: self.every][self.at]) < limit
         return self.n_effective * float(np.mean(below))
-
-    def seen(self, model: AxisModel) -> tuple[Array, Array, Array, NDArray[np.bool_], NDArray[np.bool_]]:
-        """(position, velocity, drive, training mask, held-out mask) at the samples of the gap."""
-        held, away = self.block % 5 >= 3, stop.away(self, model)
-        away = np.ones(held.size, dtype=bool) if away is None else away > 0.0
-        q, v = (x[:: self.every][self.at] for x in (self.motion.position, self.motion.velocity))
-        return q, v, self.drive[self.at], ~held & away, held & away
 
     # --- candidates ---------------------------------------------------------------------------
     def linearised(self, model: AxisModel) -> Linearised:
@@ -404,3 +361,89 @@ class InverseView:
         slopes = -factor * columns[self.at][:, sizes]
         slopes[:, rest] = jacobian(moved, x[rest], r, model.steps()[rest], high[rest])
         return Linearised(x, low, high, r, slopes, model.with_vector)
+
+
+def unphysical(record: ServoRecord, model: AxisModel, index: int) -> str:
+    """The physical objection to the numbers of a term, in either view of an axis; empty if there is none."""
+    term = model.terms[index]
+    q = term.q
+    if term.name == "encoder_eccentricity" and float(np.hypot(q[0], q[1])) * q[2] > rules.STEEPEST_ERROR:
+        return "with such a steep encoder error the reading would stand still while the axis turns"
+    if term.kind.positive and q[0] <= 0:
+        return f"its size would be {q[0]:.3g}, but a physical one is positive"
+    return (
+        model.at_the_end(index)
+        or never_free(term.effect, record.position)
+        or negative_damping(model, index)
+        or too_large(model, index)
+        or off_shaft(model, index)
+        or on_excitation_line(record, term)
+    )
+
+
+def never_free(effect: Any, position: Array) -> str:
+    """The objection that the axis is always in contact with a stop, which is then a spring; empty if it is not."""
+    if not isinstance(effect, EndStop):
+        return ""
+    low, high = effect.ends
+    return "" if np.any((position > low) & (position < high)) else "the axis would always touch it: a spring"
+
+
+def too_large(model: AxisModel, index: int) -> str:
+    """The objection that an effect takes so much of the drive that it replaces the drive; empty if it does not."""
+    t = model.terms[index]
+    if t.kind.code == codes.CHANGE_GAIN and 1.0 + t.q[0] < rules.LEAST_GAIN_LEFT:
+        return f"it would leave {100 * (1.0 + t.q[0]):.1f} % of the drive's effect and hide whatever is missing"
+    share = float(np.linalg.norm(t.q[:2])) if t.kind.linear == 2 else abs(float(t.q[0]))
+    if share <= rules.LARGEST_SHARE.get(t.name, np.inf):
+        return ""
+    return f"it would take {100 * share:.0f} % of the drive, which no motor or gear does"
+
+
+def negative_damping(model: AxisModel, index: int) -> str:
+    """The objection that an asymmetry of the viscous friction is larger than that friction; empty if it is not.
+
+    A record of one direction under a speed controller u = k (r - v) offers -k as such an asymmetry.
+    """
+    t = model.terms[index]
+    viscous = sum(o.q[0] for o in model.terms if o.name == "viscous")
+    if t.name == "asymmetric_viscous" and abs(t.q[0]) > max(viscous, 0.0):
+        return "the axis would be driven by its own friction in one direction"
+    return ""
+
+
+def off_shaft(model: AxisModel, index: int) -> str:
+    """The objection that a wave cannot belong to the shaft of the other waves; empty if it can.
+
+    Over several turns, an effect of one shaft repeats every turn.  Fractional orders beside whole ones are a tone in
+    time, seen at the mean speed (LAAS: 61.3 and 82.7, which a tone of the mains at 60.00 Hz replaces).
+    """
+
+    def wave(t: Term) -> float | None:
+        return float(t.q[2]) if t.kind.repeats and t.kind.scanned == "position" else None
+
+    order = wave(model.terms[index])
+    others = [o for i, t in enumerate(model.terms) if i != index and (o := wave(t)) is not None]
+    if order is None or order.is_integer() or 2.0 * model.scene.reach < rules.SEVERAL_TURNS or not others:
+        return ""
+    if not all(o.is_integer() for o in others):
+        return ""
+    return "its order is not a whole number, so it does not repeat with every turn"
+
+
+def on_excitation_line(record: ServoRecord, term: Term) -> str:
+    """The objection that a tone of a position servo without a logged drive is on a line of its command; empty if not.
+
+    For such a servo, command minus position replaces the drive.  Everything else that the loop does leaves a residual
+    at every line of the command, which a tone would explain.  With a measured drive, a tone on a line is a tone.
+    """
+    if not record.is_following_error or record.reference is None or term.name != "disturbance_tone":
+        return ""
+    x = record.reference - record.reference.mean()
+    power = np.abs(np.fft.rfft(np.hanning(x.size) * x)) ** 2
+    at = float(term.q[2]) * record.dt * x.size
+    distance = np.abs(np.arange(power.size) - at)
+    line, around = power[distance <= rules.LINE], power[(distance > 2 * rules.LINE) & (distance <= rules.AROUND)]
+    if line.size == 0 or around.size == 0 or line.max() <= rules.STANDS_OUT * np.median(around):
+        return ""
+    return "its frequency is a line of the reference, where wrong dynamics would cause a tone as well"

@@ -25,8 +25,7 @@ from whsklearn.gap.diagnosis import Curve
 from whsklearn.gap.plant import Learned
 from whsklearn.gap.plants import inverse_dynamics as ols
 from whsklearn.gap.plants import servo_evidence as rules
-from whsklearn.gap.plants.servo_candidates import TWO_MASS, Candidate
-from whsklearn.gap.plants.servo_columns import ColumnSignals
+from whsklearn.gap.plants.servo_candidates import TWO_MASS, Candidate, ColumnSignals
 from whsklearn.gap.plants.servo_model import AxisModel, Term
 
 Array = NDArray[Any]

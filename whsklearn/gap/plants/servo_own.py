@@ -17,10 +17,9 @@ from numpy.typing import NDArray
 
 from whsklearn.gap.calibration import coloured, n_effective, smoothed_power
 from whsklearn.gap.plants import servo_evidence as rules
-from whsklearn.gap.plants.servo_columns import ColumnSignals as Motion
+from whsklearn.gap.plants.servo_candidates import ColumnSignals as Motion
 from whsklearn.gap.plants.servo_model import AxisModel
-from whsklearn.gap.plants.servo_surrogate import run_by_piece
-from whsklearn.systems._servo_kernel import DRIVE, MEASURED, How
+from whsklearn.systems._servo_kernel import DRIVE, MEASURED, N_SIGNALS, How, PassInputs, run
 from whsklearn.systems._servo_torques import DELAY, RESOLUTION
 
 Array = NDArray[Any]
@@ -89,6 +88,20 @@ def own_record(view: Any, model: AxisModel, rng: np.random.Generator, feed: Arra
         drive = model.inertia * motion.acceleration + sum(asked)
         position = path + sigma * rng.standard_normal(len(record))
     return dataclasses.replace(record, drive=drive, position=position)
+
+
+def run_by_piece(
+    record: Any, plant: Any, controller: tuple[float, ...], how: How, reference: tuple[Array, ...], noise: Array
+) -> Array:
+    """Results of the kernel for every segment of a record, each started on the reference's path; shape (7, n)."""
+    out = np.zeros((N_SIGNALS, len(record)))
+    for s, t in record.pieces:
+        part, path = np.zeros((N_SIGNALS, s.stop - s.start)), np.array([x[s] for x in reference])
+        q, v = path[:2, 0]
+        signals = PassInputs(path, noise[s], np.zeros(0), np.zeros((2, 1)))
+        run(part, plant, controller, signals, how._replace(start=t), np.array([q, v, q, v]))
+        out[:, s] = part
+    return out
 
 
 def own(view: Any, model: AxisModel, rng: np.random.Generator) -> tuple[Own, AxisModel]:

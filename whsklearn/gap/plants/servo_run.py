@@ -1,0 +1,423 @@
+"""A servo model that runs: held near the record by an observer, refitted along that run, and free from restarts.
+
+The trajectory is the model's own, so the columns contain no encoder noise and small effects are measured accurately.
+If much is missing, the innovation no longer shows it, because a wrong model carries the estimate along; so the inverse
+view comes first.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from whsklearn.effects import Scales
+from whsklearn.effects import codes as k
+from whsklearn.gap.filters import ResidualFilter, solve_whitening, whiten
+from whsklearn.gap.least_squares import Fit, gain_of, least_squares
+from whsklearn.gap.plants import servo_evidence as rules
+from whsklearn.gap.plants.servo_candidates import TWO_MASS, Candidate
+from whsklearn.gap.plants.servo_model import LONGEST_STEP, AxisModel, Term
+from whsklearn.gap.record import ServoRecord, held_out_blocks, rms
+
+Array = NDArray[Any]
+AR_ORDER = 12  # of the whitening polynomial
+SUBSTEPS = 4  # fine steps per sample, at least, with a step longer than `LONGEST_STEP`
+STEP_ERROR = 0.01  # share of the tolerance by which a longer fine step may change the gap
+LOST = 1e3  # times the travel or the speed of the record: a run beyond that has diverged
+
+
+@dataclass
+class ObserverView:
+    """One record under one residual filter.
+
+    Attributes
+    ----------
+    noise : float
+        Standard deviation of the position noise.
+    step : float
+        Largest fine step of a run (s), see `coarsened`.
+    train, held : ndarray of bool, of int, shape (n_decimated,)
+        Training mask; number of the held-out block, or -1.
+    ar : ndarray
+        Current whitening polynomial of the missing torque.
+    tolerance : float
+        Torque below which nothing is worth a name, as a share of the rms drive.
+    """
+
+    record: ServoRecord
+    filter: ResidualFilter
+    scene: Scales
+    noise: float
+    start: tuple[Array, Array]
+    train: NDArray[np.bool_]
+    held: NDArray[np.intp]
+    usable: NDArray[np.bool_]
+    tolerance: float
+    quantum: float = 0.0
+    step: float = LONGEST_STEP
+    ar: Array = field(default_factory=lambda: np.array([1.0]))
+
+    # --- looking ---------------------------------------------------------------------------
+    def follow(self, model: AxisModel) -> tuple[Array, Array, Array]:
+        """Prediction, angle and velocity of the model held near the record."""
+        return self.held_near(model)[:3]
+
+    def held_near(self, model: AxisModel) -> tuple[Array, Array, Array, Array]:
+        """The same with the twist of the coupling and its rate, shape (n, 2); a diverging run is kept finite."""
+        r = self.record
+        out = model.follow(r.drive, r.position, self.filter.gains, start=self.start, pieces=r.pieces)
+        far = LOST * (self.scene.reach + abs(self.scene.centre)), LOST * self.scene.speed
+        if all(-f < x.min() and x.max() < f for x, f in zip(out[:3], (far[0], far[0], far[1]), strict=True)):
+            return out
+        held = [
+            np.clip(np.nan_to_num(x, nan=0.0), -f, f) for x, f in zip(out[:3], (far[0], far[0], far[1]), strict=True)
+        ]
+        return held[0], held[1], held[2], np.clip(np.nan_to_num(out[3]), -far[1], far[1])
+
+    def gap(self, model: AxisModel) -> Array:
+        """Torque that the model lacks, filtered; shape (n_decimated,)."""
+        y_hat, _, _ = self.follow(model)
+        d = self.filter.torque(self.record.position - y_hat)
+        return np.where(np.isfinite(d), np.clip(d, -1e6, 1e6), 1e6)
+
+    def whitened(self, d: Array, *, on: str = "train") -> Array:
+        """Whitened samples of one part: ``train``, ``held`` or ``all``."""
+        mask = {"train": self.train, "held": self.held >= 0, "all": self.usable}[on]
+        return whiten(d, self.ar)[mask & self.usable]
+
+    def residual(self, model: AxisModel) -> Array:
+        """The residual that the fit minimises."""
+        return self.whitened(self.gap(model))
+
+    def floor(self, model: AxisModel | None = None) -> float:
+        """Rms of the missing torque due to position noise alone."""
+        return self.filter.noise_gain * self.noise
+
+    def rms(self, d: Array, on: str = "all") -> float:
+        """Rms of the missing torque on one part."""
+        mask = {"train": self.train, "held": self.held >= 0, "all": self.usable}[on] & self.usable
+        return rms(d[mask])
+
+    def weigh(self, gap: float) -> None:
+        """Set the whitening to position noise plus white torque of the rms ``gap``.
+
+        Only the size of the gap is used, so no tone and no slow drift is whitened away.
+        """
+        taps, every = self.filter.taps, self.filter.every
+        full = np.concatenate([taps, np.zeros(AR_ORDER * every)])
+        r = np.array([taps @ full[i * every : i * every + taps.size] for i in range(AR_ORDER + 1)])
+        white = max(gap, 0.5 * self.tolerance * self.scene.torque) ** 2
+        self.ar = solve_whitening(self.noise**2 * r, white)
+
+    # --- the protocol of a view --------------------------------------------------------------
+
+    def coarsened(self, model: AxisModel) -> ObserverView:
+        """The view with the longest fine step, at most a quarter of a sample, that does not change the gap.
+
+        A record at 50 Hz does not need a step of a millisecond if its axis is slow (arm joints: 5 ms change the gap by
+        5e-6 of the drive), but does if it is fast (a jaw with a mechanical time constant of 2 ms: 2e-3).
+        """
+        step, longest = LONGEST_STEP, self.scene.dt / SUBSTEPS
+        if 2.0 * step > longest:
+            return self
+        gap = self.gap(dataclasses.replace(model, step=step))
+        while 2.0 * step <= longest:
+            other = self.gap(dataclasses.replace(model, step=2.0 * step))
+            if self.rms(other - gap) > STEP_ERROR * self.tolerance * self.scene.torque:
+                break
+            step *= 2.0
+        return dataclasses.replace(self, step=step)
+
+    def fit(self, model: AxisModel) -> AxisModel:
+        """The model refitted to the training part, weighted by the size of its own gap."""
+        model = dataclasses.replace(model, scene=self.scene, step=self.step)
+        if model.has_play:
+            return settled_play(self, model)
+        for _ in range(2):
+            self.weigh(self.rms(self.gap(model)))
+            model, _ = self.fitted(model)
+        return model
+
+    # --- fitting ---------------------------------------------------------------------------
+    def fitted(self, model: AxisModel, *, max_iterations: int = 12, tolerance: float = 5e-4) -> tuple[AxisModel, Fit]:
+        """The model refitted to the training part, all free numbers together, under the current weights."""
+        fit = least_squares(
+            lambda x: self.residual(model.with_vector(x)),
+            model.vector(),
+            model.steps(),
+            model.bounds(),
+            max_iterations=max_iterations,
+            tolerance=tolerance,
+        )
+        return model.with_vector(fit.x), fit
+
+
+SMALL = 0.01  # share of the rms drive at which signatures are computed
+
+
+@dataclass
+class Start:
+    """One candidate at its best start on top of a model.
+
+    Attributes
+    ----------
+    kind : Candidate
+    drop : float
+        Decrease of the whitened sum of squares that the signature promises.
+    shape, sizes : tuple of float
+        Shape numbers of the start, and the linear ones that belong to it.
+    """
+
+    kind: Candidate
+    drop: float = -np.inf
+    shape: tuple[float, ...] = ()
+    sizes: tuple[float, ...] = ()
+
+
+def _signature(view: Any, model: AxisModel, residual: Array, kind: Candidate, shape: tuple[float, ...]) -> Array:
+    """Columns of the whitened residual: one per linear slot, or the difference for a block."""
+    if kind.linear == 0:
+        return (view.residual(model.with_term(Term(kind, shape))) - residual)[:, None]
+    unit = SMALL * kind.size_unit(view.scene)
+    columns = []
+    for j in range(kind.linear):
+        sizes = tuple(unit if i == j else 0.0 for i in range(kind.linear))
+        columns.append((view.residual(model.with_term(Term(kind, (*sizes, *shape)))) - residual) / unit)
+    return np.column_stack(columns)
+
+
+def _sensitivities(model: AxisModel, fit: Fit) -> Array:
+    """Derivatives of the residual by the model's own numbers; a number at a bound explains nothing."""
+    low, high = model.bounds()
+    return fit.jacobian[:, (fit.x > low + 1e-6) & (fit.x < high - 1e-6)]
+
+
+def _best_start(
+    view: Any, model: AxisModel, residual: Array, base: Array, kind: Candidate, starts: list[tuple[float, ...]]
+) -> Start:
+    """The start whose signature promises the largest decrease beyond the model's own sensitivities ``base``."""
+    best = Start(kind)
+    for shape in starts:
+        columns = _signature(view, model, residual, kind, shape)
+        if not np.all(np.isfinite(columns)) or not np.any(columns):
+            continue
+        drop, c = gain_of(residual, base, columns)
+        if kind.linear == 0 and c[0] < 0:
+            drop = 0.0
+        if drop > best.drop:
+            best = Start(kind, drop, shape, tuple(map(float, c)) if kind.linear else ())
+    return best
+
+
+def refine(view: Any, model: AxisModel, start: Start, *, max_iterations: int = 12) -> AxisModel:
+    """Fit the candidate jointly with the model from its best start."""
+    if start.kind.code in TWO_MASS:
+        tried = (
+            view.fitted(model.with_term(Term(start.kind, q)), max_iterations=3) for q in _two_mass_variants(view, start)
+        )
+        first, fit = min(tried, key=lambda f: f[1].cost)
+        if _hopeless(view, model, fit):
+            return first
+        best, _ = _settle(view, first)
+        if best.has_play:  # the cost over the contact's frequency has ripples of its own
+            others = [_settle(view, _contact_at(best, factor))[0] for factor in (0.8, 1.25)]
+            best = min((best, *others), key=lambda m: view.rms(view.gap(m), "train"))
+        return best
+    grown = model.with_term(Term(start.kind, (*start.sizes, *start.shape)))
+    best, _ = view.fitted(grown, max_iterations=max_iterations)
+    if start.kind.scanned == "step":
+        best, _ = view.fitted(_locate_change(view, best), max_iterations=max_iterations)
+    return best
+
+
+def refined_alone(view: Any, model: AxisModel, kind: Candidate) -> AxisModel:
+    """The model with one candidate from the best of its starts, without considering others."""
+    view.weigh(view.rms(view.gap(model)))
+    model, fit = view.fitted(model, max_iterations=4)
+    start = _best_start(view, model, fit.residual, _sensitivities(model, fit), kind, kind.starts(view.scene))
+    return refine(view, model, start) if start.shape else model
+
+
+def _hopeless(view: Any, model: AxisModel, fit: Fit) -> bool:
+    """Whether the first steps from all starts do not pay for the numbers of the transmission.
+
+    Settling takes ten times as long, and in a record that ends without a name it took most of the time.
+    """
+    r = view.residual(model)
+    numbers = fit.x.size - model.vector().size
+    return bool(r.size * np.log(float(r @ r) / max(fit.cost, 1e-300)) < rules.PAYS * numbers)
+
+
+def _settle(view: Any, model: AxisModel) -> tuple[AxisModel, Fit]:
+    """Repeated fits, each weighted for the gap of the previous one: the weights of a large gap hide a small one."""
+    gap = view.rms(view.gap(model), "all")
+    for _ in range(3):
+        view.weigh(gap)
+        model, fit = view.fitted(model, max_iterations=12, tolerance=2e-3)
+        before, gap = gap, view.rms(view.gap(model), "all")
+        if gap > 0.8 * before:
+            break
+    return model, fit
+
+
+def _contact_at(model: AxisModel, factor: float) -> AxisModel:
+    """The model with another contact frequency of its play and the usual damping."""
+    i = next(i for i, t in enumerate(model.terms) if t.kind.code == k.BACKLASH)
+    term = model.terms[i]
+    hz = min(factor * term.q[2], term.kind.ranged(model.scene)[1][1])
+    moved = term.with_slot(2, hz).with_slot(3, min(term.q[3], 0.3))
+    return model.with_terms((*model.terms[:i], moved, *model.terms[i + 1 :]))
+
+
+def settled_play(view: Any, model: AxisModel) -> AxisModel:
+    """The model with its play refitted from its own contact frequency and from others, because the cost has ripples."""
+    fits = [_settle(view, m)[0] for m in (model, _contact_at(model, 0.8), _contact_at(model, 1.25))]
+    return min(fits, key=lambda m: view.rms(view.gap(m), "train"))
+
+
+def _two_mass_variants(view: Any, start: Start) -> list[tuple[float, ...]]:
+    """Starts with other load shares (and contact frequencies), because the two trade against each other."""
+    q = start.shape
+    if start.kind.n_slots == 3:  # compliance, share, damping
+        return [(q[0], share, q[2]) for share in (0.25, 0.45, 0.7)]
+    top = view.scene.resonance
+    return [(q[0] * g, share, hz, q[3]) for g in (1.0, 2.0) for share, hz in ((0.3, 0.7 * top), (0.5, 0.9 * top))]
+
+
+def _locate_change(view: Any, model: AxisModel) -> AxisModel:
+    """Find the time of a change on the whole record, because only one part contains it."""
+    index = len(model.terms) - 1
+    term = model.terms[index]
+    span, best = 0.12 * view.scene.duration, term.q[1]
+    low, high = term.kind.ranged(view.scene)[0]
+
+    def cost(t: float) -> float:
+        w = view.whitened(view.gap(model.with_terms((*model.terms[:index], term.with_slot(1, t)))), on="all")
+        return float(w @ w)
+
+    for _ in range(4):
+        grid = np.clip(best + span * np.linspace(-1, 1, 13), low, high)
+        best = float(grid[int(np.argmin([cost(float(t)) for t in grid]))])
+        span /= 5.0
+    return model.with_terms((*model.terms[:index], term.with_slot(1, best)))
+
+
+WINDOWS = (0.08, 0.04, 0.02, 0.01, 0.005)  # s, of the smoother that gives the start of a run
+
+
+def smoothed(position: Array, dt: float, width: int) -> tuple[Array, Array]:
+    """Position and velocity by local polynomials of degree 4 over ``width`` samples (Savitzky, Golay 1964)."""
+    from scipy.signal import savgol_filter
+
+    return savgol_filter(position, width, 4), savgol_filter(position, width, 4, deriv=1, delta=dt)
+
+
+def smoothing_width(position: Array, dt: float, noise: float) -> int:
+    """The widest window, in samples, that changes the velocity by no more than noise does.
+
+    The velocity of a narrow window differs from that of a wide one by its own noise, known from the window's weights,
+    and by the motion that the wide one smooths away.  The wide one is used while the second part is smaller (Lepski's
+    rule of 1991 for choosing a bandwidth).  Otherwise, with a motor that cogs at 70 Hz under a stiff loop, every run
+    would start with an error of a radian per second.
+    """
+    from scipy.signal import savgol_coeffs
+
+    widths = sorted({max(7, 2 * round(w / 2 / dt) + 1) for w in WINDOWS}, reverse=True)
+    for wide, narrow in pairwise(widths):
+        apart = smoothed(position, dt, wide)[1] - smoothed(position, dt, narrow)[1]
+        own = noise * float(np.linalg.norm(savgol_coeffs(narrow, 4, deriv=1, delta=dt)))
+        if float(np.mean(apart[wide:-wide] ** 2)) < rules.AS_NOISE * own**2:
+            return wide
+    return widths[-1]
+
+
+def restart_states(view: Any, model: AxisModel) -> tuple[tuple[Array, Array], Array]:
+    """((angle, velocity), twist of the coupling with its rate) from which a run starts, at every sample.
+
+    The state is the smoothed measurement plus whatever sensor and smoothing remove from the model's own motion while
+    it is held near the record, because the impacts of play are faster than any smoother that suppresses the noise.  A
+    model that cannot be held near the record does not affect its start.
+    """
+    dt = view.scene.dt
+    width = smoothing_width(view.record.position, dt, view.noise)
+    q, v = view.record.by_piece(lambda x: smoothed(x, dt, width), view.record.position)
+    y_hat, angle, speed, twist = view.held_near(model)
+    folded = any(t.kind.name == "sensor_rectification" for t in model.terms)  # unfolded at the restart
+    if folded or not (np.all(np.isfinite(y_hat)) and np.all(np.isfinite(twist))):
+        return (q, v), np.zeros((0, 2))
+    own_q, own_v = view.record.by_piece(lambda x: smoothed(x, dt, width), y_hat)
+    if model.load_side:
+        angle, speed = angle - twist[:, 0], speed - twist[:, 1]
+    if rms(speed - own_v) > rules.OWN_MOTION * view.scene.speed:
+        return (q, v), np.zeros((0, 2))
+    return (q + angle - own_q, v + speed - own_v), twist
+
+
+def horizon_of(model: AxisModel, scene: Any, tolerance: float) -> float:
+    """The longest horizon in s, at most 0.5, over which a torque not worth a name keeps a run near the path.
+
+    ``tolerance`` of the rms drive displaces an axis by tau h^2 / (2 J) or, if viscous friction dominates, by tau h /
+    B; the path over h has the length v h.  The friction of a motor is never known better, so a longer run shows only
+    drift.
+    """
+    viscous = sum(t.q[0] for t in model.terms if t.name == "viscous")
+    error = tolerance * scene.torque
+    if error <= rules.OFF_PATH * viscous * scene.speed:
+        return rules.LONGEST_RUN
+    longest = 2.0 * rules.OFF_PATH * scene.speed * model.inertia / error
+    digits = 10.0 ** np.floor(np.log10(longest))
+    return float(np.clip(round(longest / digits) * digits, 10 * scene.dt, rules.LONGEST_RUN))
+
+
+def predictable(surrogate: Any, model: AxisModel, longest: float) -> float:
+    """The longest horizon up to ``longest`` (s) over which the model predicts a record that it made itself.
+
+    If a motion passes unstable positions (a motor that cogs under a soft drive tips from tooth to tooth), the noise
+    of a restart grows until a run shows nothing, whatever the model.
+    """
+    horizons = [longest, *(h for h in rules.SHORTER_RUNS if 10 * model.scene.dt <= h < longest)]
+    held = held_out(surrogate)
+    for h in horizons:
+        e = (surrogate.record.position - free_run(surrogate, model, h))[held]
+        if np.all(np.isfinite(e)) and rms(e) < rules.OWN_ERROR * h * model.scene.speed:
+            return h
+    return longest
+
+
+def free_run(view: Any, model: AxisModel, horizon: float) -> Array:
+    """Simulated position, restarted every ``horizon`` seconds; shape (n,)."""
+    every = max(1, round(horizon / view.scene.dt))
+    start, twist = restart_states(view, model)
+    return model.follow(
+        view.record.drive, view.record.position, (0.0, 0.0), start=start, reset_every=every, twist=twist,
+        pieces=view.record.pieces,
+    )[0]  # fmt: skip
+
+
+def held_out(view: Any) -> NDArray[np.bool_]:
+    """Held-out samples of the log, shape (n,), without the edges."""
+    n = len(view.record)
+    number, _ = held_out_blocks(n)
+    mask = number >= 0
+    edge = int(0.5 / view.scene.dt)
+    mask[:edge] = False
+    mask[n - view.filter.half_width :] = False
+    return mask & ~view.record.near_a_hole(view.filter.half_width, edge)
+
+
+def misfit(view: Any, model: AxisModel) -> float:
+    """Mean square of the innovation; finite even for a model that diverges."""
+    e = view.record.position - view.follow(model)[0]
+    return float(np.mean(np.clip(np.nan_to_num(e, nan=1e6), -1e6, 1e6) ** 2))
+
+
+def train_error(view: Any, model: AxisModel, horizon: float) -> float:
+    """Rms error of the free run over the samples that are not held out; infinite if it diverges."""
+    fitted = ~held_out(view)
+    e = (view.record.position - free_run(view, model, horizon))[fitted]
+    return rms(e) if np.all(np.isfinite(e)) else float("inf")
