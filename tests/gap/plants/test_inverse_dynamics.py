@@ -1,4 +1,4 @@
-"""Least squares by blocks: physical signs kept, blocks predicted by the others."""
+"""Least squares: physical signs kept, an inertia beside a slow force."""
 
 from __future__ import annotations
 
@@ -9,32 +9,22 @@ from scipy.optimize import nnls
 from whsklearn.gap.plants import inverse_dynamics as ols
 
 RNG = np.random.default_rng(0)
-N, BLOCK = 600, np.repeat(np.arange(ols.N_BLOCKS), 60)
+N = 600
 COLUMNS = RNG.normal(size=(N, 4)) @ np.diag([1.0, 1e-4, 1e3, 1.0])
 TARGET = COLUMNS @ [1.0, 2e4, -1e-3, 0.5] + 0.1 * RNG.normal(size=N)
 
 
 def test_sizes_are_those_of_least_squares_in_the_columns_own_units():
-    c, free = ols.solve(ols.blocks_of(COLUMNS, TARGET, BLOCK), N, np.zeros(4, dtype=bool))
+    c, free = ols.solve(COLUMNS, TARGET, np.zeros(4, dtype=bool))
     np.testing.assert_allclose(c, np.linalg.lstsq(COLUMNS, TARGET, rcond=None)[0], rtol=1e-3)
     assert free.all()
 
 
 def test_physical_signs_are_kept_as_by_nonnegative_least_squares():
-    c, free = ols.solve(ols.blocks_of(COLUMNS, TARGET, BLOCK), N, np.ones(4, dtype=bool))
+    c, free = ols.solve(COLUMNS, TARGET, np.ones(4, dtype=bool))
     scale = np.sqrt(np.mean(COLUMNS**2, axis=0))
     np.testing.assert_allclose(c * scale, nnls(COLUMNS / scale, TARGET)[0], atol=1e-3)
     assert free.tolist() == [True, True, False, True]
-
-
-def test_a_block_is_predicted_by_the_fit_to_all_others():
-    rss, fits = ols.held_out(ols.blocks_of(COLUMNS, TARGET, BLOCK), N, np.array([True, True, True, False]))
-    for b in (0, 7):
-        apart = BLOCK != b
-        c = np.linalg.lstsq(COLUMNS[apart, :3], TARGET[apart], rcond=None)[0]
-        miss = TARGET[~apart] - COLUMNS[~apart, :3] @ c
-        assert rss[b] == pytest.approx(miss @ miss, rel=1e-3)
-        assert fits[b, 3] == 0.0
 
 
 @pytest.mark.parametrize("power", [1, 2, 3, 4])

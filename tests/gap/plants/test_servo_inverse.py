@@ -11,7 +11,6 @@ import pytest
 from benchmarks.blind_logs import servo
 from whsklearn.effects import GravityImbalance, LuGre
 from whsklearn.gap import GapFinder
-from whsklearn.gap.plants import inverse_dynamics as ols
 from whsklearn.gap.plants.servo_candidates import candidate
 from whsklearn.gap.plants.servo_inverse import too_large
 from whsklearn.gap.plants.servo_model import Term
@@ -93,22 +92,6 @@ def test_added_columns_never_worsen_the_fit(plain):
         shape = kind.starts(model.scene)[0]
         grown = view.fit(model.with_term(Term(kind, (*([0.0] * kind.linear), *shape))))
         assert view.rms(view.gap(grown)) <= before + 1e-4 * model.scene.torque  # the ridge
-
-
-def test_block_solutions_are_those_of_least_squares():
-    rng = np.random.default_rng(0)
-    x = rng.standard_normal((600, 3))
-    y = x @ [1.0, -2.0, 0.5] + 0.01 * rng.standard_normal(600)
-    block = np.arange(600) // 60
-    b = ols.blocks_of(x, y, block)
-    sizes, free = ols.solve(b, 600, np.zeros(3, dtype=bool))
-    assert sizes == pytest.approx([1.0, -2.0, 0.5], abs=5e-3)
-    rss, fits = ols.held_out(b, 600, free)
-    left = y - np.einsum("ij,ij->i", x, fits[block])
-    assert rss == pytest.approx([np.sum(left[block == i] ** 2) for i in range(10)], rel=1e-6)
-    held, used = ols.solve(b, 600, np.array([False, True, False]))
-    assert held[1] == 0.0
-    assert not used[1]
 
 
 @pytest.mark.parametrize("rate", [50.0, 1000.0, 10_000.0])

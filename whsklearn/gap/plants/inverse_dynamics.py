@@ -1,49 +1,34 @@
-"""Linear least squares for inverse dynamics with sign constraints, cross-validated over blocks by Gram matrices.
+"""Linear least squares for inverse dynamics with sign constraints.
 
 torque = J a + sum of terms is linear in the sizes, so a thousand candidates cost only a thousand small solves.
 """
 
 from __future__ import annotations
 
-from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[Any]
-N_BLOCKS = 10
 RIDGE = 3e-5  # per sample, for columns of unit rms: far below the information of any column worth a name
 
 
-class Blocks(NamedTuple):
-    """Gram matrices of [columns, target], shape (n_blocks, p + 1, p + 1), and the scales of the columns (p,)."""
-
-    gram: Array
-    scale: Array
-
-
-def blocks_of(columns: Array, target: Array, block: NDArray[np.intp]) -> Blocks:
-    """Gram matrices by block of contiguous samples; columns are scaled to unit rms."""
+def solve(columns: Array, target: Array, positive: NDArray[np.bool_]) -> tuple[Array, NDArray[np.bool_]]:
+    """Sizes in the columns' own units, shape (p,), and a mask of the columns used; negative ones are dropped."""
     scale = np.sqrt(np.mean(columns**2, axis=0))
     scale[scale == 0.0] = 1.0
     z = np.column_stack([columns / scale, target])
-    edges = np.searchsorted(block, np.arange(block[-1] + 2))
-    return Blocks(np.array([z[a:b].T @ z[a:b] for a, b in pairwise(edges)]), scale)
-
-
-def solve(b: Blocks, n: int, positive: NDArray[np.bool_]) -> tuple[Array, NDArray[np.bool_]]:
-    """Sizes in the columns' own units, shape (p,), and a mask of the columns used; negative ones are dropped."""
-    total = b.gram.sum(axis=0)
-    free = np.ones(b.scale.size, dtype=bool)
-    for _ in range(b.scale.size):
-        c = _ridge(total, free, n)
+    gram = z.T @ z
+    free = np.ones(scale.size, dtype=bool)
+    for _ in range(scale.size):
+        c = _ridge(gram, free, target.size)
         bad = positive & free & (c < 0.0)
         if not bad.any():
             break
         worst = np.flatnonzero(bad)[np.argmin(c[bad])]  # one at a time, because the others may become positive again
         free[worst] = False
-    return _ridge(total, free, n) / b.scale, free
+    return _ridge(gram, free, target.size) / scale, free
 
 
 def of_differences(columns: Array, target: Array) -> Array:

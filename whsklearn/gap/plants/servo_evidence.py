@@ -39,8 +39,8 @@ WIDER = 1.25
 # Gain per number above which numbers that a first look holds are freed: 2 ln(1 / alpha) at one percent.
 PAYS = 9.2
 
-# Judged samples for each block of cross-validation; with fewer, rests are used too: a record at rest has no others.
-FEWEST_A_BLOCK = 10
+# Judged samples; with fewer, rests are used too: a record at rest has no others. Ten numbers of ten samples each.
+FEWEST_JUDGED = 100
 
 # --- limits on effects beside others, and what no axis does ---------------------------------------
 

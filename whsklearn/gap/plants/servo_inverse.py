@@ -1,4 +1,4 @@
-"""The robust view of a servo axis: inverse dynamics on the measured motion, cross-validated over ten blocks.
+"""The robust view of a servo axis: inverse dynamics on the measured motion.
 
 torque = J a + sum of effects holds on the measured motion however much is missing, so it finds large effects that the
 observer view no longer shows.  Every column is blurred like the drive: G tau(q, v), not tau(G q, G v).  Timing is
@@ -88,10 +88,9 @@ class InverseView:
         self.acceleration = filtered(y - centre, g2, self.every)
         self.drive = self.blur(u)
         self.moving, whole = self._moving(sigma)
-        enough = self.moving.sum() >= rules.FEWEST_A_BLOCK * ols.N_BLOCKS
+        enough = self.moving.sum() >= rules.FEWEST_JUDGED
         self.usable = self.moving if enough else whole
         self.at = np.flatnonzero(self.usable)
-        self.block = (np.arange(self.at.size) * ols.N_BLOCKS // self.at.size).astype(np.intp)
         self.step = self.every * dt
         self.n_effective = self.at.size * min(1.0, 2 * cutoff * self.step)
         self.artefact: Array | None = None  # residual of a model's own record in this view, at the judged samples
@@ -131,7 +130,7 @@ class InverseView:
     def beside(self, record: ServoRecord) -> InverseView:
         """The same view of another record of the same experiment, judged at the same samples."""
         other = InverseView(record, self.scene, self.cutoff, self.start, self.skipped)
-        other.usable, other.at, other.block, other.n_effective = self.usable, self.at, self.block, self.n_effective
+        other.usable, other.at, other.n_effective = self.usable, self.at, self.n_effective
         other.slowest, other.motion = self.slowest, other.motion._replace(kappa=self.motion.kappa)
         return other
 
@@ -241,7 +240,7 @@ class InverseView:
         x, target = x[self.at], target[self.at]
         if away is not None:
             x, target = x * away[:, None], target * away
-        return ols.solve(ols.blocks_of(x, target, self.block), self.at.size, positive)
+        return ols.solve(x, target, positive)
 
     def with_sizes(self, model: AxisModel, sizes: Array) -> AxisModel:
         """The model with the solved inertia, linear numbers and timing."""
