@@ -33,7 +33,9 @@ def plant_of(*effects):
     axis = ServoAxis(inertia=0.05, effects=effects, sensor=Sensor(noise=2e-5), sample_rate=RATE)
     out = axis.simulate(path, random_state=3)
     plant = ServoPlant(ServoRecord(out.time, out.torque, out.position), ("viscous", "coulomb"), None, 0.004)
-    return plant, plant.base(np.random.default_rng(0))
+    base = plant.base(np.random.default_rng(0))
+    plant.looks(base, np.random.default_rng(0))
+    return plant, base
 
 
 @pytest.fixture(scope="module")
