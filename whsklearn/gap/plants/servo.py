@@ -147,7 +147,7 @@ class ServoPlant(PlantDefaults):
         i = next(i for i, t in enumerate(model.terms) if t.kind.code in TWO_MASS)
         rest = self.observer.fit(model.without(i))
         other = dataclasses.replace(model.terms[i].kind, on_load=True)
-        fitted = servo_run.refined_alone(self.observer, rest, other)
+        fitted = servo_run.with_load(self.observer, rest, other)
         terms = fitted.terms
         return [fitted.with_terms((*terms[:i], terms[-1], *terms[i:-1]))] if len(terms) == len(model.terms) else []
 

@@ -20,7 +20,7 @@ from whsklearn.effects import codes as k
 from whsklearn.gap.filters import ResidualFilter, solve_whitening, whiten
 from whsklearn.gap.least_squares import Fit, gain_of, least_squares
 from whsklearn.gap.plants import servo_evidence as rules
-from whsklearn.gap.plants.servo_candidates import TWO_MASS, Candidate
+from whsklearn.gap.plants.servo_candidates import Candidate
 from whsklearn.gap.plants.servo_model import LONGEST_STEP, AxisModel, Term
 from whsklearn.gap.record import ServoRecord, held_out_blocks, rms
 
@@ -157,90 +157,38 @@ class ObserverView:
         return model.with_vector(fit.x), fit
 
 
-SMALL = 0.01  # share of the rms drive at which signatures are computed
-
-
-@dataclass
-class Start:
-    """One candidate at its best start on top of a model.
-
-    Attributes
-    ----------
-    kind : Candidate
-    drop : float
-        Decrease of the whitened sum of squares that the signature promises.
-    shape, sizes : tuple of float
-        Shape numbers of the start, and the linear ones that belong to it.
-    """
-
-    kind: Candidate
-    drop: float = -np.inf
-    shape: tuple[float, ...] = ()
-    sizes: tuple[float, ...] = ()
-
-
-def _signature(view: Any, model: AxisModel, residual: Array, kind: Candidate, shape: tuple[float, ...]) -> Array:
-    """Columns of the whitened residual: one per linear slot, or the difference for a block."""
-    if kind.linear == 0:
-        return (view.residual(model.with_term(Term(kind, shape))) - residual)[:, None]
-    unit = SMALL * kind.size_unit(view.scene)
-    columns = []
-    for j in range(kind.linear):
-        sizes = tuple(unit if i == j else 0.0 for i in range(kind.linear))
-        columns.append((view.residual(model.with_term(Term(kind, (*sizes, *shape)))) - residual) / unit)
-    return np.column_stack(columns)
-
-
-def _sensitivities(model: AxisModel, fit: Fit) -> Array:
-    """Derivatives of the residual by the model's own numbers; a number at a bound explains nothing."""
-    low, high = model.bounds()
-    return fit.jacobian[:, (fit.x > low + 1e-6) & (fit.x < high - 1e-6)]
-
-
-def _best_start(
-    view: Any, model: AxisModel, residual: Array, base: Array, kind: Candidate, starts: list[tuple[float, ...]]
-) -> Start:
-    """The start whose signature promises the largest decrease beyond the model's own sensitivities ``base``."""
-    best = Start(kind)
-    for shape in starts:
-        columns = _signature(view, model, residual, kind, shape)
-        if not np.all(np.isfinite(columns)) or not np.any(columns):
-            continue
-        drop, c = gain_of(residual, base, columns)
-        if kind.linear == 0 and c[0] < 0:
-            drop = 0.0
-        if drop > best.drop:
-            best = Start(kind, drop, shape, tuple(map(float, c)) if kind.linear else ())
-    return best
-
-
-def refine(view: Any, model: AxisModel, start: Start, *, max_iterations: int = 12) -> AxisModel:
-    """Fit the candidate jointly with the model from its best start."""
-    if start.kind.code in TWO_MASS:
-        tried = (
-            view.fitted(model.with_term(Term(start.kind, q)), max_iterations=3) for q in _two_mass_variants(view, start)
-        )
-        first, fit = min(tried, key=lambda f: f[1].cost)
-        if _hopeless(view, model, fit):
-            return first
-        best, _ = _settle(view, first)
-        if best.has_play:  # the cost over the contact's frequency has ripples of its own
-            others = [_settle(view, _contact_at(best, factor))[0] for factor in (0.8, 1.25)]
-            best = min((best, *others), key=lambda m: view.rms(view.gap(m), "train"))
-        return best
-    grown = model.with_term(Term(start.kind, (*start.sizes, *start.shape)))
-    best, _ = view.fitted(grown, max_iterations=max_iterations)
-    if start.kind.scanned == "step":
-        best, _ = view.fitted(_locate_change(view, best), max_iterations=max_iterations)
-    return best
-
-
-def refined_alone(view: Any, model: AxisModel, kind: Candidate) -> AxisModel:
-    """The model with one candidate from the best of its starts, without considering others."""
+def with_load(view: ObserverView, model: AxisModel, kind: Candidate) -> AxisModel:
+    """The model with a transmission seen from the load, fitted along the run; without it if no start promises any."""
     view.weigh(view.rms(view.gap(model)))
     model, fit = view.fitted(model, max_iterations=4)
-    start = _best_start(view, model, fit.residual, _sensitivities(model, fit), kind, kind.starts(view.scene))
-    return refine(view, model, start) if start.shape else model
+    shape = _best_start(view, model, fit, kind)
+    if not shape:
+        return model
+    tried = (view.fitted(model.with_term(Term(kind, q)), max_iterations=3) for q in _variants(view, shape))
+    first, fit = min(tried, key=lambda f: f[1].cost)
+    if _hopeless(view, model, fit):
+        return first
+    best, _ = _settle(view, first)
+    if best.has_play:  # the cost over the contact's frequency has ripples of its own
+        others = [_settle(view, _contact_at(best, factor))[0] for factor in (0.8, 1.25)]
+        best = min((best, *others), key=lambda m: view.rms(view.gap(m), "train"))
+    return best
+
+
+def _best_start(view: ObserverView, model: AxisModel, fit: Fit, kind: Candidate) -> tuple[float, ...]:
+    """The start whose signature promises the largest decrease beyond the model's own sensitivities; empty if none.
+
+    The signature is what the residual changes by.  A number of the model at a bound explains nothing.
+    """
+    low, high = model.bounds()
+    own = fit.jacobian[:, (fit.x > low + 1e-6) & (fit.x < high - 1e-6)]
+    best: tuple[float, tuple[float, ...]] = (0.0, ())
+    for shape in kind.starts(view.scene):
+        signature = (view.residual(model.with_term(Term(kind, shape))) - fit.residual)[:, None]
+        if np.all(np.isfinite(signature)) and np.any(signature):
+            drop, c = gain_of(fit.residual, own, signature)
+            best = max(best, (drop if c[0] > 0.0 else 0.0, shape))
+    return best[1]
 
 
 def _hopeless(view: Any, model: AxisModel, fit: Fit) -> bool:
@@ -280,31 +228,12 @@ def settled_play(view: Any, model: AxisModel) -> AxisModel:
     return min(fits, key=lambda m: view.rms(view.gap(m), "train"))
 
 
-def _two_mass_variants(view: Any, start: Start) -> list[tuple[float, ...]]:
+def _variants(view: ObserverView, q: tuple[float, ...]) -> list[tuple[float, ...]]:
     """Starts with other load shares (and contact frequencies), because the two trade against each other."""
-    q = start.shape
-    if start.kind.n_slots == 3:  # compliance, share, damping
+    if len(q) == 3:  # compliance, share, damping
         return [(q[0], share, q[2]) for share in (0.25, 0.45, 0.7)]
     top = view.scene.resonance
     return [(q[0] * g, share, hz, q[3]) for g in (1.0, 2.0) for share, hz in ((0.3, 0.7 * top), (0.5, 0.9 * top))]
-
-
-def _locate_change(view: Any, model: AxisModel) -> AxisModel:
-    """Find the time of a change on the whole record, because only one part contains it."""
-    index = len(model.terms) - 1
-    term = model.terms[index]
-    span, best = 0.12 * view.scene.duration, term.q[1]
-    low, high = term.kind.ranged(view.scene)[0]
-
-    def cost(t: float) -> float:
-        w = view.whitened(view.gap(model.with_terms((*model.terms[:index], term.with_slot(1, t)))), on="all")
-        return float(w @ w)
-
-    for _ in range(4):
-        grid = np.clip(best + span * np.linspace(-1, 1, 13), low, high)
-        best = float(grid[int(np.argmin([cost(float(t)) for t in grid]))])
-        span /= 5.0
-    return model.with_terms((*model.terms[:index], term.with_slot(1, best)))
 
 
 WINDOWS = (0.08, 0.04, 0.02, 0.01, 0.005)  # s, of the smoother that gives the start of a run
