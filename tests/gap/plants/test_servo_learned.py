@@ -33,9 +33,7 @@ def plant_of(*effects):
     axis = ServoAxis(inertia=0.05, effects=effects, sensor=Sensor(noise=2e-5), sample_rate=RATE)
     out = axis.simulate(path, random_state=3)
     plant = ServoPlant(ServoRecord(out.time, out.torque, out.position), ("viscous", "coulomb"), None, 0.004)
-    base = plant.base(np.random.default_rng(0))
-    plant.looks(base, np.random.default_rng(0))
-    return plant, base
+    return plant, plant.base(np.random.default_rng(0))
 
 
 @pytest.fixture(scope="module")
@@ -77,8 +75,9 @@ def test_a_compensator_holds_it(bump):
 
 
 def test_nothing_is_learned_where_nothing_is_missing():
-    plant, base = plant_of()
-    assert plant.learn(base) is None
+    plant, _ = plant_of()
+    found = GapFinder("servo").fit(plant.record).diagnosis_
+    assert (found.verdict, found.learned) == ("no_gap", None)
 
 
 def test_a_thinned_record_looks_the_same_behind_the_filter():

@@ -183,8 +183,6 @@ class ServoPlant(PlantDefaults):
 
         Inverse dynamics counts half a sample of age for the hold, which a simulation includes anyway.
         """
-        if self.rms(self.errors(model)) ** 2 <= (QUIET * self.own.floor) ** 2 + (self.tolerance * self.scale) ** 2:
-            return None
         found = servo_learned.learn(self.inverse, model)
         if found is None:
             return None
