@@ -126,18 +126,19 @@ class ServoPlant(PlantDefaults):
         if [t.name for t in self.corrected.terms] == [t.name for t in model.terms]:
             tried.append(self.corrected)
         # a fit that ends with no inertia, or with far too much, has lost it
-        tried = [m for m in tried if not m.at_the_end_of_inertia] or [self.inverse.at_inertia(model)]
+        tried = [m for m in tried if not m.at_the_end_of_inertia] or [self.inverse.of_differences(model)]
         return min(tried, key=lambda m: servo_run.train_error(self.observer, m, self.headline))
 
     def contributes(self, base: AxisModel, model: AxisModel) -> bool:
-        """Whether an axis of the inertia found follows the record better with the effects than without.
+        """Whether the torque that the runs lack is smaller with the effects than without.
 
-        Where a slow force is missing, the base model makes up for it by an inertia that is far too large, and a
-        sluggish axis leaves the path slowly whatever it lacks: no repair need be better than that.
+        Over a short horizon h a lack of torque moves an axis by tau h^2 / (2 J).  Where a slow force is missing, the
+        base model makes up for it by an inertia that is far too large, and a sluggish axis leaves the path slowly
+        whatever it lacks: no repair need be better than that.
         """
-        without = self.inverse.at_inertia(base, model.inertia)
-        error, other = (servo_run.train_error(self.observer, m, self.headline) for m in (model, without))
-        return error < other
+        y, held = self.measured()
+        lacks = (m.inertia * rms((y - self.simulate(m, self.headline))[held]) for m in (model, base))
+        return next(lacks) < next(lacks)
 
     def _from_load(self, model: AxisModel) -> list[AxisModel]:
         """The model with its transmission seen from the load, fitted along the run; empty if the fit drops it.
@@ -340,6 +341,9 @@ class ServoPlant(PlantDefaults):
             seen = self.observer
             return Figures(seen.rms(seen.gap(base)), seen.rms(seen.gap(model)), seen.floor(model))
         view = self.inverse
+        if view.artefact is None:  # the last effect was taken back, and no look has been at what is left
+            self.own, _ = servo_own.own(view, model, np.random.default_rng(0))
+            view.artefact = self.own.mean
         before, after = (view.rms(view.gap(view.fit(m))) for m in (base, model))
         return Figures(before, after, self.own.floor, 0.0 if model.has_play else nameless)
 

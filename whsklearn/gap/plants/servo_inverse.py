@@ -275,12 +275,11 @@ class InverseView:
         once = self.solved(model)[0]
         return self.solved(once)[0] if self._driven(model) else once
 
-    def at_inertia(self, model: AxisModel, inertia: float | None = None) -> AxisModel:
-        """The model with its other sizes solved for at this inertia; by default that of the first differences."""
+    def of_differences(self, model: AxisModel) -> AxisModel:
+        """The model with the inertia of the first differences, its other sizes solved for at this inertia."""
         x, positive = self.columns(model, self.torque(model) if self._driven(model) else None)
         target, share = self.target(model)
-        if inertia is None:
-            inertia = float(ols.of_differences(x[self.at], target[self.at])[0])
+        inertia = float(ols.of_differences(x[self.at], target[self.at])[0])
         rest = np.column_stack([np.zeros(target.size), x[:, 1:]])
         sizes, _ = self._sizes(rest, share * (target - inertia * x[:, 0]), positive, stop.away(self, model))
         return dataclasses.replace(self.with_sizes(model, np.append(sizes, 0.0)), inertia=inertia, timing=model.timing)
