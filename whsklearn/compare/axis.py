@@ -18,6 +18,7 @@ from whsklearn.gap.plants.servo_candidates import Candidate
 from whsklearn.gap.plants.servo_families import Scene, family, inverse_kinds
 from whsklearn.gap.plants.servo_inverse import InverseView
 from whsklearn.gap.plants.servo_model import AxisModel, Term
+from whsklearn.gap.plants.servo_own import floor_of
 from whsklearn.gap.plants.servo_start import base_model, start_of
 from whsklearn.gap.record import ServoRecord
 from whsklearn.gap.tangent import Look, Tangent
@@ -202,5 +203,5 @@ def rows_of(view: InverseView, model: AxisModel, label: str, own: Mapping[str, s
         label, names, units, columns, view.drive[at], at, view.step, time, path, blocks_between(turns, at.size),
         np.column_stack([nuisances, shapes]), of, np.array([view.rms(view.drive[at])]), slowest, covers,
         frozenset({"inertia", *(n for n, kind in kinds if kind.positive and n in LAW and both_ways)}),
-        (*(by for by, _ in told), 1.0), floor=view.floor(model),
+        (*(by for by, _ in told), 1.0), floor=floor_of(view, model),
     )  # fmt: skip
