@@ -155,7 +155,7 @@ def simulated(folder: Path, test: Path, here: tuple[str, str, str], there: tuple
     arguments = [str(folder / "repaired.json"), str(test), "--time", c["time"], "--input", c["drive"], "--output"]
     done = CliRunner().invoke(main, [*arguments, c["position"], "--out", str(folder / "out.csv"), "--no-track"])
     if ("A" in here) != ("A" in there):
-        yield "simulate", done.exit_code != 0 and "cannot be brought" in done.output, "refused"
+        yield "simulate", done.exit_code != 0 and "cannot be converted" in done.output, "refused"
         return
     found = re.search(r"NMSE ([0-9.e+-]+), RMSE [0-9.e+-]+ (\w+)", done.output)
     right = found is not None and float(found[1]) < NEAR and found[2] == there[0]
@@ -231,7 +231,7 @@ def served(path: Path, test: Path, here: tuple[str, str, str], there: tuple[str,
     try:
         y = Served(str(path)).predict(rows)
     except ValueError as error:
-        yield "served model", ("A" in here) != ("A" in there) and "brought" in str(error), str(error)
+        yield "served model", ("A" in here) != ("A" in there) and "converted" in str(error), str(error)
         return
     log = load_log(test, **columns_of(there))
     truth = log.y * factor_between(there[0], here[0])
