@@ -9,7 +9,7 @@ import pytest
 
 from whsklearn.compare import compare_records
 from whsklearn.datasets import make_servo_log
-from whsklearn.effects import Cogging, GravityImbalance
+from whsklearn.effects import Cogging, GravityImbalance, get_effect
 from whsklearn.gap import ServoRecord
 
 SECONDS = 20.0
@@ -39,6 +39,11 @@ def test_a_drive_that_reads_too_much_is_a_gain(plain):
     found = compare_records([plain, replace(other, drive=1.25 * other.drive)])
     assert found.changes[0].name == "gain"
     assert abs(found.changes[0].after - 0.8) < 0.02
+
+
+def test_a_play_that_widened_is_named_nothing_else():
+    found = compare_records([record(get_effect("backlash")(gap), seed=k) for k, gap in enumerate((0.01, 0.03))])
+    assert {c.name for c in found.changes} <= {"backlash"}
 
 
 def test_nothing_moved_and_what_would_have_shown(plain):
