@@ -182,7 +182,8 @@ class RecursiveRegressor(AxisRegressor):
         if self._is_wiener_hammerstein and not first and stream is None:
             self._keep_lags()
             self._check_state(self.state_)
-        if first and len(X) >= FIRST_RERUN:  # the axis may well stand still in the first rows of a stream
+        advised = first and len(X) >= FIRST_RERUN  # the axis may well stand still in the first rows of a stream
+        if advised:
             self._warn_of_record(X, y, stacklevel=6)
         rows, targets = X, y
         if not self._is_wiener_hammerstein and self.lags is not None:
@@ -198,6 +199,8 @@ class RecursiveRegressor(AxisRegressor):
             stream.run(state, np.ascontiguousarray(rows), np.ascontiguousarray(targets), restart, weights)
         stream.undo.clear()
         self._keep(stream, state, seed, groups)
+        if advised:
+            self._warn_of_an_axis(X[:, 0], len(targets), stacklevel=7)
 
     def consolidate(self) -> Self:
         """Re-run the samples in memory now, as `fit` does at its end; useful when a stream has time to spare."""

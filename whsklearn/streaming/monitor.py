@@ -363,6 +363,8 @@ class StreamMonitor:
         asked = np.isfinite(e).all(axis=1) & ((first + np.arange(len(e))) % every == 0)  # the first block has none
         e, y = e[asked], y[asked]
         c = self.carried
+        if 0 <= first - 1 - TAKEN_OVER < BLOCK:  # errors of a model that was only just settling do not count against it
+            self._count_anew()
         for name, now in (("squares", e * e), ("output_sum", y), ("output_squares", y * y)):
             setattr(c, name, [a + b for a, b in zip(getattr(c, name), now.sum(axis=0).tolist(), strict=True)])
         c.counted += len(e)
@@ -430,24 +432,38 @@ class StreamMonitor:
         times = self.carried.times
         return {"kind": kind, "row": row} | ({"time": times[row - self.carried.rows - 1]} if times else {})
 
-    def _judge(self, number: int) -> None:
-        """Say where predictions become worse than the mean of the output, and not again before they are better."""
-        c = self.carried
+    def worse_than_mean(self) -> list[str]:
+        """What there is to say of the rows since the last estimate whose predictions are worse than their mean.
+
+        A sentence an output; none while the model settles, nor where the last estimate was judged so already.  The end
+        of a stream is the place to ask, since the rows that end it are not judged by another estimate.
+        """
+        poor, said = self._judged()
+        return [said[k] for k, was in enumerate(self.carried.poor) if poor[k] and not was]
+
+    def _judged(self) -> tuple[list[bool], list[str]]:
+        """Whether each output is predicted worse than by its mean, and the sentence that says so."""
+        c, poor, said = self.carried, list(self.carried.poor), [""] * len(self.options.outputs)
         if c.counted < 2 or c.adapting or c.rows - c.counted < TAKEN_OVER:  # settling after the start or an alarm
-            return
+            return poor, said
         for k, name in enumerate(self.options.outputs):
             spread = c.output_squares[k] - c.output_sum[k] ** 2 / c.counted
             # of an axis at rest nothing is asked
             nmse = c.squares[k] / spread if spread > 1e-12 * c.output_squares[k] else 0.0
-            was, c.poor[k] = c.poor[k], nmse > 1.0 + SURE * (2.0 / c.counted) ** 0.5
-            if c.poor[k] and not was:
-                of, orders = (f" of {name}", "") if name else ("", ", or try other --orders or another --law")
-                self._warn(
-                    "worse_than_mean", number,
-                    f"the predictions{of} of the last {c.counted} rows are worse than the mean of the output "
-                    f"(NMSE {nmse:.3g}), so the model does not describe them; check columns, units and the sense of "
-                    f"the drive{orders}",
-                )  # fmt: skip
+            poor[k] = nmse > 1.0 + SURE * (2.0 / c.counted) ** 0.5
+            of, orders = (f" of {name}", "") if name else ("", ", or try other --orders or another --law")
+            said[k] = (
+                f"the predictions{of} of the last {c.counted} rows are worse than the mean of the output (NMSE "
+                f"{nmse:.3g}), so the model does not describe them; check columns, units and the sense of the "
+                f"drive{orders}"
+            )
+        return poor, said
+
+    def _judge(self, number: int) -> None:
+        """Say where predictions become worse than the mean of the output, and not again before they are better."""
+        for reason in self.worse_than_mean():
+            self._warn("worse_than_mean", number, reason)
+        self.carried.poor = self._judged()[0]
 
     def _estimate(self) -> None:
         """Emit the present estimate, and what changed since the reference was taken."""

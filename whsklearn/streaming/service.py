@@ -226,6 +226,8 @@ def _run(stream: StreamMonitor, files: Files, place: dict[str, Any], keeper: Kee
     c, waiting = stream.carried, len(stream.clock.ahead) + len(stream.clock.back)
     if waiting:
         keeper.say(f"{waiting} rows after a leap of the clock wait for what comes after them.")
+    for said in stream.worse_than_mean():
+        keeper.say(f"At the end {said}.")
     taken, spent = c.rows - rows, time.monotonic() - began
     keeper.say(
         f"{'Stopped by ' + stopper.by if stopper.by else 'The source ended'} after row {c.rows} "
