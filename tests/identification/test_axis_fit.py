@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -16,6 +18,7 @@ from whsklearn.identification.axis_fit import (
     fit_rigid_axis,
     fit_sprung_axis,
     fit_two_masses,
+    resonance_start,
     standard_errors,
     white,
 )
@@ -181,19 +184,39 @@ def test_what_is_no_mass_on_a_spring_is_refused():
         fit_sprung_axis(view(-U, VELOCITY, 0.005, "output"), 3)
 
 
-def test_a_load_behind_a_spring_is_found_from_the_motor_s_side():
-    """Resonance at 8 Hz in open loop, 0.02 mrad of noise."""
-    rng = np.random.default_rng(0)
-    compliance = 1.0 / (0.5 * 0.6 * 0.4 * (2 * np.pi * 8.0) ** 2)
-    law = as_law("viscous,coulomb").reweighted([1.0, 0.8])
-    axis = ServoAxis(0.5, law, [FlexibleCoupling(compliance, 0.6, 0.05)], sample_rate=250.0, substeps=32)
+def behind_a_spring(frequency, share, damping, effects=()):
+    """Motor position in open loop with 0.02 mrad of noise, without a load where it has no share; its compliance."""
+    rng, law = np.random.default_rng(0), as_law("viscous,coulomb").reweighted([1.0, 0.8])
+    compliance = 1.0 / (0.5 * share * (1.0 - share) * (2 * np.pi * frequency) ** 2) if share else 0.0
+    effects = [*effects, FlexibleCoupling(compliance, share, damping)] if share else effects
+    axis = ServoAxis(0.5, law, effects, sample_rate=250.0, substeps=32)
     u = 2.0 * slow_drive(1200, 5) / 0.4
     position = axis.simulate_drive(u).position + 2e-5 * rng.standard_normal(u.size)
-    model = fit_two_masses(view(u, position, 0.004, "position"))
+    return view(u, position, 0.004, "position"), compliance
+
+
+@pytest.mark.parametrize(("frequency", "share", "damping"), [(8.0, 0.2, 0.05), (20.0, 0.6, 0.02), (5.0, 0.8, 0.02)])
+def test_a_resonance_is_seen_before_anything_is_fitted(frequency, share, damping):
+    inertia, _, coulomb, _, found, its_share, _ = resonance_start(behind_a_spring(frequency, share, damping)[0])
+    assert inertia == pytest.approx(0.5, rel=0.05)
+    assert coulomb == pytest.approx(0.8, rel=0.15)
+    assert found == pytest.approx(frequency, rel=0.04)  # half a step of the grid
+    assert its_share == pytest.approx(share, abs=0.07)
+
+
+@pytest.mark.parametrize("effects", [[], [Cogging(0.2, 7)]])
+def test_an_axis_without_a_load_is_refused_before_anything_is_fitted(effects):
+    with pytest.raises(ValueError, match="no resonance of a load"):
+        resonance_start(behind_a_spring(8.0, 0.0, 0.05, effects)[0])
+
+
+def test_a_load_behind_a_spring_is_found_from_the_motor_s_side():
+    record, compliance = behind_a_spring(8.0, 0.6, 0.05)
+    model = fit_two_masses(record)
     coupling = model.effects[1]
     assert coupling.compliance == pytest.approx(compliance, rel=0.01)
     assert coupling.load_share == pytest.approx(0.6, abs=0.01)
     assert coupling.damping_ratio == pytest.approx(0.05, rel=0.05)
     assert model.parameters["coulomb"] == pytest.approx(0.8, rel=0.02)
     with pytest.raises(ValueError, match="behind a position only"):
-        fit_two_masses(view(u, position, 0.004, "velocity"))
+        fit_two_masses(replace(record, logged="velocity"))

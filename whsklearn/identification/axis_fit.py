@@ -27,8 +27,8 @@ from whsklearn.recursion.batch.axis_free_run import (
     fit_axis,
     fit_pieces,
     free_run,
-    settled,
 )
+from whsklearn.recursion.batch.linear_filter import filter_rows
 from whsklearn.systems.servo import fine_steps
 from whsklearn.validation import whiteness_test
 
@@ -51,11 +51,14 @@ SHOOTING = (
 # (benchmarks/which_structure.py, axes of MuJoCo)
 LEAST_GRAVITY = 0.01
 LEAST_LINEAR = 0.5  # of the variance that the best linear model may leave, or no start is near
+EARLY = 4_000  # samples of the first fit of a coupled axis
 LONG = 20_000  # samples of the first fits of an axis on a spring; the last one has all
-EARLY = 4_000  # samples on which resonances are looked for
-# Resonances that are tried: how many, from so many Hz to which share of the sampling rate.  A run of `RINGS` s tells
-# frequencies a quarter of a turn apart, which is an eighth of 4 Hz, so the grid is as fine there.
-RESONANCES, SLOWEST, FASTEST, RINGS = 20, 3.0, 0.2, 0.5
+# Resonances that are tried: how many, from so many Hz to which share of the sampling rate, and damped by how much; the
+# next one is 5 to 8 % away, which is the width of a peak so damped.  They are looked for in pieces of `RINGS` s.
+RESONANCES, SLOWEST, FASTEST, RINGS, DAMPED = 60, 3.0, 0.2, 0.5, 0.05
+RESONANT = (
+    0.5  # of the squared error of a rigid axis that one may leave: a load does 0.02 to 0.25, cogging or play more
+)
 FEW = 8  # steps of each fit of a coupled axis, whose derivatives are differences
 TINY = 1e-100
 LEVEL = 0.01  # of the test for whiteness
@@ -123,31 +126,69 @@ def fit_sprung_axis(log: View, powers: int) -> AxisModel:
 def fit_two_masses(log: View) -> AxisModel:
     """Motor and load with a spring and a damper between them, friction on the motor's side, drive to motor position.
 
-    From the rigid axis and a grid of resonances by multiple shooting; the least error over windows wins.
+    By multiple shooting from `resonance_start`, first over pieces in which the load rings, then over longer ones.
 
     Raises
     ------
     ValueError
-        If the output is no position, no resonance is found, or as `inverse_starts`.
+        If the output is no position, or no resonance is found.
     """
     if log.logged != "position":
         raise ValueError("The resonance of a load is looked for behind a position only.")
-    rigid, form = _best_minimum(log, AxisForm()).theta, AxisForm(coupled=True)
+    theta, form = resonance_start(log), AxisForm(coupled=True)
     log = replace(log, steps=fine_steps([FlexibleCoupling()], log.dt))
-    short = shooting_log(log.part(0, min(log.u.size, EARLY)), RINGS, form)
-    found = []
-    for frequency in np.geomspace(SLOWEST, FASTEST / log.dt, RESONANCES):
-        for share in (0.25, 0.5, 0.75):
-            theta = np.r_[rigid[:4], frequency, share, 0.05]
-            there = settled(theta, short, 2)
-            found.append((float(np.sum((there.target - free_run(theta, there)) ** 2)), theta))
-    found.sort(key=lambda pair: pair[0] if np.isfinite(pair[0]) else np.inf)
-    best = fit_pieces(found[0][1], short, iterations=FEW)
+    best = fit_pieces(theta, shooting_log(log.part(0, min(log.u.size, EARLY)), RINGS, form), iterations=FEW)
     best = fit_pieces(best.theta, shooting_log(log, SHOOTING[-1], form), iterations=FEW)
     (least, most), found_at = SHARE_AND_DAMPING, best.theta[-2:]
     if not (np.isfinite(best.cost) and (found_at > least).all() and (found_at < most).all()):
         raise ValueError("No resonance of a load is found: its share or its damping ends at the edge of what can be.")
     return _model(best, log, form)
+
+
+def resonance_start(log: View) -> Array:
+    r"""Numbers of two masses by least squares along the measured motion: inertia, friction, offset, resonance, share.
+
+    With friction on the motor's side and tau the drive without it, a load that is the share s of the inertia J moves
+    the motor by one more term,
+
+    .. math:: q = \frac{1}{J p^2} \tau + \frac{s}{1 - s} \frac{1}{J (p^2 + 2 \zeta \omega p + \omega^2)} \tau,
+
+    which is linear in the numbers but for the resonance, of which a grid is tried.  All terms are taken in pieces
+    without their lines, as each piece begins anew.
+
+    Raises
+    ------
+    ValueError
+        If no resonance explains more than `RESONANT` leaves of what a rigid axis does.
+    """
+    from scipy.signal import cont2discrete, detrend
+
+    log = log.part(0, min(log.u.size, LONG))
+    begins = shooting_log(log, RINGS, AxisForm()).bounds[:-1]
+
+    def moved(rows: Array, numerator: list[float], denominator: list[float]) -> Array:
+        b, a, _ = cont2discrete((numerator, denominator), log.dt)
+        return np.asarray(detrend(filter_rows(b.ravel(), a, rows, log.bounds), bp=begins))
+
+    def explained(columns: Array) -> tuple[float, Array]:
+        weights = np.linalg.lstsq(columns.T, place, rcond=None)[0]
+        return float(np.sum((place - weights @ columns) ** 2)), weights
+
+    place = np.asarray(detrend(log.y, bp=begins))
+    torques = np.vstack([log.u, -log.target, -np.sign(log.target), -np.ones(log.u.size)])
+    rigid = moved(torques, [1.0], [1.0, 0.0, 0.0])
+    least, weights = explained(rigid)
+    net, found = (weights @ torques)[None, :], []
+    for frequency in np.geomspace(SLOWEST, FASTEST / log.dt, RESONANCES):
+        turn = 2.0 * np.pi * frequency
+        ringing = [moved(net, b, [1.0, 2.0 * DAMPED * turn, turn**2]) for b in ([1.0], [1.0, 0.0])]  # and its rate
+        found.append((*explained(np.vstack([rigid, *ringing])), frequency))
+    left, weights, frequency = min(found, key=lambda f: f[0])
+    if not (left < RESONANT * least and weights[0] > 0.0 and weights[4] > 0.0):
+        raise ValueError("What a rigid axis leaves of the motion shows no resonance of a load.")
+    load = np.clip([weights[4] / (1.0 + weights[4]), DAMPED], *SHARE_AND_DAMPING)
+    inertia, (viscous, coulomb, offset) = 1.0 / weights[0], weights[1:4] / weights[0]
+    return np.r_[inertia, max(viscous, 0.0), max(coulomb, 0.0), offset, frequency, load]
 
 
 def _of_position(log: View) -> View:
