@@ -100,7 +100,8 @@ class RecursiveRegressor(AxisRegressor):
         """Learn further samples; how they are divided into chunks makes no difference.
 
         A call learns all of its samples or none: if an exception or Ctrl-C ends it, the state is bit for bit what it
-        was before.
+        was before.  A first call of 128 rows or more is judged as a record, and warns as `fit` does; a stream that
+        begins with fewer is not.
 
         Parameters
         ----------
