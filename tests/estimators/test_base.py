@@ -80,7 +80,7 @@ def test_the_running_estimate_answers_at_once_and_changes_nothing():
 
 def test_before_its_start_a_streaming_fit_has_no_running_estimate(record):
     model = StreamingPEMRegressor(n_start=400).partial_fit(*record)
-    with pytest.raises(ValueError, match="no running estimate before 400 samples, and 160 were learnt"):
+    with pytest.raises(ValueError, match="no running estimate before 400 samples, and 160 were learned"):
         model.predict_ahead(*record, settle=False)
 
 

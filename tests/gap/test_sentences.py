@@ -38,7 +38,7 @@ def test_names_are_joined_as_in_prose():
 def test_a_name_comes_with_size_and_with_what_cannot_be_told_from_it():
     text = summary(diagnosis(effects=[effect("input_offset", ["asymmetric_coulomb"])]), PLANT)
     assert "input offset (size 0.5 Nm)" in text
-    assert "cannot" in text or "can tell it from asymmetric coulomb" in text
+    assert "cannot" in text or "can distinguish it from asymmetric coulomb" in text
     assert "10.00 %" in text
     assert "90 %" in text
 

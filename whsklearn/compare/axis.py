@@ -37,8 +37,8 @@ FEWEST_MOVING = 20  # samples: three for each number of a law and an effect
 N_NULL = 19  # rows of chance, which give the moments of a Gumbel law to a sixth
 PLACES = ("friction", "position")  # effects of the sensor and of time are no constants of an axis
 SMALL = 0.01  # of a shape number: its columns change in proportion
-APART = 0.05  # of a column's norm that the others leave of it: below, two numbers are one that is told twice
-AS_WELL = 0.9  # of the largest gain: what explains less stands in for another effect, and on another path it does not
+APART = 0.05  # of a column's norm that the others do not explain: below it, two parameters describe the same thing
+AS_WELL = 0.9  # of the largest gain: what explains less imitates another effect, and would not on another path
 SHOWN = 0.1  # of a column's rms in the record that shows it best: a number that another record lacks cannot be compared
 
 

@@ -1,8 +1,8 @@
 """The numbers of one record, with a covariance that is valid for coloured or uneven errors and for a wrong model.
 
-Three looks at the same spread, none of which is enough alone.  The spectrum of what is left gives the covariance under
-stationary noise, whatever its colour.  Leaving out one block at a time shows where the errors are uneven.  The halves
-of a record, which must agree, show what a wrong model makes of another part of the path.  Each may only widen.
+Three estimates of the same spread, none of which is sufficient alone. The spectrum of the residual gives the covariance
+under stationary noise, whatever its colour.  Leaving out one block at a time shows where the errors are uneven.  The
+halves of a record, which must agree, show what a wrong model makes of another part of the path.  Each may only widen.
 """
 
 from __future__ import annotations
@@ -137,7 +137,7 @@ def _ridge(z: Array, rows: Rows, prior: float) -> float:
 
 
 def _stationary(weights: Array, left: Array, rows: Rows, most: float = np.inf) -> Array:
-    """Covariance of ``weights.T @ noise`` for noise of the spectrum of what is left; gaps in the grid hold zeros.
+    """Covariance of ``weights.T @ noise`` for noise with the residual's spectrum; holes in the grid are zeros.
 
     What noise of the sensors does not explain counts as ``most`` independent samples at the most, however long the
     record: the errors of a model come again with every motion.

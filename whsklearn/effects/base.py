@@ -9,7 +9,7 @@ An effect of your own
 ---------------------
 Write one frozen dataclass whose first field is its size, and one static method
 ``evaluate(p, time, position, velocity, drive)`` in plain ``math``: ``p`` holds the
-fields in their order, and the result is the torque the effect asks of the drive
+fields in their order, and the result is the torque that the drive must supply for the effect
 (``port = "torque"``) or what it adds to the measured position (``port = "output"``).
 It must be proportional to the size; then the regressor columns, the simulation in
 `whsklearn.systems.ServoAxis` (where it is compiled and called in every fine step),

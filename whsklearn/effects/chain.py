@@ -1,6 +1,6 @@
 """Effects at ports that only a chain of blocks has: before L1, between L1 and the law, and behind L2.
 
-On an axis a play and a coupling stand between two inertias, and a limit stands in the drive.  A chain has no inertia,
+On an axis a play and a coupling are between two inertias, and a limit is in the drive.  A chain has no inertia,
 so the same names are other equations there, of the signal at the port ``at``.
 """
 

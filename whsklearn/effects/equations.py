@@ -384,7 +384,7 @@ def smooth_sign(dx, kappa):
         return (1.0 if dx > 0.0 else -1.0), 0.0
     s = tanh(z)
     if kappa < 0.0:
-        # what is left of a motion long after it has died away, 1e-20 say, is rest and has no sign
+        # the tail of a motion that has long died away, such as 1e-20, is rest and has no sign
         return (0.0 if abs(z) < AT_REST else (1.0 if dx > 0.0 else -1.0)), -kappa * (1.0 - s * s)
     return s, kappa * (1.0 - s * s)
 

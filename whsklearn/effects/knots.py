@@ -1,7 +1,7 @@
 """Laws in x by name, and where their knots go: polynomials, piecewise linear, cubic splines.
 
 A law by name has its knots where an x of unit deviation needs them; a fit that knows x places
-them anew with `placed`.
+them again with `placed`.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """A torque that no equation of the catalogue gives: cubic splines over position, speed or drive.
 
 A learned curve is a sum of equal hills at equal distances, one `LearnedTorque` each; three numbers more than its
-height say where a hill stands, how wide it is and after which turn it comes back.
+height give the position of a hill, its width and the turn after which it repeats.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class LearnedTorque(Effect):
         "width": Quantity("1", 1e-9, 1e6, log=True, starts=(0.5,)),
         "period": Quantity("1", 0.0, 1e6, starts=(0.0,)),
     }
-    signature: ClassVar[str] = "what is left follows a signal, and no law of the catalogue"
+    signature: ClassVar[str] = "the residual follows a signal, but no law of the catalogue"
     needs: ClassVar[str] = "several passes over the same places or speeds"
     reference: ClassVar[str] = "Eilers, Marx 1996, Flexible smoothing with B-splines and penalties, Stat. Sci. 11(2)"
     choices: ClassVar[dict[str, tuple[str, ...]]] = {"over": tuple(_FORMS)}

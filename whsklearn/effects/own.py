@@ -51,7 +51,7 @@ def compiled(cls: Any) -> Any:
 
 @lru_cache(maxsize=128)
 def address_of(classes: tuple[Any, ...]) -> Any:
-    """One function for several classes, whose type is the same whatever it calls, so that no kernel compiles anew.
+    """One function for several classes, whose type is the same whatever it calls, so that no kernel is recompiled.
 
     It is called as ``f(which, p, time, position, velocity, drive)``.
     """

@@ -107,7 +107,7 @@ def load_torque(code, p, i, t, q, v):
 
 @part
 def reading(code, p, i, t, q):
-    """What row i adds to the reading of the position q (rad); a lattice is what is left after rounding."""
+    """What row i adds to the reading of the position q (rad); a lattice is the rounding error."""
     w = p[i, 0]
     if code == codes.OUTPUT_OFFSET:
         return w

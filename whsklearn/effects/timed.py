@@ -59,7 +59,7 @@ _CHANGES = {
 class ParameterChange(Effect):
     """One parameter of the axis takes another value from a time on; ``change`` is in the parameter's unit.
 
-    What it asks of the drive (Nm) is c r(t) for t >= t_0, with r = a, v, sign(v) or -u.
+    The drive torque (Nm) for it is c r(t) for t >= t_0, with r = a, v, sign(v) or -u.
 
     See Also
     --------

@@ -16,9 +16,9 @@ PAST, FEWEST, DYNAMIC = 3, 60, 0.2
 
 # A constant of a fifth of what a linear filter of the input leaves makes the free run of Example 5.1 three times worse,
 # one of three fifths a hundred times (tests/estimators/test_advice.py); by chance it is 1/sqrt(n) of it, or a
-# twentieth at the fewest samples, and up to twice that where what is left moves slowly.
+# twentieth at the fewest samples, and up to twice that where the residual varies slowly.
 WORTH_A_CONSTANT, FEWEST_FOR_A_CONSTANT, TAPS = 0.2, 400, 8
-# Mean over deviation up to which an input stands on no level; of another one an odd law may make a constant.
+# Mean over deviation up to which an input counts as having no offset; of another one an odd law may make a constant.
 CENTRED = 0.1
 
 
@@ -63,7 +63,7 @@ def of_a_constant(law: FrictionLaw, X: Array, y: Array) -> str | None:
     if abs(constant) <= max(WORTH_A_CONSTANT * left, 1e-9 * float(np.abs(y).max())):
         return None
     return (
-        f"The output lies {constant:.3g} off what the input makes of it, and neither the law nor the model has a "
+        f"The output is offset by {constant:.3g} from what the input explains, and neither the law nor the model has a "
         "constant; subtract it (TransformedTargetRegressor of scikit-learn does), or add offset to the law's names."
     )
 
@@ -73,7 +73,7 @@ def of_several_inputs(name: str, n_inputs: int) -> str | None:
     if n_inputs == 1:
         return None
     return (
-        f"X has {n_inputs} columns and lags was left out: {name} takes them for {n_inputs} inputs of one "
+        f"X has {n_inputs} columns and lags was not given: {name} takes them for {n_inputs} inputs of one "
         "Wiener-Hammerstein chain; give lags=WienerHammersteinLags() if they are, or fit RLSRegressor if they are "
         "regressors."
     )
@@ -84,7 +84,7 @@ def of_a_dynamic_record(name: str, X: Array, y: Array, restart: NDArray[np.bool_
     if X.shape[1] != 1 or (share := told_by_past(X, y, restart)) <= DYNAMIC:
         return None
     return (
-        f"X has one column and lags was left out: {name} fits y = theta x, and the samples before explain "
+        f"X has one column and lags was not given: {name} fits y = theta x, and the samples before explain "
         f"{100 * share:.0f} % of what that leaves; give lags=WienerHammersteinLags() for a dynamic system."
     )
 

@@ -85,7 +85,7 @@ class FittedModel(BaseEstimator):
         """Variance of the error that was minimised; NaN where it is not known."""
         return float("nan")
 
-    # -- what was learnt -----------------------------------------------------------------
+    # -- what was learned ----------------------------------------------------------------
 
     @property
     def theta_(self) -> Array:

@@ -80,7 +80,7 @@ class KeptModel(FittedModel):
             try:
                 self._check_state(state["state"])
             except (TypeError, KeyError, IndexError, AttributeError, ArithmeticError, MemoryError):
-                raise ValueError("This state holds values that no estimator has; give what get_state() gave.") from None
+                raise ValueError("This state holds values that no estimator has; pass one from get_state().") from None
             self.state_ = copy.deepcopy(state["state"])
         return self
 

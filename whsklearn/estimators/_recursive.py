@@ -183,7 +183,7 @@ class RecursiveRegressor(AxisRegressor):
         if self._is_wiener_hammerstein and not first and stream is None:
             self._keep_lags()
             self._check_state(self.state_)
-        advised = first and len(X) >= FIRST_RERUN  # the axis may well stand still in the first rows of a stream
+        advised = first and len(X) >= FIRST_RERUN  # the axis may well be at rest in the first rows of a stream
         if advised:
             self._warn_of_record(X, y, stacklevel=6)
         rows, targets = X, y
@@ -213,7 +213,7 @@ class RecursiveRegressor(AxisRegressor):
         return self
 
     def forget_past(self, samples: float = 100.0) -> Self:
-        """Let all that was learnt so far count for no more than ``samples`` samples from now on.
+        """Give everything learned so far the weight of at most ``samples`` samples from now on.
 
         This is for a system that has just changed. However long the stream was, the estimate then
         follows as fast as one that has seen only so few samples.  `whsklearn.change.forgetting_after`
@@ -483,5 +483,5 @@ class RecursiveRegressor(AxisRegressor):
         return state
 
 
-_NO_STATE = "_stream", "_asked"  # attributes of an estimator that can be made anew
+_NO_STATE = "_stream", "_asked"  # attributes of an estimator that can be rebuilt
 _NO_RESTART = np.zeros(1, dtype=np.bool_)

@@ -1,7 +1,7 @@
 """The three ways an estimator learns, behind one interface that takes a state and returns a state.
 
 `RowsStream` takes rows as they are, `PublishedStream` follows the paper to the letter, and
-`FullStream` uses the exact gradient.  A stream object holds only settings; what is learnt is
+`FullStream` uses the exact gradient.  A stream object holds only settings; what is learned is
 in the ``state`` dict that every call takes, so that it can be copied, saved and compared.
 """
 
@@ -75,7 +75,7 @@ class RowsStream:
     def run(self, state: State, u: Array, y: Array, restart: NDArray[np.bool_], weight: Array | None = None) -> None:
         """One update per row; an experiment's first window does not reach into the previous experiment."""
         seen = len(y)
-        self._packed[SINCE] = -1.0  # what `step` learnt last is no longer the last
+        self._packed[SINCE] = -1.0  # what `step` learned last is no longer the latest
         if weight is not None:
             u, y, restart = _weighted(u, y, restart, weight)
         for piece in pieces(restart):
@@ -224,7 +224,7 @@ class FullStream:
     def __init__(self, structure: Structure, settings: multistart.Settings):
         self.structure, self.settings = structure, settings
         self.undo = Undo()
-        self._page: BackgroundRefit | None = None  # work under way; it can begin anew at any time, so it is no state
+        self._page: BackgroundRefit | None = None  # in progress; can restart at any time, so it is no state
         self._known: tuple[bytes, Gaussian] | None = None  # the answer last asked for, and of which state
 
     def initial(self) -> State:
@@ -262,7 +262,7 @@ class FullStream:
         if r.memory and multistart.is_silent(state) and state["fill"] > r.size:
             state = multistart.settled(state, r)  # made at once for the answer, which is then that of `fit`
         s = multistart.answer(state)
-        # Where samples have been forgotten the recursion's own answer stands.  A page that is turned was linearised
+        # Where samples have been forgotten the recursion's own estimate is kept.  A page that is turned was linearised
         # where the parameters were then; after a long rest under forgetting that is far off: 4,000 samples of motion
         # took the posterior mean to an error of 0.47 and this answer to 0.05 (benchmarks/endurance.py, rest).
         whole = bool(np.all(state["memory_kept"][: state["fill"]] == 1.0)) if r.memory else False
@@ -298,7 +298,7 @@ AnyStream = RowsStream | PublishedStream | FullStream
 
 
 def _weighted(u: Array, y: Array, restart: NDArray[np.bool_], weight: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Rows and targets times the root of their weight; those of weight zero are left out."""
+    """Rows and targets times the root of their weight; those of weight zero are omitted."""
     kept = weight > 0.0
     root = np.sqrt(weight[kept])
     experiment = np.cumsum(restart)[kept]

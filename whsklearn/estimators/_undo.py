@@ -1,10 +1,10 @@
 """A way of learning, and how a call of ``partial_fit`` that an exception or a signal ended halfway is undone.
 
-A stream holds settings only.  All that is learnt is in its state, a plain dict of numbers and arrays, so that it can
+A stream holds settings only.  Everything learned is in its state, a plain dict of numbers and arrays, so that it can
 be copied, saved, compared and put back.
 
 Arrays change in place, and copying them before every row would cost more than the row.  So a copy is taken now
-and then, and the few rows since are noted.  After an exception these rows are learnt again on a copy of that copy.
+and then, and the few rows since are noted.  After an exception these rows are learned again on a copy of that copy.
 The recursion is deterministic, so the result is bit for bit the state before the call.
 """
 
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
-State = dict[str, Any]  # all that has been learnt, by name
+State = dict[str, Any]  # everything learned, by name
 
 
 class Learner(Protocol):
@@ -35,7 +35,7 @@ class Learner(Protocol):
         """Run the record once more, in place, if the stream keeps one."""
 
     def forget_past(self, state: State, samples: float) -> None:
-        """Let what was learnt count for no more than this many samples, in place."""
+        """Give what was learned the weight of at most this many samples, in place."""
 
     def theta(self, state: State) -> Array:
         """The estimate, in the paper's order."""
@@ -101,7 +101,7 @@ class Undo:
         self._y = np.empty(ROWS)
 
     def before(self, state: State, u: Array, y: Array) -> None:
-        """Note rows, of shapes (n, n_columns) and (n,), that are about to be learnt within one experiment."""
+        """Note rows, of shapes (n, n_columns) and (n,), that are about to be learned within one experiment."""
         n = len(y)
         if self._of is not state or self._seen != state["seen"] or self._filled + n > ROWS:
             kept = noted(state)

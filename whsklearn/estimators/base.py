@@ -30,7 +30,7 @@ FEW_SIGNS = math.log(2.0)
 class AxisRegressor(RegressorMixin, CheckedModel):
     """Base of the estimators: ``predict`` is the free run, ``score`` is its R2.
 
-    What it is and what was learnt of it are `FittedModel`'s, state and files `KeptModel`'s, checks `CheckedModel`'s.
+    Its settings and what was learned are `FittedModel`'s, state and files `KeptModel`'s, checks `CheckedModel`'s.
     """
 
     _default_output = "simulation"  # of `predict`

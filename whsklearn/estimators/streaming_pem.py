@@ -251,7 +251,7 @@ class StreamingPEMRegressor(ChainRegressor):
     def _running(self) -> tuple[Array, Structure]:
         if self.state_["lags"] is None:
             raise ValueError(
-                f"There is no running estimate before {self.n_start} samples, and {self.state_['seen']} were learnt; "
+                f"There is no running estimate before {self.n_start} samples, and {self.state_['seen']} were learned; "
                 "wait, or leave settle at True, which fits what there is."
             )
         return super()._running()

@@ -98,7 +98,7 @@ def p_value(g: float, null: Array, families: int = 1, degrees: float = 0.0) -> f
         return float(min(1.0, families * degrees / k * f.sf(g * degrees / (k * mean), used, null.size * used)))
     scale = max(float(np.std(null, ddof=1)) * np.sqrt(6.0) / np.pi if null.size > 1 else 0.0, LEAST_SCALE)
     centre = mean - np.euler_gamma * scale
-    far = max(g, centre - CERTAIN * scale)  # a fit anew can end much worse than it began
+    far = max(g, centre - CERTAIN * scale)  # a refit can end much worse than it began
     return float(min(1.0, families * gumbel_r.sf(far, centre, scale)))
 
 
@@ -220,7 +220,7 @@ def coloured(power: Array, n: int, rng: np.random.Generator) -> Array:
 
 
 # Lines either side at the least: a constant, and a wave that fits once into a record, must stand out of a band to be
-# told from slow noise.
+# distinguished from slow noise.
 SLOWEST = 3
 
 

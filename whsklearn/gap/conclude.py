@@ -31,7 +31,7 @@ from whsklearn.logs.units import respelled
 UNFINISHED = ("unknown", "partial", "coloured_noise")  # verdicts beside which a nameless torque is learned
 # Multiple of the floor from which the free run of exact records must close by as much: a floor is known to percents.
 ABOVE_FLOOR = 1.1
-# Share of the gap in simulation that learned curves must close, or they are left out (`benchmarks.learned`).
+# Share of the gap in simulation that learned curves must close, or they are dropped (`benchmarks.learned`).
 LEARNED_CLOSURE = 0.1
 # Share of the rms gap that may still follow the motion without a name beside a verdict of ``named``
 # (`benchmarks.learned --effects named` and without: what true names and the neighbours of other effects leave).
@@ -254,7 +254,7 @@ def candidates(found: Found, diagnosis: Diagnosis, plant: Any, alpha: float) -> 
                 named[name].delta_bic, float(np.clip(named[name].closure, -1, 1)), named[name].p_value
             )  # fmt: skip
         elif name in aliases:
-            line.status, line.reason = "alias", "this record cannot tell it from the named effect"
+            line.status, line.reason = "alias", "this record cannot distinguish it from the named effect"
         elif not line.reason:
             joint = name.partition(" at ")[2]
             here = [e.label for e in diagnosis.effects if e.joint in ("", joint)]
@@ -267,7 +267,7 @@ def candidates(found: Found, diagnosis: Diagnosis, plant: Any, alpha: float) -> 
 
 
 def _reason(look: Look, fitted: Named | None, plant: Any, alpha: float) -> str:
-    """Why a candidate is not the answer, before its rivals are looked at; empty if nothing speaks against it."""
+    """Why a candidate is rejected before its rivals are considered; empty if it is not."""
     if look.p_value > alpha:
         return f"the model's own records show as much (p = {look.p_value:.2g})"
     if look.size < plant.tolerance * plant.scale:

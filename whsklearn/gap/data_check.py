@@ -101,7 +101,7 @@ def _shape_problems(r: ServoRecord) -> list[DataProblem]:
     if steps[longest] >= LONG_GAP * typical:
         text = (
             f"{1e3 * steps[longest]:.3g} ms pass after {r.time[longest]:.6g} s where {1e3 * typical:.3g} ms are usual: "
-            "samples are missing. Read the file by load_log, which mends or cuts, or pass one unbroken part."
+            "samples are missing. Read the file with load_log, which repairs or splits it, or pass one unbroken part."
         )
         return [DataProblem("data-uneven-time", "A hole in time", text)]
     if np.mean(np.abs(steps - typical) > UNEVEN_STEP * typical) > UNEVEN:
@@ -138,14 +138,14 @@ def _value_problems(r: ServoRecord) -> list[DataProblem]:
     share = flat_share(r.drive)
     if share > FLAT:
         text = (
-            f"The drive stands at its extreme for {100 * share:.0f} % of the record. If that is the limit of the "
+            f"The drive is at its extreme for {100 * share:.0f} % of the record. If that is the limit of the "
             "amplifier, the log is as it should be; if the logger cut it off, log with a wider range."
         )
         out.append(DataProblem("data-drive-at-limit", "The drive reaches a limit", text, fatal=False))
     share = flat_share(r.position)
     if share > FLAT:
         cut = cut_at_speed(r.position, r.dt)
-        text = f"The position stands at its extreme for {100 * share:.0f} % of the record"
+        text = f"The position is at its extreme for {100 * share:.0f} % of the record"
         text += (
             " and gets there at full speed: it is clipped in the log. Log with a wider range, or pass the part that "
             "is not clipped." if cut else ": the axis rests there, or lies on a stop."

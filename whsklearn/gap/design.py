@@ -26,7 +26,7 @@ Array = NDArray[Any]
 BANDWIDTH = 4.0  # Hz, of the controller of the dry run: above the reference's 2.9 Hz, below what a log of 50 Hz carries
 RISE = 0.5  # s, in which the reference begins from rest
 BEYOND = (1.5, 2.25)  # times the limits at which a rival that stays unseen is tried again
-SHRINK = 0.8  # of a reference that asks for too much drive
+SHRINK = 0.8  # of a reference that needs too much drive
 MOST_SHRINKING = 20  # 0.8 to the twentieth: a hundredth of the travel
 
 

@@ -487,7 +487,7 @@ class Diagnosis:
     def as_dict(self) -> dict[str, Any]:
         """The contract of ``gap.json``.
 
-        ``seconds`` is always 0, for programs that expect a number: what the run took stands in ``run.json`` and on
+        ``seconds`` is always 0, for programs that expect a number: the duration is in ``run.json`` and on
         the page, so that the same log and seed give the same bytes here.
         """
         raw = {

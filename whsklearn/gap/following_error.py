@@ -13,7 +13,7 @@ from whsklearn.gap.record import ServoRecord
 
 Array = NDArray[Any]
 
-# Share of what is left without a delay, below which the delay of a position servo's command is believed: a delay
+# Share of the residual without a delay, below which the delay of a position servo's command is believed: a delay
 # trades against viscous friction (`benchmarks.real_axes --only so101`).
 WORTH_A_DELAY = 0.9
 LONGEST_DELAY = 0.4  # s between a command's stamp and its effect: a bus of hobby servos needs 0.06 to 0.2

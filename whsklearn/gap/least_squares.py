@@ -23,7 +23,7 @@ THREADS = 2  # columns of a Jacobian side by side: kernels run without the inter
 # of squares (benchmarks/least_squares.py).
 TRIES = 10
 UNSEEN = 1e-3  # of the differences' steps: a move so short changes nothing that they can see
-MOST_CARRIED = 3  # steps in a row over which derivatives are carried along before they are taken anew
+MOST_CARRIED = 3  # steps in a row over which derivatives are carried along before they are recomputed
 # Drop of the sum of squares over what the derivatives foretold, for them to be carried along: where a valley bends they
 # are not.
 AS_FORETOLD = (0.7, 1.3)

@@ -24,7 +24,7 @@ from whsklearn.gap.plant import Gap
 from whsklearn.gap.record import rms
 
 Array = NDArray[Any]
-NOWHERE = "The gap follows none of the signals that were looked at."
+NOWHERE = "The gap follows none of the signals that were examined."
 N_BINS = 20  # of equally many samples along each signal
 N_SHIFTS = 199  # the least p-value is 1 / 200, a twentieth of it over ten signals
 N_BLOCKS = 30  # that change places along time

@@ -38,7 +38,7 @@ def draw(d: Diagnosis) -> list[tuple[str, str, str]]:
         ("The gap over time", "What the model lacks, before and after.", _over_time),
         (
             "The gap where it is densest",
-            "Mean of the gap by bin with its standard error, what the repair takes of it, and what is left.",
+            "Mean of the gap by bin with its standard error, the part that the repair removes, and the residual.",
             _where,
         ),
         ("Learned torque", "What has no name: the curve that was learned, with two standard deviations.", _learned),

@@ -205,7 +205,7 @@ class Plant(Protocol):
     Attributes
     ----------
     units : tuple of str
-        Of drive (or input) and position (or output), in which the plant reckons; empty where the log has none.
+        Of drive (or input) and position (or output), used inside the plant; empty where the log has none.
     logged : tuple of str
         The same as the log has them.
     own_units : dict of str to str
@@ -252,7 +252,7 @@ class Plant(Protocol):
     def looks(self, model: Any, rng: np.random.Generator, beside: Any | None = None) -> list[Any]:
         """Every candidate on top of the model (`whsklearn.gap.tangent.Look`), nameless families too.
 
-        ``beside`` is the model with the effect that is asked anew, for what can be looked at beside it only.
+        ``beside`` is the model with the effect that is being tested again, for looks that need it.
         """
 
     def refine(self, model: Any, look: Any) -> Any:

@@ -135,7 +135,7 @@ def on_second_record(finder: Any, log: Any, **columns: str | None) -> list[dict[
     signals = [np.column_stack([p.record.drive, p.record.position]) for p in (fitted, plant)]
     if shared_run(*signals) is not None:
         raise ValueError(
-            "It holds samples of the record that was fitted, and a test on these tests nothing; give another run."
+            "It contains samples of the record that was fitted, so it is no test; give another run."
         )
     rows = []
     for horizon in plant.horizons:

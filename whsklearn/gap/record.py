@@ -231,7 +231,7 @@ class ServoRecord:
     def smoothed(self, function: Callable[..., Any], x: Array, reach: int) -> Any:
         """`by_piece` of a filter that reaches so many samples either way: beyond a hole its signal goes on as it went.
 
-        Point symmetry at the last sample keeps position and speed; a signal that stands still there would halve the
+        Point symmetry at the last sample keeps position and speed; a constant continuation would halve the
         speed from which a simulation of the segment starts.
 
         Parameters

@@ -32,13 +32,13 @@ HALF = 0.5
 
 
 def meet(a: Look, b: Look) -> bool:
-    """Whether two looks have a place in common, so that one may stand for the other."""
+    """Whether two looks share a place, so that one can replace the other."""
     return not a.place or not b.place or bool(a.place & b.place)
 
 
 @dataclass(frozen=True)
 class Named:
-    """One effect of a model, and what speaks for it.
+    """One effect of a model, with its evidence.
 
     Attributes
     ----------
@@ -46,7 +46,7 @@ class Named:
     model : object
         The model with it, fitted.
     before, errors : ndarray of shape (n,)
-        What is left without it and with it.
+        Residual without it and with it.
     gain : float
         g of the fitted effect.
     size : float
@@ -159,7 +159,7 @@ class Search:
 
     # --- is there an effect, and which one? -------------------------------------------------------
     def _one_more(self, found: Found) -> bool:
-        """Take one effect more, with all numbers fitted anew; whether there was one."""
+        """Add one more effect and refit all parameters; False if there was none."""
         looks = found.remainder = self.plant.looks(found.model, self.rng)
         names = {t.name for t in found.taken}
         left = self.plant.rms(self.plant.errors(found.model))
@@ -319,10 +319,10 @@ class Search:
 
     # --- is that all, and is each of them needed? -------------------------------------------------
     def _review(self, found: Found) -> None:
-        """Ask every effect anew beside all others, the last first: it was taken when more was missing.
+        """Test every effect again beside all others, the last one first: it was added when more was missing.
 
         One that the others say without it goes; one that another explains better is exchanged.  A family of waves
-        stands and falls with its first.
+        is kept or dropped with its first member.
         """
         names, changed = [t.name for t in found.taken], False
         alone = [i for i, name in enumerate(names) if names.count(name) == 1]

@@ -82,7 +82,7 @@ def summary(d: Any, plant: Any) -> str:
     if d.verdict == "named":
         parts = [f"{e.label.replace('_', ' ')} ({numbers(e)})" for e in d.effects]
         alias = sorted({a for e in d.effects for a in e.aliases})
-        tail = f" No such record can tell it from {article_list(alias)}." if alias else ""
+        tail = f" No such record can distinguish it from  {article_list(alias)}." if alias else ""
         return opening + "Consistent with " + " and ".join(parts) + ". " + left + tail
     if d.verdict == "ambiguous":
         groups = [article_list([e.label, *e.aliases]).replace(" and ", " or ") for e in d.effects]

@@ -1,8 +1,8 @@
 """To first order, what every family of effects would explain in a record and in the model's own records.
 
-Near a fitted model all is linear: what is left is a vector, the model's own numbers span a plane of it, and an effect
-of given shape adds one column or a few.  So one scan answers both questions for a record and for any number of null
-records at once: project the plane out, and see how much of each vector the columns take.
+Near a fitted model everything is linear: the residual is a vector, the model's own parameters span a subspace, and an
+effect of given shape adds one column or a few.  So one scan answers both questions for a record and for any number of
+null records at once: project the plane out, and see how much of each vector the columns take.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ class Look:
         What a refit starts from.
     n_numbers : int
     size : float
-        Rms of what it explains, in the unit of what is left.
+        Rms of what it explains, in the unit of the residual.
     visible : float
         Share of its columns that is left beside the model's own numbers.
     p_value : float
@@ -122,7 +122,7 @@ class Tangent:
     n : float
         Independent samples among the n.
     weight : ndarray of shape (n,), optional
-        Of every sample; zero where one is left out.
+        Of every sample; zero where one is excluded.
     """
 
     left: Array
@@ -186,7 +186,7 @@ class Tangent:
             if columns.shape[1] == 0 or not np.all(np.isfinite(columns)):
                 continue
             power, sizes, visible = self.taken(family, columns)
-            # what is left counts as a share of the whole that there is: a limit takes off the drive and all with it
+            # the residual counts as a share of the remaining whole: a limit reduces the drive and everything with it
             power = self.power - (self.power - power) / np.reshape(shares, (-1, 1)) ** 2
             seen = max(seen, float(visible.max()))
             n_shapes += columns.shape[1]

@@ -1,4 +1,4 @@
-"""Which structure a record asks for: linear, Wiener-Hammerstein, an axis as physics; and arms of several axes."""
+"""Which structure fits a record: linear, Wiener-Hammerstein, an axis as physics; and arms of several axes."""
 
 from whsklearn.identification.arm_fit import ArmFit, identify_arm
 from whsklearn.identification.compare import Compared, Identification, identify

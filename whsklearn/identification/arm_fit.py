@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-# Of a record, each left out once for the spread of the numbers.  Between two records of 14 arms of six joints, on which
+# Of a record, each omitted once for the spread of the numbers.  Between two records of 14 arms of six joints, on which
 # nothing had changed, numbers differ by 0.9 standard errors (rms), by 1.9 if errors count as white, with one of 37 by
 # more than five (`benchmarks.blind_arms --numbers`).
 N_LEFT_OUT = 20
@@ -38,7 +38,7 @@ class ArmFit:
     lags : RigidBodyLags
         As fitted: filter, base columns, weights of the joints.
     missing : dict of str to float
-        For each joint, the rms error on held-out blocks as a share of its rms drive, slow samples left out.
+        For each joint, the rms error on held-out blocks as a share of its rms drive, without slow samples.
     alone : dict of str to float
         The same where the joint is an axis of its own: inertia, friction, offset.
     nominal : dict of str to float
@@ -130,7 +130,7 @@ def fitted(phi: Array, target: Array, keep: NDArray[np.bool_], weights: Array) -
 def block_covariance(rows: Array, error: Array, block: NDArray[np.int64], white: Array) -> Array:
     """Covariance of least-squares weights whose errors are neither white nor normal: those of a real arm repeat.
 
-    Each block of rows is left out in turn, and the spread of the weights is that of the fits to the others.  It is at
+    Each block of rows is omitted in turn, and the spread of the weights is that of the fits to the others.  It is at
     least ``white`` along every direction, as there are fewer blocks than weights.
 
     Parameters
@@ -223,7 +223,7 @@ def nominal_numbers(lags: RigidBodyLags) -> dict[str, float]:
 ONE_LINE = 0.97
 FAR = 4.0 * np.pi  # rad: no limb turns further, degrees do at once
 UNLIKE = 30.0  # times the drive that the file's masses need: an ampere in mA is 1,000, gear ratios are up to 300
-CLEARLY = 0.25  # of what is left of the drives: half the error at the joints that another order moves
+CLEARLY = 0.25  # of the drives' residual: half the error at the joints that another order affects
 
 
 def suspicions(arm: Arm, q: Array, torque: Array) -> list[str]:
@@ -253,7 +253,7 @@ def suspicions(arm: Arm, q: Array, torque: Array) -> list[str]:
     if not far and heavy.any() and np.median(there[heavy] / needed[heavy]) > UNLIKE:
         times = float(np.median(there[heavy] / needed[heavy]))
         out.append(
-            f"The drives are {times:.0f} times what gravity asks of the file's masses; "
+            f"The drives are {times:.0f}  times what gravity requires with the file's masses;  "
             "if they are currents in mA, or counts, convert them to Nm."
         )
     return out

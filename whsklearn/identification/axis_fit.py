@@ -141,7 +141,7 @@ def fit_two_masses(log: View) -> AxisModel:
     best = fit_pieces(best.theta, shooting_log(log, SHOOTING[-1], form), iterations=FEW)
     (least, most), found_at = SHARE_AND_DAMPING, best.theta[-2:]
     if not (np.isfinite(best.cost) and (found_at > least).all() and (found_at < most).all()):
-        raise ValueError("No resonance of a load is found: its share or its damping ends at the edge of what can be.")
+        raise ValueError("No resonance of a load is found: its share or its damping ends at a physical limit.")
     return _model(best, log, form)
 
 
@@ -201,12 +201,12 @@ def spring_start(log: View) -> Array:
     linear = fit_output_error(log, 2)
     left = np.concatenate([log.y[a:b] - linear.simulate(log.u[a:b]) for a, b in itertools.pairwise(log.bounds)])
     if not np.var(left) < LEAST_LINEAR * np.var(log.y):
-        raise ValueError("The best linear model of second order says next to nothing of the output.")
+        raise ValueError("The best linear model of second order explains almost nothing of the output.")
     poles = np.log(np.roots(linear.denominator).astype(complex)) / log.dt
     gain = sum(linear.numerator) / sum(linear.denominator)
     square, fade = float(np.prod(poles).real), float(-np.sum(poles).real)
     if not (gain > 0.0 and square > 0.0 and fade > 0.0 and abs(np.sum(poles).imag) < 1e-9 * abs(poles).max()):
-        raise ValueError("The best linear model of second order is no mass on a spring.")
+        raise ValueError("The best linear model of second order is not a mass on a spring.")
     stiffness = 1.0 / gain
     return np.array([stiffness / square, stiffness * fade / square, 0.0, -stiffness * linear.offset, stiffness])
 
@@ -247,7 +247,7 @@ def axis_of(theta: Array, log: View, form: AxisForm) -> AxisModel:
 
 
 def standard_errors(theta: Array, covariance: Array, log: View, form: AxisForm) -> dict[str, float]:
-    """Of the axis' own numbers, to first order; those of a knot, which is set, are left out."""
+    """Of the axis' own numbers, to first order; those of a knot, which is fixed, are omitted."""
     names = [k for k in axis_of(theta, log, form).parameters if not k.endswith("__knot")]
 
     def numbers(at: Array) -> Array:

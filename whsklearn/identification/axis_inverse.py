@@ -36,7 +36,7 @@ def balance(log: View, width: float, form: AxisForm) -> tuple[Array, Array]:
 
     Columns as theta of `whsklearn.recursion.batch.axis_free_run.AxisForm`.
     Where the axis rests for longer than the Gaussian is wide friction can have any value, and these samples are
-    left out.
+    omitted.
 
     Parameters
     ----------

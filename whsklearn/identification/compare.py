@@ -204,7 +204,7 @@ def identify(
     groups: ArrayLike | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Identification:
-    """Find the structure that a record asks for: linear, Wiener-Hammerstein, or an axis as physics.
+    """Find the structure that fits a record: linear, Wiener-Hammerstein, or an axis as physics.
 
     Parameters
     ----------
@@ -220,13 +220,13 @@ def identify(
     logged : {"auto", "output", "velocity", "position"}, default="auto"
         What y is.  A position is fitted by its velocity and judged as it is.
     units : dict of str to str, optional
-        Of ``input`` and ``output``, and of ``time``, which may be ``samples``; SI where left out. Errors come in the
+        Of ``input`` and ``output``, and of ``time``, which may be ``samples``; SI by default. Errors come in the
         output's unit, an axis' numbers in SI.
     drive_error : float, default=0.0
         Standard deviation of the input's scale (a torque constant) as a share of it; it enters the standard errors of
         an axis and of a linear model.
     groups : array-like of shape (n,), optional
-        Segments of the record, as `load_log` tells them where a log has holes; all are fitted, and each begins anew.
+        Segments of the record, as `load_log` gives them for a log with holes; all are fitted, and each restarts.
     progress : callable, optional
         Called with the name of each candidate before it is fitted.
 
@@ -273,7 +273,7 @@ def identify(
     )
     for compared, fit in structures:
         if compared.name in LAST and min(c.score for c in tried) < AT_FLOOR:
-            compared.failure = "left out, as a simpler structure is at the noise floor"
+            compared.failure = "skipped, because a simpler structure is at the noise floor"
         else:
             if progress:
                 progress(compared.name)
@@ -371,7 +371,7 @@ def recommend(tried: list[Compared], trivial: Compared, *, steady: bool = False)
         reason += f"; {best.name} is no better than {100 * (AS_GOOD - 1):.3g} % and has more parameters"
     if ratio > EXPLAINS and steady:
         reason += (
-            f"; the motion is so even that {trivial.name} predicts it as well, so the record says little of the "
+            f"; the motion is so even that {trivial.name} predicts it as well, so the record says little about the "
             "dynamics: log changes of speed"
         )
     elif ratio > EXPLAINS:

@@ -27,7 +27,7 @@ MOST_MOVES = 6
 # Largest age of the drive, in samples, that is bookkeeping: a drive held over a sample is half a sample old, and a
 # logger may add one sample.
 LATEST = 1.5
-# Of what is left squared with the drive as logged: as much must a move take away.
+# Of the squared residual with the drive as logged: a shift must remove at least this share.
 EXPLAINED = 0.5
 # Of the rms drive: what may be left of it after a move, or it is no axis, and more poles look like a delay.
 KNOWN = 0.35
@@ -39,7 +39,7 @@ WIDTH, FEWEST_WIDE = 0.02, 4.0
 def drive_lead(
     look: Callable[[int], tuple[float, float]], as_logged: float, dt: float, *, either_way: bool = False
 ) -> int:
-    """Samples by which a drive was logged after it had acted; zero unless that explains half of what is left as logged.
+    """Samples by which a drive was logged after it had acted; zero unless that explains half of the residual as logged.
 
     The age of the drive that inverse dynamics finds is at first smaller than the true one, so it is computed repeatedly
     until it does not change.

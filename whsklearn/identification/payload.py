@@ -2,8 +2,8 @@
 
 What is found without the load is frozen; the offsets of the drives are the loaded record's own.  A body at a link adds
 its ten numbers to the link's, and the columns of any number are those of the base numbers times its column of the
-base's mapping, so nothing is filtered anew.  Currents alone tell no gain: with a load of known mass, the extra current
-of each joint is regressed on the load's torque.
+base's mapping, so nothing is filtered again. Currents alone do not determine a gain: with a load of known mass, the
+extra current of each joint is regressed on the load's torque.
 """
 
 from __future__ import annotations

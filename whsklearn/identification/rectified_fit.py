@@ -58,7 +58,7 @@ def fit_rectified(log: View, order: int) -> ChainModel:
 def fit_folded(log: View, order: int) -> ChainModel:
     """The same by the free run, where the sensor has another gain each way, an offset and a lag, and x a mean.
 
-    A pulse counter averages, and a drive that stands still under a little voltage has the sign of its offset.
+    A pulse counter averages, and a drive that does not move at a low voltage has the sign of its offset.
 
     Raises
     ------
@@ -80,7 +80,7 @@ def fit_folded(log: View, order: int) -> ChainModel:
 
 
 def _best_signs(log: View, order: int) -> Ratio:
-    """x as the ratio whose size leaves least of the output."""
+    """x as the ratio with the smallest residual in the output."""
     if not loses_sign(log):
         raise ValueError("The output goes below zero, or the input does not: no sign is lost.")
     return min((_from_signs(log, order, signs) for signs in _starts(log)), key=lambda found: found[1])[0]

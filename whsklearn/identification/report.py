@@ -59,9 +59,9 @@ def on_intervals(found: Identification) -> str:
     """What is to be said of the intervals; nothing where the model leaves white noise."""
     if found.white:
         return ""
-    how = "as far as two estimators lie apart" if found.recommended.kind == "axis" else "by sums over blocks"
+    how = "to the difference between two estimators" if found.recommended.kind == "axis" else "by sums over blocks"
     return (
-        "What the model leaves of its record is not white: something is missing in it. The intervals are widened "
+        "The residual of the model is not white: something is missing. The intervals are widened "
         f"{how}; whsklearn gap looks for what is missing."
     )
 

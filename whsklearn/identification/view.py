@@ -111,7 +111,7 @@ class View:
         Parameters
         ----------
         start, stop : int
-            Samples, the last one left out.
+            Samples, without the last one.
         """
         starts = tuple(b - start for b in self.starts if start < b < stop)
         u, y, target = (x[start:stop] for x in (self.u, self.y, self.target))
@@ -121,7 +121,7 @@ class View:
 def view(u: ArrayLike, y: ArrayLike, dt: float, logged: str, groups: ArrayLike | None = None) -> View:
     """Check a record, and see what was logged if ``logged`` is ``auto``; ``groups`` tell its segments.
 
-    Segments of fewer than `LEAST_SEGMENT` samples are left out.
+    Segments of fewer than `LEAST_SEGMENT` samples are omitted.
     """
     u, y = np.asarray(u, dtype=float).reshape(-1), np.asarray(y, dtype=float).reshape(-1)
     starts: tuple[int, ...] = ()

@@ -29,7 +29,7 @@ def effect_terms(law: Any, effects: str | Iterable[str | Effect]) -> tuple[Effec
         if not isinstance(term, Effect):
             raise ValueError(f"{term!r} is no effect; expected a catalogue name or an instance such as Coulomb().")
         if term.column_kind == "none":
-            raise ValueError(f"{term.name} has no columns, it can only be simulated; leave it out of law and effects.")
+            raise ValueError(f"{term.name} has no columns, it can only be simulated; remove it from law and effects.")
     return terms
 
 

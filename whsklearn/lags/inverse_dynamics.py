@@ -65,7 +65,7 @@ class InverseDynamicsLags(MotionStream, TransformerMixin, BaseEstimator):
         Rows that `rows` drops at the start of each record, where the filter has no past. If ``cutoff`` is not given,
         a period of the cut-off is also dropped at both ends.
     standstill : float, optional
-        Speed below which `rows` drops rows. At rest, friction is whatever the drive asks for, and the sign of a
+        Speed below which `rows` drops rows. At rest, friction equals whatever drive is applied, and the sign of a
         noisy velocity is random, which shifts Coulomb friction into viscous friction. The default is five times the
         noise of the velocity for a record, and 0 for a stream or where a hysteresis models the standstill.
     causal : bool, default=False

@@ -117,7 +117,7 @@ class MotionStream:
         terms = getattr(self, "terms_", None) or effect_terms(self.law, self.effects)
         whole = [t.name for t in terms if isinstance(t, PreslidingHysteresis) or t.column_kind == "first_order"]
         if whole:
-            raise ValueError(f"{', '.join(whole)} needs the whole record; leave it out of a stream's effects.")
+            raise ValueError(f"{', '.join(whole)} needs the whole record; remove it from a stream's effects.")
         if not hasattr(self, "terms_"):
             self.fit(X)
         return validated(self, X)

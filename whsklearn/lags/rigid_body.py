@@ -588,7 +588,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         return Seen(self._filtered(columns)[kept], self._filtered(target)[kept], keep[kept], moved, kept)
 
     def _limits(self, X: Array, velocity: Array) -> Array:
-        """Speed of each joint below which its rows are left out, (n_joints,); infinite where it does not move."""
+        """Speed of each joint below which its rows are excluded, (n_joints,); infinite where it does not move."""
         speeds = np.sqrt(np.mean(velocity**2, axis=0))
         noise = np.array([velocity_noise(x, self.sample_rate, self._fine) for x in X[:, : self.arm_.n_joints].T])
         still = speeds <= NOISY * noise

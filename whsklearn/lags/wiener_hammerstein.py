@@ -137,7 +137,7 @@ class WienerHammersteinLags(TransformerMixin, BaseEstimator):
         )
 
     def fit(self, X: ArrayLike, y: ArrayLike | None = None) -> Self:
-        """Check the settings; nothing is learnt.
+        """Check the settings; nothing is learned.
 
         Parameters
         ----------

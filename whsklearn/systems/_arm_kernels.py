@@ -8,7 +8,7 @@ joint j pays for the link (Atkeson, An and Hollerbach 1986; Siciliano et al. 200
     l . (m c + b x h + o x (o x h)) + w . (h x c + I b + o x I o),      h = m r, I about the origin,
 
 which is linear in the ten numbers m, h_x, h_y, h_z, I_xx, I_xy, I_yy, I_xz, I_yz, I_zz.  `link_row` holds its ten
-factors; everything else here only asks for them along another motion.
+factors; everything else here only evaluates them along another motion.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""From the drive as logged, or as a controller asks for it, to the torque on the motor in a fine step."""
+"""From the drive, logged or commanded by a controller, to the torque on the motor in a fine step."""
 
 from __future__ import annotations
 

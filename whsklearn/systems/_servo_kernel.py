@@ -168,7 +168,7 @@ def run(out, plant, controller, signals, how, initial):
 def torque_along(plant, time, position, velocity, drive):
     """What all memoryless effects ask of the drive along a motion (Nm), shape (n,): F(q, v) of the module's formula.
 
-    Effects with a memory of the path and those of the sensor are left out: on a noisy path the first would be
+    Effects with a memory of the path and those of the sensor are omitted: on a noisy path the first would be
     shaken by the noise, the second are no torque.
     """
     effects, p, all_ends = arranged(plant.codes, plant.p)

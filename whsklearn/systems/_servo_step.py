@@ -85,7 +85,7 @@ def implicit_gain(slope, inertia, h):
 def from_rest(up, down, slope, inertia, h):
     """Velocity and path after h from rest: zero while friction can hold.
 
-    ``up`` and ``down`` are what is left of the pull just off rest forwards and backwards; friction holds unless it
+    ``up`` and ``down`` are the net pull just off rest forwards and backwards; friction holds unless it
     pushes forwards in the first or backwards in the second.
     """
     if up > 0.0 and up > -down:

@@ -400,7 +400,7 @@ class Arm:
             if not isinstance(e, Effect):
                 raise ValueError(f"{e!r} is no effect; expected instances such as Coulomb(0.3).")
             if e.port == "block":
-                raise ValueError(f"{e.name} splits a joint in two, which an arm has not; leave it out.")
+                raise ValueError(f"{e.name} splits a joint in two, which an arm model cannot do; remove it.")
         return tuple(rows)
 
     def _packed(self) -> Links:
@@ -532,7 +532,7 @@ def _rows(*signals: Array) -> Array:
 
 
 def _joints(arm: Arm, resolution: float) -> Joints:
-    """Effects of all joints as flat arrays; those of neutral size are left out."""
+    """Effects of all joints as flat arrays; those of neutral size are omitted."""
     acting = [[e for e in row if e.magnitude != e.neutral] for row in arm.effects]
     plant = plant_of([e for row in acting for e in row], np.zeros(0))
     parts = np.zeros((arm.n_joints, N_PARTS))

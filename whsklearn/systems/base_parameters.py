@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 
 # Of a column's length: what the columns before it leave unexplained is rounding, 1e-13 on drawn motion, or above 1e-5
-# (drawn arms of 2 to 7 joints); the tolerance stands between.
+# (drawn arms of 2 to 7 joints); the tolerance lies between.
 TOLERANCE = 1e-9
 
 

@@ -4,7 +4,7 @@
 
     u -> [drive] -> L1 -> x -> [transmission] -> x_l -> law + friction, position, time -> v -> L2 -> q -> [sensor] -> y
 
-Drive effects change u as on an axis: u_eff = u - what the effect asks for.  Friction, position and time effects, and
+Drive effects change u as on an axis: u_eff = u - the torque of the effect.  Friction, position and time effects, and
 torques of one's own, add to v as functions of x_l and dx = x_l(t) - x_l(t-1); sensor effects act on q.  The equations
 are those of `whsklearn.effects`; an effect is its code and its `Effect.row`.
 """

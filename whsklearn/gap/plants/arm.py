@@ -48,7 +48,7 @@ from whsklearn.systems.arm import Arm
 
 Array = NDArray[Any]
 # Largest ratio, at one joint, of the torque of an effect to the residual that it removes: with a larger one, like that
-# of a spring against gravity, it only cancels other terms.  What is left of it is then below one part in twenty, and
+# of a spring against gravity, it only cancels other terms.  The sum is then below one part in twenty, and
 # the columns of a real arm are no better than that (4 to 10 % on held-out blocks, `python -m benchmarks.arms`).
 CANCELS = 20.0
 # Least rms that a law must explain beyond an elementary one without a shape, as a share of what that one explains: less
@@ -248,7 +248,7 @@ class ArmPlant(PlantDefaults):
         """The physical objections to a term's parameters."""
         t, view = grown.terms[-1], self.view
         if t.kind.cls is Load and max(map(abs, t.shape)) >= FURTHEST:
-            return "its centre is at the limit of the reach of a hand"
+            return "its centre is as far away as a payload can plausibly be"
         base = dict(zip(self.lags.base_.names, grown.numbers, strict=True))
         total = t.q[0] + base.get(f"{t.joint}.{t.effect.name}", 0.0) if t.kind.linear == 1 else 1.0
         if t.kind.positive and total <= 0.0:

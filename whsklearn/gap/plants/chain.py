@@ -269,7 +269,7 @@ class ChainPlant(PlantDefaults):
         if term.kind.positive and term.q[0] < 0.0:
             return f"its {term.kind.fields[0].replace('_', ' ')} would be negative"
         if model.terms and self.size(self.errors(model), self.errors(grown)) < BESIDE * self._first:
-            return "it explains too little of what is left beside the others"
+            return "it explains too little of the residual beside the others"
         return ""
 
     def aliases(self, name: str) -> tuple[str, ...]:

@@ -319,7 +319,7 @@ class ServoPlant(PlantDefaults):
             return said
         before = self.errors(model)
         if model.has_play and self.size(before, self.errors(grown)) < rules.BESIDE_A_PLAY * self.rms(before):
-            return "it explains too little of what is left beside the play"
+            return "it explains too little of the residual beside the play"
         return "the simulation runs farther from the record with it" if self._runs_worse(model, grown) else ""
 
     # --- proof --------------------------------------------------------------------------------
@@ -341,7 +341,7 @@ class ServoPlant(PlantDefaults):
             seen = self.observer
             return Figures(seen.rms(seen.gap(base)), seen.rms(seen.gap(model)), seen.floor(model))
         view = self.inverse
-        if view.artefact is None:  # the last effect was taken back, and no look has been at what is left
+        if view.artefact is None:  # the last effect was taken back, and no look has been taken at the residual
             self.own, _ = servo_own.own(view, model, np.random.default_rng(0))
             view.artefact = self.own.mean
         before, after = (view.rms(view.gap(view.fit(m))) for m in (base, model))

@@ -65,7 +65,7 @@ AGAINST = 100.0
 # Smallest gain after a change of gain, relative to before: with 0.4 %, inertia and missing torque also fall to 0.4 %,
 # which "explained" KR300 A with Coulomb friction hidden. Simulated changes keep 70 % and more.
 LEAST_GAIN_LEFT = 0.1
-# rad per rad: with a steeper encoder error the reading would stand still.
+# rad per rad: with a steeper encoder error the reading would not change.
 STEEPEST_ERROR = 0.3
 # Cross-validated evidence required for one more order of a family (three numbers): LAAS gets eight orders, blind
 # records with one order get no further one. And the largest number of orders of one family.

@@ -366,7 +366,7 @@ def unphysical(record: ServoRecord, model: AxisModel, index: int) -> str:
     term = model.terms[index]
     q = term.q
     if term.name == "encoder_eccentricity" and float(np.hypot(q[0], q[1])) * q[2] > rules.STEEPEST_ERROR:
-        return "with such a steep encoder error the reading would stand still while the axis turns"
+        return "with such a steep encoder error the reading would not change while the axis turns"
     if term.kind.positive and q[0] <= 0:
         return f"its size would be {q[0]:.3g}, but a physical one is positive"
     return (

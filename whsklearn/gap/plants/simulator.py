@@ -10,7 +10,7 @@
         shapes_to_try = (LuGre, ContactStop)      # optional; besides the catalogue, if with_effect accepts them
         whole_numbers = ("order",)                # optional; fields that must be whole numbers
 
-A record with holes has ``starts``, the samples that follow a hole: ``simulate`` begins anew there, at the measured
+A record with holes has ``starts``, the samples that follow a hole: ``simulate`` restarts there, at the measured
 position (``record.segments`` are the segments as records of their own).
 
 ``with_effect`` raises ValueError or NotImplementedError for an effect that the simulator cannot hold; the report then
@@ -212,7 +212,7 @@ class SimulatorPlant(PlantDefaults):
         return self.white(error)[self.train] if error.size else error[self.train]
 
     def white(self, error: Array) -> Array:
-        """Whitened errors, shape (n,) or (n, k); the filter begins anew after a hole."""
+        """Whitened errors, shape (n,) or (n, k); the filter restarts after a hole."""
         return np.asarray(self.record.by_piece(lambda e: whiten(e, self.ar), error))
 
     def objection(self, model: SimulatorModel, grown: SimulatorModel) -> str:

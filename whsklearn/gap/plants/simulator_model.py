@@ -364,7 +364,7 @@ def _spanned(columns: list[Array], n: int) -> Array:
 # --- the fit of one effect: its size first, then all its numbers together --------------------------
 # Share of the error.  An effect with a smaller residual is fitted again under the weights of that residual, because the
 # previous weights hid the effect's own spectrum.  If a look promised as much but the fit has a larger residual, the fit
-# is started anew.
+# is restarted.
 PROMISING = 0.5
 # Number of such fits at most, and the share of the error that the last one may leave: a stop takes three.
 AGAIN, SETTLED = 4, 0.8
