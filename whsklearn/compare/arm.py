@@ -1,8 +1,8 @@
 """Records of one arm as rows of the same regression: the drives of all joints, and what may change at each of them.
 
 The links' numbers are known as base numbers only, and no single one of them is a change of anything.  What may have
-changed is a direction among them: a load at a link adds its mass and its moments, a joint's gain scales what that
-joint's drive says of all numbers.
+changed is a direction among them: a load at a link adds its mass and its moments, a joint's gain scales all numbers
+that are seen by that joint's drive.
 """
 
 from __future__ import annotations

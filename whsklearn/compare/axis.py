@@ -90,14 +90,14 @@ def alike(records: list[ServoRecord]) -> tuple[list[InverseView], list[AxisModel
 
 
 def judge_motion(view: InverseView) -> None:
-    """Leave rests out of a record that moves at all: while an axis sticks, its drive is anything up to its friction."""
+    """Exclude rests from a record with motion: while an axis sticks, its drive can be anything up to its friction."""
     if view.moving.sum() >= FEWEST_MOVING:
         view.at = np.flatnonzero(view.moving)
         view.n_effective = view.at.size * min(1.0, 2.0 * view.cutoff * view.step)
 
 
 def direction(speed: Array, slowest: float) -> int:
-    """1 or -1 of an axis that turns one way only, 0 of one that reverses."""
+    """1 or -1 for an axis that turns one way only, 0 for one that reverses."""
     return 0 if reversals_of(speed, slowest).size else int(np.sign(np.mean(speed)))
 
 

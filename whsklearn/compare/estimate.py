@@ -130,7 +130,7 @@ def estimate(rows: Rows) -> Estimate:
 
 
 def _ridge(z: Array, rows: Rows, prior: float) -> float:
-    """Noise over the prior of every number, columns of unit rms: what no sample shows gets no value, and says so."""
+    """Noise over the prior of every number, columns of unit rms: numbers without data get a large error."""
     left = rows.target - z @ np.linalg.lstsq(z, rows.target, rcond=RIDGE)[0]
     noise = float(left @ left) / n_effective(left)
     return max(noise / prior**2, RIDGE * rows.target.size)

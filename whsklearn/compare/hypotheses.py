@@ -103,7 +103,7 @@ class Difference:
         return -float(np.linalg.slogdet(self.weight)[1])
 
     def before(self, rest: Array) -> Array:
-        """The first numbers as both records know them, shape (p,), given what of the difference is noise."""
+        """The first numbers as estimated from both records, shape (p,), given how much of the difference is noise."""
         return np.asarray(self.first.values + self.first.covariance @ (self.factor * (self.weight @ rest)))
 
 

@@ -145,7 +145,7 @@ def compare_arms(
 
 
 def at(name: str, joints: Collection[str]) -> bool:
-    """Whether a change is one of these joints' own, and not of a load that all joints pay for."""
+    """Whether a change belongs to these joints themselves, and not to a load that all joints carry."""
     effect, _, joint = name.partition(" at ")
     return joint in joints and effect not in ("mass", "moment")
 
@@ -188,7 +188,7 @@ def unusable(record: ServoRecord, label: str) -> str:
 
 
 def cannot_tell(reason: str, labels: list[str]) -> Comparison:
-    """No answer, with the reason."""
+    """A result of `cannot_tell`, with the reason."""
     return Comparison("cannot_tell", f"What moved cannot be told. {reason}", labels, reason=reason)
 
 

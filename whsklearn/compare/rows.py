@@ -102,7 +102,7 @@ class Rows:
 
     @property
     def drives(self) -> Array:
-        """Rms of the drives at which every number is paid, shape (p,)."""
+        """Rms of the drives in which each number appears, shape (p,)."""
         return np.asarray(np.maximum(np.sqrt(self.scale**2 @ self.paid()), 1e-300))
 
     @property

@@ -204,7 +204,7 @@ class Effect:
                 raise ValueError(self._complaint(field.name, value, "a number above zero"))
 
     def _complaint(self, name: str, value: Any, expected: str) -> str:
-        """The sentence about a field that cannot be."""
+        """The error message for an invalid field."""
         unit = self.quantities[name].unit if name in self.quantities else "its unit"
         return f"{type(self).__name__}: {name} is {value!r}, expected {expected}; give it in {unit}."
 
@@ -367,7 +367,7 @@ class Effect:
 
     @classmethod
     def parent_of(cls, **options: str) -> str:
-        """The effect without which a variant is not asked for: `parent`, unless a choice decides.
+        """The effect without which a variant is not tried: `parent`, unless a choice decides.
 
         Parameters
         ----------

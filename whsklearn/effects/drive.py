@@ -46,7 +46,7 @@ class InputOffset(Effect):
 
 @dataclass(frozen=True)
 class DeadZone(Effect):
-    """The amplifier gives nothing below a threshold, and the rest is short of it: u_eff = u - clip(u, -d, d) (Nm).
+    """The amplifier gives nothing below a threshold, and less by it above: u_eff = u - clip(u, -d, d) (Nm).
 
     See Also
     --------
@@ -126,7 +126,7 @@ class InputDelay(Effect):
 
     See Also
     --------
-    ActuatorLag : the same to first order; only frequencies near 1 / tau part them.
+    ActuatorLag : the same to first order; only frequencies near 1 / tau distinguish them.
     FlexibleCoupling : adds phase below its resonance too.
 
     Examples

@@ -5,7 +5,7 @@ ranges; `whsklearn.effects.terms` and `whsklearn.effects.rows` go from a code to
 balance J a = tau - friction, so what is positive has to be paid by the drive.  On a Wiener-Hammerstein system velocity
 is dx = x(t) - x(t-1) of (4).
 
-``s`` stands for sign(dx) and ``ds`` for its slope: at rest the sign is a choice between two directions, and while a
+``s`` is sign(dx) and ``ds`` its slope: at rest the sign is a choice between two directions, and while a
 gradient is needed it is a tanh.
 """
 

@@ -47,7 +47,7 @@ class Viscous(StaticEffect):
 
     See Also
     --------
-    QuadraticDrag : grows with the square; the two part at top speed only.
+    QuadraticDrag : grows with the square; the two differ at top speed only.
     AsymmetricViscous : the part of the slope that is not the same in both directions.
     Coulomb : takes over part of the slope where only one speed was driven.
 

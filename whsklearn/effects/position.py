@@ -94,7 +94,7 @@ class CableSpring(Effect):
 
     See Also
     --------
-    HardeningSpring : cubic; the two part at large travel.
+    HardeningSpring : cubic; the two differ at large travel.
     GravityImbalance : alike over a short travel.
     OutputOffset : shifts the centre of this spring.
 

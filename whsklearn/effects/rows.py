@@ -44,7 +44,7 @@ from whsklearn.effects.terms import directed_term
 def motor_torque(code, p, i, t, q, v, s, ds, u):
     """Torque of row i that acts on the motor's side (Nm), and its slope by velocity.
 
-    ``s`` stands for sign(v) and ``ds`` for its slope: +1 or -1 in motion, either of them just off rest.
+    ``s`` is sign(v) and ``ds`` its slope: +1 or -1 in motion, either of them just off rest.
     What acts on the drive before the motor (dead zone, saturation, timing) is no torque here.
     """
     w = p[i, 0]

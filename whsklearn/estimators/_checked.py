@@ -22,7 +22,7 @@ TOLD: set[str] = set()  # warnings that are given once per process
 
 
 class CheckedModel(KeptModel):
-    """A model that refuses, in one sentence and unchanged, what cannot be used, and warns of what will not do."""
+    """A model that rejects invalid input with one sentence, unchanged, and warns about unsuitable input."""
 
     _finds_constant = False  # whether the model can have a constant besides those of its law
 
@@ -100,6 +100,6 @@ class CheckedModel(KeptModel):
 
 
 def warn(said: str | None, stacklevel: int) -> None:
-    """Pass on what there is to say."""
+    """Issue the warning, if there is one."""
     if said is not None:
         warnings.warn(said, UserWarning, stacklevel=stacklevel)

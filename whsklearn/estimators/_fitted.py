@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 
 class FittedModel(BaseEstimator):
-    """A model that was fitted: its structure, its parameters with their errors, and both in words.
+    """A fitted model: its structure, its parameters with standard errors, and a text summary of both.
 
     A subclass learns in ``fit`` and leaves ``state_``, a dict of arrays, from which
     `_natural`, `_theta` and `_covariance` read the answer.
@@ -53,7 +53,7 @@ class FittedModel(BaseEstimator):
 
     @property
     def _lags(self) -> WienerHammersteinLags:
-        """The transformer as it was when learning began: changing ``lags`` later does not change a fitted model."""
+        """The transformer as it was when learning started: changing ``lags`` later does not change a fitted model."""
         return self.__dict__.get("lags_", self._given_lags)
 
     def _structure(self) -> wh.Structure:

@@ -29,7 +29,7 @@ class KeptModel(FittedModel):
 
     @property
     def _lock(self) -> threading.RLock:
-        """The lock of threads that learn or read; it is no part of the state, so no copy and no file holds it."""
+        """The lock for threads that learn or read; it is not part of the state, so it is not copied or saved."""
         found: threading.RLock = self.__dict__.get("_own_lock") or self.__dict__.setdefault(
             "_own_lock", threading.RLock()
         )

@@ -43,7 +43,7 @@ def sample_numbers(X: Any) -> NDArray[np.int64] | None:
 
 
 def fold_of_a_search() -> dict[str, Any] | None:
-    """What scikit-learn knows of the fold that it fits or scores; None outside a search or a cross-validation.
+    """Information from scikit-learn on the fold that it fits or scores; None outside a search or a cross-validation.
 
     scikit-learn hands an estimator the samples of a fold without their indices.
     """
@@ -159,7 +159,7 @@ def is_plain(X: Any, y: Any, n_features: int) -> bool:
 
 
 def _usable(X: Array, y: Array) -> bool:
-    """Finite and of sane size; the sum of squares is not finite if any number is not."""
+    """Whether all are finite and not huge; the sum of squares is not finite if any number is not."""
     if y.size == 1:
         # Plain numbers: one NumPy call takes longer than checking a short row. No comparison holds for NaN.
         return abs(y.item()) < LARGEST and all(abs(v) < LARGEST for v in X.ravel().tolist())

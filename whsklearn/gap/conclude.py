@@ -1,4 +1,4 @@
-"""From what the search found to a `Diagnosis`: proof, verdict, effects with errors and rivals, tables, places."""
+"""From the search result to a `Diagnosis`: proof, verdict, effects with errors and rivals, tables, places."""
 
 from __future__ import annotations
 
@@ -160,7 +160,7 @@ def _headline(plant: Any, rows: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def stays_open(row: dict[str, Any]) -> bool:
-    """Whether the names close next to nothing of a gap that a row of the proof shows.
+    """Whether the named effects close almost nothing of a gap that a row of the proof shows.
 
     Examples
     --------
@@ -207,7 +207,7 @@ def verdict_of(plant: Any, found: Found, alpha: float, run: float) -> str:
 
 
 def _unseen(plant: Any, found: Found, alpha: float) -> set[str]:
-    """Names that this record could not show at `SHOWN` of the whole, all that was found taken off."""
+    """Effects that this record could not show at `SHOWN` of the whole, after subtracting all that was found."""
     if not found.steps:
         return set()
     shown = {k.name for k in found.remainder if shown_at(k, found.steps[-1], alpha) <= SHOWN * plant.scale}
@@ -280,7 +280,7 @@ def _reason(look: Look, fitted: Named | None, plant: Any, alpha: float) -> str:
 def _learned(
     plant: Any, found: Found, diagnosis: Diagnosis, rows: list[dict[str, Any]], rng: np.random.Generator
 ) -> list[dict[str, Any]]:
-    """Add what has no name to the model as learned curves, where the free run gains by them at every horizon."""
+    """Add the unnamed residual to the model as learned curves, if they improve the free run at every horizon."""
     learned = plant.learn(found.model)
     if learned is None:
         return rows

@@ -31,7 +31,7 @@ MOST_SHRINKING = 20  # 0.8 to the twentieth: a hundredth of the travel
 
 
 class Limits(NamedTuple):
-    """What the next run may ask for, in SI: largest position, speed and drive, and its length (s)."""
+    """Limits of the next run, in SI: largest position, speed and drive, and its length (s)."""
 
     position: float
     speed: float
@@ -100,7 +100,7 @@ def closed_loop(axis: ServoAxis, noise: float) -> ServoAxis:
 
 
 def reference_within(axis: ServoAxis, limits: Limits, seed: int = 0) -> tuple[Array, Limits]:
-    """The library's rich reference, as large as the limits let it be on this axis, and what it needs.
+    """The library's rich reference, as large as the limits allow on this axis, and what it needs.
 
     Raises
     ------

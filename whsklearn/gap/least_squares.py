@@ -31,7 +31,7 @@ AS_FORETOLD = (0.7, 1.3)
 
 @dataclass
 class Fit:
-    """Where a search ended.
+    """Result of a minimisation.
 
     Attributes
     ----------

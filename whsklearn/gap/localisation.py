@@ -207,7 +207,7 @@ def sentence(places: list[Place]) -> str:
 def paths(g: Gap) -> tuple[dict[str, tuple[float, Array, float]], slice, float]:
     """(name -> (constant, its change along the record, share of the gap that this takes up), samples, seconds each).
 
-    One constant at a time is let go, on the missing torque and the motion that the observer tracked: viscous and dry
+    One constant at a time is freed, on the missing torque and the motion that the observer tracked: viscous and dry
     friction together cannot be separated within a second, and smoothed derivatives would bias them.
     """
     from whsklearn.estimators.rls import RLSRegressor

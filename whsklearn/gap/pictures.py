@@ -143,7 +143,7 @@ def _overlay(axes: Any, d: Diagnosis) -> bool:
 
 
 def _of_joint(joint: str) -> Callable[[Any, Diagnosis], bool]:
-    """The painter of one joint of an arm."""
+    """The function that draws one joint of an arm."""
 
     def painter(axes: Any, d: Diagnosis) -> bool:
         time, drive, before, after = d.pictures["joints"][joint]
@@ -245,7 +245,7 @@ def bins_of(x: Any, waves: list[float]) -> tuple[Any, float]:
 
 
 def _shown_axis(d: Diagnosis) -> Any:
-    """The axis of the named effect's place, else the most telling one."""
+    """The axis of the named effect's place, or else the most informative one."""
     wanted = {
         "position": ("angle in the turn", "position", "x"), "friction": ("velocity", "dx"), "drive": ("drive", "input"),
         "transmission": ("reversal",), "time": ("time",), "sensor": ("angle in the turn", "position", "output"),

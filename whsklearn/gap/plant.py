@@ -160,7 +160,7 @@ class Figures(NamedTuple):
 
 @dataclass(frozen=True)
 class Reading:
-    """What a record tells before any model of it is asked.
+    """What a record shows before any model is fitted.
 
     Attributes
     ----------
@@ -179,7 +179,7 @@ class Reading:
 
 @dataclass(frozen=True)
 class Told:
-    """What a plant tells the report.
+    """What a plant adds to the report.
 
     Attributes
     ----------
@@ -244,7 +244,7 @@ class Plant(Protocol):
         """The base model, fitted."""
 
     def errors(self, model: Any) -> Array:
-        """What the model leaves at the judged samples, shape (n,)."""
+        """Residual of the model at the judged samples, shape (n,)."""
 
     def settled(self, model: Any) -> Any:
         """The model with all numbers fitted jointly."""
@@ -259,16 +259,16 @@ class Plant(Protocol):
         """The model with one candidate fitted."""
 
     def objection(self, model: Any, grown: Any) -> str:
-        """What physics has against the last term of ``grown``, which the model lacks; empty if nothing.
+        """Physical objection to the last term of ``grown``, which the model lacks; empty if there is none.
 
         Its numbers, a free run that it makes worse, or that it explains too little beside what is there.
         """
 
     def aliases(self, name: str) -> tuple[str, ...]:
-        """Names that no record of this kind can tell from ``name``."""
+        """Effects that no record of this kind can distinguish from ``name``."""
 
     def made(self, model: Any, rng: np.random.Generator) -> Any:
-        """A plant whose record the model itself made in the same experiment: nothing is missing in it."""
+        """A plant with a record simulated by the model in the same experiment: nothing is missing in it."""
 
     def simulate(self, model: Any, horizon: float) -> Array:
         """Free run from the drive alone, restarted every ``horizon`` seconds; shape (n,)."""
@@ -296,7 +296,7 @@ class Plant(Protocol):
 
 
 class PlantDefaults:
-    """What a plant does unless it knows better."""
+    """Default methods of a plant."""
 
     horizon_unit = "s"
     exact = False
@@ -317,7 +317,7 @@ class PlantDefaults:
         return rms(errors)
 
     def size(self, before: Array, after: Array) -> float:
-        """Rms of what is gone between the errors of two models, in the unit of `Plant.scale`."""
+        """Rms of the difference between the errors of two models, in the unit of `Plant.scale`."""
         return float(np.sqrt(max(0.0, float(before @ before) - float(after @ after)) / before.size))
 
     def explained(self: Any, model: Any, grown: Any, look: Any) -> tuple[float, float]:
@@ -326,11 +326,11 @@ class PlantDefaults:
         return gain(float(before @ before), float(after @ after), self.n_effective), self.size(before, after)
 
     def alone(self: Any, model: Any) -> Array:
-        """What a model leaves, less the artefacts of its own records: as it is."""
+        """Residual of a model minus the artefacts of its own records: here the residual itself."""
         return np.asarray(self.errors(model))
 
     def leads(self: Any, taken: Any, other: Any, before: Array, rng: np.random.Generator) -> Array:
-        """Lead of the one taken in records that the other makes: to first order, from what each explains."""
+        """Lead of the chosen one in records simulated with the other: to first order, from what each explains."""
         return rival_leads(before, taken.errors, other.errors, self.n_effective, rng)
 
     def family(self, model: Any) -> Iterable[Any]:
@@ -338,7 +338,7 @@ class PlantDefaults:
         return ()
 
     def contributes(self, base: Any, model: Any) -> bool:
-        """Whether effects say something that the whole run hides: never."""
+        """Whether effects show something that the whole run hides: never."""
         return False
 
     def to_simulate(self, model: Any) -> Any:

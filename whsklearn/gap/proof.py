@@ -43,7 +43,7 @@ def free_run_error(plant: Any, model: Any, horizon: float, *beside: Any) -> Free
 
 
 def closure(before: float, after: float, floor: float, spread: float = np.inf) -> float:
-    """Share of the gap that is gone, 1 - (after - floor) / (before - floor), within -1 and 1.
+    """Share of the gap that is closed, 1 - (after - floor) / (before - floor), within -1 and 1.
 
     ``spread`` is the error of no model at all, the record's deviation from its mean.  A base model that diverges is
     beyond it and no yardstick: beside it any repair would close the whole gap.  So the gap counts from there, and a
@@ -134,9 +134,7 @@ def on_second_record(finder: Any, log: Any, **columns: str | None) -> list[dict[
         )
     signals = [np.column_stack([p.record.drive, p.record.position]) for p in (fitted, plant)]
     if shared_run(*signals) is not None:
-        raise ValueError(
-            "It contains samples of the record that was fitted, so it is no test; give another run."
-        )
+        raise ValueError("It contains samples of the record that was fitted, so it is no test; give another run.")
     rows = []
     for horizon in plant.horizons:
         before, after = (free_run_error(plant, _moved(m, here), horizon).rmse for m in (found.base, found.model))

@@ -1,6 +1,6 @@
-"""The search: is there an effect, which one, is that all?  Each asked of records that the model makes itself.
+"""The search: is there an effect, which one, and is that all?  Each is tested on records simulated with the model.
 
-It knows a plant's looks, fits and errors, and no physics (see `whsklearn.gap.plant`).
+It uses a plant's looks, fits and errors, and no physics (see `whsklearn.gap.plant`).
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class Named:
     size : float
         Rms of what it explains, as a share of the drive or the output.
     reason : str
-        What physics has against it; empty if nothing.
+        Physical objection to it; empty if there is none.
     rivals, same : list of str
         Names that this record does not tell from it, and names of what says the same with more numbers.
     """
@@ -90,7 +90,7 @@ class Named:
 
 @dataclass
 class Step:
-    """One round: what was asked, what was fitted, what was taken."""
+    """One round: what was tested, what was fitted, what was added."""
 
     number: int
     gap: float
@@ -102,7 +102,7 @@ class Step:
 
 @dataclass
 class Found:
-    """Where the search ended.
+    """Result of the search.
 
     Attributes
     ----------
@@ -244,7 +244,7 @@ class Search:
         return Named(look, grown, next(errors), next(errors), g, float(size / self.plant.scale))
 
     def _chosen(self, fitted: list[Named], looks: list[Look]) -> Named | None:
-        """The best sound fit with its rivals; of those that this record does not tell from it, the commonest."""
+        """The best sound fit with its rivals; of those that this record cannot distinguish, the most common."""
         sound = [f for f in fitted if not f.reason]
         taken = sound[0] if sound else None
         while taken is not None:
@@ -256,7 +256,7 @@ class Search:
         return None
 
     def rivals(self, taken: Named, sound: list[Named]) -> tuple[list[str], list[str]]:
-        """(names that this record does not tell from the one taken, names that say the same with more numbers)."""
+        """(names that this record cannot distinguish from the chosen one, names that add numbers and say the same)."""
         rivals, same = [], []
         for other in (f for f in sound if meet(f.look, taken.look)):
             if other.name == taken.name or other.name in self.plant.aliases(taken.name):
@@ -293,7 +293,7 @@ class Search:
         return separable(lead, z, leads, self.alpha) and self._still_apart(taken, other)
 
     def _still_apart(self, taken: Named, other: Named) -> bool:
-        """Whether they are still told apart where each is judged beside its own artefacts, not those of their base.
+        """Whether they still differ if each is judged beside its own artefacts, not those of their base.
 
         A rival that leaves more than twice the power has lost.
         """

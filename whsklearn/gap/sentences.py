@@ -28,7 +28,7 @@ RICH = (
 
 
 def article_list(names: list[str]) -> str:
-    """Names joined as in prose.
+    """Names joined as in a sentence.
 
     Examples
     --------
@@ -82,7 +82,7 @@ def summary(d: Any, plant: Any) -> str:
     if d.verdict == "named":
         parts = [f"{e.label.replace('_', ' ')} ({numbers(e)})" for e in d.effects]
         alias = sorted({a for e in d.effects for a in e.aliases})
-        tail = f" No such record can distinguish it from  {article_list(alias)}." if alias else ""
+        tail = f" No such record can distinguish it from {article_list(alias)}." if alias else ""
         return opening + "Consistent with " + " and ".join(parts) + ". " + left + tail
     if d.verdict == "ambiguous":
         groups = [article_list([e.label, *e.aliases]).replace(" and ", " or ") for e in d.effects]
@@ -116,7 +116,7 @@ def summary(d: Any, plant: Any) -> str:
 
 
 def next_experiment(d: Any) -> str:
-    """The experiment that would settle what this record leaves open."""
+    """The experiment that would decide what this record cannot."""
     if d.shortfall:
         return "First give the base model the orders and the law that the record needs."
     if d.verdict == "named" and not any(e.aliases for e in d.effects):

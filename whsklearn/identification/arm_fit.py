@@ -253,7 +253,7 @@ def suspicions(arm: Arm, q: Array, torque: Array) -> list[str]:
     if not far and heavy.any() and np.median(there[heavy] / needed[heavy]) > UNLIKE:
         times = float(np.median(there[heavy] / needed[heavy]))
         out.append(
-            f"The drives are {times:.0f}  times what gravity requires with the file's masses;  "
+            f"The drives are {times:.0f} times what gravity requires with the file's masses; "
             "if they are currents in mA, or counts, convert them to Nm."
         )
     return out

@@ -160,7 +160,7 @@ def fill_regressor(out, links, q, v, a):
 
 @part
 def pay(links, inertial, work, total):
-    """Add to ``total`` (n,) the drives that pay for the motion in ``work``; ``inertial`` (n, 10)."""
+    """Add to ``total`` (n,) the drives needed for the motion in ``work``; ``inertial`` (n, 10)."""
     for k in range(links.parent.size):
         j = k
         while j >= 0:
@@ -191,7 +191,7 @@ def weigh(links, inertial, work, mass):
 
 @njit(nogil=True, error_model="numpy")
 def fill_torque(out, links, inertial, q, v, a):
-    """``out`` (n_samples, n), zeros before: drives that the links ask for along q, v, a (n_samples, n)."""
+    """``out`` (n_samples, n), zeros before: drives that the links need along q, v, a (n_samples, n)."""
     work = room(links.parent.size)
     for t in range(q.shape[0]):
         move(links, q[t], v[t], a[t], work)

@@ -81,7 +81,7 @@ def solve(mass, right):
 
 @part
 def torque_at(codes, p, own, e, z, t, q, v, s, ds, u):
-    """Torque of a joint's effects with this sign of its velocity, and its slope: asked for twice, compiled once."""
+    """Torque of a joint's effects with this sign of its velocity, and its slope: called twice, compiled once."""
     return motor_sum(codes, p, own, e, z, t, q, v, s, ds, u)
 
 

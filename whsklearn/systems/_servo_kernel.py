@@ -43,7 +43,7 @@ _FOLDED = 0.5  # share of the sign lost above which the encoder falls where the 
 class PassInputs(NamedTuple):
     """What a pass is given: arrays of n samples.
 
-    ``reference`` (3, n): position asked for and its two derivatives; ``noise`` on the encoder and ``disturbance``
+    ``reference`` (3, n): commanded position and its two derivatives; ``noise`` on the encoder and ``disturbance``
     torque, (n,) or (0,); ``measured`` (2, n) or (4, n): position and velocity on the encoder's side and, if there,
     the twist of the coupling and its rate, to return to or to observe.
     """
@@ -166,7 +166,7 @@ def run(out, plant, controller, signals, how, initial):
 
 @njit(nogil=True, error_model="numpy")
 def torque_along(plant, time, position, velocity, drive):
-    """What all memoryless effects ask of the drive along a motion (Nm), shape (n,): F(q, v) of the module's formula.
+    """Drive torque for all memoryless effects along a motion (Nm), shape (n,): F(q, v) of the module's formula.
 
     Effects with a memory of the path and those of the sensor are omitted: on a noisy path the first would be
     shaken by the noise, the second are no torque.

@@ -33,7 +33,7 @@ from whsklearn.systems._servo_torques import (
 
 
 class Body(NamedTuple):
-    """Inertia (kg m2), the load's share of it (0: rigid), stiffness, damping and gap of the coupling, kappa."""
+    """Inertia (kg m2), the load's share of it (0: rigid), stiffness, damping and play of the coupling, kappa."""
 
     inertia: Any
     share: Any

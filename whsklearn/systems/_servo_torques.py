@@ -95,7 +95,7 @@ def arranged(effects, p):
 
 @_inlined
 def motor_sum(effects, p, own, ends, z, t, q, v, s, ds, u):
-    """Torque of all effects on the motor's side (Nm), and its slope by velocity; s stands for sign(v)."""
+    """Torque of all effects on the motor's side (Nm), and its slope by velocity; s is sign(v)."""
     total, slope = 0.0, 0.0
     for i in range(ends.plain):
         f, df = motor_torque(effects[i], p, i, t, q, v, s, ds, u)
@@ -136,7 +136,7 @@ def added_inertia(p, ends, t):
 def advance_memories(effects, p, ends, z, dx, v):
     """Move every effect with a memory along what the last step left of its path, and along ``dx``.
 
-    They stand at the middle of a step, where the torque is asked for, so one advance a step is enough: from middle to
+    They are at the middle of a step, where the torque is evaluated, so one advance a step is enough: from middle to
     middle, at the velocity ``v`` between them.
     """
     dx += z[ends.own, AHEAD]

@@ -350,7 +350,7 @@ class Arm:
         return rng.uniform(-math.pi, math.pi, shape), rng.normal(size=shape), rng.normal(size=shape)
 
     def consistent(self, base: BaseParameters, values: ArrayLike, covariance: ArrayLike | None = None) -> Self:
-        """The arm with these base parameters whose links are physical (positive masses, inertias of real bodies).
+        """The arm with these base parameters and physically consistent links (positive masses, realisable inertias).
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""Physically consistent inertias: every link a body that could be made, by its log-Cholesky parameters.
+"""Physically consistent inertias: every link is a realisable body, by its log-Cholesky parameters.
 
 The pseudo-inertia of a body, J = [[S, h], [h', m]] with S = tr(I)/2 1 - I, is positive definite for every body of
 positive density and for no other numbers (Wensing, Kim and Slotine 2018).  Rucker and Wensing (2022) write it
@@ -73,7 +73,7 @@ def slopes(x: Array) -> Array:
 
 
 def log_cholesky(numbers: Array) -> Array:
-    """The inverse; numbers that no body can have are moved to the nearest body with a little mass and extent."""
+    """The inverse; impossible numbers are moved to the nearest body with a little mass and extent."""
     j = pseudo_inertia(numbers)
     values, vectors = np.linalg.eigh(j)
     least = np.array([1.0, 1.0, 1.0, LEAST_RADIUS**-2]) * LEAST_MASS * LEAST_RADIUS**2

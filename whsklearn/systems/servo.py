@@ -1,7 +1,7 @@
 """A servo axis as physics: inertia, friction law, effects, drive, transmission, sensor, controller.
 
-The torque balance is torque = J a + law + effects, so a positive effect is one that the
-drive has to pay for.  Nothing in it knows about radians: a linear axis reads kg, m and N.
+The torque balance is torque = J a + law + effects, so a positive effect is one that the drive has to overcome.  Nothing
+in it depends on radians: a linear axis reads kg, m and N.
 """
 
 from __future__ import annotations

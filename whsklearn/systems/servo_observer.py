@@ -109,7 +109,7 @@ def follow(plant: Plant, drive: Array, measured: Array, how: How, *, start: tupl
 
 
 def effect_torque(plant: Plant, time: Array, position: Array, velocity: Array, drive: Array) -> Array:
-    """F(q, v): what all memoryless effects of an axis ask of the drive along a motion (Nm), shape (n,).
+    """F(q, v): drive torque for all memoryless effects of an axis along a motion (Nm), shape (n,).
 
     Hysteresis and the sensor's effects are omitted: noise on the path would shake the first, the second are no
     torque. On the measured motion less on the observer's it is what an observer's innovation does not show.

@@ -43,7 +43,7 @@ class Conditions(NamedTuple):
 
 
 def record_frame(record: Bunch) -> pd.DataFrame:
-    """The log as a logger would have written it: time_s, reference_rad, torque_nm, position_rad.
+    """The log as a logger would write it: time_s, reference_rad, torque_nm, position_rad.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ def experiment(
 
 
 def _first(position: ArrayLike | None, otherwise: float) -> float:
-    """Where a simulation starts if nothing is said."""
+    """Default initial state of a simulation."""
     return float(otherwise if position is None else np.asarray(position, dtype=float)[0])
 
 
