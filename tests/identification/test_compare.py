@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 
 from tests.recursion.axis_log import TRUTH, axis_log, slow_drive
 from whsklearn.identification import Compared, identify
-from whsklearn.identification.compare import _better
+from whsklearn.identification.compare import _better, recommend
 from whsklearn.identification.view import view
 from whsklearn.models import AxisModel, LinearModel
 from whsklearn.recursion.batch.axis_free_run import free_run
@@ -127,3 +127,24 @@ def test_a_fit_to_all_of_the_record_that_ends_worse_than_the_first_is_not_taken(
     assert _better(*pair, log) is good
     assert _better(*pair[::-1], log) is good
     assert _better(pair[0], Compared("", "output_error", {}, "simulation"), log) is good
+
+
+def test_a_free_run_that_is_lost_is_recommended_only_where_all_are():
+    """Windows no longer than their model holds say nothing of a run of minutes."""
+    trivial = Compared("constant velocity", "trivial", {}, "-", score=10.0)
+
+    def tried(*runs):
+        named = zip(("A", "B", "C"), (3.0, 1.0, 2.0), runs, strict=True)
+        return [Compared(name, "arx", {}, "-", score=score, test=run) for name, score, run in named]
+
+    chosen, reason = recommend(tried({"nmse": 0.5}, {"nmse": 4e4}, {"nmse": 0.9}), trivial)
+    assert chosen.name == "C"
+    assert "B is better over windows" in reason
+    assert "NMSE 4e+04" in reason
+    assert recommend(tried({"nmse": 0.5}, {}, {"nmse": 2.0}), trivial)[0].name == "A"
+    chosen, reason = recommend(tried({"nmse": 1.5}, {"nmse": 4e4}, {}), trivial)
+    assert chosen.name == "B"
+    assert "No free run stays nearer" in reason
+    chosen, reason = recommend(tried({"nmse": 0.5}, {"nmse": 0.2}, {"nmse": 4e4}), trivial)
+    assert chosen.name == "B"
+    assert "free run" not in reason

@@ -54,6 +54,7 @@ CHAIN_FROM = 300  # samples, below which some thirty numbers of a chain cannot b
 # Of the way in a window: a steady rotation that constant velocity predicts to that follows its drive, whatever the
 # structures add
 STEADY = 0.03
+LOST = 1.0  # NMSE of a free run beyond which the mean of the output is nearer
 EXPLAINS = 0.9  # of the trivial model's error; a best model above that says nothing about the record
 
 
@@ -278,6 +279,7 @@ def identify(
             if progress:
                 progress(compared.name)
             _score(_fitted(compared, fit, fitting, units), held_out)
+            compared.test = _indices(compared.model, held_out, lead(held_out.longest.u.size, dt))
         tried.append(compared)
     tried.sort(key=lambda c: (c.size, c.score))
     chosen, reason = recommend(tried, trivial, steady=_steady(trivial, held_out))
@@ -353,14 +355,16 @@ def candidates(
 def recommend(tried: list[Compared], trivial: Compared, *, steady: bool = False) -> tuple[Compared, str]:
     """The simplest within `AS_GOOD` of the best, and why; ``tried`` is sorted from the simplest on.
 
+    One whose free run is `LOST`, of which windows see little, is taken only where all are.
     A record that the trivial model predicts as well says nothing against a structure where its motion is ``steady``.
     """
     good = [c for c in tried if np.isfinite(c.score)]
     if not good:
         told = "; ".join(f"{c.name}: {c.failure or 'its free run does not stay finite'}" for c in tried)
         raise ValueError(f"No structure could be fitted to this record ({told}).")
-    best = min(good, key=lambda c: c.score)
-    chosen = next(c for c in good if c.score <= AS_GOOD * best.score)
+    holding = [c for c in good if not _lost(c.test)]
+    first, best = (min(some, key=lambda c: c.score) for some in (good, holding or good))
+    chosen = next(c for c in holding or good if c.score <= AS_GOOD * best.score)
     ratio = chosen.score / trivial.score
     reason = f"{chosen.name} leaves {ratio:.3g} of the error of a {trivial.name} over held-out windows"
     others = [c for c in good if c.kind != chosen.kind]
@@ -369,6 +373,11 @@ def recommend(tried: list[Compared], trivial: Compared, *, steady: bool = False)
         reason += f", the best of another kind ({rival.name}) {rival.score / trivial.score:.3g}"
     if chosen is not best:
         reason += f"; {best.name} is no better than {100 * (AS_GOOD - 1):.3g} % and has more parameters"
+    if first is not best:
+        reason += (
+            f"; {first.name} is better over windows, but its free run is further off than the mean of the output "
+            f"({_told(first.test)})"
+        )
     if ratio > EXPLAINS and steady:
         reason += (
             f"; the motion is so even that {trivial.name} predicts it as well, so the record says little about the "
@@ -376,7 +385,21 @@ def recommend(tried: list[Compared], trivial: Compared, *, steady: bool = False)
         )
     elif ratio > EXPLAINS:
         reason += "; that is next to nothing, so the output does not follow this input by any of the structures"
+    if not holding:
+        reason += (
+            f". No free run stays nearer to the held-out output than its mean, that of {chosen.name} neither "
+            f"({_told(chosen.test)}): use the model over short windows only"
+        )
     return chosen, reason + "."
+
+
+def _lost(run: dict[str, float]) -> bool:
+    """Whether the mean of the output is nearer than this free run."""
+    return not run.get("nmse", np.inf) <= LOST
+
+
+def _told(run: dict[str, float]) -> str:
+    return f"NMSE {run['nmse']:.3g}" if run else "it does not stay finite"
 
 
 def _steady(trivial: Compared, log: View) -> bool:
@@ -407,6 +430,9 @@ def _better(first: Compared, again: Compared, log: View) -> Any:
     parts = [replace(first, windows={}, score=np.inf), replace(again, windows={}, score=np.inf)]
     for part in parts:
         _score(part, log)
+        part.train = _indices(part.model, log, 0)
+    if _lost(parts[1].train) and not _lost(parts[0].train):
+        return first.model
     return again.model if parts[1].score <= AS_GOOD * parts[0].score else first.model
 
 
