@@ -227,7 +227,7 @@ CLEARLY = 0.25  # of the drives' residual: half the error at the joints that ano
 
 
 def suspicions(arm: Arm, q: Array, torque: Array) -> list[str]:
-    """Sentences about what a log that cannot be meant so looks like: degrees, mA, all joints moving as one.
+    """Warnings about a log that looks wrong: degrees, mA, all joints moving as one.
 
     Parameters
     ----------

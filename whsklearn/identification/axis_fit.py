@@ -212,7 +212,7 @@ def spring_start(log: View) -> Array:
 
 
 def _fit(log: View, form: AxisForm) -> AxisModel:
-    """The numbers that simulate best over windows of the record, of all that the fits ended at."""
+    """Of the results of all fits, the parameters that simulate best over windows of the record."""
     return _model(_best_minimum(log, form), log, form)
 
 
@@ -285,7 +285,7 @@ def _best_minimum(log: View, form: AxisForm) -> AxisFit:
 
 
 def start_as_fit(start: Start, log: AxisLog) -> AxisFit:
-    """What inverse dynamics found, where nothing simulates better; its errors are all that two estimators differ by."""
+    """The inverse-dynamics estimate, if nothing simulates better; its errors are the difference of two estimators."""
     error = log.target - free_run(start.theta, log)
     return AxisFit(start.theta, np.zeros((start.theta.size,) * 2), error, 0.0)
 

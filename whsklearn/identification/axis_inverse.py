@@ -107,7 +107,7 @@ class Start(NamedTuple):
     drive: Array
 
     def holds(self, theta: Array) -> bool:
-        """Whether other numbers leave about as little of the drive along the measured motion as least squares does.
+        """Whether other parameters explain the drive along the measured motion about as well as least squares does.
 
         A run that ignores the drive can follow a record for a while, of an axis that gravity makes unstable above all;
         its balance cannot be nearly as good.
@@ -117,7 +117,7 @@ class Start(NamedTuple):
 
 
 def inverse_starts(log: View, form: AxisForm) -> list[Start]:
-    """Starts of a fit, one a width of the Gaussian that leaves an inertia; friction is at least next to nothing.
+    """Starts of a fit, one per width of the Gaussian that gives an inertia; friction is slightly above zero at least.
 
     Raises
     ------
@@ -150,7 +150,7 @@ def _rms(x: Array) -> float:
 
 
 def _backwards(log: View, form: AxisForm) -> str:
-    """Why there is no inertia: a force that grows with the position may be all that hides it."""
+    """Error message for a missing inertia: a force that grows with the position may hide it."""
     if not form.of_position and log.logged == "position":
         for width in WIDTHS:
             columns, drive = balance(log, width, AxisForm(hangs=True))

@@ -1,4 +1,4 @@
-"""An axis as the kernel of its free run has it: its numbers in a vector, its record in pieces."""
+"""An axis in the form of the free-run kernel: its parameters in a vector, its record in pieces."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ FEWEST_SHOT = 20  # samples of a piece of multiple shooting, ten for each number
 
 
 def axis_log(log: View, form: AxisForm) -> AxisLog:
-    """The record as the fit of an axis takes it, in one piece, or in short ones where gravity pulls.
+    """The record in the form for fitting an axis: one piece, or short ones if there is gravity.
 
     Where it does the place counts, and a free run is off it after some seconds.
     """
@@ -54,7 +54,7 @@ def shooting_log(log: View, seconds: float, form: AxisForm) -> AxisLog:
 
 
 def axis_residual(theta: Array, log: View, form: AxisForm) -> Array:
-    """What the axis leaves of a record in SI: of a position in pieces, each with its own state; else of one run."""
+    """Residual of the axis in SI: for a position in pieces, each with its own state; otherwise of one run."""
     if log.logged == "position":
         pieces = settled(theta, shooting_log(log, PIECE, form))
         return pieces.target - free_run(theta, pieces)

@@ -177,7 +177,7 @@ class Identification:
 
     @property
     def on_drive(self) -> str:
-        """What is to be said of the times of the drive; nothing where they are those of the output."""
+        """Note on the timing of the drive; empty if it is that of the output."""
         samples = self.train.lead
         if not samples:
             return ""
@@ -403,7 +403,7 @@ def _told(run: dict[str, float]) -> str:
 
 
 def _steady(trivial: Compared, log: View) -> bool:
-    """Whether a position goes on so evenly that constant velocity misses next to nothing of its way in any window."""
+    """Whether a position moves so evenly that constant velocity predicts it almost exactly in every window."""
     if log.logged != "position":
         return False
     way = {h: rms_of(log.y[h:] - log.y[:-h]) for h in trivial.windows}

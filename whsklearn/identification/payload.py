@@ -1,4 +1,4 @@
-"""A payload from a loaded record against an unloaded one, and drive gains from a load that is known.
+"""A payload from a loaded record against an unloaded one, and drive gains from a known load.
 
 What is found without the load is frozen; the offsets of the drives are the loaded record's own.  A body at a link adds
 its ten numbers to the link's, and the columns of any number are those of the base numbers times its column of the
@@ -71,7 +71,7 @@ class Payload(NamedTuple):
 
 
 def find_payload(empty: ArmFit, position: ArrayLike, drive: ArrayLike, *, gain_error: float = 0.0) -> list[Payload]:
-    """A body at each link whose mass moves a drive, that which leaves least first.
+    """A body at each link whose mass affects a drive, the one with the smallest residual first.
 
     Parameters
     ----------

@@ -40,7 +40,7 @@ def loses_sign(log: View) -> bool:
 
 
 def fit_rectified(log: View, order: int) -> ChainModel:
-    """Output error of |x| by turns: x is fitted to y with the signs of the x before.
+    """Output error of |x| by iteration: x is fitted to y with the signs of the previous x.
 
     Where no sign changes the sum of squares of |x| - y is that of x - sign(x) y, so a fit that keeps its signs is a
     minimum of it (phase retrieval by alternating projections, Fienup 1982).
@@ -56,7 +56,7 @@ def fit_rectified(log: View, order: int) -> ChainModel:
 
 
 def fit_folded(log: View, order: int) -> ChainModel:
-    """The same by the free run, where the sensor has another gain each way, an offset and a lag, and x a mean.
+    """The same by the free run, where the sensor has two gains (one per direction), an offset and a lag, and x a mean.
 
     A pulse counter averages, and a drive that does not move at a low voltage has the sign of its offset.
 
@@ -87,7 +87,7 @@ def _best_signs(log: View, order: int) -> Ratio:
 
 
 def _from_signs(log: View, order: int, signs: Array) -> tuple[Ratio, float]:
-    """The best model along the iteration, and the mean square that |x| leaves."""
+    """The best model of the iteration, and the mean square residual of |x|."""
     best, least = None, np.inf
     data = input_output(log)
     for _ in range(ITERATIONS):

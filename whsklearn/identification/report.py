@@ -1,4 +1,4 @@
-"""What `identify` writes: identify.json for programs, model.json, and a page for a person."""
+"""The output of `identify`: identify.json for programs, model.json, and a page for people."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ MODEL_FILE = "model.json"
 
 
 def write(found: Identification, folder: str | os.PathLike[str]) -> Path:
-    """Write ``identify.json``, ``model.json`` and ``identify.html`` into a folder, made if need be.
+    """Write ``identify.json``, ``model.json`` and ``identify.html`` into a folder, created if it does not exist.
 
     Returns
     -------
@@ -56,7 +56,7 @@ def document(found: Identification) -> dict[str, Any]:
 
 
 def on_intervals(found: Identification) -> str:
-    """What is to be said of the intervals; nothing where the model leaves white noise."""
+    """Note on the intervals; empty if the residual is white."""
     if found.white:
         return ""
     how = "to the difference between two estimators" if found.recommended.kind == "axis" else "by sums over blocks"

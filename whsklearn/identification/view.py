@@ -1,4 +1,4 @@
-"""A log as the candidates see it: which signal is fitted, how noisy it is, what is held out."""
+"""A log prepared for the candidates: which signal is fitted, how noisy it is, what is held out."""
 
 from __future__ import annotations
 
@@ -164,7 +164,7 @@ def _segments(u: Array, y: Array, groups: NDArray[Any]) -> tuple[Array, Array, t
 
 
 def since_start(bounds: NDArray[np.int64]) -> NDArray[np.int64]:
-    """How many samples of its segment lie before each sample."""
+    """Number of samples before each sample in its segment."""
     return np.concatenate([np.arange(n) for n in np.diff(bounds)])
 
 
@@ -182,7 +182,7 @@ def _differences(y: Array, order: int, bounds: NDArray[np.int64] | None) -> Arra
 
 
 def integrates(u: Array, y: Array, bounds: NDArray[np.int64]) -> bool:
-    """Whether y is a motion that keeps its place when the drive is gone: a pole at 1."""
+    """Whether y keeps its value when the drive is zero: a pole at 1."""
     since = since_start(bounds)
     data = IOData(one_later(u, bounds)[None, :], y - y[np.arange(y.size) - since], bounds, since >= 10)
     arx = least_squares_arx(data, 3, 2)

@@ -40,7 +40,7 @@ def lead(n: int, dt: float) -> int:
 
 
 def window_errors(model: Any, log: View, horizon: int, before: int) -> Array:
-    """Output minus prediction over windows, (windows, horizon); an infinite one where the model runs away."""
+    """Output minus prediction over windows, (windows, horizon); infinite where the model diverges."""
     begins = _begins(log, horizon, before)
     if model is None:
         return np.array([_steady(log, s, horizon, before) for s in begins])
@@ -66,7 +66,7 @@ def whole_errors(model: Any, log: View, before: int) -> tuple[Array, Array]:
 
 
 def _steady(log: View, start: int, horizon: int, before: int) -> Array:
-    """The trivial model: the output stays as it is, a position goes on at constant velocity."""
+    """The trivial model: the output stays constant, a position continues at constant velocity."""
     past = log.y[start - before : start]
     if log.logged != "position":
         # of a white output the mean is the better constant, of a slow one the last value
@@ -132,7 +132,7 @@ def rms_of(error: Array) -> float:
 
 
 def residual(model: Any, log: View) -> Array:
-    """What the fit of a model left of the signal that it was fitted to, in SI."""
+    """Residual of a model in the signal that it was fitted to, in SI."""
     si = log.in_si
     if isinstance(model, AxisModel):
         theta, form = axis_theta(model)
@@ -173,7 +173,7 @@ def _response_errors(
 
 
 def _fades(model: ChainModel) -> int:
-    """Samples after which the first block has forgotten how it began, to 1 %."""
+    """Samples after which the initial state of the first block has decayed to 1 %."""
     slowest = float(np.abs(np.roots(model.f1)).max(initial=0.0))
     return math.ceil(math.log(0.01) / math.log(min(max(slowest, 1e-9), 1.0 - 1e-9)))
 
