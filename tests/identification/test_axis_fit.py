@@ -210,6 +210,14 @@ def test_an_axis_without_a_load_is_refused_before_anything_is_fitted(effects):
         resonance_start(behind_a_spring(8.0, 0.0, 0.05, effects)[0])
 
 
+def test_a_ripple_in_closed_loop_is_no_resonance():
+    """A load would explain some of it, with the right sign, but little."""
+    log = make_servo_log(["cogging"], duration=20.0, sizes=0.05, random_state=1)
+    record = view(log["torque_nm"], log["position_rad"], 0.001, "position")
+    with pytest.raises(ValueError, match="no resonance of a load"):
+        resonance_start(record)
+
+
 def test_a_load_behind_a_spring_is_found_from_the_motor_s_side():
     record, compliance = behind_a_spring(8.0, 0.6, 0.05)
     model = fit_two_masses(record)
