@@ -12,11 +12,14 @@ from whsklearn.gap.conclude import stays_open, verdict_of
 NAMELESS = SimpleNamespace(name="", p_value=1e-6, size=0.2)
 
 
-def verdict(after, run, *, taken=("stribeck",), rivals=(), remainder=(), floor=0.01, exact=False):
-    """Of a record with a gap of one, ``after`` of which is left where noise alone leaves ``floor``."""
+def verdict(after, run, *, taken=("stribeck",), rivals=(), remainder=(), floor=0.01, exact=False, floors=1.0, gap=1.0):
+    """Of a record with such a gap, ``after`` of which is left where noise alone leaves ``floor``.
+
+    The free run closes by ``run``, and ends at so many of its own ``floors``.
+    """
     plant = SimpleNamespace(
         tolerance=0.004, scale=1.0, exact=exact,
-        figures=lambda base, model, nameless: (1.0, after, floor, nameless),
+        figures=lambda base, model, nameless: (gap, after, floor, nameless),
     )  # fmt: skip
     found = SimpleNamespace(
         base=None,
@@ -25,7 +28,7 @@ def verdict(after, run, *, taken=("stribeck",), rivals=(), remainder=(), floor=0
         remainder=list(remainder),
         steps=[None],
     )
-    return verdict_of(plant, found, 0.01, run)
+    return verdict_of(plant, found, 0.01, {"closure": run, "after": floors, "floor": 1.0})
 
 
 @pytest.mark.parametrize(
@@ -40,6 +43,13 @@ def test_a_name_for_sure_explains_most_of_the_gap_and_closes_most_of_the_run(aft
 def test_rivals_make_it_ambiguous_and_what_follows_the_motion_partial():
     assert verdict(0.02, 0.99, rivals=["lugre"]) == "ambiguous"
     assert verdict(0.02, 0.99, remainder=[NAMELESS]) == "partial"
+
+
+def test_what_is_below_the_tolerance_counts_where_the_free_run_shows_it():
+    """Friction that grows above a speed, called Stribeck's: of 0.36 of the tolerance, and 2.6 floors of the run."""
+    small = SimpleNamespace(name="", p_value=1e-6, size=0.36 * 0.004)
+    assert verdict(0.003, 0.94, gap=0.029, floor=0.0014, remainder=[small], floors=2.6) == "partial"
+    assert verdict(0.003, 0.94, gap=0.029, floor=0.0014, remainder=[small], floors=1.1) == "named"
 
 
 def test_without_a_name_it_is_unknown_where_something_follows_the_motion():
