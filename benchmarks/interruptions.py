@@ -61,7 +61,8 @@ OTHERS = {  # that open no run: what becomes of them where the server is dead fr
     "ui": ["ui", "--no-browser", "--port", "0"],
 }
 REPORTS = {"gap": "report/gap.html", "identify": "model/identify.html", "fleet": "fleet.parquet"}
-REPORTS |= {"simulate": "simulated.csv", "export": "export/model.xml"}
+REPORTS |= {"demo": "reports/gap/gap.html", "simulate": "simulated.csv", "export": "export/model.xml"}
+PRINTED = {"tune": "The best"}  # the report of a command that writes none begins so
 DEATHS = ("killed", "stopped", "slow", "stopped, then SIGTERM")
 ALLOWED = 15.0  # s from the server's death, or from the report, to the end
 AT_RUN = b"mlflow/runs/create"  # the request at which a server dies: the first run is open, and nothing is in it
@@ -273,7 +274,7 @@ class Ending:
 def death(name: str, door: Door, folder: Path) -> Ending:
     """A command whose server dies in mid-run; SIGTERM follows the death where the door says so."""
     env = os.environ | {"MLFLOW_TRACKING_URI": door.address}
-    report = folder / REPORTS.get(name, "said.txt")
+    printed = float("-inf")
     with (folder / "said.txt").open("w") as said:
         command = [sys.executable, "-m", "whsklearn", *(COMMANDS | OTHERS)[name]]
         process = subprocess.Popen(command, cwd=folder, env=env, stdout=said, stderr=said)
@@ -283,14 +284,17 @@ def death(name: str, door: Door, folder: Path) -> Ending:
     if process.poll() is None and door.how.endswith("SIGTERM"):
         time.sleep(0.2)
         process.send_signal(signal.SIGTERM)
-    with contextlib.suppress(subprocess.TimeoutExpired):
-        process.wait(4 * DEADLINE)
+    while process.poll() is None and time.time() - died < 4 * DEADLINE:
+        time.sleep(0.05)
+        if name in PRINTED and printed < died and PRINTED[name] in (folder / "said.txt").read_text():
+            printed = time.time()
     ended = time.time()
     if process.poll() is None:
         process.kill()
         process.wait()
-    there = report.exists()
-    written = max(died, report.stat().st_mtime if there else died)
+    report = folder / REPORTS[name] if name in REPORTS else None
+    there = report is None or report.exists()
+    written = max(died, printed, report.stat().st_mtime if report is not None and there else died)
     told = (folder / "said.txt").read_text()
     lost = door.died.is_set() and door.how != "alive"
     return Ending(ended - died, ended - written, process.returncode, told, there, lost)
@@ -320,7 +324,7 @@ def deaths(only: str) -> None:
             last = (ending.said.strip().splitlines() or [""])[-1][:70]
             click.echo(
                 f"{name:<10}{how:<23}{ending.whole:6.1f} s after the death, {ending.after:5.1f} s after the report, "
-                f"exit {ending.code}{'' if ending.lost else ', asks no server'}   {'; '.join(faults) or last}"
+                f"exit {ending.code}{'' if ending.lost else ', asks no server'}   {'; '.join([*faults, last])}"
             )
     click.echo(f"{good} of {count} end within {ALLOWED:g} s, report on the disk; the slowest took {worst:.1f} s")
 
