@@ -30,7 +30,7 @@ def fitted(X, y, law=None):
 
 def test_a_constant_that_no_odd_law_gives_is_said_with_what_to_do(record):
     X, y = record
-    with pytest.warns(UserWarning, match=r"lies 2\b.* off .* has a constant; subtract it .* add offset"):
+    with pytest.warns(UserWarning, match=r"offset by 2\b.* from .* has a constant; subtract it .* add offset"):
         fitted(X, y + 2.0)
     with pytest.warns(UserWarning, match="subtract it"):
         PEMRegressor(WienerHammersteinLags(), random_state=0, n_starts=1).fit(X, y + 2.0)
