@@ -7,7 +7,7 @@ import pytest
 
 from tests.systems.drawn_arms import drawn_arm
 from whsklearn.datasets import make_arm_log
-from whsklearn.effects import Coulomb, Viscous
+from whsklearn.effects import Coulomb, LoadFriction, Viscous
 from whsklearn.identification import find_payload, gains_from_load, identify_arm
 from whsklearn.lags import RigidBodyLags
 from whsklearn.systems.arm_files import body_numbers
@@ -39,6 +39,25 @@ def test_a_record_without_a_load_has_none(empty):
     best = find_payload(empty, *log(ARM, 2))[0]
     assert abs(best.mass) < max(3 * best.mass_error, 0.05)
     assert best.left > 0.5
+
+
+def test_friction_that_grows_with_the_torque_is_kept_and_is_no_mass():
+    arm = ARM.with_effects({**FRICTION, "j1": (*FRICTION["j1"], LoadFriction(0.1))})
+    empty = identify_arm(*log(arm, 5), dt=0.002, robot=ARM.with_effects({}))
+    assert [n for n in empty.model.numbers if "load_friction" in n] == ["j1.load_friction"]
+    assert empty.model.numbers["j1.load_friction"] == pytest.approx(0.1, rel=0.1)
+    best = find_payload(empty, *log(arm.with_body("j2", 2.8, CENTRE), 6))[0]
+    assert abs(best.mass - 2.8) < 3 * best.mass_error < 0.15
+
+
+def test_joints_that_disagree_widen_the_interval(empty, monkeypatch):
+    q, torque = log(ARM.with_body("j2", 2.8, CENTRE), 1)
+    loaded = q, torque * [1.0, 1.0, 1.1]  # the drive of j2 reads a tenth too much
+    told = find_payload(empty, *loaded)[0]
+    monkeypatch.setattr("whsklearn.identification.payload.between_joints", lambda *_: 0.0)
+    by_blocks = find_payload(empty, *loaded)[0]
+    assert told.mass_error > 1.2 * by_blocks.mass_error
+    assert abs(told.mass - 2.8) < 2 * told.mass_error
 
 
 def test_the_interval_holds_the_gains(empty):

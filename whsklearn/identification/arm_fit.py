@@ -7,8 +7,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from sklearn.base import clone
 from threadpoolctl import threadpool_limits
 
+from whsklearn.effects import InputOffset, LoadFriction
 from whsklearn.estimators.rls import RLSRegressor
 from whsklearn.lags.rigid_body import RigidBodyLags
 from whsklearn.models.arm import ArmModel
@@ -19,12 +21,17 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
+    from whsklearn.effects import Effect
+
     Array = NDArray[np.float64]
 
 # Of a record, each omitted once for the spread of the numbers.  Between two records of 14 arms of six joints, on which
 # nothing had changed, numbers differ by 0.9 standard errors (rms), by 1.9 if errors count as white, with one of 37 by
 # more than five (`benchmarks.blind_arms --numbers`).
 N_LEFT_OUT = 20
+# Standard errors above zero at which friction is said to grow with the torque: Student's t over 20 blocks is beyond it
+# once in 25,000 joints that have none.
+GROWS = 5.0
 BLOCKS = 10  # of a record, one after the other; every second one is held out, and then the others
 
 
@@ -83,7 +90,9 @@ def identify_arm(position: ArrayLike, drive: ArrayLike, *, dt: float, robot: Any
         Sampling time (s).
     robot : Arm, or path of a URDF, MJCF or model file
     **settings
-        Of `RigidBodyLags`: ``law``, ``effects``, ``cutoff``, ``slow``.
+        Of `RigidBodyLags`: ``law``, ``effects``, ``cutoff``, ``slow``.  If neither ``law`` nor ``effects`` is given,
+        friction that grows with the torque is added at the joints that show it: a payload found beside numbers
+        without it would be charged with it.
 
     Raises
     ------
@@ -93,18 +102,15 @@ def identify_arm(position: ArrayLike, drive: ArrayLike, *, dt: float, robot: Any
     q, torque = np.asarray(position, dtype=float), np.asarray(drive, dtype=float)
     lags = RigidBodyLags(robot, sample_rate=1.0 / dt, **settings)
     phi, target, keep = lags.joint_rows(q, torque)
+    if not settings.keys() & {"law", "effects"} and (growing := _load_frictions(lags, q, torque, phi, target, keep)):
+        lags.set_params(effects=_offsets(lags.arm_.joints, growing))
+        phi, target, keep = lags.joint_rows(q, torque)
     for text in (*suspicions(lags.arm_, q, torque), *swapped(lags.arm_.joints, phi, target, keep)):
         warnings.warn(text, UserWarning, stacklevel=3)
     weights = lags.weights_ = lags._weights(phi, target, keep)
     names = lags.base_.names
-    # a drive is held for a sample, and logged late or early: beside its age, friction and inertia are what they are
-    rate = lags._rate(q, torque, fitted(phi, target, keep, weights)[0])
-    moving = np.flatnonzero(np.any(keep & (rate != 0.0), axis=0))
-    phi = np.concatenate([phi, rate[:, :, None] * np.eye(target.shape[1])[:, moving]], axis=2)
-    theta, white = fitted(phi, target, keep, weights)
-    block = np.broadcast_to((np.arange(len(phi)) * N_LEFT_OUT // len(phi))[:, None], keep.shape)[keep]
-    error = (target - phi @ theta) * weights
-    covariance = block_covariance((phi * weights[:, None])[keep], error[keep], block, white)
+    phi, moving = _with_ages(phi, keep, lags._rate(q, torque, fitted(phi, target, keep, weights)[0]))
+    theta, covariance = _with_blocks(phi, target, keep, weights)
     ages = dict(zip([lags.arm_.joints[int(j)] for j in moving], theta[len(names) :].tolist(), strict=True))
     theta, covariance = theta[: len(names)], covariance[: len(names), : len(names)]
     errors = dict(zip(names, np.sqrt(np.maximum(np.diag(covariance), 0.0)).tolist(), strict=True))
@@ -119,6 +125,63 @@ def identify_arm(position: ArrayLike, drive: ArrayLike, *, dt: float, robot: Any
         model, lags, dict(zip(joint_names, held_out(phi, target, keep, weights).tolist(), strict=True)),
         {j: one_axis(lags, k, q, torque) for k, j in enumerate(joint_names)}, nominal_numbers(lags), covariance, ages,
     )  # fmt: skip
+
+
+def _load_frictions(
+    lags: RigidBodyLags, q: Array, torque: Array, phi: Array, target: Array, keep: NDArray[np.bool_]
+) -> list[str]:
+    """Joints whose friction surely grows with their torque, and whose held-out error is smaller with it.
+
+    It has to be sure with the torque of the fit without it, too: of a measured drive that is little but friction,
+    c |u| sign(v) is the drive itself with its noise, and explains all of it.
+    """
+    theta, _ = fitted(phi, target, keep, lags._weights(phi, target, keep))
+    predicted, rate = lags._columns_along(q, torque)[0] @ theta, lags._rate(q, torque, theta)
+    before = _with_ages(phi, keep, rate)[0], target, keep
+    growing, asked = list(lags.arm_.joints), 0
+    while growing and len(growing) != asked:  # until all that are fitted together are sure
+        asked = len(growing)
+        own = clone(lags).set_params(effects=_offsets(lags.arm_.joints, growing), cutoff=lags.cutoff_).fit(q)
+        for drive in (predicted, torque):
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", UserWarning)  # joints at rest were told of already
+                phi = own._seen(q, drive, torque).phi
+            weights = own._weights(phi, target, keep)
+            rows = _with_ages(phi, keep, rate)[0], target, keep
+            at = {name: i for i, name in enumerate(own.base_.names)}
+            at = {j: at[name] for j in growing if (name := f"{j}.{LoadFriction.name}") in at}
+            theta, white = fitted(*rows, weights)
+            growing = [j for j, i in at.items() if theta[i] > GROWS * np.sqrt(white[i, i])]
+            if len(growing) < asked:  # errors by blocks are no smaller, and cost more
+                break
+            covariance = _with_blocks(*rows, weights)[1]
+            less = dict(zip(lags.arm_.joints, held_out(*rows, weights) < held_out(*before, weights), strict=True))
+            growing = [j for j, i in at.items() if less[j] and theta[i] > GROWS * np.sqrt(covariance[i, i])]
+            if len(growing) < asked:
+                break
+    return growing
+
+
+def _offsets(joints: Sequence[str], growing: Sequence[str]) -> dict[str, tuple[Effect, ...]]:
+    """An offset of every joint, and friction that grows with the torque at some."""
+    return {j: (InputOffset(), LoadFriction()) if j in growing else (InputOffset(),) for j in joints}
+
+
+def _with_ages(phi: Array, keep: NDArray[np.bool_], rate: Array) -> tuple[Array, NDArray[np.int64]]:
+    """Columns with the ages of the drives of the joints that move, and which these are.
+
+    A drive is held for a sample, and logged late or early: beside its age, friction and inertia are what they are.
+    """
+    moving = np.flatnonzero(np.any(keep & (rate != 0.0), axis=0))
+    return np.concatenate([phi, rate[:, :, None] * np.eye(rate.shape[1])[:, moving]], axis=2), moving
+
+
+def _with_blocks(phi: Array, target: Array, keep: NDArray[np.bool_], weights: Array) -> tuple[Array, Array]:
+    """Weights of the columns, and their covariance by leaving out blocks of the record."""
+    theta, white = fitted(phi, target, keep, weights)
+    block = np.broadcast_to((np.arange(len(phi)) * N_LEFT_OUT // len(phi))[:, None], keep.shape)[keep]
+    error = (target - phi @ theta) * weights
+    return theta, block_covariance((phi * weights[:, None])[keep], error[keep], block, white)
 
 
 def fitted(phi: Array, target: Array, keep: NDArray[np.bool_], weights: Array) -> tuple[Array, Array]:

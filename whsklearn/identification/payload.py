@@ -37,7 +37,8 @@ class Payload(NamedTuple):
     joint : str
         That carries it.
     mass, mass_error : float
-        In kg, and its standard error, which holds that of the unloaded fit and of the gains.
+        In kg, and its standard error, which holds that of the unloaded fit, that of the gains, and by how much the
+        joints disagree.
     centre : tuple of three float
         Of its mass, in the joint's frame (m).
     left : float
@@ -103,8 +104,9 @@ def find_payload(empty: ArmFit, position: ArrayLike, drive: ArrayLike, *, gain_e
         own = block_covariance(
             columns, left, np.arange(len(left)) * N_LEFT_OUT // len(left), variance * inverse @ inverse.T
         )
-        spread = own[0, 0] + of_empty @ empty.covariance @ of_empty
+        within = float(own[0, 0] + of_empty @ empty.covariance @ of_empty)
         mass = float(x[0])
+        spread = within + between_joints(*_mass_by_joint(body, error, offsets, x), within) if mass > 0.0 else within
         centre = tuple(float(c) for c in (x[1:4] / mass if mass else np.zeros(3)))
         deviation = float(np.sqrt(spread + (mass * gain_error) ** 2))
         found.append(Payload(joint, mass, deviation, centre, float(left @ left) / whole))  # type: ignore[arg-type]
@@ -187,6 +189,52 @@ def point_mass(numbers: Array) -> Array:
     if mass <= 0.0:
         return np.concatenate([numbers, np.zeros(N_BODY - MASS)])
     return body_numbers(mass, numbers[1:MASS] / mass, np.zeros((3, 3)))
+
+
+def between_joints(mass: Array, share: Array, within: float) -> float:
+    """Variance of a weighted mean over joints by what they disagree beyond their own errors.
+
+    An error of the model at a joint is the same in every block of a record, so that no jackknife over blocks sees it.
+    The joints see the same mass, and tau^2 is by how much more they differ than their errors say.
+
+    Parameters
+    ----------
+    mass, share : ndarray of shape (k,)
+        Of each joint that the body moves: the mass that its drive alone asks for, and its weight in the mean.
+    within : float
+        Variance of the mean by the errors of the rows.
+
+    References
+    ----------
+    DerSimonian and Laird 1986, Meta-analysis in clinical trials, Controlled Clinical Trials 7(3), 177-188.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> between_joints(np.array([2.7, 2.9]), np.array([0.5, 0.5]), 1.0)  # they agree within their errors
+    0.0
+    >>> round(between_joints(np.array([2.7, 2.9]), np.array([0.5, 0.5]), 0.0), 3)
+    0.01
+    """
+    alone = float(np.sum(share**2))
+    if len(mass) < 2 or not alone < 1.0:
+        return 0.0
+    apart = float(share @ (mass - share @ mass) ** 2) - (len(mass) - 1) * within
+    return max(apart, 0.0) / (1.0 - alone) * alone
+
+
+def _mass_by_joint(body: Array, error: Array, offsets: Array, found: Array) -> tuple[Array, Array]:
+    """The mass that each joint's drive asks for at the centre that was found, and its weight in their mean."""
+    column = body @ point_mass(found[:MASS]) / found[0]
+    masses, powers = [], []
+    for joint in offsets.T:
+        own = joint != 0.0
+        torque, asked = column[own], error[own]
+        if own.sum() > 1 and np.ptp(torque) > 0.0:
+            torque = torque - torque.mean()
+            powers.append(float(torque @ torque))
+            masses.append(float(torque @ asked) / powers[-1])
+    return np.array(masses), np.array(powers) / max(float(np.sum(powers)), 1e-300)
 
 
 def _beside(empty: ArmFit, position: ArrayLike, drive: ArrayLike) -> tuple[Array, Array, Array]:

@@ -292,7 +292,12 @@ class ArmPlant(PlantDefaults):
                 blocks.append((moved / step).reshape(-1, 1))
         jacobian = np.hstack(blocks) * factor[:, None]
         residual = view.left(model).ravel() * factor
-        if self.covariance is not None:  # the prior of the numbers counts as further rows
+        if self.covariance is not None:
+            # The record does not refit the frozen numbers: their errors move the free ones, which lie in the span of
+            # the free columns.  The prior of the numbers counts as further rows.
+            frozen = np.setdiff1d(numbers, view.open)
+            free = jacobian[:, np.setdiff1d(np.arange(jacobian.shape[1]), frozen)]
+            jacobian[:, frozen] = free @ np.linalg.lstsq(free, jacobian[:, frozen], rcond=None)[0]
             s = np.sqrt(residual @ residual / max(residual.size, 1))
             values, vectors = np.linalg.eigh(self.covariance)
             known = (vectors * (s / np.sqrt(np.maximum(values, 1e-12 * values.max())))).T
