@@ -61,7 +61,7 @@ OTHERS = {  # that open no run: what becomes of them where the server is dead fr
     "ui": ["ui", "--no-browser", "--port", "0"],
 }
 REPORTS = {"gap": "report/gap.html", "identify": "model/identify.html", "fleet": "fleet.parquet"}
-REPORTS |= {"demo": "reports/gap/gap.html", "simulate": "simulated.csv", "export": "export/model.xml"}
+REPORTS |= {"simulate": "simulated.csv", "export": "export/model.xml"}  # `demo` ends in its first part, before its page
 PRINTED = {"tune": "The best"}  # the report of a command that writes none begins so
 DEATHS = ("killed", "stopped", "slow", "stopped, then SIGTERM")
 ALLOWED = 15.0  # s from the server's death, or from the report, to the end
