@@ -43,7 +43,7 @@ def test_a_folder_that_cannot_be_written_is_one_sentence_before_any_work(called,
     (tmp_path / "file").write_text("")
     done = CliRunner().invoke(demo.main, ["--out", str(tmp_path / "file" / "reports")])
     assert done.exit_code == 1
-    assert done.output.startswith("Error: Nothing can be written into")
+    assert done.output.startswith("Error: Cannot write to")
     assert called == []
 
 
