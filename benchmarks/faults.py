@@ -154,7 +154,7 @@ class Rig:
     def state(self) -> dict[str, Any]:
         """What was learnt, without what tells of the faults."""
         _, state = read_state(self.kept, "stream")
-        return {"rows": state["carried"]["rows"], **{k: state[k] for k in ("model", "alarm", "innovations")}}
+        return {"rows": state["carried"]["rows"], **{k: state[k] for k in ("model", "alarms", "innovations")}}
 
     def records(self) -> list[Any]:
         """Estimates and predictions."""

@@ -49,8 +49,8 @@ def test_an_axis_is_identified_sample_by_sample_and_saved_in_between(tmp_path):
     lags = InverseDynamicsLags(sample_rate=RATE, cutoff=50, causal=True)
     whole = RMILSRegressor(lags=lags, p=4).partial_fit(X, y)
     piecewise = RMILSRegressor(lags=lags, p=4)
-    for i in range(0, 1000, 100):  # a first piece of 128 rows would be judged as a record
-        piecewise.partial_fit(X[i : i + 100], y[i : i + 100])
+    for i in range(0, 1000, 250):
+        piecewise.partial_fit(X[i : i + 250], y[i : i + 250])
     piecewise.save(tmp_path / "axis.state")
     later = RMILSRegressor.load(tmp_path / "axis.state").partial_fit(X[1000:], y[1000:])
     assert later.theta_ == pytest.approx(whole.theta_, rel=1e-10)

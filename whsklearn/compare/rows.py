@@ -143,13 +143,13 @@ def reversals_of(speed: Array, slowest: float) -> NDArray[np.intp]:
 
 
 def slowest_of(path: Array, time: Array) -> float:
-    """Frequency (Hz) below which a twentieth of the path's variance lies; zero if not even one cycle is completed.
+    """Frequency (Hz) below which a twentieth of the path's variance lies, in cosine half waves over the record.
 
     Examples
     --------
     >>> t = np.arange(0.0, 30.0, 0.01)
-    >>> round(slowest_of(np.sin(2 * np.pi * 0.5 * t), t), 2)
-    0.5
+    >>> [round(slowest_of(np.cos(2 * np.pi * f * t), t), 3) for f in (0.5, 1 / 60)]  # one way once is half a cycle
+    [0.5, 0.017]
     """
     power = dct(path - np.mean(path)) ** 2  # in half waves: a path that goes one way once is half a cycle
     line = int(np.searchsorted(np.cumsum(power), SLOW_SHARE * power.sum()))

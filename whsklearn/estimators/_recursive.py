@@ -100,8 +100,7 @@ class RecursiveRegressor(AxisRegressor):
         """Learn further samples; how they are divided into chunks makes no difference.
 
         A call learns all of its samples or none: if an exception or Ctrl-C ends it, the state is bit for bit what it
-        was before.  A first call of 128 rows or more is judged as a record, and warns as `fit` does; a stream that
-        begins with fewer is not.
+        was before.
 
         Parameters
         ----------
@@ -183,8 +182,7 @@ class RecursiveRegressor(AxisRegressor):
         if self._is_wiener_hammerstein and not first and stream is None:
             self._keep_lags()
             self._check_state(self.state_)
-        advised = first and len(X) >= FIRST_RERUN  # the axis may well be at rest in the first rows of a stream
-        if advised:
+        if first and len(X) >= FIRST_RERUN:  # the axis may well be at rest in the first rows of a stream
             self._warn_of_record(X, y, stacklevel=6)
         rows, targets = X, y
         if not self._is_wiener_hammerstein and self.lags is not None:
@@ -200,8 +198,6 @@ class RecursiveRegressor(AxisRegressor):
             stream.run(state, np.ascontiguousarray(rows), np.ascontiguousarray(targets), restart, weights)
         stream.undo.clear()
         self._keep(stream, state, seed, groups)
-        if advised:
-            self._warn_of_an_axis(X[:, 0], len(targets), stacklevel=7)
 
     def consolidate(self) -> Self:
         """Re-run the samples in memory now, as `fit` does at its end; useful when a stream has time to spare."""
