@@ -11,6 +11,7 @@ from benchmarks.blind_logs.servo import COLUMNS, make_case
 from whsklearn.datasets import make_servo_log
 from whsklearn.gap import VERDICTS, GapFinder
 from whsklearn.gap.plant import Linearised
+from whsklearn.gap.plants.servo import ServoPlant
 from whsklearn.gap.plants.servo_candidates import candidate
 from whsklearn.gap.plants.servo_model import Term
 from whsklearn.gap.plants.servo_start import start_of
@@ -195,6 +196,7 @@ def test_a_repair_that_runs_worse_loses_its_last_effect_only(monkeypatch):
         return rows
 
     monkeypatch.setattr(conclude, "prove", worse)
+    monkeypatch.setattr(ServoPlant, "contributes", lambda self, base, model: False)  # nor do the runs lack less torque
     case = make_case("named", 5, effects=("cogging",), size=0.15, seconds=10.0)
     finder = GapFinder("servo").fit(case.frame, **COLUMNS)
     taken_back = list(dict.fromkeys(seen[: seen.index(0) + 1]))  # once settled, once as found; then what is learned

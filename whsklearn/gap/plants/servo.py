@@ -334,10 +334,11 @@ class ServoPlant(PlantDefaults):
     def figures(self, base: AxisModel, model: AxisModel, nameless: float = 0.0) -> Figures:
         """The gap of inverse dynamics in the unit of the drive, as an engineer would compute it.
 
-        The residual of the model's own records, due to filters and noise, is subtracted.  Nothing counts as nameless
-        beside play, whose impacts come a sample early or late: a torque for an instant, but no path.
+        The residual of the model's own records, due to filters and noise, is subtracted.  Beside play the observer
+        gives them, and nothing counts as nameless: impacts come a sample early or late, which is a large torque for an
+        instant, but no path.
         """
-        if model.load_side:  # that needs the motor's motion, which was not measured: the observer gives them
+        if model.load_side or model.has_play:  # on the load side the motor's motion, which was not measured, is needed
             seen = self.observer
             return Figures(seen.rms(seen.gap(base)), seen.rms(seen.gap(model)), seen.floor(model))
         view = self.inverse
@@ -345,7 +346,7 @@ class ServoPlant(PlantDefaults):
             self.own, _ = servo_own.own(view, model, np.random.default_rng(0))
             view.artefact = self.own.mean
         before, after = (view.rms(view.gap(view.fit(m))) for m in (base, model))
-        return Figures(before, after, self.own.floor, 0.0 if model.has_play else nameless)
+        return Figures(before, after, self.own.floor, nameless)
 
     # --- report -------------------------------------------------------------------------------
     def gap(self, model: AxisModel) -> Gap:
