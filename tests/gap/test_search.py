@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from whsklearn.effects import effect_names, get_effect
 from whsklearn.gap.plant import PlantDefaults
 from whsklearn.gap.search import Found, Named, Search
 from whsklearn.gap.tangent import Family, Look, Tangent, with_p_values
@@ -69,7 +70,8 @@ class Columns(PlantDefaults):
         return with_p_values([tangent.look(f) for f in families])
 
     def refine(self, model, look):
-        effect = SimpleNamespace(name=look.name, commoner=self.common.get(look.name, ()), parent="")
+        effect = SimpleNamespace(name=look.name, commoner=self.common.get(look.name, ()), parent="",
+                                 elementary=False, place="column")  # fmt: skip
         return Regression((*model.terms, SimpleNamespace(name=look.name, effect=effect)))
 
     def settled(self, model):
@@ -237,3 +239,18 @@ def test_what_explains_no_more_than_of_its_own_records_is_not_taken():
     inflated = [replace(k, null=k.null + 1e4, p_value=1e-6) if k.name == "a" else k for k in looks]
     fitted = Search(plant, np.random.default_rng(0)).fitted(Regression(), inflated)
     assert "own records" in next(f.reason for f in fitted if f.name == "a")
+
+
+def test_an_elementary_law_keeps_its_name_beside_one_of_its_place_that_contains_it():
+    """Marginality: Coulomb's friction found first, then presliding; not where the later law acts elsewhere."""
+    look = SimpleNamespace(place=frozenset())
+    taken = {name: SimpleNamespace(name=name, look=look, effect=get_effect(name)) for name in effect_names()}
+
+    def contained(*names):
+        return Search._contained(SimpleNamespace(taken=[taken[n] for n in names]), 0)
+
+    assert contained("coulomb", "presliding_hysteresis")
+    assert contained("coulomb", "cogging", "presliding_hysteresis")
+    assert not contained("presliding_hysteresis", "coulomb")  # no elementary law
+    assert not contained("coulomb", "cogging")  # another place
+    assert not contained("coulomb", "viscous")  # neither contains the other

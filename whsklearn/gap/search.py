@@ -331,6 +331,8 @@ class Search:
             # shapes polished too: those of the others were found beside the one that is asked for
             without = self.plant.settled(found.model.without(index))
             if len(found.taken) > 1 and not self._needed(without, found, i):
+                if self._contained(found, i):
+                    continue
                 found.model, changed = without, True
                 del found.taken[i]
                 continue
@@ -353,6 +355,18 @@ class Search:
             found.remainder = self.plant.looks(found.model, self.rng)
         there = {t.name for t in found.taken}
         found.taken = [replace(t, rivals=[r for r in t.rivals if r not in there]) for t in found.taken]
+
+    @staticmethod
+    def _contained(found: Found, i: int) -> bool:
+        """Whether the effect ``i`` is elementary and a law of its place that was taken after it says the same and more.
+
+        Presliding friction is Coulomb's with a start of its own: what was found as the elementary law keeps its name,
+        and the other stands beside it for what it adds (the principle of marginality: Nelder 1977, A reformulation of
+        linear models, JRSS A 140(1), 48-77).
+        """
+        one = found.taken[i]
+        laws = (t for t in found.taken[i + 1 :] if t.effect.place == one.effect.place and meet(t.look, one.look))
+        return bool(one.effect.elementary) and any(not t.effect.elementary for t in laws)
 
     def _needed(self, without: Any, found: Found, i: int) -> bool:
         """Whether the effect ``i`` explains more than chance and the tolerance beside all others."""
