@@ -79,3 +79,12 @@ def test_without_an_uncertainty_nothing_changes():
     d = found()
     with_drive_error(d, 0.0)
     assert d == found()
+
+
+def test_a_number_whose_derivative_overflows_has_no_variance_and_spoils_no_other():
+    jac = np.random.default_rng(0).standard_normal((50, 2))
+    sound = covariance(Linearised(np.zeros(1), -np.ones(1), np.ones(1), np.ones(50), jac[:, :1], None))
+    jac[3, 1] = np.inf
+    both = covariance(Linearised(np.zeros(2), -np.ones(2), np.ones(2), np.ones(50), jac, None))
+    assert both[0, 0] == pytest.approx(sound[0, 0], rel=0.05)
+    assert both[1, 1] == 0.0

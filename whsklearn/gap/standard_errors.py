@@ -20,11 +20,13 @@ N_DRAWS = 64  # of the numbers, each a model: their spread is known to 9 %
 def covariance(fit: Linearised) -> Array:
     """s^2 (J'J)^-1 of the fitted residual, with columns scaled to unit length; shape (p, p).
 
-    A number that moves no residual (a change whose time lies between two fitted parts) gets no variance.
+    A number that moves no residual (a change whose time lies between two fitted parts) gets no variance,
+    nor does one whose derivative overflows (an inertia of next to nothing, to which a spring was fitted).
     """
-    scale = np.linalg.norm(fit.jacobian, axis=0)
+    jacobian = np.where(np.all(np.isfinite(fit.jacobian), axis=0), fit.jacobian, 0.0)
+    scale = np.linalg.norm(jacobian, axis=0)
     scale[scale == 0.0] = np.inf
-    unit = fit.jacobian / scale
+    unit = jacobian / scale
     inverse = np.linalg.pinv(unit.T @ unit, rcond=1e-10) / np.outer(scale, scale)
     return inverse * float(fit.residual @ fit.residual) / max(fit.residual.size - fit.x.size, 1)
 
