@@ -28,7 +28,8 @@ def covariance(fit: Linearised) -> Array:
     scale[scale == 0.0] = np.inf
     unit = jacobian / scale
     inverse = np.linalg.pinv(unit.T @ unit, rcond=1e-10) / np.outer(scale, scale)
-    return inverse * float(fit.residual @ fit.residual) / max(fit.residual.size - fit.x.size, 1)
+    out: Array = inverse * float(fit.residual @ fit.residual) / max(fit.residual.size - fit.x.size, 1)
+    return out if np.all(np.isfinite(out)) else np.zeros_like(out)  # a residual that overflows tells no error
 
 
 def labelled_errors(fit: Linearised, index: int) -> dict[str, float]:
