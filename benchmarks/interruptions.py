@@ -10,7 +10,8 @@ run that is still RUNNING afterwards would stand in the table for ever.
 With ``--deaths`` it is the tracking server that is ended: a real one, which is killed, stopped (SIGSTOP: it takes
 connections and answers none) or becomes slow (every piece of an answer comes 5 s late) once it has opened the command's
 run. What counts is the time from its death, or from the report on the disk if that comes later, to the end.
-``simulate`` and ``export`` ask no server, and ``ui`` asks it for its experiments.
+``simulate`` and ``export`` ask no server, ``ui`` asks it for its experiments, and a ``stream`` goes on without its
+record to the end of its log, or to SIGTERM; `benchmarks.dead_server` measures one that follows a growing log.
 """
 
 from __future__ import annotations
@@ -53,6 +54,7 @@ COMMANDS = {
     "tune": ["tune", "--samples", "5000", "--p", "1,2,4,8", "--P0", "1,100,1e6"],
     "stream": ["stream", "axis.csv", *ROWS, "--follow", "--every", "50", "--out", "out.jsonl"],
     "demo": ["demo", "--out", "reports"],
+    "compare": ["compare", "axis.csv", "later.csv", *LOG, "--out", "compared"],
     "fleet": ["fleet", "logs", *ROWS, "--in-process", "--out", "fleet.parquet"],
 }
 OTHERS = {  # that open no run: what becomes of them where the server is dead from the start, or dies under `ui`
@@ -61,7 +63,8 @@ OTHERS = {  # that open no run: what becomes of them where the server is dead fr
     "ui": ["ui", "--no-browser", "--port", "0"],
 }
 REPORTS = {"gap": "report/gap.html", "identify": "model/identify.html", "fleet": "fleet.parquet"}
-REPORTS |= {"simulate": "simulated.csv", "export": "export/model.xml"}  # `demo` ends in its first part, before its page
+REPORTS |= {"demo": "reports/gap/gap.html", "compare": "compared/compare.html", "stream": "out.jsonl"}
+REPORTS |= {"simulate": "simulated.csv", "export": "export/model.xml"}
 PRINTED = {"tune": "The best"}  # the report of a command that writes none begins so
 DEATHS = ("killed", "stopped", "slow", "stopped, then SIGTERM")
 ALLOWED = 15.0  # s from the server's death, or from the report, to the end
@@ -72,7 +75,9 @@ DEADLINE = 60.0
 
 
 def material(folder: Path, duration: float = 40.0, axes: int = 12) -> None:
-    """A servo log as a file, a fleet of it, and a model."""
+    """Two servo logs as files, a fleet of the first, and a model."""
+    later = make_servo_log(["cogging"], duration=duration, random_state=1)
+    later.to_csv(folder / "later.csv", index=False)
     frame = make_servo_log(["cogging"], duration=duration, random_state=0)
     save_model(as_model(ServoAxis(0.05), ("Nm", "rad")), folder / "model.json")
     frame["velocity_rad_s"] = np.gradient(frame["position_rad"], frame["time_s"])
@@ -250,6 +255,8 @@ class Ending:
         Whether its report is on the disk.
     lost : bool
         Whether its server died at all.
+    streams : bool
+        Whether it goes on without its record, and that is no failure.
     """
 
     whole: float
@@ -258,6 +265,7 @@ class Ending:
     said: str
     report: bool
     lost: bool
+    streams: bool = False
 
     def faults(self, how: str, most: float = ALLOWED) -> list[str]:
         """What is wrong with it; empty if nothing."""
@@ -266,9 +274,15 @@ class Ending:
             f"it took {self.after:.1f} s": self.after > most,
             "no report": not (self.report or sigterm),
             "a traceback": "Traceback" in self.said,
-            f"exit status {self.code}": self.code != (0 if not self.lost else ENDED if sigterm else 1),
+            f"exit status {self.code}": self.code != self._expected(sigterm),
         }
         return [text for text, wrong in found.items() if wrong]
+
+    def _expected(self, sigterm: bool) -> int:
+        """The exit status that it should have."""
+        if not self.lost or self.streams:
+            return 0
+        return ENDED if sigterm else 1
 
 
 def death(name: str, door: Door, folder: Path) -> Ending:
@@ -276,7 +290,8 @@ def death(name: str, door: Door, folder: Path) -> Ending:
     env = os.environ | {"MLFLOW_TRACKING_URI": door.address}
     printed = float("-inf")
     with (folder / "said.txt").open("w") as said:
-        command = [sys.executable, "-m", "whsklearn", *(COMMANDS | OTHERS)[name]]
+        words = [word for word in (COMMANDS | OTHERS)[name] if word != "--follow"]
+        command = [sys.executable, "-m", "whsklearn", *words]
         process = subprocess.Popen(command, cwd=folder, env=env, stdout=said, stderr=said)
     while process.poll() is None and not door.died.wait(0.02):
         pass
@@ -297,7 +312,7 @@ def death(name: str, door: Door, folder: Path) -> Ending:
     written = max(died, printed, report.stat().st_mtime if report is not None and there else died)
     told = (folder / "said.txt").read_text()
     lost = door.died.is_set() and door.how != "alive"
-    return Ending(ended - died, ended - written, process.returncode, told, there, lost)
+    return Ending(ended - died, ended - written, process.returncode, told, there, lost, name == "stream")
 
 
 def deaths(only: str) -> None:
@@ -306,8 +321,8 @@ def deaths(only: str) -> None:
     template = Path(tempfile.mkdtemp()) / "mlflow.db"
     initialise(template)  # migrating a database takes a minute on a busy machine, copying it none
     for name in COMMANDS | OTHERS:
-        if name == "stream" or (only and name not in only.split(",")):
-            continue  # a stream goes on without its record, see `benchmarks.dead_server`
+        if only and name not in only.split(","):
+            continue
         for how in DEATHS:
             with tempfile.TemporaryDirectory() as name_of_folder:
                 folder = Path(name_of_folder)
@@ -333,7 +348,7 @@ def deaths(only: str) -> None:
 @click.option("--repeats", default=3, help="Trials of every command and signal.")
 @click.option("--seed", default=0, help="Of the times after which a signal is sent.")
 @click.option("--deaths", "servers", is_flag=True, help="End the tracking server in mid-run, not the command.")
-@click.option("--only", default="", help=f"Only these commands, joined by commas: {','.join(COMMANDS)}.")
+@click.option("--only", default="", help=f"Only these commands, joined by commas: {','.join(COMMANDS | OTHERS)}.")
 def main(repeats: int, seed: int, only: str, servers: bool) -> None:
     if servers:
         deaths(only)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+
 import numpy as np
 import pytest
 from sklearn.base import BaseEstimator
@@ -9,7 +11,7 @@ from sklearn.linear_model import LinearRegression
 
 from whsklearn.cli.comparison import ComparedModel, ComparedRecord, Outcome, by_name, compare, results_table, verdict
 from whsklearn.metrics import nmse
-from whsklearn.tracking import open_tracker
+from whsklearn.tracking import TrackingError, open_tracker
 
 
 class Refuses(BaseEstimator):
@@ -42,6 +44,33 @@ def test_one_that_fails_is_told_and_leaves_the_others_alone(record):
     assert "sick (-) could not be fitted: too short" in text
     with pytest.raises(ValueError, match="No candidate could be fitted to made up"):
         outcomes_of([ComparedModel("sick", Refuses(), stream=False)], record)
+
+
+class LosesItsServer:
+    """A parent run whose server dies after the first child."""
+
+    def __init__(self):
+        self.asked = 0
+
+    @contextlib.contextmanager
+    def child(self, name, tags=None):
+        self.asked += 1
+        if self.asked > 1:
+            raise TrackingError("The record cannot be written.")
+        with open_tracker("x", enabled=False).run(name) as run:
+            yield run
+
+
+def test_a_lost_record_is_told_after_the_table_of_all_candidates(record, capsys):
+    names = ["first", "second", "third"]
+    candidates = [ComparedModel(name, LinearRegression(), "linear", stream=False) for name in names]
+    parent = LosesItsServer()
+    with pytest.raises(TrackingError):
+        compare(candidates, record, [record], parent=parent, skip=10)
+    assert parent.asked == 2  # each further call would wait for the server once more
+    table = capsys.readouterr().out
+    assert all(line.split()[-2] != "-" for line in table.splitlines() if line.startswith(tuple(names)))
+    assert all(name in table for name in names)
 
 
 @pytest.mark.parametrize(("ours", "said"), [(0.01, "leaves 0.1 of the best"), (0.3, "Warning: in free run")])

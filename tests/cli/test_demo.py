@@ -8,6 +8,7 @@ import pytest
 from click.testing import CliRunner
 
 from whsklearn.cli import demo, gap, simulated_example
+from whsklearn.cli.job import RecordLost
 
 
 @pytest.fixture
@@ -61,3 +62,14 @@ def test_where_the_first_part_fails_no_log_is_waited_for(called, monkeypatch, tm
     assert done.exit_code == 1
     assert called == []
     assert not (tmp_path / "hidden.csv").exists()
+
+
+def test_a_record_that_is_lost_in_the_first_part_leaves_the_report_of_the_second(called, monkeypatch, tmp_path):
+    def loses_its_server(**_):
+        raise RecordLost("The record cannot be written.")
+
+    monkeypatch.setattr(simulated_example, "main", click.command()(loses_its_server))
+    done = CliRunner().invoke(demo.main, ["--out", str(tmp_path)])
+    assert [(name, options["track"]) for name, options in called] == [("gap", False)]
+    assert done.exit_code == 1
+    assert done.output.endswith("Error: The record cannot be written.\n")

@@ -54,7 +54,20 @@ def test_an_error_keeps_what_is_finished_and_says_where(folder, tmp_path, capsys
     with pytest.raises(KeyboardInterrupt), kept:
         _add_and_stop(kept, row(folder, "a0"))
     assert len(pd.read_parquet(kept.path)) == 1
-    assert "1 axes are kept in" in capsys.readouterr().err
+    assert "1 axis is kept in" in capsys.readouterr().err
+    again = Kept(tmp_path / "t.parquet", "p=1", folder, "axis")
+    again.rows(["a0", "a1"])
+    with pytest.raises(KeyboardInterrupt), again:
+        raise KeyboardInterrupt
+    assert "1 axis is kept in" in capsys.readouterr().err  # of before, though nothing was added
+
+
+def test_nothing_is_said_to_be_kept_where_nothing_was_finished(folder, tmp_path, capsys):
+    kept = Kept(tmp_path / "t.parquet", "p=1", folder, "axis")
+    with pytest.raises(KeyboardInterrupt), kept:
+        raise KeyboardInterrupt
+    assert not kept.path.exists()
+    assert capsys.readouterr().err == "Stopped before the first axes were finished: nothing is kept.\n"
 
 
 def test_a_table_is_written_in_one_step(tmp_path):

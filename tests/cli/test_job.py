@@ -14,6 +14,7 @@ from click.testing import CliRunner
 
 from whsklearn.cli.job import Ended, job, table, writable_file
 from whsklearn.logs import ColumnError, LogError
+from whsklearn.logs.files import atomic_write
 
 JOBS = ["simulated_example", "reproduce", "turntable", "tune", "stream", "fleet", "close_gap"]
 
@@ -73,6 +74,27 @@ def test_an_output_is_looked_at_before_the_work(tmp_path):
     with pytest.raises(ValueError, match="is a folder"):
         writable_file(tmp_path)
     assert list((tmp_path / "new").iterdir()) == []
+
+
+def test_a_file_that_does_not_fit_is_told_and_none_is_left(tmp_path):
+    resource = pytest.importorskip("resource", reason="no limits here")
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+
+    @job
+    def main(**options):
+        """Write more than is allowed."""
+        resource.setrlimit(resource.RLIMIT_FSIZE, (1000, limits[1]))
+        try:
+            atomic_write(tmp_path / "gap.html", bytes(2000))
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+
+    done = CliRunner().invoke(main)
+    assert done.exit_code == 1
+    assert done.output == (
+        f"Error: {tmp_path / 'gap.html'} cannot be written (File too large); make room or name another folder.\n"
+    )
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_defects_are_not_hidden():

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import stat
 import threading
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
@@ -69,3 +70,15 @@ def test_what_cannot_be_written_is_told_before(tmp_path):
 def test_a_name_in_bytes_is_read_as_utf8():
     assert utf8(os.fsdecode("a\u00e9.csv".encode())) == "a\u00e9.csv"
     assert utf8("a\udcc3\udca9") == "a\u00e9"
+
+
+def test_a_device_is_written_to_and_not_replaced(tmp_path):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    check_writable(pipe)
+    with ThreadPoolExecutor(1) as pool:
+        read = pool.submit(pipe.read_bytes)
+        atomic_write(pipe, b"through")
+        assert read.result() == b"through"
+    assert pipe.is_fifo()
+    assert [p.name for p in tmp_path.iterdir()] == ["pipe"]

@@ -14,6 +14,7 @@ import click
 
 from whsklearn.cli.job import say_where, table, tracker_for, wrapped, writable_file, writable_folder
 from whsklearn.cli.records import longest, note, read
+from whsklearn.logs.files import atomic_write
 
 if TYPE_CHECKING:
     from sklearn.utils import Bunch
@@ -379,6 +380,6 @@ def simulate(options: dict[str, Any], model: Any) -> None:
         rows.append(
             [name, float(np.sqrt(np.mean(error**2))), float(np.std(log.position[:, j])), "m" if slides else "rad"]
         )
-    pd.DataFrame(columns).to_csv(out, index=False)
+    atomic_write(out, pd.DataFrame(columns).to_csv(index=False).encode())
     click.echo(table(["joint", "rms error", "rms motion", "unit"], rows, title=f"Free runs of {WINDOW} s"))
     click.echo(f"\nWritten: {out}")

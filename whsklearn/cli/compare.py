@@ -62,14 +62,13 @@ def main(**options: Any) -> None:
     tracker = tracker_for("compare", options["track"], data=labels[0])
     with tracker.run(f"compare {labels[0]} to {labels[-1]}") as parent:
         found = compared()
-        page = write_report(found, folder)
         click.echo(wrapped(f"{found.verdict}: {found.sentence}"))
         for text in found.notes:
             note(text)
         if found.numbers:
             click.echo("")
             click.echo(numbers_of(found))
-        click.echo(f"Report: {page}")
+        click.echo(f"Report: {write_report(found, folder)}")
         parent.log_params({k: v for k, v in options.items() if v not in (None, (), False)})
         track(parent, found, folder)
     say_where(tracker)

@@ -126,24 +126,35 @@ def compare(
     theta: NDArray[np.float64] | None = None,
     skip: int = 0,
 ) -> list[Outcome]:
-    """Fit, judge and record every candidate; a failure is reported and does not affect the others."""
+    """Fit, judge and record every candidate; a failure is reported and does not affect the others.
+
+    Raises
+    ------
+    ValueError
+        If no candidate can be fitted.
+    TrackingError
+        If the record is lost: after all candidates are fitted and their table is printed.
+    """
     compile_once(candidates, train)
     outcomes: list[Outcome] = []
+    lost: TrackingError | None = None
     bar = tqdm(candidates, desc="fitting", unit="model", disable=None)
     for candidate in bar:
         bar.set_postfix_str(f"{candidate.name} {candidate.reading}")
         outcome = Outcome(candidate)
         try:
-            tags = {"reading": candidate.reading, "data": train.name, "estimator": type(candidate.model).__name__}
-            with parent.child(f"{candidate.name} ({candidate.reading})", tags=tags) as run:
-                _fit_and_score(outcome, train, test, theta, skip)
-                _record(outcome, run, train)
+            _fit_and_score(outcome, train, test, theta, skip)
         except ValueError as error:
             outcome.failure = str(error).splitlines()[0]
-        except TrackingError:  # without a record the search ends; results so far are printed
-            click.echo(f"\n{results_table([*outcomes, outcome], f'As far as it was recorded, on {train.name}')}")
-            raise
         outcomes.append(outcome)
+        if lost is None:
+            try:
+                _record(outcome, parent, train)
+            except TrackingError as error:
+                lost = error
+    if lost is not None:
+        click.echo(f"\n{results_table(outcomes, f'Not all of it recorded, on {train.name}')}")
+        raise lost
     if all(o.failure for o in outcomes):
         raise ValueError(f"No candidate could be fitted to {train.name}; the first said: {outcomes[0].failure}")
     best = min((o for o in outcomes if not o.failure), key=lambda o: o.indices["nmse"])
@@ -191,7 +202,21 @@ def _fit_and_score(
             outcome.paths = parameter_paths(model, train.X, train.y, every=every)
 
 
-def _record(outcome: Outcome, run: Run, train: ComparedRecord) -> None:
+def _record(outcome: Outcome, parent: Run, train: ComparedRecord) -> None:
+    """The run of one candidate; that of one which could not be fitted is marked as failed, with the reason."""
+    candidate = outcome.candidate
+    tags = {"reading": candidate.reading, "data": train.name, "estimator": type(candidate.model).__name__}
+    try:
+        with parent.child(f"{candidate.name} ({candidate.reading})", tags=tags) as run:
+            if outcome.failure:
+                raise ValueError(outcome.failure)
+            _log(outcome, run, train)
+    except ValueError:
+        if not outcome.failure:
+            raise
+
+
+def _log(outcome: Outcome, run: Run, train: ComparedRecord) -> None:
     """Params, metrics, paths and model of one candidate."""
     fitted = outcome.fitted
     run.log_params(estimator_params(fitted))

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from whsklearn.cli.job import writable_folder
+from whsklearn.cli.job import RecordLost, writable_folder
 
 
 @click.command(context_settings={"show_default": True, "max_content_width": 100})
@@ -34,8 +34,11 @@ def main(ctx: click.Context, seed: int, track: bool, out: str) -> None:
         [sys.executable, "-m", "whsklearn.cli.hidden_effect", "--seed", str(seed), "--out", log],
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
     ) as writing:  # fmt: skip
+        lost = None
         try:
             ctx.invoke(simulated_example.main, seed=seed, track=track)
+        except RecordLost as error:  # the second part has a report to write, with a record or without
+            lost, track = error, False
         except BaseException:
             writing.kill()  # nobody will look for its log
             raise
@@ -45,6 +48,8 @@ def main(ctx: click.Context, seed: int, track: bool, out: str) -> None:
     click.echo(said[-1])
     ctx.invoke(gap.main, log_file=log, report=report, seed=seed, track=track)
     click.echo(f"Open {Path(report, 'gap.html')}; whsklearn --help lists the commands.")
+    if lost is not None:
+        raise lost
 
 
 if __name__ == "__main__":

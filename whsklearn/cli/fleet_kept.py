@@ -86,7 +86,13 @@ class Kept:
         return self
 
     def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
-        if kind is not None and len(self._done) > self._written:
+        if kind is None:
+            return
+        if len(self._done) > self._written:
             self.write()
-            said = f"{len(self._done)} axes are kept in {self.path}; the same command goes on from there."
-            click.echo(said, err=True)
+        count = len(self._done)
+        if count:
+            what = "1 axis is" if count == 1 else f"{count} axes are"
+            click.echo(f"{what} kept in {self.path}; the same command goes on from there.", err=True)
+        elif issubclass(kind, KeyboardInterrupt):
+            click.echo("Stopped before the first axes were finished: nothing is kept.", err=True)

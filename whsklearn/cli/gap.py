@@ -208,12 +208,12 @@ def diagnose(options: dict[str, Any], log: Bunch, second: Bunch | None, folder: 
         d.origin, d.notes = origin(log), [*log.notes, *d.notes]
         if second is not None and d.verdict != "data_problem":
             test(options, finder, second)
+        click.echo(wrapped(f"{d.verdict}: {d.sentence}"))
         with warnings.catch_warnings(record=True) as said:
             warnings.simplefilter("always")
             page = finder.report(folder)
         for warning in said:
             note(str(warning.message))
-        click.echo(wrapped(f"{d.verdict}: {d.sentence}"))
         if d.interrupted:
             click.echo("Interrupted: the report holds the rounds that were finished.")
         click.echo(f"Report: {page}")

@@ -96,7 +96,6 @@ def main(**options: Any) -> None:
             f"{found.test.y.size} of {test.y.size} samples of {test.name} are used: the other segments are too short "
             "to judge anything."
         )
-    page = write(found, options["out"])
     told = wrapped(on_intervals(found))
     bad = worse_than_mean({found.recommended.name: found.recommended.test.get("nmse", 0.0)})
     click.echo(f"\n{comparison(found)}\n\n{wrapped(found.reason)}\n\n{numbers(found)}\n")
@@ -104,6 +103,7 @@ def main(**options: Any) -> None:
         click.echo(wrapped(found.on_drive))
     if bad:
         click.echo(wrapped(bad))
+    page = write(found, options["out"])
     click.echo(f"{told}\n\nThe page is {page}." if told else f"The page is {page}.")
     with tracker.run(f"identify {name}") as run:
         run.log_params({k: v for k, v in options.items() if v not in (None, (), False)})

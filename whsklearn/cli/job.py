@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import functools
 import os
 import signal
@@ -47,6 +48,16 @@ class UnusableLog(click.ClickException):
     exit_code = UNUSABLE
 
 
+class RecordLost(click.ClickException):
+    """The tracking server was lost in mid-run; what the job writes itself is on the disk.
+
+    Examples
+    --------
+    >>> RecordLost("The record cannot be written.").exit_code
+    1
+    """
+
+
 class Ended(KeyboardInterrupt):
     """SIGTERM: as Ctrl-C, so that runs are closed and temporary files removed."""
 
@@ -74,18 +85,33 @@ def guarded(function: Callable[..., None], **kwargs: Any) -> None:
             function(**kwargs)
     except LogError as error:
         raise (WrongOption if isinstance(error, ColumnError) else UnusableLog)(str(error)) from error
-    except (ValueError, ImportError, OSError) as error:
+    except OSError as error:
+        raise click.ClickException(no_room(error) or str(error)) from error
+    except (ValueError, ImportError) as error:
         raise click.ClickException(str(error)) from error
     except RuntimeError as error:
         if type(error).__name__ != "TrackingError":  # not imported for this: it costs a quarter of a second
             raise
-        raise click.ClickException(str(error)) from error
+        raise RecordLost(str(error)) from error
     except KeyboardInterrupt as error:
-        click.echo("Interrupted; finished results are kept.", err=True)
+        click.echo("Interrupted.", err=True)
         raise SystemExit(ENDED if isinstance(error, Ended) else INTERRUPTED) from None
     finally:
         if before is not None:
             signal.signal(signal.SIGTERM, before)
+
+
+def no_room(error: OSError) -> str:
+    """A sentence where a file did not fit on the disk, or would exceed a limit; empty for any other error.
+
+    Examples
+    --------
+    >>> print(no_room(OSError(errno.ENOSPC, "No space left on device", "gap.html")))
+    gap.html cannot be written (No space left on device); make room or name another folder.
+    """
+    if error.errno not in (errno.ENOSPC, errno.EFBIG, errno.EDQUOT):
+        return ""
+    return f"{error.filename or 'A file'} cannot be written ({error.strerror}); make room or name another folder."
 
 
 def _end_as_interrupt() -> Any:
@@ -168,11 +194,14 @@ def progress_bar(items: Iterable[Any] | None = None, **options: Any) -> Iterator
 
 def tracker_for(experiment: str, track: bool, **tags: str) -> Tracker:
     """The record of a job, beneath the checkout's mlruns/ unless the environment names another."""
-    from whsklearn.tracking import open_tracker
+    from whsklearn.tracking import TrackingError, open_tracker
 
     if track:
         click.echo("Opening the MLflow store (the first time takes a few seconds) ...", err=True)
-    return open_tracker(experiment, root=root(), enabled=track, tags=tags)
+    try:
+        return open_tracker(experiment, root=root(), enabled=track, tags=tags)
+    except TrackingError as error:  # nothing is recorded yet, so nothing is lost
+        raise click.ClickException(str(error)) from error
 
 
 def say_where(tracker: Tracker) -> None:

@@ -9,6 +9,7 @@ import click
 
 from whsklearn.cli.job import job, worse_than_mean, wrapped, writable_file
 from whsklearn.cli.records import note, read, reading_options, roles_of
+from whsklearn.logs.files import atomic_write
 
 
 @job
@@ -74,7 +75,7 @@ def main(**options: Any) -> None:
     if log.groups[-1]:
         table["segment"] = log.groups
         note(f"The log has holes; each of its {log.groups[-1] + 1} segments is simulated from its own start.")
-    table.to_csv(out, index=False)
+    atomic_write(out, table.to_csv(index=False).encode())
     unit = model.units.get("output", "") if unit in UNSTATED else unit
     unit = f" {unit}" if unit else ""
     index = nmse(log.y[kept], y[kept])

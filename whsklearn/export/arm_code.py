@@ -23,6 +23,7 @@ from whsklearn.export.languages import C
 from whsklearn.export.losses import Loss, losses_of
 from whsklearn.export.specialise import Specialiser
 from whsklearn.export.statements import OneOf, Symbol
+from whsklearn.logs.files import atomic_write
 from whsklearn.systems import _arm_kernels as kernels
 from whsklearn.systems._servo_torques import Ends, arranged, load_sum, motor_sum, plant_of
 
@@ -135,7 +136,7 @@ def write_arm_c(arm: Arm, out: Path, real: str) -> tuple[list[Path], list[Loss]]
     files, losses = c_of_arm(arm, identifier(stem), real)
     paths = [folder / file for file in files]
     for path in paths:
-        path.write_text(files[path.name], encoding="utf-8")
+        atomic_write(path, files[path.name].encode())
     return paths, losses
 
 

@@ -15,6 +15,7 @@ from whsklearn.export.chain_code import chain_code
 from whsklearn.export.languages import C, Language, StructuredText
 from whsklearn.export.losses import Loss, left_out, lost_parts, size_of
 from whsklearn.export.model import Exported
+from whsklearn.logs.files import atomic_write
 
 # No drive is larger; the squares and products of four of such numbers stay finite in the format.
 LARGEST_DRIVE = {"double": LARGEST, "float": 1e9}
@@ -118,7 +119,7 @@ def write_c(model: Exported, out: Path, what: str, real: str) -> tuple[list[Path
     paths = []
     for file, text in c_files(model, identifier(stem), what, real).items():
         path = folder / file
-        path.write_text(text, encoding="utf-8")
+        atomic_write(path, text.encode())
         paths.append(path)
     return paths, code_losses(model, what)
 

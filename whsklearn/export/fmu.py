@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import shutil
 import subprocess
 import sys
@@ -13,6 +14,7 @@ from pathlib import Path
 from whsklearn.export.code import c_files, code_losses, identifier, render
 from whsklearn.export.losses import Loss
 from whsklearn.export.model import Exported
+from whsklearn.logs.files import atomic_write
 from whsklearn.logs.units import factor_of
 
 _COMPILER = ("gcc", "cc", "clang")
@@ -73,7 +75,8 @@ def write_fmu(model: Exported, out: Path) -> tuple[Path, list[Loss]]:
         "reading": reading,
     }
     source = render("fmi2.c.j2", **names)
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("modelDescription.xml", render("modelDescription.xml.j2", **names))
         for file, text in {**files, "fmi2.c": source}.items():
             archive.writestr(f"sources/{file}", text)
@@ -82,6 +85,7 @@ def write_fmu(model: Exported, out: Path) -> tuple[Path, list[Loss]]:
             archive.writestr(f"binaries/linux64/{name}.so", binary)
         else:
             losses.append(Loss("binary", "linux64", "no C compiler found here; fmpy compiles the sources"))
+    atomic_write(path, buffer.getvalue())
     return path, losses
 
 

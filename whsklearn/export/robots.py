@@ -10,6 +10,7 @@ from whsklearn.export.code import render
 from whsklearn.export.losses import Loss, left_out, lost_parts, parts_of
 from whsklearn.export.mjcf import FAR
 from whsklearn.export.model import Exported
+from whsklearn.logs.files import atomic_write
 from whsklearn.systems._servo_drive import chain_of
 from whsklearn.systems.servo import pack
 
@@ -79,5 +80,5 @@ def write_text(text: str, out: Path, name: str) -> Path:
     """Write a file; ``out`` is its path, or a folder in which it is called ``name``."""
     path = out if out.suffix else out / name
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(text, encoding="utf-8")
+    atomic_write(path, text.encode())
     return path

@@ -28,7 +28,7 @@ def atomic_write(path: str | os.PathLike[str], data: bytes) -> None:
     The bytes go to a hidden file in the same folder, are forced to the disk, and take the
     name in one `os.replace`; then the folder is forced to the disk too.  A file that is replaced
     keeps its mode, a symbolic link goes on pointing to the file that is replaced, and of several threads or
-    processes that write at once the last one stands.
+    processes that write at once the last one stands.  A device or a pipe is written to as it is.
 
     Parameters
     ----------
@@ -52,6 +52,10 @@ def atomic_write(path: str | os.PathLike[str], data: bytes) -> None:
     b'new'
     """
     target = Path(os.path.realpath(path))
+    if _is_device(path):
+        with open(path, "wb") as file:
+            file.write(data)
+        return
     # every writer has a file of its own; a long name is cut, as names have at most 255 bytes
     aside = target.with_name(f".{target.name[:150]}.{os.getpid()}.{threading.get_ident()}.tmp")
     try:
@@ -95,6 +99,8 @@ def check_writable(path: str | os.PathLike[str]) -> None:
     target = Path(os.path.realpath(path))
     if target.is_dir():
         raise ValueError(f"{path} is a folder, expected the name of a file; add one.")
+    if _is_device(path):
+        return
     if not target.parent.is_dir():
         raise ValueError(f"The folder of {path} does not exist; make it, or write somewhere else.")
     aside = target.with_name(f".{target.name[:150]}.{os.getpid()}.{threading.get_ident()}.tmp")
@@ -105,6 +111,11 @@ def check_writable(path: str | os.PathLike[str]) -> None:
         raise ValueError(f"{path} cannot be written ({error.strerror}); write somewhere else.") from None
     finally:
         _remove(aside)
+
+
+def _is_device(path: str | os.PathLike[str]) -> bool:
+    """Whether it is there and neither file nor folder: ``/dev/null``, a pipe."""
+    return os.path.exists(path) and not os.path.isfile(path) and not os.path.isdir(path)
 
 
 def _remove(file: Path) -> None:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn.effects import ContactStop, Coulomb, Effect, LuGre, Viscous
+from whsklearn.logs.files import atomic_write
 from whsklearn.simulators.mujoco_edit import Axis, hold
 
 Array = NDArray[Any]
@@ -373,7 +374,7 @@ class MuJoCoSimulator:
         path : str or path
             A folder.
         """
-        Path(path).write_text(self.to_xml(), encoding="utf-8")
+        atomic_write(path, self.to_xml().encode())
         return Path(path)
 
     def __copy__(self) -> Self:
