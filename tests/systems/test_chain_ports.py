@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tests.systems.signals import U, chain
+from whsklearn import WienerHammersteinSystem
 from whsklearn import effects as fx
 from whsklearn.effects.equations import N_STATES
 from whsklearn.systems.chain_ports import coupled
@@ -59,3 +60,20 @@ def test_a_coupling_is_a_mass_on_a_spring_whose_drive_is_held_over_each_sample()
     memory = np.zeros((1, N_STATES))
     out = [coupled(0.2, 0.15, memory, 0, value, 1.0) for value in x]
     np.testing.assert_allclose(out, two_masses(x, 0.2, 0.15), atol=1e-5)
+
+
+def test_a_spring_pulls_on_a_mass_as_it_moves_between_the_samples():
+    from scipy.signal import cont2discrete
+
+    from benchmarks.blind_logs import mass_on_spring as twin  # integrated in twenty steps a sample
+
+    log = twin.record(0, noise=0.0)
+    over = [twin.MASS, twin.DAMPING, twin.STIFFNESS]
+    num, den, _ = cont2discrete(([1.0], over), 1.0 / twin.RATE, "zoh")
+    (_, gain, second), b = num[0], den[1:]
+    spring = fx.ChainSpring(twin.CUBIC * gain**3, at="input")  # of x = y / gain
+    law = [fx.Power(gain, 1.0)]
+    mass = WienerHammersteinSystem([1.0, second / gain], b, [1.0], [], law, effects=[spring], direct=1)
+    y = log["y"].to_numpy()
+    # held from the sample on it comes half a sample late, and the error is 0.12
+    assert np.std(mass.simulate(log["u"]) - y) < 0.01 * np.std(y)

@@ -183,7 +183,8 @@ class ChainDeadZone(AtPort, DeadZone):  # type: ignore[override]
 class ChainSpring(AtPort, HardeningSpring):  # type: ignore[override]
     """A spring c (x - x_0)^3 that adds to the law, or that pulls on the mass that L1 is: the input then loses it.
 
-    With the second, L1 linear behind u - c x^3 is Duffing's oscillator, held between samples.
+    With the second, L1 linear behind u - c x^3 is Duffing's oscillator: the input is held over a sample, and the pull
+    changes with x (`whsklearn.systems.chain_ports.held_pull`).
 
     See Also
     --------
@@ -193,9 +194,10 @@ class ChainSpring(AtPort, HardeningSpring):  # type: ignore[override]
     --------
     >>> from whsklearn import WienerHammersteinSystem
     >>> from whsklearn.effects import ChainSpring
-    >>> mass = WienerHammersteinSystem([1.0], [], [1.0], [], "linear", effects=[ChainSpring(0.5, at="input")])
-    >>> mass.simulate([1.0, 0.0, 0.0, 0.0]).tolist()
-    [0.0, 0.0, 1.0, -0.5]
+    >>> spring = ChainSpring(0.5, at="input")
+    >>> mass = WienerHammersteinSystem([1.0], [-0.5], [1.0], [], "linear", effects=[spring])
+    >>> round(float(mass.simulate([1.0] * 200)[-1]), 6)  # x = 2 (u - x^3 / 2)
+    1.0
     """
 
     at: str = "law"

@@ -114,9 +114,11 @@ def _with_effects(chain, work, state, states, block, drive):  # type: ignore[no-
         states["history"] = whole + 1
         for i in reversed(range(whole + 1)):
             work.store(state("history", i), past[i])
-    driven_u = work.bind("driven", work.call(driven, *ports[:2], memory, u, t, x, chain.dt))
+    before: Any = Symbol(state("last_x", -1))
+    ahead = work.bind("ahead", work.call(_ahead, f, z, n, first, x))
+    driven_u = work.bind("driven", work.call(driven, *ports[:2], memory, u, t, x, before, ahead, chain.dt))
     work.call(_pushed, b, f, z, n, driven_u, first)
-    dx = work.bind("dx", work.binary("Sub", x, Symbol(state("last_x", -1))))
+    dx = work.bind("dx", work.binary("Sub", x, before))
     ddx = work.bind("ddx", work.binary("Sub", dx, Symbol(state("last_dx", -1))))
     law = chain.law
     v = work.call(_law, law.codes, law.shapes, law.weights, x, dx)
@@ -134,6 +136,11 @@ def _with_effects(chain, work, state, states, block, drive):  # type: ignore[no-
 
 def _first(z):  # type: ignore[no-untyped-def]
     return z[0]
+
+
+def _ahead(f, z, n, first, x):  # type: ignore[no-untyped-def]
+    """The next x without a drive, if the transmission passes the change of ``first``."""
+    return (z[1] if n > 1 else 0.0) - f[1] * first + x - first
 
 
 def chain_code(

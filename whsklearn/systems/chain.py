@@ -91,21 +91,25 @@ def run(theta, chain, ports, u, y, noise, free, x, v, y_hat):
         memory = np.zeros((codes.size, N_STATES))
         # a port without an effect is passed by: its call would cost more than the rest of the sample
         drive, between, sensor, law_port = occupied(codes)
-    dx_old = 0.0
+    dx_old = ahead = before = 0.0  # x(t) without u_eff(t-1), and x(t-1)
     for t in range(n):
-        s = ue[t - 1] if t > 0 else 0.0
-        for i in range(1, min(na, t)):
-            s += theta[i - 1] * ue[t - 1 - i]
-        for j in range(min(nb, t)):
-            s -= theta[b0 + j] * raw[t - 1 - j]
-        s = min(max(s, -FAR), FAR)
+        s = min(max(ahead + (ue[t - 1] if t > 0 else 0.0), -FAR), FAR)
+        raw[t] = s
+        ahead = 0.0
+        for i in range(1, min(na, t + 1)):
+            ahead += theta[i - 1] * ue[t - i]
+        for j in range(min(nb, t + 1)):
+            ahead -= theta[b0 + j] * raw[t - j]
         if ports is not None:
-            raw[t] = s
             if between:
                 s = transmitted(codes, rows, memory, s, dt)
-            ue[t] = driven(codes, rows, memory, arrived(codes, rows, u, t, dt), t, s, dt) if drive else u[t]
+            ue[t] = u[t]
+            if drive:
+                w = arrived(codes, rows, u, t, dt)
+                ue[t] = driven(codes, rows, memory, w, t, s, before, ahead + s - raw[t], dt)
         x[t] = s
-        dx = s - (x[t - 1] if t > 0 else 0.0)
+        dx = s - before
+        before = s
         f = 0.0
         for i in range(nw):
             f += theta[w0 + i] * term(law[i], shapes[i, 0], shapes[i, 1], shapes[i, 2], s, dx, kappa)[0]

@@ -90,13 +90,32 @@ def arrived(codes, rows, u, t, dt):
 
 
 @njit(cache=False, error_model="numpy", forceinline=True)
-def driven(codes, rows, memory, w, t, x, dt):
-    """u_eff(t) of the command that has arrived; ``memory``, shape (n_effects, n_states), holds what a lag remembers."""
+def driven(codes, rows, memory, w, t, x, before, ahead, dt):
+    """u_eff(t) of the command that has arrived.
+
+    ``memory``, shape (n_effects, n_states), holds what a lag remembers; ``before`` is x(t-1), and ``ahead`` is x(t+1)
+    without u_eff(t).
+    """
     for j in range(codes.size):
         c = codes[j]
-        if at_drive(c) and c != k.INPUT_DELAY:
+        if c == k.SPRING_U:
+            w -= held_pull(rows[j, 0], rows[j, 1], x, before, ahead + w)
+        elif at_drive(c) and c != k.INPUT_DELAY:
             w = passed(c, rows, memory, j, w, t * dt, x, dt)
     return w
+
+
+@njit(cache=False, error_model="numpy", forceinline=True)
+def held_pull(stiffness, centre, x, before, ahead):
+    """The constant pull over a sample that moves the mass as the spring does, whose pull f changes along with x.
+
+    A smooth f moves a mass by f(t) + f''/12 in x(t+1) - 2 x(t) + x(t-1), a held one by the mean of its last two values.
+    Both agree if f(t + 1/2) - f''/24 is held, here from the parabola through t-1, t and t+1, where x is first taken to
+    be ``ahead``, without a spring.  With f(t) alone the spring comes half a sample late.
+    """
+    here = hardening_spring(stiffness, centre, x)
+    later = hardening_spring(stiffness, centre, ahead - here)
+    return (2.0 * later + 5.0 * here - hardening_spring(stiffness, centre, before)) / 6.0
 
 
 @njit(cache=False, error_model="numpy", forceinline=True)
@@ -114,8 +133,6 @@ def passed(c, rows, memory, j, w, time, x, dt):
         return w - saturation(rows[j, 0], w)
     if c == k.TONE_U:
         return w + disturbance_tone(rows[j, 0], rows[j, 1], rows[j, 2], time)
-    if c == k.SPRING_U:
-        return w - hardening_spring(rows[j, 0], rows[j, 1], x)
     return w - motor_torque(c, rows, j, time, x, 0.0, 0.0, 0.0, w)[0]
 
 
