@@ -12,11 +12,13 @@ from scipy.signal import lfilter
 from benchmarks.blind_logs import wiener_hammerstein as blind
 from tests.gap.plants.example_chain import PLAIN, THETA, TRUE, record, term
 from whsklearn import WienerHammersteinSystem
+from whsklearn.datasets import make_coupled_drives
 from whsklearn.effects import FrictionLaw, Hinge, Power, QuadraticDrag, as_law
 from whsklearn.gap import GapFinder
 from whsklearn.gap.plants import chain_fit as cf
 from whsklearn.gap.plants.chain_fit import REACH, base_starts, coloured, cost, law_choice, minima
 from whsklearn.gap.plants.chain_model import ChainModel, Record, free_run, rms_dx, simulate
+from whsklearn.systems.stability import is_stable
 
 
 def drawn(seed):
@@ -182,3 +184,15 @@ def test_a_pole_too_few_is_told_and_an_effect_is_not_taken_for_it():
     assert "linear dynamics are missing" in said
     assert "orders 2,1,1,2 were given" in said
     assert cf.falls_short(PLAIN, coloured(PLAIN, TRUE), coloured(PLAIN, TRUE)) == ""
+
+
+def test_a_short_record_of_a_slow_pole_has_stable_minima():
+    # 500 samples of a sensor that reads |speed| are followed better by poles outside the unit circle
+    u, y = make_coupled_drives(kind="prbs", random_state=40)
+    y = np.asarray(y, dtype=float).reshape(-1)
+    s = Record.of(np.asarray(u, dtype=float).reshape(-1), y, 1.0, np.array([2, 2, 2, 2, 1]), as_law([Power(1.0, 1.0)]))
+    found = minima(s, base_starts(s, np.random.default_rng(0)))
+    assert found
+    for m in found:
+        assert is_stable(m.theta[s.blocks[1]], 1.0)
+        assert is_stable(m.theta[s.blocks[4]], 1.0)

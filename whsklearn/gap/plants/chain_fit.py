@@ -46,14 +46,21 @@ def cost(s: Record, m: ChainModel) -> float:
 
 
 def climb(s: Record, m: ChainModel, sharpness: float, steps: int, *, robust: bool = True) -> ChainModel:
-    """The model fitted at a sharpness (kappa times rms dx) with its noise colour unchanged."""
+    """The model fitted at a sharpness (kappa times rms dx) with its noise colour unchanged.
+
+    From a stable model it takes no step to an unstable one, which a short record of a slow pole may prefer.
+    """
     kappa, z = sharpness / cm.rms_dx(s, m), cm.sizes(s, m)
     low, high = cm.bounds(m, z)
     x = np.clip(cm.to_vector(m), low, high)
     sigma = np.sqrt(cm.variance_of(cm.left(s, cm.from_vector(m, x), kappa)[s.fit]))
+    begins_stable = _stable(s, m.theta)
 
     def errors(x: Array) -> Array:
-        e = cm.left(s, cm.from_vector(m, x), kappa)[s.fit] / sigma
+        at = cm.from_vector(m, x)
+        if begins_stable and not _stable(s, at.theta):
+            return np.full(int(s.fit.sum()), np.inf)
+        e = cm.left(s, at, kappa)[s.fit] / sigma
         return np.copysign(np.sqrt(cm.capped(e**2)), e) if robust else e
 
     def slopes(x: Array) -> Array:
@@ -200,7 +207,7 @@ def ranked(s: Record, models: Iterable[ChainModel], sharpness: float, steps: int
         m = climb(s, m, sharpness, steps, robust=False)
         e = cm.left(s, m, sharpness / cm.rms_dx(s, m))[s.fit]
         value = float(e @ e)
-        if np.isfinite(value) and _stable(s, m.theta):
+        if np.isfinite(value):
             found.append((value, m))
     found.sort(key=lambda f: f[0])
     out: list[tuple[float, ChainModel]] = []
