@@ -13,6 +13,11 @@ commands read are those that were written.  The dialects, by where they are docu
 - Arduino: ``Serial.print`` of labels and numbers, as the Serial Plotter takes them (``label:value``)
 - ROS: ``rostopic echo -p`` (``%time`` in ns, ``field.`` names), PlotJuggler's export of several topics
 - LabVIEW: LVM measurement file (two heads, labels of units); Simulink: "structure with time" in a MAT file
+- oscilloscopes and recorders, by their manuals: Hioki LR8400 and 8807, Yokogawa DLM (ASCII), Rigol (``Increment`` in
+  the head), Tektronix TDS (the head stands beside the first rows), Rohde & Schwarz RTH (values only)
+- Panasonic FPWIN traces (names in two rows, an interval, ``STOP TRG`` amid the data), Rexroth IndraMotion MTX (sections
+  ``[Settings]``, ``[Data]``, ``[Statistics]``), InfluxDB's annotated CSV and other tables with a row for each reading
+- spreadsheets in GB 18030 and Shift JIS, with ``sep=;`` in the first line
 - from what their tools write, without a document: VESC Tool, moteus, Dynamixel Wizard, Feetech scripts, EPOS Studio,
   Siemens and Elmo traces
 """
@@ -290,6 +295,104 @@ def imperial(m: Motion) -> str:
     return head + "".join(f"| {row} |\n" for row in body.splitlines())
 
 
+def hioki(m: Motion) -> str:
+    """Rows of settings for each channel, blanks before the numbers, a number and a unit for a name."""
+    rows = [["File name", "AUTO0001.CSV", "V 1.00a"], ["Title comment", ""]]
+    rows += [["Start trigger time", "'24-12-16 13:52:32"], ["CH", "A 1- 1", "A 1- 2"], ["Mode", "Voltage", "Voltage"]]
+    rows += [["Comment", "torque", "angle"], ["Ratio", " 1.00000E+00", " 1.00000E+00"], ["Time", "1-1[Nm]", "1-2[deg]"]]
+    head = "".join(",".join(f'"{c}"' for c in row) + "\n" for row in rows)
+    return head + "".join(f" {t:.9E}, {u:.10E}, {q:.10E}\n" for t, u, q in zip(m.t, m.u, np.degrees(m.q), strict=True))
+
+
+def hioki_signals(m: Motion) -> str:
+    """Labelled rows, one of which holds the names, and the word DATA below."""
+    head = '"COMMENT","8807 MEM DATA"\n"DATE","01-01-1999"\n"NUM_SIGS",3\n"INTERVAL",1.000E-03\n"HORZ_UNITS","S"\n'
+    head += '"VERT_UNITS","S","Nm","rad"\n"SIGNAL","TIME","Torque","Angle"\n"DATA"\n'
+    return head + "".join(f"{t:+.9E}, {u:+.10E}, {q:+.10E}\n" for t, u, q in zip(*m, strict=True))
+
+
+def yokogawa(m: Motion) -> str:
+    """Labels in a column that is blank below; the rate of each channel, and its unit in another row."""
+    n = m.t.size
+    head = f"HeaderSize,10\nModel Name,DLM3054\nTraceName,Torque,Position\nBlockSize,{n},{n}\nVUnit,Nm,rad\n"
+    head += "SampleRate,1000.0000,1000.0000\nHUnit,s,s\nDate,2024/05/01,2024/05/01\nTime,10:11:12.00,10:11:12.00\n\n"
+    return head + "".join(f",{u:.10E},{q:.10E}\n" for u, q in zip(m.u, m.q, strict=True))
+
+
+def rigol(m: Motion) -> str:
+    """The head's first row goes on with the names of two numbers, which stand in its second row."""
+    head = "X,CH1,CH2,Start,Increment,\nSequence,Volt,Volt,0.000000e+00,1.000000e-03,\n"
+    return head + "".join(f"{k},{u:.10e},{q:.10e},\n" for k, (u, q) in enumerate(zip(m.u, m.q, strict=True)))
+
+
+def tektronix(m: Motion) -> str:
+    """The head stands beside the first rows of the data."""
+    keys = [("Record Length", str(m.t.size)), ("Sample Interval", "1.0e-03"), ("Trigger Point", "0.0"), ("", "")]
+    keys += [("Source", "CH1"), ("Vertical Units", "V"), ("Horizontal Units", "s"), ("Model Number", "TDS2024B")]
+    keys += [("", "")] * (m.t.size - len(keys))
+    rows = zip(keys, *m, strict=True)
+    return "".join(f"{key},{value},,{t:.9f},{u:.10f},{q:.10f},\n" for (key, value), t, u, q in rows)
+
+
+def rohde(m: Motion) -> str:
+    """Values of two channels without names, the interval and its unit in two rows of the head."""
+    head = "Acquisition Time Stamp,2024-05-01 10:11:12\nWaveform Type,ANALOG,ANALOG\nHorizontal Unit,s\n"
+    head += f"Horizontal Scale,0.4\nSample Interval,0.001\nRecord Length,{m.t.size}\nVertical Unit,V,V\n"
+    return head + table(m.u, m.q)
+
+
+def panasonic(m: Motion) -> str:
+    """Names in two rows, seconds as the finest stamp, an event amid the data."""
+    head = (
+        "DATE,TIME,INTERVAL[10us],1,2\n,,,torque,position\n,,,axis 1,axis 1\n,,,MOMENT,MOMENT\n,,,FLT,FLT\n,,,Nm,deg\n"
+    )
+    rows = [
+        f"20/07/24,12:00:{k // 1000:02d},100,{u:.8f},{q:.8f}\n"
+        for k, (u, q) in enumerate(zip(m.u, m.q * 360 / TURN, strict=True))
+    ]
+    return head + "".join([*rows[:3000], "20/07/24,12:00:02,40,STOP TRG,\n", *rows[3000:]])
+
+
+def rexroth(m: Motion) -> str:
+    """Sections with the period in one of them, and statistics below."""
+    head = (
+        "[Settings]\n[DATE]\n24.07.2020 12:00:00\n[RECTIME]\nRECTIME: 1 ms, AutoStop: 0, Poti: 100\n[RECSEPARATOR]\n;\n"
+    )
+    rows = table(m.u, m.q * 360 / TURN, sep=";")
+    return f"{head}[Data]\nTorque [Nm];Position [deg]\n{rows}[Statistics]\nNmbOfSamples: {m.t.size}\n"
+
+
+def influx(m: Motion) -> str:
+    """Annotations, and a row for each reading: first all of one signal, then all of the other."""
+    head = "#group,false,false,false,false,true\n#datatype,string,long,dateTime:RFC3339,double,string\n"
+    head += "#default,_result,,,,\n,result,table,_time,_value,_field\n"
+    return head + "".join(
+        f",,{j},2024-05-01T00:00:{t:06.3f}Z,{x:.8f},{name}\n"
+        for j, (name, signal) in enumerate((("position_rad", m.q), ("torque_nm", m.u)))
+        for t, x in zip(m.t, signal, strict=True)
+    )
+
+
+def readings(m: Motion) -> str:
+    """A row for each reading, the signals in turns, with their units in a column."""
+    rows = zip(*m, strict=True)
+    return "time_s;tag;value;unit\n" + "".join(f"{t:.3f};M;{u:.8f};Nm\n{t:.3f};phi;{q:.8f};rad\n" for t, u, q in rows)
+
+
+def chinese(m: Motion) -> str:
+    """As a spreadsheet saves it there, with the separator in the first line."""
+    return "sep=;\n时间(ms);转矩(N·m);位置(°)\n" + table(
+        (1e3 * m.t).round().astype(int), m.u, m.q * 360 / TURN, sep=";", comma=True
+    )
+
+
+def japanese(m: Motion) -> str:
+    """Names in Shift JIS."""
+    return "時間[ms],トルク[Nm],位置フィードバック[deg]\n" + table(
+        (1e3 * m.t).round().astype(int), m.u, m.q * 360 / TURN
+    )
+
+
 def simulink(folder: Path, m: Motion) -> Path:
     """To Workspace, "structure with time"."""
     from scipy.io import savemat
@@ -320,6 +423,7 @@ def text(maker: Callable[[Motion], str], name: str, encoding: str = "utf-8") -> 
 
 
 CONSTANT = ["--torque-constant", "0.12+-0.01"]
+SI = ["--unit", "drive=Nm", "--unit", "position=rad"]
 LOGS: dict[str, tuple[Callable[[Path, Motion], Path], list[str]]] = {
     "TwinCAT, a time column for each channel": (text(twincat_all, "a.csv"), []),
     "TwinCAT, channels of two rates, decimal commas": (text(twincat_rates, "a.csv"), []),
@@ -360,6 +464,18 @@ LOGS: dict[str, tuple[Callable[[Path, Motion], Path], list[str]]] = {
         simulink,
         "--time out.time --drive out.signals.0.values --position out.signals.1.values --unit drive=Nm".split(),
     ),
+    "Hioki LR8400": (text(hioki, "a.csv"), ["--drive", "1-1[Nm]", "--position", "1-2[deg]"]),
+    "Hioki 8807": (text(hioki_signals, "a.txt"), []),
+    "Yokogawa DLM": (text(yokogawa, "a.csv"), []),
+    "Rigol": (text(rigol, "a.csv"), ["--drive", "CH1", "--position", "CH2", *SI]),
+    "Tektronix, the head beside the data": (text(tektronix, "a.csv"), ["--columns", "3,4,5", *SI]),
+    "Rohde & Schwarz RTH, values only": (text(rohde, "a.csv"), ["--columns", "0,1", *SI]),
+    "Panasonic trace, an event amid the data": (text(panasonic, "a.csv"), []),
+    "Rexroth MTX, sections": (text(rexroth, "a.csv"), []),
+    "InfluxDB, annotated CSV": (text(influx, "a.csv"), []),
+    "a row for each reading": (text(readings, "a.csv"), ["--drive", "M", "--position", "phi"]),
+    "Chinese, GB 18030": (text(chinese, "a.csv", "gb18030"), []),
+    "Japanese, Shift JIS": (text(japanese, "a.csv", "cp932"), []),
     "rostopic echo -p": (text(rostopic, "a.csv"), ["--drive", "field.effort0", "--unit", "drive=Nm"]),
 }
 

@@ -80,6 +80,7 @@ def test_every_long_segment_of_a_log_counts(log, tmp_path):
     [
         (["--drive", "volts"], 2, "no column 'volts'"),
         (["--columns", "0,1,2,3,4"], 1, "expected two"),
+        (["--columns", "1,2"], 2, "names no time; add --rate"),
         (["--unit", "position"], 1, "expected ROLE=UNIT"),
         (["--law", "sticky"], 1, "'sticky'"),
         (["--law", "cogging"], 1, "cannot be part of the base law"),

@@ -265,6 +265,7 @@ def origin(log: Bunch) -> str:
 def read_log(options: dict[str, Any], second: str | None = None) -> Bunch:
     """The columns that the options name, or that name themselves; of a ``second`` log those that it has."""
     from whsklearn.logs import open_source
+    from whsklearn.logs.errors import ColumnError
     from whsklearn.logs.roles import by_number
 
     file = second or options["log_file"]
@@ -272,6 +273,10 @@ def read_log(options: dict[str, Any], second: str | None = None) -> Bunch:
     servo = options["kind"] == "servo"
     if options["columns"]:
         given: dict[str, str | None] = {**by_number(options["columns"], chain=not servo)}
+        if servo and "time" not in given and options["rate"] is None and not _own_clock(source):
+            raise ColumnError(
+                f"--columns {options['columns']} names no time; add --rate HZ, or give three columns, the time first."
+            )
     elif servo:
         given = {r: options[r] for r in ("drive", "position", "velocity", "reference", "command")}
         given["time"] = options["time_column"]

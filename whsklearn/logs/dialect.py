@@ -11,6 +11,7 @@ from whsklearn.logs.heads import COMMENTS, Head, commented, headings
 SEPARATORS = (",", ";", "\t", "|", r"\s+")
 _DATE = re.compile(r"\d{1,4}[-/.:]\d{1,2}[-/.:]\d{1,4}")
 _BODY = 50  # rows that tell what a column holds
+_HEAD_BESIDE = 20  # rows of a head beside the data, at most
 _FEW = 4  # rows; a table of fewer, above another one with names, is no log
 
 
@@ -65,9 +66,10 @@ def _says(line: str) -> bool:
 
 
 def _is_data(cells: list[str], decimal: str) -> bool:
-    """A row of data has numbers or dates in most of its cells, and one that is no blank."""
+    """A row of data has numbers or dates in most of its cells, or in half of four that begin with one: not all blank."""
     good = [is_number(c, decimal) or bool(_DATE.match(c)) for c in cells]
-    return any(c and g for c, g in zip(cells, good, strict=True)) and 2 * sum(good) > len(cells)
+    half = len(cells) >= 4 and cells[0] != "" and good[0]  # time, name, value, unit
+    return any(c and g for c, g in zip(cells, good, strict=True)) and 2 * sum(good) + half > len(cells)
 
 
 def _read_as(
@@ -79,6 +81,8 @@ def _read_as(
     start = _first_row(rows, widths, decimal)
     if start is None:
         return None
+    if 0 < start <= _HEAD_BESIDE and _beside(rows, start, decimal):
+        start = 0
     width = widths[start]
     body = [c for _, c in rows[start : start + _BODY]]
     fits = sum(len(c) == width and _is_data(c, decimal) for c in body) / len(body)
@@ -92,8 +96,8 @@ def _read_as(
     if start == 0 and width > 1 and _counts_up(cells) and len(rows) > 1:  # pandas heads nameless columns 0, 1, 2
         head, (first, cells) = Head([n or "index" for n in cells], None), rows[1]
     else:
-        head = headings(above, width) or Head(commented(lines[:first], width), None)
-    header = above[-1] if above and head.names is None else None
+        head = headings(above, width, apart=all(not c[0] for c in body)) or Head(commented(lines[:first], width), None)
+    header = above[-1] if above and head.names is None and not head.units else None
     comment = next((t.lstrip()[0] for t in lines if t.lstrip().startswith(("#", "%"))), "#")
     # A comma that parts the cells beats one inside them only if every cell is then a number, which `fits` tells;
     # a point as decimal sign is the rule where both read the same.
@@ -108,7 +112,10 @@ def _first_row(rows: list[tuple[int, list[str]]], widths: list[int], decimal: st
         (
             k
             for k, (_, c) in enumerate(rows)
-            if k >= above and _is_data(c, decimal) and _goes_on(widths, k) and not _label(rows, k, decimal)
+            if k >= above
+            and _is_data(c, decimal)
+            and _goes_on(rows, widths, k, decimal)
+            and not _label(rows, k, decimal)
         ),
         None,
     )
@@ -121,9 +128,27 @@ def _first_row(rows: list[tuple[int, list[str]]], widths: list[int], decimal: st
     return start
 
 
-def _goes_on(widths: list[int], k: int) -> bool:
-    """Whether the row after or the one before has as many cells, or there is none after."""
-    return k + 1 >= len(widths) or widths[k] in (widths[k + 1], widths[k - 1] if k else 0)
+def _goes_on(rows: list[tuple[int, list[str]]], widths: list[int], k: int, decimal: str) -> bool:
+    """Whether the row after or the one before has as many cells, or there is none after; one cell alone needs more."""
+    if k + 1 >= len(widths):
+        return True
+    if widths[k] == 1:  # a date in a head
+        return widths[k + 1] == 1 and _is_data(rows[k + 1][1], decimal)
+    return widths[k] in (widths[k + 1], widths[k - 1] if k else 0)
+
+
+def _beside(rows: list[tuple[int, list[str]]], start: int, decimal: str) -> bool:
+    """Whether all rows above the first of data are data too, beside a head in columns that soon are blank.
+
+    An oscilloscope of Tektronix writes ``Record Length,2500,,-0.00125,0.04`` in its first rows.
+    """
+    body = [c for _, c in rows[start : start + _BODY]]
+    width = len(body[0])
+    said = [i for i in range(width) if any(len(c) == width and c[i] for c in body[_HEAD_BESIDE:])]
+    above = [c for _, c in rows[:start]]
+    return 0 < len(said) < width and all(
+        len(c) == width and all(c[i] and is_number(c[i], decimal) for i in said) for c in above
+    )
 
 
 def _label(rows: list[tuple[int, list[str]]], k: int, decimal: str) -> bool:

@@ -6,6 +6,7 @@ names (TwinCAT Scope), and give each channel a time column of its own.  Scripts 
 
 from __future__ import annotations
 
+import itertools
 import re
 from typing import NamedTuple
 
@@ -14,7 +15,9 @@ from whsklearn.logs.units import symbol_of
 
 COMMENTS = ("#", "%", "//", "!")
 _NAMES = {"name", "names", "signal", "signals", "channel", "channels", "variable", "variables", "kanal", "signalname"}
+_NAMES |= {"tracename"}
 _UNITS = {"unit", "units", "einheit", "einheiten", "dimension", "y_unit_label"}
+_UNITS |= {"vunit", "vert_units", "vertical unit", "vertical units"}  # of oscilloscopes and recorders
 _TIME = {"time", "timestamp", "timestamps", "zeit", "zeitstempel", "t"}
 _TICKS = {"tick", "ticks"}
 _ODRIVE = 8000.0  # Hz; the loop of an ODrive v3, whose scripts log its ticks
@@ -22,11 +25,14 @@ _SECONDS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 _HERTZ = {"hz": 1.0, "khz": 1e3, "mhz": 1e6, "1/s": 1.0, "s/s": 1.0, "sps": 1.0}
 _RATE = re.compile(r"(\d+(?:[.,]\d+)?)\s*([kM]?)Hz\b", re.IGNORECASE)
 _PERIOD = re.compile(
-    r"\W*(?:(?:sampl\w*|cycle|task|scan|trace|recording|abtast|zyklus)[\s_-]*"
+    r"\W*(?:(?:sampl\w*|cycle|task|scan|trace|rec|recording|abtast|zyklus)[\s_-]*"
     r"(?:time|period|interval\w*|zeit|rate|frequen\w*)|d?ts?|fs|interval)"
     r"\s*(?:[\[(]\s*([^\])]+?)\s*[\])])?\s*[;:=,\t ]\s*(?=\S)",
     re.IGNORECASE,
 )
+_AXIS = re.compile(r"\W*(?:h|horz|horizontal|x)[\s_-]?units?\W+([a-z]+)\b", re.IGNORECASE)  # of an oscilloscope's time
+_OF_RATE = re.compile(r"rate|frequen|fs", re.IGNORECASE)
+_INCREMENT = {"increment", "xincrement", "x increment", "tinc", "t_inc"}
 _VALUE = re.compile(r"\"?(\d+(?:[.,]\d+)?(?:e[+-]?\d+)?)\s*([a-z1µμ/]+)?\"?", re.IGNORECASE)
 
 
@@ -38,7 +44,7 @@ class Head(NamedTuple):
     clocks: list[int] | None = None
 
 
-def headings(above: list[list[str]], width: int) -> Head | None:
+def headings(above: list[list[str]], width: int, apart: bool = False) -> Head | None:
     """The head that rows of words above a table of `width` columns make; None if they make none.
 
     Parameters
@@ -47,6 +53,8 @@ def headings(above: list[list[str]], width: int) -> Head | None:
         Cells of the rows, from the top of the file to the first row of data.
     width : int
         Columns of the table.
+    apart : bool
+        Whether the first column holds the labels of the head and no data.
 
     Examples
     --------
@@ -64,24 +72,63 @@ def headings(above: list[list[str]], width: int) -> Head | None:
     if labelled and len(above) > 1:
         names = labelled[-1]
         told = [_unit(u) for u in next((c for c in reversed(rows) if _label(c) in _UNITS), [""] * len(names))]
+        if apart:
+            return Head(unique(["", *names[1:]]), ["", *told[1:]])
         times = [i for i, n in enumerate(names) if n == names[0]]
         ms = "ms" if any(_label(c).startswith(("sampletime[ms]", "symbolbased")) for c in rows) else ""
         names = ["time" if i in times else n for i, n in enumerate(names)]
         told = [ms if i in times else u for i, u in enumerate(told)]
         drop = len(names) - width  # labels above a table without a column of time
         return Head(unique(names[drop:]), told[drop:], None if drop else _clocks(times, width))
+    channels = [c for c in above if _label(c) in _UNITS and len(c) == width + 1]
+    if channels:  # nameless channels below a head of labelled rows
+        return Head(None, [_unit(u) for u in channels[-1][1:]])
     if not rows:
-        return None
+        return _extended(above, width)
     last = max((i for i, c in enumerate(rows) if _all_units(c)), default=0)
     if _label(rows[last]) in _UNITS and last < len(rows) - 1:  # a head of labelled rows, and the names below it
         names, units = rows[-1], rows[last]
     elif last:
         # Types may stand between names and units, MATLAB's above all; a row that says one thing twice names nothing.
-        names = next((c for c in reversed(rows[:last]) if len(set(c)) == len(c)), rows[last - 1])
-        units = rows[last]
+        k = next((k for k in reversed(range(last)) if _is_distinct(rows[k])), last - 1)
+        names, units = _stacked(rows[: k + 1]), rows[last]
     else:
         names, units = rows[-1], []
     return Head(unique(names), [_unit(u) for u in units] or None, _clocks(_times(names), width))
+
+
+def _is_distinct(cells: list[str]) -> bool:
+    """Whether no two cells say the same thing."""
+    said = [c for c in cells if c]
+    return len(set(said)) == len(said) > 0
+
+
+def _stacked(rows: list[list[str]]) -> list[str]:
+    """The last row, its blanks filled with what the rows above it say."""
+    return [next((c for c in reversed(column) if c), "") for column in zip(*rows, strict=True)]
+
+
+def _extended(above: list[list[str]], width: int) -> Head | None:
+    """The head of a table whose names go on over numbers in the next row: ``X,CH1,Start,Increment`` of a Rigol."""
+    if len(above) < 2 or len(above[-2]) <= width or increment_in(above) is None:
+        return None
+    names = [n if not is_number(v) else "" for n, v in zip(above[-2], above[-1], strict=False)]
+    return Head(unique(names[:width]), [_unit(c) for c in above[-1][:width]])
+
+
+def increment_in(above: list[list[str]]) -> float | None:
+    """Seconds from sample to sample, where a row of names says ``Increment`` and the next one how much.
+
+    Examples
+    --------
+    >>> increment_in([["X", "CH1", "Start", "Increment"], ["Sequence", "Volt", "0", "1.0e-03"]])
+    0.001
+    """
+    for names, values in itertools.pairwise(above):
+        for name, value in zip(names, values, strict=False):
+            if name.lower() in _INCREMENT and _VALUE.fullmatch(value):
+                return float(value) or None
+    return None
 
 
 def commented(lines: list[str], width: int) -> list[str] | None:
@@ -103,18 +150,23 @@ def period_in(lines: list[str]) -> float | None:
     --------
     >>> period_in(["Device; drive 1", "Sampling time; 250 us"]), period_in(["Samples: 300"])
     (0.00025, None)
-    >>> period_in(["# sample rate [kHz] = 2"])
-    0.0005
+    >>> period_in(["# sample rate [kHz] = 2"]), period_in(["HUnit,s,s", "SampleRate,2000.0,2000.0"])
+    (0.0005, 0.0005)
     """
+    axis = next((found[1].lower() for found in map(_AXIS.match, lines) if found), "")
     for line in lines:
         line = line.strip().lstrip("#%/! ")
         if (key := _PERIOD.match(line)) is None:
             continue
-        cells = {c.strip() for c in re.split(r"[;\t]|,\s|,$", line[key.end() :])}
-        values = [v for v in map(_VALUE.fullmatch, cells - {"", line[: key.end()].strip()}) if v is not None]
+        for between in (r"[;\t]|,\s|,$", r"[;\t,]"):  # a comma inside a number, or between equal ones of channels
+            cells = {c.strip() for c in re.split(between, line[key.end() :])}
+            values = [v for v in map(_VALUE.fullmatch, cells - {"", line[: key.end()].strip()}) if v is not None]
+            if values:
+                break
         if len(values) != 1:  # channels of several rates
             continue
-        unit = (key[1] or values[0][2] or "").lower().replace("µ", "u").replace("μ", "u")
+        usual = "hz" if axis == "s" and _OF_RATE.search(line[: key.end()]) else axis
+        unit = (key[1] or values[0][2] or usual).lower().replace("µ", "u").replace("μ", "u")
         value = float(values[0][1].replace(",", "."))
         if value > 0 and unit in _SECONDS:
             return value * _SECONDS[unit]
@@ -171,7 +223,8 @@ def _unit(text: str) -> str:
 def _all_units(cells: list[str]) -> bool:
     """Whether every cell is a unit or blank, and most are units; the first may say that they are."""
     known = [symbol_of(c.strip("[]() ")) is not None or c.lower() in _UNITS for c in cells]
-    return sum(known) * 2 > len(cells) and all(k or len(c) <= 6 for k, c in zip(known, cells, strict=True))
+    said = sum(c != "" for c in cells)
+    return sum(known) * 2 > said and all(k or len(c) <= 6 for k, c in zip(known, cells, strict=True))
 
 
 def _times(names: list[str]) -> list[int]:

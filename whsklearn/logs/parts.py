@@ -1,4 +1,4 @@
-"""Signals that are spread over files, one for each signal, or over rows, with several motors separated by an id."""
+"""Signals spread over files, one for each, or over rows, with motors or signals distinguished by a column."""
 
 from __future__ import annotations
 
@@ -18,6 +18,9 @@ from whsklearn.logs.units import unit_of
 _TEXTS = {".csv", ".txt", ".tsv", ".dat", ".log", ".asc"}
 _MOTOR = "(motor|joint|axis|servo|actuator|drive|node|can|canopen|device|dev|slave)"
 _ID = re.compile(rf"({_MOTOR}_?)?(id|no|nr|number|num|index|name|addr|address)|{_MOTOR}")
+_SIGNAL = re.compile("(signal|field|channel|variable|var|tag|metric|quantity)_?(id|name)?|name")
+_VALUE = {"value", "val", "values", "varvalue", "wert", "reading"}
+_UNIT = {"unit", "units", "einheit"}
 _MOST_MOTORS = 64
 _FEWEST_ROWS = 3
 
@@ -59,6 +62,47 @@ def by_motor(source: Source) -> Source:
     units |= {n: source.units[n] for n in shared if n in source.units}
     notes = [*source.notes, f"The rows of {numbers.size} motors are distinguished by column {column!r}."]
     return Source(source.name, [*shared, *where], fetch, units={w: u for w, u in units.items() if u}, notes=notes)
+
+
+def by_signal(source: Source) -> Source:
+    """The signals of a long table, which has a row for each reading with its time and its name; else the source itself.
+
+    So write InfluxDB (``_time``, ``_field``, ``_value``), historians and many scripts.
+
+    Examples
+    --------
+    >>> table = {"t": [0, 0, 1, 1, 2, 2], "signal": ["q", "i"] * 3, "value": [0.0, 5.0, 0.1, 5.1, 0.2, 5.2]}
+    >>> rows = Source("a.csv", list(table), lambda wanted: {w: Column(np.array(table[w])) for w in wanted})
+    >>> signals = by_signal(rows)
+    >>> signals.names, signals.fetch(["q"])["q"].values, signals.fetch(["q"])["q"].stamps
+    (['i', 'q'], array([0. , 0.1, 0.2]), array([0., 1., 2.]))
+    """
+
+    def called(word: Callable[[str], Any]) -> str | None:
+        return next((n for n in source.names if word("_".join(words_of(n)))), None)
+
+    column, value = called(_SIGNAL.fullmatch), called(_VALUE.__contains__)
+    time = next((n for n in source.names if guess(Source("", [n], source.fetch, units=source.units), "time")), None)
+    if column is None or value is None or time is None:
+        return source
+    who = source.fetch([column])[column].values
+    who = who.astype(str) if who.dtype.kind in "OUS" else np.empty(0, dtype=str)
+    names, counts = np.unique(who[(who != "nan") & (who != "")], return_counts=True)
+    if not 2 <= names.size <= _MOST_MOTORS or counts.min() < _FEWEST_ROWS:
+        return source
+    told = called(_UNIT.__contains__)
+    said = source.fetch([told])[told].values.astype(str) if told else None
+    units = {n: str(said[np.argmax(who == n)]) if said is not None else unit_of(n, "") for n in names.tolist()}
+
+    def fetch(wanted: Sequence[str]) -> dict[str, Column]:
+        read = source.fetch([time, value])
+        rows = [who == w for w in wanted]
+        stamps = on_one_clock([read[time].values[r] for r in rows], source.units.get(time) or unit_of(time, ""), time)
+        return {w: Column(read[value].values[r], t) for w, r, t in zip(wanted, rows, stamps, strict=True)}
+
+    notes = [*source.notes, f"The rows of {names.size} signals are distinguished by column {column!r}."]
+    kept = {n: u for n, u in units.items() if u}
+    return Source(source.name, names.tolist(), fetch, units=kept, notes=notes, clocked=True)
 
 
 def _ids(values: Any) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,7 +13,7 @@ import numpy as np
 from whsklearn.logs.cells import as_numbers, is_number, is_plain, is_word, no_numbers
 from whsklearn.logs.dialect import Dialect, dialect_of, split
 from whsklearn.logs.errors import LogError
-from whsklearn.logs.heads import period_in, ticks_in
+from whsklearn.logs.heads import increment_in, period_in, ticks_in
 from whsklearn.logs.packed import DAMAGE, opened
 from whsklearn.logs.roles import WORDS, words_of
 from whsklearn.logs.source import Column, Source
@@ -24,6 +25,11 @@ MOST_HEAD = 1 << 26  # bytes in which rows of data are looked for: blank lines o
 FEW_ROWS = 50  # lines of data that tell what a column holds
 _NOTHING = b"\0 \t\r\n\xef\xbb\xbf"
 _BLOCK = 1 << 20
+_CALLED = {
+    "cp1252": "Windows text (cp1252)",
+    "cp932": "Japanese text (Shift JIS)",
+    "gb18030": "Chinese text (GB 18030)",
+}
 _ROWS = 200_000  # of a chunk
 _FOOTER = 50  # rows at the end that may hold words and not data: the statistics and signatures of recorders
 _DATE = r".*\d[-/:.T]\d.*"
@@ -46,8 +52,8 @@ def open_text(path: Path) -> Source:
         notes.append("The last row is incomplete and was left out.")
     names = layout.names or [str(i) for i in range(layout.width)]
     units = {n: u for n, u in zip(names, layout.units or [], strict=False) if u}
-    if encoding == "cp1252":
-        notes.append("The file is not UTF-8; it was read as Windows text (cp1252).")
+    if encoding in _CALLED:
+        notes.append(f"The file is not UTF-8; it was read as {_CALLED[encoding]}.")
     if layout.decimal == ",":
         notes.append("Numbers have a decimal comma.")
     above = clean[: layout.first]
@@ -56,7 +62,9 @@ def open_text(path: Path) -> Source:
         units[names[column]] = f"ticks/{rate:.10g}" if rate else "ticks"
         if rate:
             notes.append(f"Column {names[column]!r} counts ticks, {rate:g} a second.")
-    period = None if any(is_time(units.get(n) or unit_of(n)) or _is_time(n) for n in names) else period_in(above)
+    period = None
+    if not any(is_time(units.get(n) or unit_of(n)) or _is_time(n) for n in names):
+        period = period_in(above) or increment_in([split(t, layout.separator) for t in above])
     if period:
         notes.append(f"Rows are {period:.6g} s apart, according to the header.")
     why = _why_nameless(layout) if layout.names is None else ""
@@ -160,8 +168,33 @@ def _encoding(head: bytes, name: str) -> str:
         head[: len(head) - 4].decode("utf-8")
     except UnicodeDecodeError as error:
         if error.start < len(head) - 8:
-            return "cp1252"
+            return _legacy(head)
     return "utf-8-sig"
+
+
+def _legacy(head: bytes) -> str:
+    """The encoding of a text that is not Unicode: Japanese has kana, Chinese pairs of bytes in GB 2312's common rows.
+
+    Examples
+    --------
+    >>> _legacy("時間,トルク指令".encode("cp932")), _legacy("时间;转矩(N·m)".encode("gb18030"))
+    ('cp932', 'gb18030')
+    >>> _legacy("Zeit;Größe;Übermaß in °".encode("cp1252"))
+    'cp1252'
+    """
+    try:
+        japanese = codecs.getincrementaldecoder("cp932")().decode(head)
+    except UnicodeDecodeError:
+        japanese = ""
+    wide = re.findall(r"[^\x00-\x7f]", japanese)
+    if any("\u3040" <= c <= "\u30ff" for c in wide):
+        return "cp932"
+    runs = re.findall(rb"[\x80-\xff]+", head[:-4])
+    pairs = [run[i : i + 2] for run in runs for i in range(0, len(run), 2)]
+    common = sum(0xB0 <= p[0] <= 0xD7 and p[-1] >= 0xA1 for p in pairs)
+    if pairs and all(len(p) == 2 for p in pairs) and 2 * common >= len(pairs):
+        return "gb18030"
+    return "cp1252"
 
 
 def _why_none(lines: list[str], name: str, more: bool) -> str:
@@ -267,11 +300,13 @@ def _typed(cells: dict[str, Any], decimal: str, notes: list[str]) -> dict[str, C
     rows = len(next(iter(cells.values())))
     again = np.zeros(rows, dtype=bool)
     words = {n: np.zeros(rows, dtype=bool) for n in cells}
+    dates: list[str] = []
     for name, values in text.items():
         again |= _true(values.str.strip().str.strip('"') == name)
         odd = np.asarray(no_numbers(values, as_numbers(values, decimal)[0]), dtype=bool)
         if 2 * odd.sum() > rows:
             odd = ~_true(values.str.fullmatch(_DATE)) & ~_true(values.isna())
+            dates += [name]
         if 2 * odd.sum() > rows:  # neither numbers nor dates: a column of words says nothing about its rows
             del words[name]
         else:
@@ -279,7 +314,15 @@ def _typed(cells: dict[str, Any], decimal: str, notes: list[str]) -> dict[str, C
     # A line of a footer begins with a word, as "Mean;0.3;0.1" does; a word further on is a reading that failed.
     footer = next(iter(words.values()), np.zeros(rows, dtype=bool)).copy()
     footer[: max(rows - int(np.argmin(footer[::-1])), rows - _FOOTER)] = False
-    out = again | footer
+    # A row that says something at a date and holds no number is an event: "STOP TRG" of a trace, a comment.
+    values = [n for n in cells if n not in dates]
+    silent = [
+        words[n] | _true(text[n].isna() | (text[n].str.strip() == "")) for n in values if n in text and n in words
+    ]
+    event = np.zeros(rows, dtype=bool)
+    if dates and silent and len(silent) == len(values):
+        event = np.logical_and.reduce(silent) & np.logical_or.reduce([words[n] for n in values])
+    out = again | footer | event
     if out.any() and out.sum() < rows:
         notes.append(
             f"{out.sum()} row(s) of text between or below the data were left out, the first is row {out.argmax()}."
