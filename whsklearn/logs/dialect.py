@@ -66,7 +66,7 @@ def _says(line: str) -> bool:
 
 
 def _is_data(cells: list[str], decimal: str) -> bool:
-    """A row of data has numbers or dates in most of its cells, or in half of four that begin with one: not all blank."""
+    """Numbers or dates in most of its cells, or in half of four or more of which the first is one; not all blank."""
     good = [is_number(c, decimal) or bool(_DATE.match(c)) for c in cells]
     half = len(cells) >= 4 and cells[0] != "" and good[0]  # time, name, value, unit
     return any(c and g for c, g in zip(cells, good, strict=True)) and 2 * sum(good) + half > len(cells)
