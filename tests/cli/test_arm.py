@@ -201,14 +201,20 @@ def test_gap_finds_gains_by_a_load_and_a_load_by_an_identified_model(folder):
     assert done.exit_code == 0, done.output
     found = json.loads((out / "load" / "gap.json").read_text())["effects"][0]
     assert (found["name"], found["joint"]) == ("payload", "pitch")
-    assert abs(found["parameters"]["mass_kg"] - 0.8) < 4 * found["standard_errors"]["mass_kg"] + 0.02
+    assert abs(found["parameters"]["mass_kg"] - 0.8) < 3 * found["standard_errors"]["mass_kg"] < 0.05
+    unknown = ["--loaded", out / "loaded.csv", "--report", out / "pair", "--no-track"]
+    done = run(gap, out / "empty.csv", "--robot", out / "arm.xml", *unknown)
+    assert done.exit_code == 0, done.output
+    pair = json.loads((out / "pair" / "gap.json").read_text())["effects"][0]
+    assert (pair["name"], pair["joint"]) == ("payload", "pitch")
+    assert abs(pair["parameters"]["mass_kg"] - 0.8) < 3 * pair["standard_errors"]["mass_kg"] < 0.05
 
 
 def test_gap_refuses_half_a_load_in_a_sentence(folder):
     out, _ = folder
     done = run(gap, out / "arm.csv", "--robot", out / "arm.xml", "--load", "2.8", "--report", out / "g", "--no-track")
     assert done.exit_code != 0
-    assert "give both, or neither" in " ".join(done.output.split())
+    assert "give the log with it as --loaded" in " ".join(done.output.split())
     done = run(
         gap, out / "arm.csv", "--robot", out / "arm.xml", "--gains", "hip:1", "--report", out / "g", "--no-track"
     )

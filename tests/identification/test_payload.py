@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.systems.drawn_arms import drawn_arm
-from whsklearn.datasets import make_arm_log
+from whsklearn.datasets import default_arm, make_arm_log
 from whsklearn.effects import Coulomb, LoadFriction, Viscous
 from whsklearn.identification import find_payload, gains_from_load, identify_arm
 from whsklearn.lags import RigidBodyLags
@@ -50,14 +50,21 @@ def test_friction_that_grows_with_the_torque_is_kept_and_is_no_mass():
     assert abs(best.mass - 2.8) < 3 * best.mass_error < 0.15
 
 
-def test_joints_that_disagree_widen_the_interval(empty, monkeypatch):
+@pytest.mark.parametrize("gains", [(1.0, 1.0, 1.1), (1.0, 0.9, 1.0), (1.0, 0.9, 1.1)])
+def test_joints_that_disagree_widen_the_interval(empty, gains):
     q, torque = log(ARM.with_body("j2", 2.8, CENTRE), 1)
-    loaded = q, torque * [1.0, 1.0, 1.1]  # the drive of j2 reads a tenth too much
-    told = find_payload(empty, *loaded)[0]
-    monkeypatch.setattr("whsklearn.identification.payload.between_joints", lambda *_: 0.0)
-    by_blocks = find_payload(empty, *loaded)[0]
-    assert told.mass_error > 1.2 * by_blocks.mass_error
-    assert abs(told.mass - 2.8) < 2 * told.mass_error
+    agree, apart = (find_payload(empty, q, torque * g)[0] for g in (1.0, np.array(gains)))
+    assert apart.mass_error > 50.0 * agree.mass_error  # a drive reads a tenth too much or too little
+    assert abs(apart.mass - 2.8) < 3 * apart.mass_error
+
+
+def test_a_load_on_the_last_axis_is_at_the_last_link_and_its_mass_needs_a_lever():
+    arm = default_arm()  # pitch intersects no axis that sees a mass: only moments and inertias tell it
+    empty = identify_arm(*log(arm, 0), dt=0.002, robot=arm)
+    best = find_payload(empty, *log(arm.with_body("pitch", 0.3, (0.15, 0.0, 0.02)), 3))[0]
+    assert best.joint == "pitch"
+    assert abs(best.mass - 0.3) < 3 * best.mass_error < 0.02
+    np.testing.assert_allclose(best.centre, (0.15, 0.0, 0.02), atol=0.005)
 
 
 def test_the_interval_holds_the_gains(empty):

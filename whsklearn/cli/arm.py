@@ -180,22 +180,33 @@ def base_of(options: Mapping[str, Any]) -> Any:
     """The base model of `gap`: an identified model, whose numbers are kept, or the robot of a file."""
     from whsklearn.models import load_model
 
+    if options.get("known") is not None:
+        return options["known"]
     if Path(options["robot"]).suffix == ".json":
         return load_model(options["robot"])
     return robot_of(options)
 
 
 def gap_log(options: dict[str, Any]) -> Bunch:
-    """The log of an arm as `gap` takes it; drive gains by a known load are put in the place of ``--gains``."""
+    """The log of an arm as `gap` takes it.
+
+    With a known load, the drive gains that it tells are put in the place of ``--gains``; with an unknown one the log is
+    the loaded one, and what the other knows of the arm is put into the options.
+    """
     from sklearn.utils import Bunch
 
     arm = robot_of(options)
-    if bool(options["load"]) != bool(options["loaded"]):
-        raise ValueError("--load is the mass of a known load and --loaded the log with it; give both, or neither.")
+    if options["load"] and not options["loaded"]:
+        raise ValueError("--load is the mass of a known load; give the log with it as --loaded.")
     if options["load"]:
         options["gains"] = gains_by_load(options, arm)
         note(f"Gains by the known load: {options['gains']}")
     log = read_arm(options["log_file"], options, arm)
+    if options["loaded"] and not options["load"]:
+        from whsklearn.identification import identify_arm
+
+        options["known"] = identify_arm(log.position, log.drive, dt=1.0 / log.rate, robot=arm).model
+        log = read_arm(options["loaded"], options, arm)
     errors = [e / g for g, e in gains_of(options["gains"] or "").values() if g]
     return Bunch(
         name=Path(options["log_file"]).name, time=log.time, X=log.drive, y=log.position, sample_rate=log.rate,

@@ -103,7 +103,9 @@ def orders_of(_context: Any, _option: Any, text: str | None) -> tuple[int, int, 
 @click.option("--gains", help='Torque constants: "NAME:NM_PER_AMPERE+-ERROR;...", where drives are currents.')
 @click.option("--load", help="Known load at the last joint: mass in kg, or with its place in m, KG:X,Y,Z.")
 @click.option(
-    "--loaded", type=click.Path(exists=True), help="Log with that load, to find the gains; LOG is without it."
+    "--loaded",
+    type=click.Path(exists=True),
+    help="Log with a load; LOG is without it. What load? With --load: what gains?",
 )
 @click.option("--simulator", type=click.Path(exists=True, dir_okay=False), help="A MuJoCo model.xml or an FMU.")
 @click.option("--joint", help="Joint of the simulator.")

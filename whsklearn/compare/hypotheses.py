@@ -22,6 +22,7 @@ from scipy.stats import f as snedecor
 from scipy.stats import t as student
 
 from whsklearn.compare.estimate import Estimate, Part, degrees_of
+from whsklearn.identification.payload import slopes_at
 
 Array = NDArray[Any]
 
@@ -31,7 +32,6 @@ LEAST = 0.005  # of the rms drive: smaller changes are not reported
 MOST_CHANGES = 3
 MOST_GAIN = 20.0  # times, or a twentieth: beyond it one of the records shows no drive
 LOADS = ("mass at ", "moment at ")
-INERTIAS = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))  # in the order of a link's numbers
 FURTHEST = 0.5  # m, of a load's centre from the joint that carries it, while it is sought
 N_ROUNDS = 8
 N_GAINS = 61  # of the grid from which the best gain is sought: a tenth apart
@@ -229,8 +229,7 @@ def shown(name: str, step: Array, covariance: Array) -> bool:
 def at_one_point(body: Array, d: Difference, given: Array) -> Array:
     """Directions (p, 4) in which mass and moments of a load move the numbers, if all of it is at one place.
 
-    Its inertia is of first degree in both, I(m, h) = (h.h - h h') / m, so that along its own derivatives it is what the
-    step says, exactly (Euler's theorem).
+    See `whsklearn.identification.payload.slopes_at`.
     """
     w = d.weight
     rest = d.values - _project(d.values, w, given)
@@ -240,15 +239,7 @@ def at_one_point(body: Array, d: Difference, given: Array) -> Array:
         m, *h = np.linalg.pinv(beside.T @ w @ beside, rcond=1e-10, hermitian=True) @ (beside.T @ w @ rest)
         place = np.array(h) / (m if m else np.inf)
         place *= min(1.0, FURTHEST / max(float(np.linalg.norm(place)), 1e-300))
-        slopes = np.zeros((10, 4))
-        slopes[:4] = np.eye(4)
-        for k, (i, j) in enumerate(INERTIAS):
-            slopes[4 + k, 0] = place[i] * place[j] - float(i == j) * (place @ place)
-            for axis in range(3):
-                unit = np.eye(3)[axis]
-                both = unit[i] * place[j] + place[i] * unit[j]
-                slopes[4 + k, 1 + axis] = 2.0 * float(i == j) * place[axis] - both
-        basis = body @ slopes
+        basis = body @ slopes_at(place)
     return np.asarray(basis)
 
 

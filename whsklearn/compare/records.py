@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
+import warnings
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
@@ -12,7 +13,7 @@ from threadpoolctl import threadpool_limits
 
 from whsklearn.compare.arm import MOST_LEFT, ArmLog, arm_rows, poor_joints
 from whsklearn.compare.axis import OneWay, axis_rows
-from whsklearn.compare.comparison import Comparison
+from whsklearn.compare.comparison import Change, Comparison
 from whsklearn.compare.estimate import Estimate, estimate
 from whsklearn.compare.hypotheses import Difference, hypotheses, smallest
 from whsklearn.compare.pair import between, changes_between
@@ -20,7 +21,10 @@ from whsklearn.compare.rows import Rows
 from whsklearn.compare.series import change_point, scatter, spread
 from whsklearn.gap.data_check import FEWEST_SAMPLES, SHORTEST_RECORD, check_servo
 from whsklearn.gap.record import ServoRecord
+from whsklearn.identification.arm_fit import N_LEFT_OUT, identify_arm
+from whsklearn.identification.payload import find_payload
 from whsklearn.models.files import as_arm
+from whsklearn.systems.arm import Arm
 
 SURE = 3.0  # standard errors below zero: one in a thousand by chance
 SEEN = 0.5  # of a number: a comparison that would miss half of every number has seen nothing
@@ -135,6 +139,8 @@ def compare_arms(
         poor = poor_joints(rows, arm.joints)
         rows = [dataclasses.replace(r, changes={n: b for n, b in r.changes.items() if not at(n, poor)}) for r in rows]
         found = compare_rows(rows, alpha)
+        if len(records) == 2:
+            found = weighed(found, records, arm)
         found.notes += [
             f"The arm's numbers leave {100 * share:.0f} % of the drive of {joint} unexplained; what moved there cannot "
             "be told. Run `whsklearn gap` with --robot on it."
@@ -142,6 +148,25 @@ def compare_arms(
         ]
     found.alpha, found.seconds = alpha, time.perf_counter() - began
     return found
+
+
+def weighed(found: Comparison, records: Sequence[ArmLog], arm: Arm) -> Comparison:
+    """The comparison with its mass as `find_payload` tells it, and as `whsklearn gap` does."""
+    at_mass = [k for k, c in enumerate(found.changes) if c.name.startswith("mass at ")]
+    if not at_mass:
+        return found
+    (_, q, u), (_, position, drive) = records
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        empty = identify_arm(q, u, dt=1.0 / records[0].sample_rate, robot=dataclasses.replace(arm, effects=()))
+        loads = {f"mass at {p.joint}": p for p in find_payload(empty, position, drive)}
+    changes = list(found.changes)
+    for k in at_mass:
+        if (p := loads.get(changes[k].name)) is not None:
+            changes[k] = dataclasses.replace(
+                changes[k], after=p.mass, standard_error=p.mass_error, degrees=N_LEFT_OUT - 1.0
+            )
+    return dataclasses.replace(found, changes=changes, sentence=told(changes))
 
 
 def at(name: str, joints: Collection[str]) -> bool:
@@ -283,8 +308,7 @@ def unseen(d: Difference, smallest_seen: dict[str, float]) -> str:
 def sentence(found: Comparison, d: Difference) -> str:
     """The answer in words."""
     if found.verdict == "moved":
-        text = "; ".join(map(str, found.changes))
-        return text[0].upper() + text[1:] + "."
+        return told(found.changes)
     if found.verdict == "cannot_tell":
         return f"What moved cannot be told. {found.reason}"
     sizes = own_sizes(d)
@@ -298,6 +322,12 @@ def sentence(found: Comparison, d: Difference) -> str:
     hidden = by_effect({n: np.nan for n, s in sizes.items() if found.smallest_seen[n] >= SEEN * s})
     text = f"Nothing moved that these records show. At least {', '.join(seen)} would have been seen."
     return text + (f" Less than half of {' and '.join(hidden)} would not." if hidden else "")
+
+
+def told(changes: Sequence[Change]) -> str:
+    """The changes in one sentence."""
+    text = "; ".join(map(str, changes))
+    return text[0].upper() + text[1:] + "."
 
 
 def by_effect(shares: Mapping[str, float]) -> list[str]:

@@ -105,6 +105,8 @@ class Linearised(NamedTuple):
     jacobian : ndarray of shape (n, p)
     rebuild : callable
         x -> model.
+    covariance : ndarray of shape (p, p), optional
+        Where more is known of the errors than that the residual is white.
     """
 
     x: Array
@@ -113,6 +115,7 @@ class Linearised(NamedTuple):
     residual: Array
     jacobian: Array
     rebuild: Any
+    covariance: Any = None
 
 
 class Learned(NamedTuple):

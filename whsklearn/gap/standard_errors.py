@@ -23,6 +23,8 @@ def covariance(fit: Linearised) -> Array:
     A number that moves no residual (a change whose time lies between two fitted parts) gets no variance,
     nor does one whose derivative overflows (an inertia of next to nothing, to which a spring was fitted).
     """
+    if fit.covariance is not None:
+        return np.asarray(fit.covariance)
     jacobian = np.where(np.all(np.isfinite(fit.jacobian), axis=0), fit.jacobian, 0.0)
     scale = np.linalg.norm(jacobian, axis=0)
     scale[scale == 0.0] = np.inf

@@ -123,6 +123,9 @@ class Tangent:
         Independent samples among the n.
     weight : ndarray of shape (n,), optional
         Of every sample; zero where one is excluded.
+    known : ndarray of shape (r, p), optional
+        Times the model's own numbers it is zero with the variance of a weighted sample: what another record knows of
+        them.  They then take less than everything that lies in their span, as in any generalised least squares.
     """
 
     left: Array
@@ -130,15 +133,20 @@ class Tangent:
     columns: Array
     n: float
     weight: Array | None = None
+    known: Array | None = None
 
     def __post_init__(self) -> None:
         norm = np.linalg.norm(self.columns, axis=0)
         used = norm > 1e-12 * max(float(norm.max(initial=0.0)), 1e-300)
         scaled = self._weighted(self.columns[:, used] / norm[used])
-        self.plane: Array = np.linalg.qr(scaled)[0] if scaled.size else np.zeros((self.left.size, 0))
+        n = len(scaled)
+        if self.known is not None:
+            scaled = np.vstack([scaled, self.known[:, used] / norm[used]])
+            scaled /= np.linalg.norm(scaled, axis=0)
+        self.plane: Array = np.linalg.qr(scaled)[0][:n] if scaled.size else np.zeros((self.left.size, 0))
         rows = self._weighted(np.vstack([self.left[None, :], self.null]).T)
         self.rows = rows - self.plane @ (self.plane.T @ rows)  # (n, 1 + m), the record first
-        self.power = np.sum(self.rows**2, axis=0)
+        self.power = np.sum(self.rows * rows, axis=0)
 
     def _weighted(self, x: Array, rows: slice = ALL) -> Array:
         return x if self.weight is None else x * self.weight[rows].reshape(-1, *([1] * (x.ndim - 1)))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from sklearn.base import clone
@@ -32,6 +32,9 @@ N_LEFT_OUT = 20
 # Standard errors above zero at which friction is said to grow with the torque: Student's t over 20 blocks is beyond it
 # once in 25,000 joints that have none.
 GROWS = 5.0
+SAME = 1e-9  # of the largest singular value: below it, columns are combinations of each other
+DIGITS = 4  # of a model's numbers that tells no errors
+ROUNDING = 1e-12  # of the largest eigenvalue of a correlation matrix
 BLOCKS = 10  # of a record, one after the other; every second one is held out, and then the others
 
 
@@ -109,7 +112,7 @@ def identify_arm(position: ArrayLike, drive: ArrayLike, *, dt: float, robot: Any
         warnings.warn(text, UserWarning, stacklevel=3)
     weights = lags.weights_ = lags._weights(phi, target, keep)
     names = lags.base_.names
-    phi, moving = _with_ages(phi, keep, lags._rate(q, torque, fitted(phi, target, keep, weights)[0]))
+    phi, moving = with_ages(phi, keep, lags._rate(q, torque, fitted(phi, target, keep, weights)[0]))
     theta, covariance = _with_blocks(phi, target, keep, weights)
     ages = dict(zip([lags.arm_.joints[int(j)] for j in moving], theta[len(names) :].tolist(), strict=True))
     theta, covariance = theta[: len(names)], covariance[: len(names), : len(names)]
@@ -137,7 +140,7 @@ def _load_frictions(
     """
     theta, _ = fitted(phi, target, keep, lags._weights(phi, target, keep))
     predicted, rate = lags._columns_along(q, torque)[0] @ theta, lags._rate(q, torque, theta)
-    before = _with_ages(phi, keep, rate)[0], target, keep
+    before = with_ages(phi, keep, rate)[0], target, keep
     growing, asked = list(lags.arm_.joints), 0
     while growing and len(growing) != asked:  # until all that are fitted together are sure
         asked = len(growing)
@@ -147,7 +150,7 @@ def _load_frictions(
                 warnings.simplefilter("ignore", UserWarning)  # joints at rest were told of already
                 phi = own._seen(q, drive, torque).phi
             weights = own._weights(phi, target, keep)
-            rows = _with_ages(phi, keep, rate)[0], target, keep
+            rows = with_ages(phi, keep, rate)[0], target, keep
             at = {name: i for i, name in enumerate(own.base_.names)}
             at = {j: at[name] for j in growing if (name := f"{j}.{LoadFriction.name}") in at}
             theta, white = fitted(*rows, weights)
@@ -167,7 +170,7 @@ def _offsets(joints: Sequence[str], growing: Sequence[str]) -> dict[str, tuple[E
     return {j: (InputOffset(), LoadFriction()) if j in growing else (InputOffset(),) for j in joints}
 
 
-def _with_ages(phi: Array, keep: NDArray[np.bool_], rate: Array) -> tuple[Array, NDArray[np.int64]]:
+def with_ages(phi: Array, keep: NDArray[np.bool_], rate: Array) -> tuple[Array, NDArray[np.int64]]:
     """Columns with the ages of the drives of the joints that move, and which these are.
 
     A drive is held for a sample, and logged late or early: beside its age, friction and inertia are what they are.
@@ -179,14 +182,27 @@ def _with_ages(phi: Array, keep: NDArray[np.bool_], rate: Array) -> tuple[Array,
 def _with_blocks(phi: Array, target: Array, keep: NDArray[np.bool_], weights: Array) -> tuple[Array, Array]:
     """Weights of the columns, and their covariance by leaving out blocks of the record."""
     theta, white = fitted(phi, target, keep, weights)
-    block = np.broadcast_to((np.arange(len(phi)) * N_LEFT_OUT // len(phi))[:, None], keep.shape)[keep]
     error = (target - phi @ theta) * weights
-    return theta, block_covariance((phi * weights[:, None])[keep], error[keep], block, white)
+    return theta, block_covariance((phi * weights[:, None])[keep], error[keep], blocks_of(keep), white)
 
 
-def fitted(phi: Array, target: Array, keep: NDArray[np.bool_], weights: Array) -> tuple[Array, Array]:
-    """Weights of the columns and their covariance, by weighted least squares over the rows that count."""
-    model = RLSRegressor().fit((phi * weights[:, None])[keep], (target * weights)[keep])
+def blocks_of(keep: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """To which of `N_LEFT_OUT` blocks of a record each row that counts belongs."""
+    block = np.arange(len(keep)) * N_LEFT_OUT // len(keep)
+    return np.broadcast_to(block[:, None], keep.shape)[keep]
+
+
+def fitted(
+    phi: Array, target: Array, keep: NDArray[np.bool_], weights: Array, known: Array | None = None
+) -> tuple[Array, Array]:
+    """Weights of the columns and their covariance, by weighted least squares over the rows that count.
+
+    ``known`` (r, p) are further rows, of which the target is zero (`Known`).
+    """
+    rows, y = (phi * weights[:, None])[keep], (target * weights)[keep]
+    if known is not None:
+        rows, y = np.vstack([rows, known]), np.append(y, np.zeros(len(known)))
+    model = RLSRegressor().fit(rows, y)
     return model.theta_, model.covariance_
 
 
@@ -222,24 +238,140 @@ def block_covariance(rows: Array, error: Array, block: NDArray[np.int64], white:
     >>> bool(20.0 < wide[0, 0] / white[0, 0] < 100.0)  # 80 independent errors, not 4000
     True
     """
-    size = np.sqrt(np.maximum(np.diag(white), 1e-300))
-    values, vectors = np.linalg.eigh(white / np.outer(size, size))
-    unit = size[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))  # white = unit unit'
     deviation = np.sqrt(error @ error / max(len(error) - rows.shape[1], 1))
     scale = 1.0 / deviation if deviation > 0.0 else 0.0
-    seen, left = rows @ unit * scale, error * scale  # in these weights the rows are orthonormal
+    unit = _root(white)  # in these weights the rows are orthonormal
+    return _wider(unit, _spread(rows @ unit * scale, error * scale, block))
+
+
+def _root(covariance: Array) -> Array:
+    """A matrix whose product with its transpose is the covariance, (p, p)."""
+    size = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    values, vectors = np.linalg.eigh(covariance / np.outer(size, size))
+    return np.asarray(size[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))
+
+
+def _spread(rows: Array, error: Array, block: NDArray[np.int64]) -> Array:
+    """Covariance (p, p) of weights of which the whole information is one, by leaving out each block of rows in turn."""
     moved = []
     for b in np.unique(block):
-        own = seen[block == b]
-        others = np.eye(len(size)) - own.T @ own
-        moved.append(np.linalg.lstsq(others, -own.T @ left[block == b], rcond=1e-9)[0])
+        own = rows[block == b]
+        others = np.eye(rows.shape[1]) - own.T @ own
+        moved.append(np.linalg.lstsq(others, -own.T @ error[block == b], rcond=1e-9)[0])
     apart = np.array(moved) - np.mean(moved, axis=0)
-    spread, turned = np.linalg.eigh(apart.T @ apart * (len(moved) - 1.0) / len(moved))
-    half = unit @ turned * np.sqrt(np.maximum(spread, 1.0))
+    return np.asarray(apart.T @ apart * (len(moved) - 1.0) / len(moved))
+
+
+def _wider(unit: Array, spread: Array) -> Array:
+    """The covariance ``unit unit'``, wider in every direction in which ``spread`` is above one."""
+    values, turned = np.linalg.eigh(spread)
+    half = unit @ turned * np.sqrt(np.maximum(values, 1.0))
     return np.asarray(half @ half.T)
 
 
-def held_out(phi: Array, target: Array, keep: NDArray[np.bool_], weights: Array, drive: Array | None = None) -> Array:
+class Known(NamedTuple):
+    """What another record knows of the weights: ``root`` (r, p) times (weights - values) has unit variance.
+
+    ``covariance`` (p, p) is that of the values, zero where nothing is known.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from whsklearn.datasets import default_arm
+    >>> numbers = {"pitch.coulomb": 1.0, "pitch.input_offset": 5.0}
+    >>> model = ArmModel(default_arm(), numbers, dt=0.01, logged="position", covariance=np.diag([0.04, 1.0]))
+    >>> Known.of(model, list(numbers)).root.round(1).tolist()
+    [[5.0, 0.0]]
+    """
+
+    values: Array
+    covariance: Array
+    root: Array
+
+    @classmethod
+    def of(cls, model: ArmModel, names: Sequence[str]) -> Known:
+        """From a model, in the order of ``names``; of the offsets of the drives, each record's own, nothing is known.
+
+        A model without a covariance is taken to be right in its first `DIGITS` digits.
+        """
+        own = list(model.numbers)
+        if missing := [n for n in names if n not in model.numbers]:
+            raise ValueError(
+                f"The model has no number {missing[0]!r}; give one that identify wrote of this robot and law."
+            )
+        at, values = [own.index(n) for n in names], np.array([model.numbers[n] for n in names], dtype=float)
+        c = np.diag((10.0**-DIGITS * np.maximum(np.abs(values), ROUNDING)) ** 2)
+        if model.covariance is not None:
+            c = np.asarray(model.covariance, dtype=float)[np.ix_(at, at)]
+        kept = np.array([not n.endswith(f".{InputOffset.name}") for n in names])
+        c = c * np.outer(kept, kept)
+        size = np.sqrt(np.diag(c)[kept])
+        power, vectors = np.linalg.eigh(c[np.ix_(kept, kept)] / np.outer(size, size))
+        root = np.zeros((int(kept.sum()), len(c)))
+        root[:, kept] = (vectors / np.sqrt(np.maximum(power, ROUNDING * power[-1]))).T / size
+        return cls(values, c, root)
+
+
+def updated(rows: Array, target: Array, block: NDArray[np.int64], known: Array) -> tuple[Array, Array, float]:
+    """Weights of the columns of a record beside what another record knows of them; their covariance; how wide it is.
+
+    The last is by how much variances are above those of errors that are independent and agree with the other record.
+
+    A number that this record shows better is moved, and one that it hardly shows stays.  Errors that repeat within the
+    record count as so many fewer rows.  If the two records disagree by more than their errors say, all are widened.
+
+    Parameters
+    ----------
+    rows : ndarray of shape (m, p)
+        Weighted.
+    target : ndarray of shape (m,)
+        Beside what the other record expects of it.
+    block : ndarray of int, shape (m,)
+        To which each row belongs.
+    known : ndarray of shape (r, p)
+        Times the weights it is zero with unit variance (`Known`).
+
+    References
+    ----------
+    Theil and Goldberger 1961, On pure and mixed statistical estimation in economics, Int. Economic Review 2(1), 65-78;
+    Birge 1932, The calculation of errors by the method of least squares, Physical Review 40, 207-227.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> rng = np.random.default_rng(0)
+    >>> rows = rng.standard_normal((400, 3)) * [1.0, 1.0, 0.0]  # the third moves nothing
+    >>> target = rows @ [1.0, 2.0, 3.0] + 0.1 * rng.standard_normal(400)
+    >>> x, c, _ = updated(rows, target, np.arange(400) // 20, np.array([[0.0, 0.0, 2.0]]))
+    >>> x.round(1).tolist(), float(np.sqrt(c[2, 2]).round(2))  # it stays where it was, +- 1/2
+    ([1.0, 2.0, 0.0], 0.5)
+    """
+    scale = np.linalg.norm(np.vstack([rows, known]), axis=0)
+    scale = np.where(scale > 0.0, scale, 1.0)
+    rows, known = rows / scale, known / scale
+    x = np.linalg.lstsq(rows, target, rcond=SAME)[0]
+    left = target - rows @ x
+    variance, repeats = max(float(left @ left) / max(len(left) - rows.shape[1], 1), 1e-300), 1.0
+    for _ in range(2):  # errors as if each were its own, and then as often as they repeat
+        variance *= repeats
+        all_rows = np.vstack([rows / np.sqrt(variance), known])
+        u, s, vt = np.linalg.svd(all_rows, full_matrices=False)
+        s = np.where(s > SAME * s[0], s, np.inf)
+        x = (vt.T / s) @ (u[: len(rows)].T @ (target / np.sqrt(variance)))
+        unit = vt.T / s
+        seen, left = u[: len(rows)], (target - rows @ x) / np.sqrt(variance)
+        spread = _spread(seen, left, block)
+        repeats = max(repeats, float(np.trace(spread)) / max(float(np.sum(seen**2)), 1e-300))
+    beside = u[len(rows) :]
+    tested = len(known) - float(np.sum(beside**2))  # directions in which both records have something to say
+    apart = max(float(np.sum((known @ x) ** 2)) / max(tested, 1.0), 1.0)
+    return x / scale, apart * _wider(unit, spread) / np.outer(scale, scale), apart * repeats
+
+
+def held_out(
+    phi: Array, target: Array, keep: NDArray[np.bool_], weights: Array, drive: Array | None = None,
+    known: Array | None = None,
+) -> Array:  # fmt: skip
     """For each joint the rms error on blocks that were not fitted, as a share of its rms drive there; (n_joints,).
 
     NaN where no row of a joint counts, as it does not move.
@@ -250,13 +382,15 @@ def held_out(phi: Array, target: Array, keep: NDArray[np.bool_], weights: Array,
         Rows of all joints, as `RigidBodyLags.joint_rows` makes them.
     drive : ndarray of shape (m, n_joints), optional
         The drives, if ``target`` is only a part of them.
+    known : ndarray of shape (r, n_columns), optional
+        See `fitted`.
     """
     block = np.arange(len(phi)) * BLOCKS // len(phi)
     whole = np.sum(np.where(keep, target if drive is None else drive, 0.0) ** 2, axis=0)
     left = np.zeros(target.shape[1])
     for fold in range(2):
         test = block % 2 == fold
-        theta, _ = fitted(phi[~test], target[~test], keep[~test], weights)
+        theta, _ = fitted(phi[~test], target[~test], keep[~test], weights, known)
         left += np.sum(np.where(keep, target - phi @ theta, 0.0)[test] ** 2, axis=0)
     return np.asarray(np.sqrt(left / np.where(whole > 0.0, whole, np.nan)))
 

@@ -1,21 +1,23 @@
 """A payload from a loaded record against an unloaded one, and drive gains from a known load.
 
-What is found without the load is frozen; the offsets of the drives are the loaded record's own.  A body at a link adds
-its ten numbers to the link's, and the columns of any number are those of the base numbers times its column of the
-base's mapping, so nothing is filtered again. Currents alone do not determine a gain: with a load of known mass, the
-extra current of each joint is regressed on the load's torque.
+The loaded record is fitted beside what the unloaded one knows of the arm's numbers, so that a number which neither
+shows well is not frozen at a chance value; the offsets and ages of the drives are the loaded record's own.  A body at a
+link adds its ten numbers to the link's, and the columns of any number are those of the base numbers times its column of
+the base's mapping, so nothing is filtered again.  Currents alone do not determine a gain: with a load of known mass,
+the extra current of each joint is regressed on the load's torque.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from sklearn.base import clone
 
-from whsklearn.identification.arm_fit import N_LEFT_OUT, block_covariance, fitted
+from whsklearn.identification.arm_fit import Known, blocks_of, fitted, updated, with_ages
 from whsklearn.systems._arm_kernels import N_BODY
-from whsklearn.systems.arm_files import body_numbers
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -25,8 +27,13 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
+SEEN = 1e-9  # of a column's power, beside what both records know: below it, rounding
 MASS = 4  # numbers of a body that are fitted, m and m c: on the AIRBOT all ten left the mass open by 2 kg
-ROUNDS = 5  # of gains: an arm whose joints are in units of their own fits worse, by 1 to 3 % of the gains in the first
+INERTIAS = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))  # in the order of a link's numbers
+FURTHEST = 1.0  # m, of a load's centre from the joint that carries it, while it is sought
+DISTANCES, EVALUATIONS = (0.05, 0.2, 0.6), 300  # m at which a search begins, and its steps
+ROUNDS = 5  # of gains: an arm whose joints are in units of their own fits worse, by 1 to 3 %
+ALIKE = 4.0  # chi-squared: two links that explain a load as well, as a load on the last one's axis may be either's
 
 
 class Payload(NamedTuple):
@@ -37,10 +44,10 @@ class Payload(NamedTuple):
     joint : str
         That carries it.
     mass, mass_error : float
-        In kg, and its standard error, which holds that of the unloaded fit, that of the gains, and by how much the
-        joints disagree.
-    centre : tuple of three float
-        Of its mass, in the joint's frame (m).
+        In kg, and its standard error, which holds that of the unloaded fit and of the gains, and by how much the two
+        records disagree elsewhere.
+    centre, centre_error : tuple of three float
+        Of its mass, in the joint's frame, and its standard errors (m).
     left : float
         What it leaves of the squared weighted error, as a share.
 
@@ -68,6 +75,7 @@ class Payload(NamedTuple):
     mass: float
     mass_error: float
     centre: tuple[float, float, float]
+    centre_error: tuple[float, float, float]
     left: float
 
 
@@ -83,34 +91,115 @@ def find_payload(empty: ArmFit, position: ArrayLike, drive: ArrayLike, *, gain_e
     gain_error : float, default=0.0
         Relative standard deviation of the drive gains, as of one that all joints share: the mass follows them.
     """
-    phi, error, offsets = _beside(empty, position, drive)
-    whole = float(np.sum((error - offsets @ np.linalg.lstsq(offsets, error, rcond=None)[0]) ** 2))
-    mapping, found = empty.lags.base_.mapping, []
-    for k, joint in enumerate(empty.lags.arm_.joints):
-        body = phi @ mapping[:, N_BODY * k : N_BODY * (k + 1)]
-        columns = np.column_stack([body[:, :MASS], offsets])
-        scale = np.linalg.norm(columns, axis=0)
-        if not scale[0] > 1e-9 * scale.max():
-            continue  # its mass moves no drive
-        scale = np.where(scale > 0.0, scale, 1.0)
-        inverse = np.linalg.pinv(columns / scale, rcond=1e-6) / scale[:, None]
-        turning = np.zeros(len(error))  # what the inertia of a mass at that centre takes; it follows from the four
-        for _ in range(ROUNDS):
-            x = inverse @ (error - turning)
-            turning = body[:, MASS:] @ point_mass(x[:MASS])[MASS:]
-        left = error - turning - columns @ x
-        variance = left @ left / max(len(left) - len(x), 1)
-        of_empty = inverse[0] @ phi
-        own = block_covariance(
-            columns, left, np.arange(len(left)) * N_LEFT_OUT // len(left), variance * inverse @ inverse.T
-        )
-        within = float(own[0, 0] + of_empty @ empty.covariance @ of_empty)
-        mass = float(x[0])
-        spread = within + between_joints(*_mass_by_joint(body, error, offsets, x), within) if mass > 0.0 else within
-        centre = tuple(float(c) for c in (x[1:4] / mass if mass else np.zeros(3)))
-        deviation = float(np.sqrt(spread + (mass * gain_error) ** 2))
-        found.append(Payload(joint, mass, deviation, centre, float(left @ left) / whole))  # type: ignore[arg-type]
-    return sorted(found, key=lambda p: p.left)
+    lags = clone(empty.lags)
+    phi, target, keep = lags.joint_rows(position, drive)
+    weights = lags._weights(phi, target, keep)
+    known = Known.of(empty.model, lags.base_.names)
+    beside, moving = with_ages(phi, keep, lags._rate(position, drive, fitted(phi, target, keep, weights)[0]))
+    record = Beside(
+        (beside * weights[:, None])[keep], ((target - phi @ known.values) * weights)[keep],
+        np.pad(known.root, ((0, 0), (0, len(moving)))), blocks_of(keep), np.nonzero(keep)[1],
+    )  # fmt: skip
+    found = []
+    for k, joint in enumerate(lags.arm_.joints):
+        body = (phi @ lags.base_.mapping[:, N_BODY * k : N_BODY * (k + 1)] * weights[:, None])[keep]
+        if (told := record.weigh(joint, body)) is not None:
+            found.append(told)
+    found.sort(key=lambda one: one[0].left)
+    alike = [p.joint for p, chance in found if p.left <= found[0][0].left + found[0][1]]
+    last = max(alike, key=lags.arm_.index, default="")
+    order = sorted((p for p, _ in found), key=lambda p: p.joint != last)
+    return [p._replace(mass_error=float(np.hypot(p.mass_error, p.mass * gain_error))) for p in order]
+
+
+@dataclass(frozen=True)
+class Beside:
+    """A record in which a load is sought, beside what another record knows.
+
+    Attributes
+    ----------
+    rows : ndarray of shape (m, p)
+        Weighted: columns of the arm's numbers, and of what else is free.
+    error : ndarray of shape (m,)
+        What the other record's numbers leave, weighted.
+    known : ndarray of shape (r, p)
+        See `whsklearn.identification.arm_fit.updated`.
+    block, joint : ndarray of int, shape (m,)
+        To which each row belongs.
+    """
+
+    rows: Array
+    error: Array
+    known: Array
+    block: NDArray[np.int64]
+    joint: NDArray[np.int64]
+
+    @cached_property
+    def deviation(self) -> float:
+        """Of an error, if all columns were free."""
+        left = self.error - self.rows @ np.linalg.lstsq(self.rows, self.error, rcond=None)[0]
+        return max(float(np.sqrt(left @ left / max(len(left) - self.rows.shape[1], 1))), 1e-300)
+
+    def away(self, at: Any) -> Array:
+        """Orthonormal columns whose span, less by what is known, is taken off these rows."""
+        both = np.vstack([self.rows[at] / self.deviation, self.known])
+        return np.linalg.qr(both)[0][: len(self.rows[at])]
+
+    @cached_property
+    def _whole(self) -> tuple[Array, Array]:
+        q, error = self.away(slice(None)), self.error / self.deviation
+        return q, error - q @ (q.T @ error)
+
+    def weigh(self, joint: str, body: Array) -> tuple[Payload, float] | None:
+        """The load at a link, and by how much it may leave more by chance; None if no drive tells its mass.
+
+        Parameters
+        ----------
+        joint : str
+        body : ndarray of shape (m, 10)
+            Columns of the ten numbers of a body at its link, weighted.
+        """
+        q, left = self._whole
+        body = body / self.deviation
+        inside = q.T @ body
+        gram, cross = body.T @ body - inside.T @ inside, body.T @ left
+        numbers = point_load(gram, cross)
+        slopes = slopes_at(place_of(numbers))
+        inner = slopes.T @ gram @ slopes
+        size = np.sqrt(np.diag(inner))
+        shown = size > SEEN * size.max()
+        size = np.where(shown, size, np.inf)
+        power, along = np.linalg.eigh(inner / np.outer(size, size))
+        if not shown[0] or np.any((power < SEEN) & (np.abs(along[0]) > SEEN)):
+            return None
+        columns = np.column_stack([body @ slopes * self.deviation, self.rows])
+        x, covariance, wide = updated(columns, self.error, self.block, np.pad(self.known, ((0, 0), (MASS, 0))))
+        mass, h = float(x[0]), x[1:MASS]
+        centre = h / (mass or np.inf)
+        turn = np.column_stack([-centre, np.eye(3)]) / (mass or np.inf)
+        errors = np.sqrt(np.maximum(np.diag(turn @ covariance[:MASS, :MASS] @ turn.T), 0.0))
+        errors = np.where(shown[1:], errors, np.inf)
+        apart = between_joints(*self._by_joint(body @ slopes @ np.append(1.0, place_of(numbers))), wide)
+        whole = float(left @ self.error) / self.deviation
+        share = float(np.clip(1.0 - numbers @ slopes.T @ cross / max(whole, 1e-300), 0.0, 1.0))
+        told = Payload(
+            joint, mass, float(np.sqrt(covariance[0, 0] + apart)), tuple(map(float, centre)),
+            tuple(map(float, errors)), share,
+        )  # type: ignore[arg-type]  # fmt: skip
+        return told, ALIKE * wide / max(whole, 1e-300)
+
+    def _by_joint(self, one: Array) -> tuple[Array, Array]:
+        """The mass that each joint's drive asks for, and its variance; ``one`` (m,) are the rows of a kilogram."""
+        masses, variances = [], []
+        for j in np.unique(self.joint):
+            at = self.joint == j
+            q = self.away(at)
+            seen = one[at] - q @ (q.T @ one[at])
+            power = float(seen @ one[at])
+            if power > SEEN * float(one[at] @ one[at]):
+                masses.append(float(seen @ self.error[at]) / self.deviation / power)
+                variances.append(1.0 / power)
+        return np.array(masses), np.array(variances)
 
 
 def gains_from_load(
@@ -176,22 +265,7 @@ def gains_from_load(
     }
 
 
-def point_mass(numbers: Array) -> Array:
-    """Ten numbers (10,) of a point of mass m at c, of m and m c (4,); no inertia where the mass is not above zero.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> point_mass(np.array([2.0, 1.0, 0.0, 0.0])).tolist()
-    [2.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.5, 0.0, 0.0, 0.5]
-    """
-    mass = float(numbers[0])
-    if mass <= 0.0:
-        return np.concatenate([numbers, np.zeros(N_BODY - MASS)])
-    return body_numbers(mass, numbers[1:MASS] / mass, np.zeros((3, 3)))
-
-
-def between_joints(mass: Array, share: Array, within: float) -> float:
+def between_joints(masses: Array, variances: Array, wide: float) -> float:
     """Variance of a weighted mean over joints by what they disagree beyond their own errors.
 
     An error of the model at a joint is the same in every block of a record, so that no jackknife over blocks sees it.
@@ -199,10 +273,10 @@ def between_joints(mass: Array, share: Array, within: float) -> float:
 
     Parameters
     ----------
-    mass, share : ndarray of shape (k,)
-        Of each joint that the body moves: the mass that its drive alone asks for, and its weight in the mean.
-    within : float
-        Variance of the mean by the errors of the rows.
+    masses, variances : ndarray of shape (k,)
+        Of each joint that the body moves: the mass that its drive alone asks for, by errors that are independent.
+    wide : float
+        By how much variances are above these.
 
     References
     ----------
@@ -211,39 +285,79 @@ def between_joints(mass: Array, share: Array, within: float) -> float:
     Examples
     --------
     >>> import numpy as np
-    >>> between_joints(np.array([2.7, 2.9]), np.array([0.5, 0.5]), 1.0)  # they agree within their errors
+    >>> between_joints(np.array([2.7, 2.9]), np.array([1.0, 1.0]), 1.0)  # they agree within their errors
     0.0
-    >>> round(between_joints(np.array([2.7, 2.9]), np.array([0.5, 0.5]), 0.0), 3)
+    >>> round(between_joints(np.array([2.7, 2.9]), np.array([1e-6, 1e-6]), 1.0), 3)
     0.01
     """
-    alone = float(np.sum(share**2))
-    if len(mass) < 2 or not alone < 1.0:
+    weight = 1.0 / (variances * wide)
+    if len(weight) < 2:
         return 0.0
-    apart = float(share @ (mass - share @ mass) ** 2) - (len(mass) - 1) * within
-    return max(apart, 0.0) / (1.0 - alone) * alone
+    share = weight / weight.sum()
+    beyond = float(weight @ (masses - share @ masses) ** 2) - (len(weight) - 1)
+    alone = float(share @ share)
+    return max(beyond, 0.0) / float(weight.sum()) / (1.0 - alone) * alone
 
 
-def _mass_by_joint(body: Array, error: Array, offsets: Array, found: Array) -> tuple[Array, Array]:
-    """The mass that each joint's drive asks for at the centre that was found, and its weight in their mean."""
-    column = body @ point_mass(found[:MASS]) / found[0]
-    masses, powers = [], []
-    for joint in offsets.T:
-        own = joint != 0.0
-        torque, asked = column[own], error[own]
-        if own.sum() > 1 and np.ptp(torque) > 0.0:
-            torque = torque - torque.mean()
-            powers.append(float(torque @ torque))
-            masses.append(float(torque @ asked) / powers[-1])
-    return np.array(masses), np.array(powers) / max(float(np.sum(powers)), 1e-300)
+def place_of(numbers: Array) -> Array:
+    """Centre (3,) of a load of numbers m and m c, (4,), no further than `FURTHEST`."""
+    return np.asarray(np.clip(numbers[1:MASS] / (numbers[0] if numbers[0] else np.inf), -FURTHEST, FURTHEST))
 
 
-def _beside(empty: ArmFit, position: ArrayLike, drive: ArrayLike) -> tuple[Array, Array, Array]:
-    """Weighted rows of another record (m, b), what the unloaded numbers leave of it (m,), and columns of offsets."""
-    lags = empty.lags
-    own = clone(lags).set_params(cutoff=lags.cutoff_)
-    phi, target, keep = own.joint_rows(position, drive)
-    weights = own._weights(phi, target, keep)
-    offsets = np.tile(np.diag(weights), (len(phi), 1, 1))[keep]
-    rows = (phi * weights[:, None])[keep]
-    error = (target * weights)[keep] - rows @ np.array(list(empty.model.numbers.values()))
-    return rows, error, offsets
+def slopes_at(place: Array) -> Array:
+    """Derivatives (10, 4) of the ten numbers of a point load by m and m c, at its place.
+
+    Its inertia is of first degree in both, I(m, h) = (h.h - h h') / m, so that along its own derivatives it is what the
+    step says, exactly (Euler's theorem).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from whsklearn.systems.arm_files import body_numbers
+    >>> load = body_numbers(2.0, (0.1, 0.0, 0.3), np.zeros((3, 3)))
+    >>> bool(np.allclose(slopes_at(np.array([0.1, 0.0, 0.3])) @ load[:4], load))
+    True
+    """
+    slopes = np.zeros((N_BODY, MASS))
+    slopes[:MASS] = np.eye(MASS)
+    for k, (i, j) in enumerate(INERTIAS):
+        slopes[MASS + k, 0] = place[i] * place[j] - float(i == j) * (place @ place)
+        for axis, unit in enumerate(np.eye(3)):
+            both = unit[i] * place[j] + place[i] * unit[j]
+            slopes[MASS + k, 1 + axis] = 2.0 * float(i == j) * place[axis] - both
+    return slopes
+
+
+def point_load(gram: Array, cross: Array) -> Array:
+    """m and m c, (4,), of the point load that explains most, from the normal equations of the ten numbers of a body.
+
+    Where a joint's axis meets the one before, no drive sees a mass but by the inertia of its place: the search begins
+    along the moment, at several distances.
+
+    Parameters
+    ----------
+    gram : ndarray of shape (10, 10)
+    cross : ndarray of shape (10,)
+    """
+    from scipy.optimize import minimize
+
+    def kilogram(place: Array) -> Array:
+        return np.asarray(slopes_at(place) @ np.concatenate([[1.0], place]))
+
+    def taken(place: Array) -> float:
+        one = kilogram(place)
+        return -float((one @ cross) ** 2 / max(float(one @ gram @ one), 1e-300))
+
+    size = np.sqrt(np.maximum(np.diag(gram)[:MASS], 1e-300))
+    four = gram[:MASS, :MASS] / np.outer(size, size)
+    linear = np.linalg.pinv(four, rcond=SEEN, hermitian=True) @ (cross[:MASS] / size) / size
+    moment = linear[1:] / max(float(np.linalg.norm(linear[1:])), 1e-300)
+    starts = [place_of(linear), np.zeros(3), *(d * moment for d in DISTANCES)]
+    first = np.vstack([np.zeros(3), 0.05 * np.eye(3)])
+    found = min(
+        (minimize(taken, start, method="Nelder-Mead", bounds=[(-FURTHEST, FURTHEST)] * 3,
+                  options={"initial_simplex": start + first, "maxfev": EVALUATIONS, "xatol": 1e-5, "fatol": 1e-9})
+         for start in starts), key=lambda r: float(r.fun),
+    )  # fmt: skip
+    one = kilogram(found.x)
+    return np.asarray(float(one @ cross) / max(float(one @ gram @ one), 1e-300) * np.concatenate([[1.0], found.x]))

@@ -1,8 +1,8 @@
 """An arm as a plant: drives and positions of all joints in one rigid-body model; names are pairs (effect, joint).
 
 The residuals of all joints are weighted by their size.  Candidates are ranked within a joint, those of the best joint
-first.  If the numbers of another record are given (an identified `ArmModel`), they stay fixed, and a named effect is
-one that has appeared since.
+first.  If the numbers of another record are given (an identified `ArmModel`), they move only as far as their errors
+allow, and a named effect is one that has appeared since.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from whsklearn.gap.data_check import DataProblem
 from whsklearn.gap.filters import whiteness
 from whsklearn.gap.localisation import spectra
 from whsklearn.gap.plant import Figures, Gap, Linearised, PlantDefaults, Told
-from whsklearn.gap.plants.arm_families import FURTHEST, families, look_at_limit, nameless, polished
+from whsklearn.gap.plants.arm_families import families, look_at_limit, nameless, polished
 from whsklearn.gap.plants.arm_terms import (
     AtJoint,
     JointInertia,
@@ -41,7 +41,8 @@ from whsklearn.gap.plants.servo_inverse import negative_damping, never_free, too
 from whsklearn.gap.plants.servo_model import Term
 from whsklearn.gap.record import SPLIT, held_out_blocks, rms
 from whsklearn.gap.tangent import Family, Look, Tangent
-from whsklearn.identification.arm_fit import fitted, suspicions, swapped
+from whsklearn.identification.arm_fit import Known, blocks_of, fitted, suspicions, swapped, updated
+from whsklearn.identification.payload import ALIKE, FURTHEST, Beside
 from whsklearn.lags.rigid_body import RigidBodyLags
 from whsklearn.models.arm import ArmModel
 from whsklearn.systems.arm import Arm
@@ -79,8 +80,8 @@ class ArmPlant(PlantDefaults):
         The model to return if nothing can be diagnosed.
     tolerance : float
         Smallest effect worth a name: its rms as a share of its joint's rms drive.
-    given, covariance : ndarray, optional
-        Numbers of another record, which stay fixed, and their covariance.
+    known : Known, optional
+        What another record knows of the numbers.
     """
 
     units: tuple[str, str] = ("Nm", "rad")
@@ -92,11 +93,10 @@ class ArmPlant(PlantDefaults):
     looked: Sequence[Look] = ()
 
     def __init__(
-        self, record: ArmRecord, lags: RigidBodyLags, given_model: Any, tolerance: float, given: Any = None,
-        covariance: Any = None,
-    ):  # fmt: skip
+        self, record: ArmRecord, lags: RigidBodyLags, given_model: Any, tolerance: float, known: Known | None = None
+    ):
         self.record, self.lags, self.given_model, self.tolerance = record, lags, given_model, tolerance
-        self.given, self.covariance = given, covariance
+        self.known = known
         self.own_units: dict[str, str] = {}
 
     # --- the base model ----------------------------------------------------------------------
@@ -108,7 +108,7 @@ class ArmPlant(PlantDefaults):
         with warnings.catch_warnings(record=True) as said:
             warnings.simplefilter("always", UserWarning)
             try:
-                self.view = ArmView(self.lags, q, u, self.given, self.covariance)
+                self.view = ArmView(self.lags, q, u, self.known)
             except ValueError as error:
                 return [DataProblem("data-arm", "The log cannot be used", str(error))]
         v = self.view
@@ -117,7 +117,7 @@ class ArmPlant(PlantDefaults):
         return [DataProblem("data-arm", "Check the log", text, fatal=False) for text in texts]
 
     def base(self, rng: np.random.Generator) -> ArmState:
-        """The rigid arm with its law, fitted; or the given arm with only the offsets fitted."""
+        """The rigid arm with its law, fitted; or the given arm, within what is known of it."""
         n = self.view.n_joints
         model = self.settled(ArmState(np.zeros(len(self.lags.base_.names)), np.zeros(n)))
         self.view.hear_stops(model)
@@ -142,7 +142,9 @@ class ArmPlant(PlantDefaults):
         view = self.view
         late = model.timing >= LATEST * view.dt  # then the age is not a nuisance but a candidate
         x, _ = view.design(model, ~late & np.any(view.rate != 0.0, axis=0))
-        return Tangent(view.left(model).ravel(), null, x, self.n_effective, view.flat_weight())
+        known = view.known_rows(x.shape[1]) if self.known is not None else None
+        left = view.left(model) + np.where(view.keep, view.phi @ (model.numbers - view.expected), 0.0)
+        return Tangent(left.ravel(), null, x, self.n_effective, view.flat_weight(), known)
 
     def looks(self, model: ArmState, rng: np.random.Generator, beside: Any = None) -> list[Look]:
         """Look at every candidate at every joint and at nameless functions of each joint's motion, beside the model."""
@@ -151,10 +153,9 @@ class ArmPlant(PlantDefaults):
         view.artefact, self.n_effective = self.own.mean, self.own.n_effective
         view._fits = {}
         model = view.fit(model)
-        null = np.concatenate([self.own.null, self.own.uncertain])
-        self.tangent = self._tangent(model, null.reshape(len(null), -1))
+        self.tangent = self._tangent(model, self.own.null.reshape(len(self.own.null), -1))
         there = present(law_of(self.lags._axes), model.terms)
-        kinds = candidates(view.arm, there, frozen=self.given is not None, weight=view.weights_of_links.shape[2])
+        kinds = candidates(view.arm, there, frozen=self.known is not None, weight=view.weights_of_links.shape[2])
         limits: list[AtJoint] = []
         rest: list[AtJoint] = []
         for k in kinds:
@@ -162,7 +163,7 @@ class ArmPlant(PlantDefaults):
         pairs = [(f, self.tangent.look(f)) for f in (*families(view, rest), *nameless(view))]
         looks = [self._sized(look) for _, look in pairs if look is not None]
         looks += [self._sized(look) for k in limits if (look := look_at_limit(view, k, self.tangent)) is not None]
-        looks = sorted((self._significant(look, len(looks)) for look in looks), key=lambda k: -k.score)
+        looks = sorted((self._significant(k, len(looks)) for k in outermost(looks, view.arm)), key=lambda k: -k.score)
         for i in [i for i, k in enumerate(looks) if k.name][:1]:
             for family in [f for f, k in pairs if k is not None and k.start is looks[i].start]:
                 looks[i] = self._beside(looks[i], family, model, rng, len(looks))
@@ -179,22 +180,13 @@ class ArmPlant(PlantDefaults):
         view = self.view
         rest = view.left(view.fit(model.with_term(look.start)))
         null, _ = view.null(rest, self.own.apart, rng)
-        rows = np.concatenate([null + (self.own.uncertain if len(self.own.uncertain) else 0.0), self.own.uncertain])
-        beside = self._tangent(model, rows.reshape(len(rows), -1)).look(family)
+        beside = self._tangent(model, null.reshape(len(null), -1)).look(family)
         assert beside is not None
-        return replace(look, p_value=self._significant(replace(look, null=beside.null), families).p_value)
+        return self._significant(replace(look, null=beside.null), families)
 
     def _significant(self, look: Look, families: int) -> Look:
-        """The look with its p-value, at least that beside what uncertain parameters of another record explain alone.
-
-        Their error is one draw along a few directions, so its gain has a longer tail than the Gumbel law has.
-        """
-        null, uncertain = np.split(look.null, [len(self.own.null)])
-        p = p_value(look.gain, null, families, look.degrees)
-        if uncertain.size:
-            gone = self.tangent.power * -np.expm1(-np.concatenate([[look.gain], look.null]) / self.n_effective)
-            p = max(p, p_value(gone[0], gone[1 + null.size :], families, 1.0))
-        return replace(look, null=null, p_value=p)
+        """The look with its p-value."""
+        return replace(look, p_value=p_value(look.gain, look.null, families, look.degrees))
 
     def _sized(self, look: Look) -> Look:
         """The look with its size as a share of the drive of the joint where it is largest."""
@@ -278,45 +270,50 @@ class ArmPlant(PlantDefaults):
         return ""
 
     def linearised(self, model: ArmState) -> Linearised:
-        """Residual and derivatives by all free numbers, scaled to the number of independent rows."""
+        """The free numbers, and their covariance by leaving out blocks of the record (`updated`)."""
         view = self.view
-        model = view.fit(model)
-        factor = np.sqrt(self.n_effective / max(int(view.keep.sum()), 1)) * view.flat_weight()
-        numbers = view.open if self.covariance is None else np.arange(len(model.numbers))
-        blocks = [view.phi[:, :, numbers].reshape(factor.size, -1)]
+        model, n = view.fit(model), len(model.numbers)
+        ages, _ = view.design(model.with_terms(()), view.timed(model))
+        blocks = [ages]
         for t in model.terms:
             for slot in range(len(t.q)):
                 step = 1e-4 * max(abs(t.q[slot]), 1e-6)
                 q = (*t.q[:slot], t.q[slot] + step, *t.q[slot + 1 :])
                 moved = view.contribution(replace(t, q=q)) - view.contribution(t)
                 blocks.append((moved / step).reshape(-1, 1))
-        jacobian = np.hstack(blocks) * factor[:, None]
-        residual = view.left(model).ravel() * factor
-        if self.covariance is not None:
-            # The record does not refit the frozen numbers: their errors move the free ones, which lie in the span of
-            # the free columns.  The prior of the numbers counts as further rows.
-            frozen = np.setdiff1d(numbers, view.open)
-            free = jacobian[:, np.setdiff1d(np.arange(jacobian.shape[1]), frozen)]
-            jacobian[:, frozen] = free @ np.linalg.lstsq(free, jacobian[:, frozen], rcond=None)[0]
-            s = np.sqrt(residual @ residual / max(residual.size, 1))
-            values, vectors = np.linalg.eigh(self.covariance)
-            known = (vectors * (s / np.sqrt(np.maximum(values, 1e-12 * values.max())))).T
-            known[:, [n.endswith(".input_offset") for n in self.lags.base_.names]] = 0.0
-            jacobian = np.vstack([jacobian, np.pad(known, ((0, 0), (0, jacobian.shape[1] - len(numbers))))])
-            residual = np.append(residual, np.zeros(len(known)))
-        x = np.concatenate([model.numbers[numbers], *(t.q for t in model.terms)])
+        x = np.concatenate([model.numbers, *(t.q for t in model.terms)])
+        columns = np.hstack(blocks)
+        own = np.r_[:n, ages.shape[1] : columns.shape[1]]
+        off = np.zeros(columns.shape[1])
+        off[own] = x
+        off[:n] -= view.expected
+        weight, rows = view.flat_weight(), view.keep.ravel()
+        target = ((view.left(model).ravel() + columns @ off) * weight)[rows]
+        columns = (columns * weight[:, None])[rows]
+        known, block = view.known_rows(columns.shape[1]) / np.sqrt(view.repeats), blocks_of(view.keep)
+        spread = updated(columns, target, block, known)[1]
+        at = ages.shape[1]
+        for t in model.terms:
+            here = slice(at, at := at + len(t.q))
+            if t.kind.cls is Load:
+                free = np.delete(np.arange(columns.shape[1]), np.arange(here.start, here.stop))
+                error = target - columns[:, free] @ off[free] + columns[:, free] @ np.where(free < n, off[free], 0.0)
+                beside = Beside(columns[:, free], error, known[:, free], block, np.nonzero(view.keep)[1])
+                body = (view.body(t.kind) * weight[:, None])[rows]
+                if (told := beside.weigh(t.joint, body)) is not None:
+                    errors = np.array([told[0].mass_error, *told[0].centre_error])
+                    spread[here, :] = spread[:, here] = 0.0
+                    spread[here, here] = np.diag(np.where(np.isfinite(errors), errors, 0.0) ** 2)
 
         def rebuild(z: Array) -> ArmState:
-            moved = np.array(model.numbers)
-            moved[numbers] = z[: len(numbers)]
-            at, terms = len(numbers), []
+            at, terms = n, []
             for t in model.terms:
                 terms.append(replace(t, q=tuple(map(float, z[at : at + len(t.q)]))))
                 at += len(t.q)
-            return replace(model, numbers=moved, terms=tuple(terms))
+            return replace(model, numbers=z[:n], terms=tuple(terms))
 
-        wide = np.full(x.size, np.inf)
-        return Linearised(x, -wide, wide, residual, -jacobian, rebuild)
+        wide, none = np.full(x.size, np.inf), np.zeros((0, x.size))
+        return Linearised(x, -wide, wide, none[:, 0], none, rebuild, spread[np.ix_(own, own)])
 
     def to_simulate(self, model: ArmState) -> ArmState:
         """The model as it is; also sets the longest horizon at which it can follow a record of its own."""
@@ -333,7 +330,7 @@ class ArmPlant(PlantDefaults):
     def made(self, model: ArmState, rng: np.random.Generator) -> ArmPlant:
         """The plant of a record that the model itself makes along the measured motion."""
         view = self.view
-        other = ArmPlant(self.record, self.lags, None, self.tolerance, self.given, self.covariance)
+        other = ArmPlant(self.record, self.lags, None, self.tolerance, self.known)
         record = ArmRecord(self.record.time, view.read(view.moved.position, rng), view.along(model, view.moved))
         other.record, other.view = record, view
         other._made = True
@@ -385,8 +382,10 @@ class ArmPlant(PlantDefaults):
 
     def _physical(self, model: ArmState) -> Arm:
         """The arm of the base numbers with physical links; numbers that the record leaves open are the file's."""
-        view, spread = self.view, self.covariance
-        if spread is None:
+        view = self.view
+        if self.known is not None:
+            spread = self.known.covariance
+        else:
             x, y = view.design(model, np.zeros(view.n_joints, dtype=bool))
             shape = view.target.shape
             white = fitted(x.reshape(*shape, -1), y.reshape(shape), view.keep, view.weight)[1]
@@ -454,7 +453,9 @@ class ArmPlant(PlantDefaults):
 
     def told(self, base: ArmState, model: ArmState) -> Told:
         """Whiteness of the residual at the joint reported first, remarks, series of the page, and rows of joints."""
-        numbers = "are kept as they were identified" if self.given is not None else "are fitted to this record"
+        numbers = (
+            "keep within the errors with which they were identified" if self.known else "are fitted to this record"
+        )
         notes = [
             f"The gap of each joint is a share of its own rms drive, below {self.lags.cutoff_:.1f} Hz and without slow "
             f"samples; the numbers of the arm {numbers}. A free run covers all joints.",
@@ -492,6 +493,13 @@ class ArmPlant(PlantDefaults):
         arm, numbers = completed(self._physical(model), model.terms)[0], self.numbers(model)
         return ArmModel(arm, {k: v for k, (v, _) in numbers.items()}, dt=self.view.dt, logged="position",
                         units={"input": "Nm", "output": "rad"})  # fmt: skip
+
+
+def outermost(looks: list[Look], arm: Arm) -> list[Look]:
+    """The looks without a load at a link if one further out explains as much: on a joint's axis both move as one."""
+    loads = {arm.index(k.start.joint): k for k in looks if isinstance(k.start, JointTerm) and k.start.kind.cls is Load}
+    inner = [k for i, k in loads.items() if any(j > i and other.gain > k.gain - ALIKE for j, other in loads.items())]
+    return [k for k in looks if not any(k is one for one in inner)]
 
 
 def completed(arm: Arm, terms: Iterable[JointTerm]) -> tuple[Arm, list[JointTerm]]:
@@ -536,9 +544,4 @@ def arm_plant(model: Any, log: Any, *, law: str | None, tolerance: float) -> Arm
     if not isinstance(model, ArmModel):
         return ArmPlant(record, lags, model, tolerance)
     lags._settle()
-    if missing := [n for n in lags.base_.names if n not in model.numbers]:
-        raise ValueError(f"The model has no number {missing[0]!r}; give one that identify wrote of this robot and law.")
-    names = list(model.numbers)
-    at = [names.index(n) for n in lags.base_.names]
-    covariance = None if model.covariance is None else np.asarray(model.covariance)[np.ix_(at, at)]
-    return ArmPlant(record, lags, model, tolerance, np.array([model.numbers[n] for n in lags.base_.names]), covariance)
+    return ArmPlant(record, lags, model, tolerance, Known.of(model, lags.base_.names))

@@ -15,6 +15,7 @@ from whsklearn.gap.plants.arm_terms import AtJoint, JointTerm, Load
 from whsklearn.gap.plants.arm_view import LATEST, OLDEST, ArmView
 from whsklearn.gap.plants.servo_families import generic_basis
 from whsklearn.gap.tangent import Family, Look, Tangent
+from whsklearn.identification.payload import place_of, point_load
 
 Array = NDArray[Any]
 Blocks = Iterator[tuple[Any, Array, Array | float]]
@@ -25,7 +26,6 @@ LEAST_LEFT = 0.5  # share of a drive's rms that a limit or a dead zone must leav
 FEWEST = 4  # rows per column of a nameless family
 EVALUATIONS = 80  # of the cost while a shape is polished
 OUTER = np.array([0.7, 0.8, 0.86, 0.9, 0.93, 0.96, 0.98, 0.99])  # quantiles of a joint's path at which a stop may be
-FAR, FURTHEST = 1.0, 2.0  # m from a joint's frame: the largest distances at which a search for a load starts and ends
 
 
 def families(view: ArmView, kinds: Iterable[AtJoint]) -> Iterator[Family]:
@@ -37,11 +37,9 @@ def families(view: ArmView, kinds: Iterable[AtJoint]) -> Iterator[Family]:
         )  # fmt: skip
 
 
-def _start(kind: AtJoint, shape: tuple[float, ...], sizes: Array) -> JointTerm:
-    if kind.cls is Load:  # of the ten numbers, each scaled, those of a mass no further away than `FAR`
-        numbers = sizes / np.array(shape)
-        centre = numbers[1:4] / numbers[0] if abs(numbers[0]) > 1e-9 else np.zeros(3)
-        return JointTerm(kind, (float(numbers[0]), *(float(c) for c in np.clip(centre, -FAR, FAR))))
+def _start(kind: AtJoint, shape: tuple[float, ...], _: Array) -> JointTerm:
+    if kind.cls is Load:
+        return JointTerm(kind, (1.0, 0.0, 0.0, 0.0))
     return JointTerm(kind, (*((0.0,) * kind.linear), *shape))
 
 
@@ -215,21 +213,10 @@ def polished(view: ArmView, tangent: Tangent, term: JointTerm) -> JointTerm:
 
 def _placed(view: ArmView, tangent: Tangent, term: JointTerm) -> JointTerm:
     """A mass at the place where it explains most of the residual."""
-    family = Family(term.kind.name, lambda _: (), lambda *_: None, positive=True)
-    four = tangent._weighted(view.body(term.kind)[:, :4])  # the columns of the mass and its moments
-    numbers = np.linalg.lstsq(four - tangent.plane @ (tangent.plane.T @ four), tangent.rows[:, 0], rcond=1e-6)[0]
-    heavy = np.clip(numbers[1:] / numbers[0], -FAR, FAR) if numbers[0] > 0.0 else np.zeros(3)
-
-    def cost(x: Array) -> float:
-        return -float(tangent.taken(family, view.columns_at(term.kind, tuple(x))[:, None, :])[0][0, 0])
-
-    found = min(
-        (minimize(cost, start, method="Nelder-Mead", bounds=[(-FURTHEST, FURTHEST)] * 3,
-                  options={"initial_simplex": np.vstack([start, start + 0.05 * np.eye(3)]), "maxfev": 2 * EVALUATIONS,
-                           "xatol": 1e-4, "fatol": 1e-9})
-         for start in (np.array(term.shape), heavy, np.zeros(3))), key=lambda r: float(r.fun),
-    )  # fmt: skip
-    return JointTerm(term.kind, (term.q[0], *map(float, found.x)))
+    body = tangent._weighted(view.body(term.kind))
+    inside = tangent.plane.T @ body
+    numbers = point_load(body.T @ body - inside.T @ inside, body.T @ tangent.rows[:, 0])
+    return JointTerm(term.kind, (term.q[0], *map(float, place_of(numbers))))
 
 
 def _width(view: ArmView, kind: AtJoint, logarithm: bool, bounds: tuple[float, float]) -> float:

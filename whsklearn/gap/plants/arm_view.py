@@ -24,7 +24,7 @@ from whsklearn.gap.plants.arm_terms import AtJoint, JointInertia, JointTerm, Loa
 from whsklearn.gap.plants.servo_candidates import ColumnSignals
 from whsklearn.gap.plants.servo_inverse import later, reaching
 from whsklearn.gap.record import MAD, lattice, rms
-from whsklearn.identification.arm_fit import held_out
+from whsklearn.identification.arm_fit import Known, held_out
 from whsklearn.lags.rigid_body import RigidBodyLags
 from whsklearn.systems._arm_kernels import N_BODY
 from whsklearn.systems.arm_files import STANDARD_GRAVITY, body_numbers
@@ -73,8 +73,6 @@ class Own(NamedTuple):
         The artefacts.
     null : ndarray of shape (k, m, n_joints)
         Residuals by chance of records in which nothing is missing.
-    uncertain : ndarray of shape (k, m, n_joints)
-        The part of these that is due to the uncertainty of parameters from another record; empty if there are none.
     floor : ndarray of shape (n_joints,)
         Rms residual due to the noise of the encoders, as a share of each joint's drive.
     n_effective : float
@@ -84,7 +82,6 @@ class Own(NamedTuple):
 
     mean: Array
     null: Array
-    uncertain: Array
     floor: Array
     n_effective: float
     apart: Array
@@ -97,29 +94,24 @@ class ArmView:
     ----------
     lags : RigidBodyLags
     position, drive : ndarray of shape (n, n_joints)
-    given : ndarray of shape (n_columns,), optional
-        Numbers of another record, which stay fixed; only the offsets of the drives are fitted.
-    covariance : ndarray of shape (n_columns, n_columns), optional
-        Covariance of those numbers.
+    known : Known, optional
+        What another record knows of the numbers: they move only as far as it allows.
     """
 
-    def __init__(
-        self, lags: RigidBodyLags, position: Array, drive: Array, given: Array | None = None,
-        covariance: Array | None = None,
-    ):  # fmt: skip
-        self.lags, self.position, self.drive, self.covariance = lags, position, drive, covariance
+    def __init__(self, lags: RigidBodyLags, position: Array, drive: Array, known: Known | None = None):
+        self.lags, self.position, self.drive, self.known = lags, position, drive, known
         self.phi, self.target, self.keep, self.moved, self.kept = lags._view(position, drive)
         self.arm, self.dt = lags.arm_, 1.0 / lags.sample_rate
         self.n_rows, self.n_joints = self.target.shape
         self.time = np.arange(len(position)) * self.dt
         self.step = float(self.kept[1] - self.kept[0]) * self.dt
-        self.given = given
-        names = lags.base_.names
-        offset = np.array([n.endswith(".input_offset") for n in names])
-        self.open = np.flatnonzero(np.ones(len(names), dtype=bool) if given is None else offset)
+        n = len(lags.base_.names)
+        self.expected = np.zeros(n) if known is None else known.values
+        self.root = np.zeros((0, n)) if known is None else known.root
         self.noise = np.array([encoder_noise(x, lags.sample_rate) for x in position.T])
         self.grid = np.array([lattice(x) for x in position.T])
-        self.weight = np.ones(self.n_joints)
+        self.weight = lags._weights(self.phi, self.target, self.keep)
+        self.repeats = self._repeats()
         self.artefact = np.zeros_like(self.target)
         self.torque = zero_phase(drive, lags.sample_rate, lags._fine)  # replaced by a model's torque
         self.rate = np.zeros_like(self.target)
@@ -234,11 +226,8 @@ class ArmView:
         """Columns of all free numbers, the ages of the joints ``timed`` last, and the target that they explain."""
         n = self.n_rows * self.n_joints
         target = (self.target - self.artefact).ravel()
-        if self.given is not None:
-            fixed = np.array(self.given)
-            fixed[self.open] = 0.0
-            target = target - (self.phi @ fixed).ravel()
-        parts = [self.phi[:, :, self.open].reshape(n, -1)]
+        target = target - (self.phi @ self.expected).ravel()
+        parts = [self.phi.reshape(n, -1)]
         for t in model.terms:
             if t.kind.transforms:
                 target = target - self.contribution(t).ravel()
@@ -276,14 +265,27 @@ class ArmView:
         """Rms error of each joint on blocks that were not fitted, as a share of its rms drive, (n_joints,)."""
         x, y = self.design(model, self.timed(model))
         shape = self.target.shape
-        return held_out(x.reshape(*shape, -1), y.reshape(shape), self.keep, self.weight, self.target)
+        known = self.known_rows(x.shape[1])
+        return held_out(x.reshape(*shape, -1), y.reshape(shape), self.keep, self.weight, self.target, known)
+
+    def known_rows(self, width: int) -> Array:
+        """What another record knows of the first of ``width`` columns, as rows as good as a weighted one of this."""
+        return np.pad(self.root * np.sqrt(self.repeats), ((0, 0), (0, width - self.root.shape[1])))
+
+    def _repeats(self) -> float:
+        """Rows for one independent error, by the colour of what the base numbers leave if all are fitted."""
+        x, y = self.phi.reshape(self.keep.size, -1), self.target.ravel()
+        left = (y - x @ solved(x, y, self.flat_weight())).reshape(self.keep.shape)
+        moving = np.flatnonzero(self.keep.any(axis=0))
+        shares = self.keep[:, moving].mean(axis=0)
+        counts = [n_effective(np.where(self.keep[:, j], left[:, j], 0.0)) for j in moving]
+        return max(1.0, float(self.keep.sum() / max(float(shares @ counts), 1.0)))
 
     def _solved(self, model: ArmState, timed: NDArray[np.bool_]) -> ArmState:
         x, y = self.design(model, timed)
-        sizes = solved(x, y, self.flat_weight())
-        numbers = np.zeros(len(self.lags.base_.names)) if self.given is None else np.array(self.given)
-        numbers[self.open] = sizes[: self.open.size]
-        at, terms = self.open.size, []
+        sizes = solved(x, y, self.flat_weight(), self.known_rows(x.shape[1]))
+        at, terms = len(self.expected), []
+        numbers = self.expected + sizes[:at]
         for t in model.terms:
             n = 0 if t.kind.transforms else t.kind.linear
             terms.append(dataclasses.replace(t, q=(*map(float, sizes[at : at + n]), *t.shape)))
@@ -300,13 +302,12 @@ class ArmView:
     def weigh(self, model: ArmState) -> None:
         """Weight the joints by their residuals, and use the model's torque where an effect needs the drive.
 
-        With the numbers of another record the residual is largest where most has changed.  There, a joint is first
+        Beside the numbers of another record the residual is largest where most has changed.  There, a joint is first
         weighted by the residual that it would have if its own numbers were fitted.
         """
-        left = self.by_joint(self.left(model))
-        self.weight = 1.0 / np.maximum(left, 1e-6 * np.maximum(self.drive_rms, 1e-12))
-        if self.given is not None and not model.terms:
-            self.weight = self.lags._weights(self.phi, self.target, self.keep)
+        if self.known is None or model.terms:
+            left = self.by_joint(self.left(model))
+            self.weight = 1.0 / np.maximum(left, 1e-6 * np.maximum(self.drive_rms, 1e-12))
         self.torque = self.along(model, self.moved)
         self.rate = self.blur(np.gradient(self.torque, self.dt, axis=0))
         self._forget()
@@ -371,18 +372,14 @@ class ArmView:
         mean = rows.mean(axis=0)
         apart = (rows - mean) * np.sqrt(N_RECORDS / (N_RECORDS - 1.0))
         null, n = self.null(self.left(model) + np.where(self.keep, self.artefact, 0.0) - mean, apart, rng)
-        uncertain = np.zeros((0, self.n_rows, self.n_joints))
-        if self.covariance is not None and self.given is not None:
-            draws = rng.multivariate_normal(np.zeros(len(self.given)), self.covariance, N_NULL, method="eigh")
-            uncertain = np.where(self.keep, np.einsum("tjb,kb->ktj", self.phi, draws), 0.0)
-            null += uncertain
         floor = np.sqrt(np.mean([self.by_joint(a) ** 2 for a in apart], axis=0))
-        return Own(mean, null, uncertain, floor / np.maximum(self.drive_rms, 1e-300), n, apart)
+        return Own(mean, null, floor / np.maximum(self.drive_rms, 1e-300), n, apart)
 
     def null(self, rest: Array, apart: Array, rng: np.random.Generator) -> tuple[Array, float]:
         """Residuals by chance with the colour of ``rest``, (N_NULL, m, n_joints), and their independent samples.
 
-        They hold the noise of the encoders, ``apart``, and what else is in ``rest`` as coloured noise, joint by joint.
+        They hold the noise of the encoders, ``apart``, what else is in ``rest`` as coloured noise, joint by joint, and
+        the errors of numbers from another record.
         """
         null = np.empty((N_NULL, self.n_rows, self.n_joints))
         n = 0.0
@@ -395,6 +392,9 @@ class ArmView:
             spread = coloured(power, self.n_rows, np.random.default_rng(0))
             if self.keep[:, j].any():
                 n += share * n_effective(spread, self.n_rows)
+        if self.known is not None:
+            draws = rng.multivariate_normal(0.0 * self.expected, self.known.covariance, N_NULL, method="eigh")
+            null += np.einsum("tjb,kb->ktj", self.phi, draws)
         return np.where(self.keep, null, 0.0), max(n, 2.0)
 
 
@@ -403,10 +403,15 @@ def point(centre: tuple[float, ...]) -> Array:
     return body_numbers(1.0, centre, np.zeros((3, 3)))
 
 
-def solved(x: Array, y: Array, weight: Array) -> Array:
-    """Weighted least squares; for dependent columns, the solution with the smallest norm."""
+def solved(x: Array, y: Array, weight: Array, known: Array | None = None) -> Array:
+    """Weighted least squares; for dependent columns, the solution with the smallest norm.
+
+    ``known`` (r, p) are further rows, of which the target is zero.
+    """
     at = weight > 0.0
     rows: Array = np.column_stack([x, y])[at] * weight[at, None]
+    if known is not None:
+        rows = np.vstack([rows, np.pad(known, ((0, 0), (0, 1)))])
     scale = np.linalg.norm(rows[:, :-1], axis=0)
     scale = np.where(scale > 0.0, scale, 1.0)
     r: Array = np.asarray(np.linalg.qr(np.column_stack([rows[:, :-1] / scale, rows[:, -1]]), mode="r"))
