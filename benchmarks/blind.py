@@ -110,7 +110,7 @@ def error_of_size(drawn: Any, d: Any) -> float | str:
 def same(system: str, name: str, truth: str) -> bool:
     """Whether a name is the truth or its alias."""
     if system == "servo":
-        # what is the same to first order only (a delay and a lag) is told apart by simulation
+        # what is the same to first order only (a delay and a lag) is distinguished by simulation
         return name == truth or (
             bool(name) and truth in get_effect(name).aliases and get_effect(name).column_kind != "first_order"
         )

@@ -2,7 +2,7 @@
 
     OMP_NUM_THREADS=1 python -m benchmarks.blind_arms [--cases 40] [--empties 40] [--seed 7000] [--joints 3]
 
-An arm of three and one of six joints in turn, drawn anew for each case: links, axes, friction, motors.  PID on encoder
+An arm of three and one of six joints in turn, drawn for each case: links, axes, friction, motors.  PID on encoder
 steps at 500 Hz, 20 s along drawn sines.  A first record, in which nothing is hidden, gives the numbers
 (`identify_arm`); a second one along other sines has one thing more, and `GapFinder` is asked what.  "right" is the
 name and the joint that was hidden, the verdict's first name (its verdict beside it where that is not "named");

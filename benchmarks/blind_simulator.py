@@ -37,7 +37,7 @@ RATE = 250.0
 
 @njit(cache=True)
 def _effect(kind, p, t, q, v, s, u):
-    """What one effect asks of the drive, written here and nowhere else."""
+    """The torque of one effect, written here and nowhere else."""
     if kind == 0:
         return p[0] * math.cos(p[1] * q + p[2])
     if kind == 1:

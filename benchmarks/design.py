@@ -3,7 +3,7 @@
     python -m benchmarks.design --cases 20
 
 Axes drawn by seed, each with one of four rivals at 0.5 to 10 % of its drive, and limits that are drawn too. The dry
-run says whether the rival would be named; then the axis is run again, noise and phases drawn anew. Printed: how often
+run says whether the rival would be named; then the axis is run again, with new noise and phases. Printed: how often
 the promise held, of those that were "named" and "not named".
 """
 

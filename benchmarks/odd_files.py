@@ -161,7 +161,7 @@ FILES: dict[str, tuple[str, Maker, list[str]]] = {
         ),
         [],
     ),
-    "clock starts anew": (
+    "clock restarts": (
         "a.csv",
         lambda f: csv(changed(f, time_s=np.where(f.time_s < 8.0, f.time_s, f.time_s - 8.0))),
         [],

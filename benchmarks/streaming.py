@@ -7,7 +7,7 @@ The job, ``python -m pipelines.stream`` on a CSV file, is watched from outside: 
 clock once it is under way, and by how much its resident memory grows from a tenth of the rows on.  Then rows go to
 ``partial_fit`` one by one, as in a control loop, and each call is timed on the CPU clock of its thread: a machine that
 is busy with other things does not show in the median, but it does in the worst call.  What is ours and what is the
-machine's is told apart in two ways.  The same rows are given to the same estimator several times: the least that each
+machine's is separated in two ways.  The same rows are given to the same estimator several times: the least that each
 row took is what its work takes, since the stream does the same work at the same row.  And a loop of arithmetic that
 takes as long as the median row is timed in the same way, which has no work but that.
 """

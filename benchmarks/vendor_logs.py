@@ -166,7 +166,7 @@ def plotter(m: Motion) -> str:
 
 
 def motors(m: Motion) -> str:
-    """Three motors in turns, told apart by a column."""
+    """Three motors in turns, distinguished by a column."""
     rows = [
         f"{t:.6f},{k},{(q if k == 2 else 0.1 * k):.8f},{(u if k == 2 else 0.0):.8f}\n"
         for t, q, u in zip(m.t.tolist(), m.q.tolist(), m.u.tolist(), strict=True)

@@ -47,7 +47,7 @@ def presliding_curve(cls: type[Effect]) -> EffectDisplay:
 
 
 def draw(folder: Path) -> None:
-    """A curve of each effect, once; delete the folder to draw anew."""
+    """A curve of each effect, once; delete the folder to draw them again."""
     folder.mkdir(parents=True, exist_ok=True)
     missing = [c for c in drawn() if not (folder / f"{c.__name__}.png").exists()]
     if not missing:

@@ -3,7 +3,7 @@
 Numba keys its cache on the file of the function itself; what that function inlines from other files may
 change without it, and yesterday's physics is run.  Here every module's kernels are cached in a folder named
 by a fingerprint of that file and of all files of the package that it imports, directly or not, so a change
-anywhere below gives another folder.  Nothing else names it: an environment made anew, an upgrade that leaves these
+anywhere below gives another folder.  Nothing else names it: a rebuilt environment, an upgrade that leaves these
 files as they are and a second checkout find what the first compiled, in the user's cache folder.  Only documented
 means are used: the settings behind ``NUMBA_CACHE_DIR`` and ``NUMBA_CACHE_LOCATOR_CLASSES`` are set while a kernel is
 declared and put back after.  A Numba that does not know the second one yet asks for the path of the file too, so
@@ -14,7 +14,7 @@ option of ``numba.njit`` (``pipeline_class``, "Customizing the Compiler" in Numb
 
 `KERNEL`, for what Python calls.  Numba looks up the implementation of every operator under the flags of the function
 that it stands in, and compares these setting by setting, hundreds of thousands of times in a first fit; functions
-whose flags differ in what no operator asks for have theirs compiled anew.  Here equal flags are one object.  And loops
+whose flags differ in what no operator asks for are compiled again.  Here equal flags are one object.  And loops
 are not unrolled: a kernel takes a fifth less time to compile, and none runs slower, some a tenth faster.
 
 `SHORT`, for kernels whose inner loops run over a handful of parameters, not over samples: nor are they made to take
@@ -419,7 +419,7 @@ def _folder(path: Path) -> Path | None:
     for base in _bases():
         if _writable(base):
             folder = base / fingerprint(path.resolve())
-            with contextlib.suppress(OSError):  # it was used today; made anew, those that nobody uses make room
+            with contextlib.suppress(OSError):  # it was used today; rebuilt, those that nobody uses make room
                 os.utime(folder) if folder.is_dir() else _sweep(base)
             return folder
     _compiling.kept = False

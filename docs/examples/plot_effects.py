@@ -6,7 +6,7 @@ Everything the library can put into a simulated axis, and can name in a log, is 
 thirty effects. Each has a place in the chain from drive to sensor, an equation and a
 signature. This page draws them all, place by place.
 
-On the left of each row is the effect itself: what it asks of the drive (or adds to the
+On the left of each row is the effect itself: the torque that it demands from the drive (or adds to the
 measured position) along a simulated run, against the quantity that it depends on. On the
 right is what an engineer sees: the drive of the same controlled axis without the effect
 (grey) and with it (colour), in the three seconds where the two differ most. Each effect is as large as 15 % of the

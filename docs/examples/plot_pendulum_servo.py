@@ -47,7 +47,7 @@ for effect in finder.effects_:
 # %%
 # The gap against the angle
 # -------------------------
-# What the rigid axis asks of the drive is taken from the logged torque. The rest is a cosine of the angle.
+# The torque of the rigid axis is subtracted from the logged torque. The rest is a cosine of the angle.
 from whsklearn import InverseDynamicsLags
 
 settings = {"sample_rate": 200, "cutoff": 10, "border": 40, "standstill": 0.0}

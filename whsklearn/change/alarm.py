@@ -134,7 +134,7 @@ class ChangeAlarm(BaseEstimator):
         return active[alarms]
 
     def begin(self) -> None:
-        """Learn what is normal anew, as after an alarm: for a model that is about to change for another reason."""
+        """Learn again what is normal, as after an alarm: for a model that is about to change for another reason."""
         if self.started:
             self._begin()
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from whsklearn.compare import Comparison
     from whsklearn.gap import ServoRecord
 
-AN_AXIS = {"kind": "servo", "robot": None, "simulator": None}  # what `gap` asks of its options besides columns
+AN_AXIS = {"kind": "servo", "robot": None, "simulator": None}  # what `gap` expects among its options besides columns
 
 
 @job

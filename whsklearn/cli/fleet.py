@@ -110,7 +110,7 @@ def run_here(
 def run_on_cluster(
     model: Any, batches: list[list[str]], source: dict[str, Any], test_share: float, scheduler: str | None, workers: int
 ) -> Iterator[list[Row]]:
-    """Results of each batch as they are ready, from a Dask cluster; the work of a lost worker is done anew."""
+    """Results of each batch as they are ready, from a Dask cluster; the work of a lost worker is repeated."""
     import dask
     from distributed import Client, LocalCluster, as_completed
 

@@ -59,7 +59,7 @@ def main(**options: Any) -> None:
     grid = grid_of(options)
     estimator = RMILSRegressor(lags=WienerHammersteinLags(), random_state=options["seed"])
     if record.groups is not None:
-        note(f"The log has holes; the model begins anew in each of its {record.groups[-1] + 1} segments.")
+        note(f"The log has holes; the model restarts in each of its {record.groups[-1] + 1} segments.")
     tracker = tracker_for("tune", options["track"], data=record.name, estimator="RMILSRegressor")
     with (
         segments_known(record),

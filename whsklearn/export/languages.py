@@ -8,7 +8,7 @@ from typing import Protocol
 
 
 class Language(Protocol):
-    """What `whsklearn.export.specialise.Specialiser` asks of a language."""
+    """What `whsklearn.export.specialise.Specialiser` needs from a language."""
 
     @property
     def operators(self) -> dict[str, str]:

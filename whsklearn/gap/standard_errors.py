@@ -21,7 +21,7 @@ def covariance(fit: Linearised) -> Array:
     """s^2 (J'J)^-1 of the fitted residual, with columns scaled to unit length; shape (p, p).
 
     A number that moves no residual (a change whose time lies between two fitted parts) gets no variance,
-    nor does one whose derivative overflows (an inertia of next to nothing, to which a spring was fitted).
+    nor does one whose derivative overflows (a negligible inertia, to which a spring was fitted).
     """
     if fit.covariance is not None:
         return np.asarray(fit.covariance)

@@ -83,7 +83,7 @@ def fit_hanging_axis(log: View) -> AxisModel:
     Raises
     ------
     ValueError
-        If gravity is next to nothing, or as `inverse_starts`.
+        If gravity is negligible, or as `inverse_starts`.
     """
     model = _fit(_of_position(log), AxisForm(hangs=True))
     share = model.parameters["gravity_imbalance"] / np.std(log.u)
@@ -101,7 +101,7 @@ def fit_sprung_axis(log: View, powers: int) -> AxisModel:
     Raises
     ------
     ValueError
-        If the best linear model of second order is no mass on a spring, or says next to nothing of the record.
+        If the best linear model of second order is no mass on a spring, or explains almost none of the record.
     """
     record = _of_position(log)
     theta, form = spring_start(log), AxisForm(powers=powers)
@@ -154,7 +154,7 @@ def resonance_start(log: View) -> Array:
     .. math:: q = \frac{1}{J p^2} \tau + \frac{s}{1 - s} \frac{1}{J (p^2 + 2 \zeta \omega p + \omega^2)} \tau,
 
     which is linear in the numbers but for the resonance, of which a grid is tried.  All terms are taken in pieces
-    without their lines, as each piece begins anew.
+    without their lines, as each piece has a start of its own.
 
     Raises
     ------

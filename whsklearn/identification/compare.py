@@ -384,7 +384,7 @@ def recommend(tried: list[Compared], trivial: Compared, *, steady: bool = False)
             "dynamics: log changes of speed"
         )
     elif ratio > EXPLAINS:
-        reason += "; that is next to nothing, so the output does not follow this input by any of the structures"
+        reason += "; that is hardly better, so the output does not follow this input by any of the structures"
     if not holding:
         reason += (
             f". No free run stays nearer to the held-out output than its mean, that of {chosen.name} neither "

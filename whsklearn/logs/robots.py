@@ -199,7 +199,7 @@ def open_lerobot(path: Path) -> Source:
     """A LeRobot data set: the folder with ``meta/info.json`` and the episodes in ``data/``.
 
     Columns are ``action.NAME`` and ``observation.state.NAME`` with the names of the motors; an episode after
-    another starts the clock anew, which the reader takes for a new experiment.
+    another restarts the clock, which the reader takes for a new experiment.
     """
     try:
         info = json.loads((path / "meta" / "info.json").read_text(encoding="utf-8"))

@@ -24,7 +24,7 @@ _SINCE_1970 = (  # stamps between 2001 and 2100, by what they count
 )  # fmt: skip
 _DAYS = (2e4, 8e4)  # days since 1900 between 1954 and 2119, as spreadsheets count
 _FASTEST = 2e-6  # s; what steps less is counted in a longer unit
-_COUNTERS = (2.0**16, 2.0**24, 2.0**32)  # ticks at which a counter begins anew
+_COUNTERS = (2.0**16, 2.0**24, 2.0**32)  # ticks at which a counter overflows
 _FILETIME = (1e17, 2e17, 1e-7)  # 100 ns since 1601, between 1917 and 2234: stamps of Windows and TwinCAT
 _SLOWEST = 0.05  # s; no axis is logged less often, so whole numbers that step more than this count ms or us
 
@@ -111,7 +111,7 @@ def _whole_numbers(values: Array, column: str) -> tuple[str, tuple[Finding, ...]
 
 
 def _unwound(values: Array, column: str) -> tuple[Array, tuple[Finding, ...]]:
-    """Ticks of a counter of 16, 24 or 32 bits that began anew, counted on."""
+    """Ticks of a counter of 16, 24 or 32 bits that overflowed, counted on."""
     step = np.diff(values)
     falls = np.flatnonzero(step < 0)
     if not falls.size or not np.all(np.isfinite(values)):
@@ -184,7 +184,7 @@ def in_order(time: Array, same_rows: NDArray[np.bool_], rows: NDArray[np.intp]) 
     Returns
     -------
     Stamps
-        A clock that starts anew begins a segment, stamped on from the one before.
+        A clock that restarts begins a segment, stamped on from the one before.
 
     Raises
     ------

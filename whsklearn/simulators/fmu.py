@@ -109,7 +109,7 @@ class FMUSimulator:
         return np.asarray(y - y[0] + record.position[0])
 
     def _torque(self, effect: Effect, record: Any, first: float) -> Array:
-        """What an effect asks of the drive along the measured motion."""
+        """The torque that an effect demands from the drive along the measured motion."""
         from whsklearn.filtering.records import motion
 
         rate = 1.0 / record.dt

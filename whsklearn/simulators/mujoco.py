@@ -126,7 +126,7 @@ class MuJoCoSimulator:
     def simulate(self, record: Any) -> Array:
         """Position of the joint under the logged control, shape (n,), held near the log by the observer.
 
-        The replay begins anew after a hole of the record.
+        The replay restarts after a hole in the record.
 
         The velocity at its start is a number like those of the model: `refit` finds it with them, and before that it is
         the one that fits the first quarter of a second best.  A difference of the log's first positions will not do:
@@ -177,7 +177,7 @@ class MuJoCoSimulator:
                 qvel[dof] += second * error
                 ctrl[k] = u
                 mujoco.mj_step(model, data, every)
-                if i % CHECKED == 0 and number.any():  # unstable: MuJoCo would begin anew, again and again
+                if i % CHECKED == 0 and number.any():  # unstable: MuJoCo would reset itself again and again
                     out[i + 1 :] = np.nan
                     break
         return out

@@ -29,7 +29,7 @@ class Out:
     offset : int, optional
         Bytes that the checkpoint knows of; what comes after them is cut off.  None to go on at the end.
     fresh : bool
-        Begin anew: the file is emptied.
+        Start over: the file is emptied.
 
     Raises
     ------

@@ -44,7 +44,7 @@ class LineSource:
     offset, number : int
         Bytes and lines handed out, so where the next line begins.
     restarted : bool
-        Set when the source began anew; whoever notices takes it back.
+        Set when the source was restarted; whoever notices it resets it.
     left : bytes
         A last line without an end that was not taken.
     """
@@ -131,7 +131,7 @@ class FollowedFile(LineSource):
         try:
             now = os.stat(self.path)
         except FileNotFoundError:
-            return b""  # between being moved away and made anew
+            return b""  # between being moved away and created again
         old = os.fstat(self.file.fileno())
         if (now.st_ino, now.st_dev) != (old.st_ino, old.st_dev) or now.st_size < self.file.tell():
             self.file.close()

@@ -283,7 +283,7 @@ def _check_source(source: str, place: dict[str, Any]) -> None:
         or Path(source).stat().st_size < place["offset"]
         or (known and fingerprint(source, place["offset"]) != known)
     ):
-        raise ValueError(f"{source} is not the file that the checkpoint was written for; give --fresh to begin anew.")
+        raise ValueError(f"{source} is not the file that the checkpoint was written for; give --fresh to start over.")
 
 
 def _parser(source: str, place: dict[str, Any]) -> Callable[[bytes], list[float]] | None:
@@ -331,7 +331,7 @@ class Keeper:
         if not self._failing:
             return f"started again, the stream goes on from {self.files.kept}."
         if self._rows is None:
-            return "no checkpoint could be written, so started again, the stream begins anew."
+            return "no checkpoint could be written, so if it is started again, the stream begins at the first row."
         return (
             f"the checkpoint {self.files.kept} is that of row {self._rows}, and started again, the stream takes the "
             f"{rows - self._rows} rows since then once more."
@@ -367,7 +367,7 @@ def _load(kept: Path, model: Any, columns: list[str]) -> dict[str, Any]:
         learnt, given = (", ".join(map(_with_unit, names)) for names in (state["place"]["columns"], columns))
         raise ValueError(
             f"{kept} was learnt from {learnt}, and this stream reads {given}; a stream goes on in the columns and "
-            "units that it began with. Name those, or give --fresh to begin anew."
+            "units that it began with. Name those, or give --fresh to start over."
         )
     if repr(params["estimator"]) != repr(model):
         raise ValueError(

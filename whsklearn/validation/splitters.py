@@ -82,7 +82,7 @@ def one_experiment_out(X: ArrayLike, groups: ArrayLike) -> Iterator[tuple[NDArra
     Notes
     -----
     Pass ``cv=list(one_experiment_out(X, groups))`` to a search; the rest of the experiments keep
-    their order, and an estimator that is given ``groups`` starts anew at each.
+    their order, and an estimator that is given ``groups`` restarts at each.
 
     Examples
     --------

@@ -167,17 +167,17 @@ def refine(chain: FittedChain, data: IOData, iterations: int, *, free: bool = Tr
     """
     best = least = solve_law(chain, data)
     if free:
-        anew = solve_law(normalised(chain, data), data)
-        best = anew if not best.cost * DEARER < anew.cost else best
+        refitted = solve_law(normalised(chain, data), data)
+        best = refitted if not best.cost * DEARER < refitted.cost else best
     held = [] if free else [0, chain.b1.size + chain.a1.size - 1]
     damping = 1e-2
     for i in range(iterations):
         if not np.isfinite(best.cost):
             break
         if free and i in PLACE_AT:
-            anew = solve_law(normalised(best.chain, data), data)
+            refitted = solve_law(normalised(best.chain, data), data)
             least = min(least, best, key=lambda f: f.cost)  # knots at a kink are not always found again
-            best = anew if anew.cost < DEARER * best.cost else best
+            best = refitted if refitted.cost < DEARER * best.cost else best
         rows = sensitivities(best.chain, data)[1] * data.scale
         n = best.chain.linear_part.size
         rows[held] = 0.0

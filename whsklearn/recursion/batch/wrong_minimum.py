@@ -43,8 +43,8 @@ def improved(fitted: Fitted, data: IOData) -> Fitted:
         if not trials:
             break
         best = min((refine(t, short, TRIED) for t in trials), key=lambda f: f.cost)
-        anew = refine(best.chain, data, REFINED)
-        if not anew.cost < (1.0 - WORTH) * fitted.cost:
+        refitted = refine(best.chain, data, REFINED)
+        if not refitted.cost < (1.0 - WORTH) * fitted.cost:
             break
-        fitted = anew
+        fitted = refitted
     return fitted

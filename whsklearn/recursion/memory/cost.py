@@ -112,7 +112,7 @@ def work_steps(dims: NDArray[np.int64], n_inputs: int) -> Generator[None, None, 
 def replay_part(theta, law, kappa, memory, work, information, slope, state):
     """Continue a re-run until the budget is spent, for at least one segment; return True when it has finished.
 
-    It starts anew if ``work.at[AT]`` is 0.  The weighted sum of squares is then in ``work.at[TOTAL]``, next to its
+    It starts over if ``work.at[AT]`` is 0.  The weighted sum of squares is then in ``work.at[TOTAL]``, next to its
     Gauss-Newton matrix and slope, and ``state`` is the state before the first sample of the next window.  It stops only
     between segments, whose bounds depend on the record alone, so the sums do not depend on how the work was divided.
 

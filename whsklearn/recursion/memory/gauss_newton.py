@@ -51,7 +51,7 @@ def refine_part(
 ) -> bool:  # fmt: skip
     """Continue Levenberg-Marquardt steps (Marquardt 1963) on ``theta``, in place, as far as the budget allows.
 
-    It starts anew if ``work.at[PHASE]`` and ``work.at[AT]`` are 0.  It returns True when it has finished; then
+    It starts over if ``work.at[PHASE]`` and ``work.at[AT]`` are 0.  It returns True when it has finished; then
     ``work.at[COST]``, the Gauss-Newton matrix, the slope (``work.slope``) and the state are those of the result.
     """
     # Plain tuples: Numba takes twice as long to unpack named ones, and such a call cost as much as reading 150 samples.

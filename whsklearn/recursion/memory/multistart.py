@@ -88,7 +88,7 @@ def run(
 
     ``weight`` is the weight of each sample's squared error; by default all are one.
 
-    Returns the page re-run that is under way; passed in again with the next samples, it need not begin anew.
+    Returns the page re-run that is under way; passed in again with the next samples, it need not start over.
     """
     state["forgetting"][1] = r.forgetting
     if r.memory:
