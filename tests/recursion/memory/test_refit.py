@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchmarks.accuracy import lags_of, random_system
 from tests.recursion.starts_side_by_side import LINEAR, reading, rows_of, streamed
-from whsklearn import WienerHammersteinSystem
+from whsklearn import RMILSRegressor, WienerHammersteinSystem
 from whsklearn.datasets import make_wiener_hammerstein
 from whsklearn.effects.law import polynomial_law
 from whsklearn.recursion.memory import multistart
@@ -95,3 +96,11 @@ def test_the_past_can_be_let_go_however_long_it_was(memory):
     multistart.run(state, r, X2[:150], y2[:150], fresh)
     multistart.consolidate(state, r)
     assert state["theta"][multistart.answer(state), 0] == pytest.approx(2.0, abs=0.25)
+
+
+def test_fresh_starts_leave_a_wrong_minimum_that_all_carried_models_share():
+    # the best of the models that the first 128 samples left has eleven times the noise's variance
+    system = random_system(3051)
+    X, y, truth = make_wiener_hammerstein(1000, snr_db=20.0, random_state=[3051, 6], system=system, return_truth=True)
+    model = RMILSRegressor(lags_of(system), random_state=3051).fit(X, y)
+    assert model.innovation_variance_ < 1.1 * float(np.mean(truth.d**2))
