@@ -175,9 +175,19 @@ def test_an_inertia_that_is_lost_is_that_of_the_first_differences():
     frame = record(seconds=12.0)
     frame["torque_nm"] += 2.0 * np.sin(2.1 * frame["time_s"] + 0.3)  # slow, coherent with the motion, in no model here
     plant, _, model = plant_with(frame=frame)
-    found = plant.inverse.of_differences(dataclasses.replace(model, inertia=1e-3 * INERTIA))
+    (found,) = plant.inverse.of_differences(dataclasses.replace(model, inertia=1e-3 * INERTIA))
     assert model.inertia < 0.8 * INERTIA
     assert found.inertia == pytest.approx(INERTIA, rel=0.1)
+
+
+def test_differences_without_a_positive_inertia_leave_the_models_as_fitted():
+    frame = record(seconds=12.0)
+    plant, _, model = plant_with(frame=frame)
+    plant.looks(model, np.random.default_rng(0))
+    lost = plant.corrected = dataclasses.replace(model, inertia=1e-3 * INERTIA)
+    plant.inverse.drive = -plant.inverse.drive  # a drive against the motion: the differences tell a negative inertia
+    assert plant.inverse.of_differences(lost) == []
+    assert plant.to_simulate(lost).inertia > 0.0
 
 
 def test_a_repair_is_judged_beside_its_own_artefacts():

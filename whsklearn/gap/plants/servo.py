@@ -126,8 +126,8 @@ class ServoPlant(PlantDefaults):
         if [t.name for t in self.corrected.terms] == [t.name for t in model.terms]:
             tried.append(self.corrected)
         # a fit that ends with no inertia, or with far too much, has lost it
-        tried = [m for m in tried if not m.at_the_end_of_inertia] or [self.inverse.of_differences(model)]
-        return min(tried, key=lambda m: servo_run.train_error(self.observer, m, self.headline))
+        kept = [m for m in tried if not m.at_the_end_of_inertia] or self.inverse.of_differences(model) or tried
+        return min(kept, key=lambda m: servo_run.train_error(self.observer, m, self.headline))
 
     def contributes(self, base: AxisModel, model: AxisModel) -> bool:
         """Whether the torque that the runs lack is smaller with the effects than without.

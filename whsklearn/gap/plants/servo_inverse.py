@@ -275,14 +275,21 @@ class InverseView:
         once = self.solved(model)[0]
         return self.solved(once)[0] if self._driven(model) else once
 
-    def of_differences(self, model: AxisModel) -> AxisModel:
-        """The model with the inertia of the first differences, its other sizes solved for at this inertia."""
+    def of_differences(self, model: AxisModel) -> list[AxisModel]:
+        """The model with the inertia of the first differences, its other sizes solved for at this inertia.
+
+        Empty if the differences tell no positive inertia: then noise outweighs the acceleration in them (SO-101, whose
+        drive is the following error).
+        """
         x, positive = self.columns(model, self.torque(model) if self._driven(model) else None)
         target, share = self.target(model)
         inertia = float(ols.of_differences(x[self.at], target[self.at])[0])
+        if not inertia > 0.0:
+            return []
         rest = np.column_stack([np.zeros(target.size), x[:, 1:]])
         sizes, _ = self._sizes(rest, share * (target - inertia * x[:, 0]), positive, stop.away(self, model))
-        return dataclasses.replace(self.with_sizes(model, np.append(sizes, 0.0)), inertia=inertia, timing=model.timing)
+        solved = self.with_sizes(model, np.append(sizes, 0.0))
+        return [dataclasses.replace(solved, inertia=inertia, timing=model.timing)]
 
     def _driven(self, model: AxisModel) -> bool:
         """Whether any columns depend on the model's own numbers."""
