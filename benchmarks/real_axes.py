@@ -31,7 +31,7 @@ from tqdm import tqdm
 from whsklearn.cli.gap import main as gap
 
 FIELDS = (
-    "record known verdict names right wrong closure horizon inverse_before inverse_after floor run_before run_after "
+    "record known verdict names aliases right wrong closure horizon inverse_before inverse_after floor run_before run_after "
     "inertia inertia_known map seconds error"
 ).split()
 SO101 = ("multisine", "chirp_sweep", "friction_gravity")
@@ -119,7 +119,7 @@ def diagnose(rig: Rig) -> dict[str, Any]:
         row["seconds"] = round(time.process_time() - began, 1)
         file = Path(report, "gap.json")
         if not file.exists():
-            return row | {"verdict": "error", "names": "", "right": False, "wrong": False}
+            return row | {"verdict": "error", "names": "", "aliases": "", "right": False, "wrong": False}
         d = json.loads(file.read_text(encoding="utf-8"))
     first = {d["effects"][0]["name"], *d["effects"][0]["aliases"]} if d["effects"] else set()
     numbers = {r["name"]: r["after"] for r in d["base"]}
@@ -127,6 +127,7 @@ def diagnose(rig: Rig) -> dict[str, Any]:
     wrong = d["verdict"] == "named" and (bool(rig.known and not right) or not set(names).isdisjoint(rig.never))
     return row | {
         "verdict": d["verdict"], "names": "+".join(names), "right": right, "wrong": wrong,
+        "aliases": "+".join(sorted({a for e in d["effects"] for a in e["aliases"]})),
         "closure": d["closure"], "horizon": d["horizon"],
         "inverse_before": d["missing"]["before"], "inverse_after": d["missing"]["after"],
         "floor": d["missing"]["floor"], "run_before": d["before"]["rmse"], "run_after": d["after"]["rmse"],
