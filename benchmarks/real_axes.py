@@ -31,8 +31,8 @@ from tqdm import tqdm
 from whsklearn.cli.gap import main as gap
 
 FIELDS = (
-    "record known verdict names aliases right wrong closure horizon inverse_before inverse_after floor run_before run_after "
-    "inertia inertia_known map seconds error"
+    "record known verdict names aliases right wrong closure horizon inverse_before inverse_after floor run_before "
+    "run_after inertia inertia_known map seconds error"
 ).split()
 SO101 = ("multisine", "chirp_sweep", "friction_gravity")
 # Joints of the arms about which gravity is at least a fifth of the rms drive by the masses of the owners' URDF (of

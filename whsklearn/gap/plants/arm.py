@@ -257,7 +257,7 @@ class ArmPlant(PlantDefaults):
                 if (low and value <= low + 1e-3 * abs(low)) or value >= high - 1e-3 * abs(high):
                     return f"its {field} reaches the limit of the plausible range"
         for c in at_a_joint() if t.kind.catalogued is not None and not t.effect.elementary else ():
-            if c.elementary and c.n_slots == 1:
+            if c.cls.elementary and c.n_slots == 1:
                 plain = view.fit(model.with_term(JointTerm(replace(t.kind, cls=c.cls, catalogued=c), (0.0,))))
                 beyond, most = (self.size(*map(self.errors, pair)) for pair in ((plain, grown), (model, plain)))
                 if beyond < BEYOND * most:

@@ -210,10 +210,10 @@ def candidates(arm: Arm, there: dict[str, set[str]], *, frozen: bool, weight: in
         names = there.get(joint, set())
         said = {n for e in catalogue() if e.name in names for n in e.cls.covers}
         for c in at_a_joint():
-            more = frozen and c.elementary
+            more = frozen and c.cls.elementary
             if c.name in said:
                 continue
-            if (c.name not in names or c.repeats or more) and (not c.parent or c.parent in names):
+            if (c.name not in names or c.cls.repeats or more) and (not c.parent or c.parent in names):
                 yield AtJoint(c.cls, joint, row, c, place=frozenset([joint]), again=more and c.name in names)
         if frozen and "joint_inertia" not in names:
             yield AtJoint(JointInertia, joint, row, place=frozenset([joint]))

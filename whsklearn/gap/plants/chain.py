@@ -28,7 +28,7 @@ from whsklearn.gap.plants.chain_fit import (
     with_knots,
 )
 from whsklearn.gap.plants.chain_looks import SLOPED, WRONG_SIDE, Seen, gained, kinds, look
-from whsklearn.gap.plants.chain_model import Candidate, ChainModel, Record
+from whsklearn.gap.plants.chain_model import ChainCandidate, ChainModel, Record
 from whsklearn.gap.record import MAD, lattice, rms
 from whsklearn.gap.search import WORTH_FITTING
 from whsklearn.gap.tangent import Look
@@ -210,7 +210,7 @@ class ChainPlant(PlantDefaults):
         elif self._may_be_bent(best, rng):
             grown += anew(self.record, model, others, seen.looks, rng, among)
         before = rms(self.errors(model))
-        out: dict[str, tuple[Look, Candidate]] = {}
+        out: dict[str, tuple[Look, ChainCandidate]] = {}
         for kind, m in grown:
             g = gained(self.record, model, m)
             null = max((k.null for k in looks if k.name == kind.name), key=np.mean, default=np.zeros(2))
@@ -237,7 +237,7 @@ class ChainPlant(PlantDefaults):
         return rms(run) > UNEXPLAINED * self.scale or self.seen(model, rng).p_value <= GATE
 
     def _fitted_too(
-        self, model: ChainModel, look: Look, kind: Candidate, families: int, rng: np.random.Generator
+        self, model: ChainModel, look: Look, kind: ChainCandidate, families: int, rng: np.random.Generator
     ) -> Look:
         """Compare the best candidate with the same fit in the model's own records, if the look alone is not enough."""
         g = []

@@ -30,7 +30,7 @@ from whsklearn.gap.plants.chain_fit import (
     weighed,
 )
 from whsklearn.gap.plants.chain_looks import kinds, softly
-from whsklearn.gap.plants.chain_model import Candidate, ChainModel, Record, Term
+from whsklearn.gap.plants.chain_model import ChainCandidate, ChainModel, Record, Term
 from whsklearn.gap.record import rms
 from whsklearn.gap.search import WORTH_FITTING
 from whsklearn.gap.tangent import Look
@@ -49,7 +49,7 @@ FOLDS = ((0.5,), (1.0,))  # fractions from which a fold of the distorted base is
 PASSES = 60  # alternating projections; they converge after about ten
 
 
-def is_strong(kind: Candidate, s: Record) -> bool:
+def is_strong(kind: ChainCandidate, s: Record) -> bool:
     """Whether a candidate may distort the blocks so much that the chain is refitted: true unless it is additive.
 
     What pulls on L1 is strong as well, since a linear base does not show which of its blocks L1 is.
@@ -59,7 +59,7 @@ def is_strong(kind: Candidate, s: Record) -> bool:
     return kind.linear == 0 or kind.pulls
 
 
-def near(s: Record, m: ChainModel, looks: list[Look], among: Any = None) -> Iterator[tuple[Candidate, ChainModel]]:
+def near(s: Record, m: ChainModel, looks: list[Look], among: Any = None) -> Iterator[tuple[ChainCandidate, ChainModel]]:
     """Fit the model with one more candidate from where it is: strong candidates and the most promising others.
 
     Parameters
@@ -86,7 +86,7 @@ def promising(s: Record, m: ChainModel, looks: list[Look], among: Any = None) ->
 
 def anew(
     s: Record, m: ChainModel, others: list[ChainModel], looks: list[Look], rng: np.random.Generator, among: Any = None
-) -> Iterator[tuple[Candidate, ChainModel]]:
+) -> Iterator[tuple[ChainCandidate, ChainModel]]:
     """Fit the chain again with a strong candidate inside, and additive ones from other minima of the model.
 
     Parameters
@@ -113,10 +113,10 @@ def fitted(s: Record, models: list[ChainModel], term: Term) -> ChainModel:
     if term.kind.linear:
         ways.append(sharpened(s, models[0].plus(term), cm.HARD[1:], 8))
     out = min(ways, key=lambda m: cost(s, m))
-    return walked(s, out) if term.kind.scan == "step" else out
+    return walked(s, out) if term.kind.scanned == "step" else out
 
 
-def fitted_once(s: Record, m: ChainModel, kind: Candidate, rng: np.random.Generator) -> ChainModel:
+def fitted_once(s: Record, m: ChainModel, kind: ChainCandidate, rng: np.random.Generator) -> ChainModel:
     """The model with one candidate, fitted as in `near` and `anew`; the model itself if no fit is stable."""
     start = next((k.start for k in softly(s, m) if k.start.kind == kind), None)
     ways = [m] if start is None else [fitted(s, [m], start)]
@@ -161,8 +161,8 @@ def nudged(s: Record, m: ChainModel) -> ChainModel:
 
 
 def fitted_anew(
-    s: Record, m: ChainModel, others: list[ChainModel], strong: list[Candidate], rng: np.random.Generator
-) -> Iterator[tuple[Candidate, ChainModel]]:
+    s: Record, m: ChainModel, others: list[ChainModel], strong: list[ChainCandidate], rng: np.random.Generator
+) -> Iterator[tuple[ChainCandidate, ChainModel]]:
     """The models with a strong candidate as the last effect, fitted from starts of its own that are stable.
 
     They are fitted under a soft sign first.  Those that explain much less there than the best one are not sharpened.
@@ -178,7 +178,7 @@ def fitted_anew(
 
 
 def starts_of(
-    s: Record, m: ChainModel, others: list[ChainModel], kind: Candidate, rng: np.random.Generator
+    s: Record, m: ChainModel, others: list[ChainModel], kind: ChainCandidate, rng: np.random.Generator
 ) -> list[ChainModel]:
     """The starts of a strong candidate: those with the least residual before a fit."""
     z = cm.sizes(s, m)
@@ -225,7 +225,7 @@ def applied(s: Record, term: Term) -> Array:
     return np.ascontiguousarray(late[2:])
 
 
-def split_off(s: Record, m: ChainModel, kind: Candidate) -> Iterator[ChainModel]:
+def split_off(s: Record, m: ChainModel, kind: ChainCandidate) -> Iterator[ChainModel]:
     """Models with a pair of poles of a larger linear model as a resonance and the other poles divided."""
     ratio = linear_model(s, s.u, 2)
     poles, zeros = np.roots(ratio.a), np.roots(ratio.b)
@@ -238,7 +238,7 @@ def split_off(s: Record, m: ChainModel, kind: Candidate) -> Iterator[ChainModel]
                 yield dataclasses.replace(more, theta=theta)
 
 
-def pulled_out(s: Record, m: ChainModel, kind: Candidate) -> Iterator[ChainModel]:
+def pulled_out(s: Record, m: ChainModel, kind: ChainCandidate) -> Iterator[ChainModel]:
     """Models in which a block hands a pair of poles to the resonance, because it may have absorbed them."""
     a, b, _, c, d = s.blocks
     first = kind.at != "output"
@@ -253,7 +253,7 @@ def pulled_out(s: Record, m: ChainModel, kind: Candidate) -> Iterator[ChainModel
             yield dataclasses.replace(more, theta=weighed(s, one, two, more.terms))
 
 
-def resonances(s: Record, m: ChainModel, poles: Any, kind: Candidate) -> Iterator[tuple[complex, Term]]:
+def resonances(s: Record, m: ChainModel, poles: Any, kind: ChainCandidate) -> Iterator[tuple[complex, Term]]:
     """The pairs of poles that can belong to a resonance, and the numbers of that resonance."""
     z = cm.sizes(s, m)
     (low, high), (least, most) = kind.range_of(0, z), kind.range_of(1, z)

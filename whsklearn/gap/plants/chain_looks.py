@@ -18,7 +18,7 @@ from scipy.signal import lfilter
 from whsklearn.gap.calibration import N_NULL, gain
 from whsklearn.gap.plants import chain_model as cm
 from whsklearn.gap.plants.chain_fit import climb, coloured, sharpened
-from whsklearn.gap.plants.chain_model import Candidate, ChainModel, Record, Sizes, Term, catalogue
+from whsklearn.gap.plants.chain_model import ChainCandidate, ChainModel, Record, Sizes, Term, catalogue
 from whsklearn.gap.record import rms
 from whsklearn.gap.tangent import Family, Look, Tangent, with_p_values
 
@@ -56,7 +56,7 @@ class Scene:
         """The change of the errors due to a change of y_hat, at the samples that count."""
         return cm.whiten(np.clip(np.nan_to_num(change), -1e12, 1e12), self.model.ar)[self.record.fit]
 
-    def columns(self, kind: Candidate, shapes: list[tuple[float, ...]]) -> Array:
+    def columns(self, kind: ChainCandidate, shapes: list[tuple[float, ...]]) -> Array:
         """Columns of one candidate at several shapes, shape (n, s, 1 or 2)."""
         size = SMALL * self.sizes.v if kind.linear else 1.0
         sizes_of = size * np.eye(kind.linear) if kind.linear else np.zeros((1, 0))
@@ -64,14 +64,14 @@ class Scene:
         change = (cm.outputs(self.record, grown, self.kappa) - self.y) / size
         return self.seen(change.T).reshape(-1, len(shapes), len(sizes_of))
 
-    def blocks(self, kind: Candidate, tangent: Tangent) -> Iterator[tuple[Any, Array, float]]:
+    def blocks(self, kind: ChainCandidate, tangent: Tangent) -> Iterator[tuple[Any, Array, float]]:
         """All shapes of a candidate with their columns."""
-        shapes = tones(self, kind, tangent) if kind.scan == "time" else kind.shapes(self.sizes)
+        shapes = tones(self, kind, tangent) if kind.scanned == "time" else kind.shapes(self.sizes)
         if shapes:
             yield shapes, self.columns(kind, shapes), 1.0
 
 
-def tones(scene: Scene, kind: Candidate, tangent: Tangent) -> list[tuple[float, ...]]:
+def tones(scene: Scene, kind: ChainCandidate, tangent: Tangent) -> list[tuple[float, ...]]:
     """The strongest lines of the record and of every null row."""
     n = 4 * scene.record.u.size
     rows = np.zeros((tangent.rows.shape[1], scene.record.u.size))
@@ -89,7 +89,7 @@ def tones(scene: Scene, kind: Candidate, tangent: Tangent) -> list[tuple[float, 
     return [(f,) for f in sorted(found) if f >= low]
 
 
-def family(scene: Scene, kind: Candidate) -> Family:
+def family(scene: Scene, kind: ChainCandidate) -> Family:
     """One candidate with all its shapes."""
 
     def start(shape: tuple[float, ...], size: Array) -> Term:
@@ -212,7 +212,7 @@ def _block(columns: Array) -> Family:
     return Family("", lambda _: iter([([()], columns[:, None, :], 1.0)]), lambda *_: None, columns.shape[1])
 
 
-def kinds(s: Record, m: ChainModel) -> list[Candidate]:
+def kinds(s: Record, m: ChainModel) -> list[ChainCandidate]:
     """The catalogue without what the chain has and can have only once: play, a limit, or a delay at its port."""
     once = {(t.kind.code) for t in m.terms if t.kind.linear == 0 or not t.kind.cls.repeats}
     return [k for k in catalogue(s.law) if k.code not in once]

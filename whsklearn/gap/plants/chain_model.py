@@ -22,12 +22,13 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from whsklearn._numba import njit
-from whsklearn.effects import Effect, FrictionLaw, Scales, codes, effect_names, get_effect
+from whsklearn.effects import FrictionLaw, Scales, codes, effect_names, get_effect
 from whsklearn.effects.chain import CHAIN_FORMS
 from whsklearn.effects.own import WHICH, address_of
 from whsklearn.effects.static import Power
 from whsklearn.effects.terms import law_values
 from whsklearn.gap.plant import FittedTerm
+from whsklearn.gap.plants.variant import EffectVariant
 from whsklearn.gap.record import MAD, rms
 from whsklearn.recursion.batch.best_linear import stabilised
 from whsklearn.systems.chain import PackedChain, Ports, run
@@ -58,7 +59,7 @@ class Sizes:
     seconds: float
     dt: float
 
-    def seen_from(self, kind: Candidate) -> Scales:
+    def seen_from(self, kind: ChainCandidate) -> Scales:
         """The scales of the signals where a candidate acts, in the form of the scales of an axis."""
         place, at = kind.cls.place, kind.at
         torque, peak, reach = self.v, 3.0 * self.v, self.x_peak
@@ -77,65 +78,25 @@ class Sizes:
 
 
 @dataclass(frozen=True)
-class Candidate:
-    """One effect, at one port or in one variant of its text fields.
-
-    Attributes
-    ----------
-    cls : type
-        The library's effect.
-    choice : tuple of (str, str)
-        Its text fields.
-    """
-
-    cls: type[Effect]
-    choice: tuple[tuple[str, str], ...] = ()
-
-    @property
-    def name(self) -> str:
-        """Canonical name."""
-        return self.cls.name
-
-    @cached_property
-    def options(self) -> dict[str, str]:
-        """The text fields."""
-        return dict(self.choice)
-
-    @cached_property
-    def code(self) -> int:
-        """Its code in the compiled chain."""
-        return int(self.cls(**self.options).code)
-
-    @cached_property
-    def linear(self) -> int:
-        """Number of leading parameters in which it is linear: 1, 2 (cosine and sine), or 0 if its size is a shape."""
-        return self.cls.linear()
-
-    @cached_property
-    def fields(self) -> tuple[str, ...]:
-        """Names of the parameters, linear ones first."""
-        first = {0: (), 1: (self.cls.size,), 2: ("cosine", "sine")}[self.linear]
-        return (*first, *self.cls.searched())
+class ChainCandidate(EffectVariant):
+    """One effect, at one port or in one variant of its text fields."""
 
     @cached_property
     def free(self) -> tuple[int, ...]:
         """Numbers that a fit moves; an instant has no slope, so it is found by a walk."""
-        walked = (self.cls.scanned(),) if self.scan == "step" else ()
+        walked = (self.cls.scanned(),) if self.scanned == "step" else ()
         still = (*walked, *self.cls.held, *(HELD if self.cls.evaluate is None else ()))
         return tuple(i for i, f in enumerate(self.fields) if f not in still)
 
     @property
     def n_numbers(self) -> int:
         """Number of parameters that a record must determine."""
-        return len(self.free) + (self.scan == "step")
+        return len(self.free) + (self.scanned == "step")
 
     @cached_property
-    def scan(self) -> str:
-        """Which fine grid finds its one number: ``position``, ``time``, ``step``, or empty for none."""
-        if "order" in self.fields:
-            return "position"
-        field = self.cls.scanned()
-        return self.cls.quantities[field].scan if field else ""
+    def scanned(self) -> str:
+        """Which fine grid finds its one number; the order of a wave is a place, whatever its signal."""
+        return "position" if "order" in self.fields else super().scanned
 
     @property
     def positive(self) -> bool:
@@ -173,7 +134,7 @@ class Candidate:
         if i < self.linear:
             return False
         q = self.cls.quantities[self.fields[i]]
-        return q.log or q.low > 0.0 or (self.scan == "position" and self.fields[i] == "order")
+        return q.log or q.low > 0.0 or (self.scanned == "position" and self.fields[i] == "order")
 
     def range_of(self, i: int, z: Sizes) -> tuple[float, float]:
         """(low, high) of number i in one record."""
@@ -185,7 +146,7 @@ class Candidate:
         if field == "order":
             size = z.y if self.at_sensor else z.x
             return LEAST_ORDER / size, MOST_ORDER / size
-        if self.scan == "time":
+        if self.scanned == "time":
             return 0.7 / z.seconds, 0.5 / z.dt
         low, high = self.cls.quantities[field].bounds(z.seen_from(self))
         return (low, min(high, 0.49 / z.dt)) if field == "frequency" else (low, high)
@@ -196,9 +157,9 @@ class Candidate:
         for i in range(self.linear, len(self.fields)):
             low, high = self.range_of(i, z)
             q = self.cls.quantities[self.fields[i]]
-            if self.scan == "position":
+            if self.scanned == "position":
                 grids.append(np.arange(LEAST_ORDER, 12.0, 0.3) * low / LEAST_ORDER)
-            elif self.scan == "step":
+            elif self.scanned == "step":
                 grids.append(np.linspace(low, high, 43))
             elif self.delays:  # a delay between samples has a valley of its own
                 grids.append(z.dt * np.concatenate([np.arange(0.3, 6.0, 0.4), np.geomspace(6.3, 60.0, 6)]))
@@ -211,10 +172,6 @@ class Candidate:
         if self.fields[-1] == "centre" and len(self.fields) - 1 not in self.free:
             grids[-1] = np.zeros(1)
         return list(itertools.product(*(map(float, g) for g in grids)))
-
-    def effect(self, q: Any) -> Effect:
-        """The library's effect with these numbers."""
-        return self.cls.from_row(q, **self.options)
 
 
 @dataclass(frozen=True)
@@ -233,7 +190,7 @@ def is_line(law: FrictionLaw) -> bool:
     return all(isinstance(t, Power) and t.degree <= 1 for t in law.terms)
 
 
-def catalogue(law: FrictionLaw) -> list[Candidate]:
+def catalogue(law: FrictionLaw) -> list[ChainCandidate]:
     """Every candidate besides a law: all defined effects at every port, except those that the law contains.
 
     A limit or a dead zone of x is the same as one of v if the law is a line; otherwise a look cannot see it.
@@ -251,7 +208,7 @@ def catalogue(law: FrictionLaw) -> list[Candidate]:
             parent = cls.parent_of(**options)
             if parent and parent in ("coulomb", "viscous") and parent not in dry:
                 continue
-            out.append(Candidate(cls, tuple(options.items())))
+            out.append(ChainCandidate(cls, tuple(options.items())))
     return out
 
 

@@ -249,7 +249,7 @@ class ServoPlant(PlantDefaults):
     def family(self, model: AxisModel) -> Iterator[AxisModel]:
         """The model with one more order of its last term's family at a time, as long as each is justified."""
         last = model.terms[-1]
-        if not (last.kind.repeats and last.kind.scanned == "position"):
+        if not (last.kind.cls.repeats and last.kind.scanned == "position"):
             return
         for _ in range(rules.MOST_ORDERS - 1):
             grown = next_order(self.inverse, model, last.kind)

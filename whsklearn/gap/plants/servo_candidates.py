@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from whsklearn.effects import Effect, Scales, codes, effect_names, get_effect
 from whsklearn.effects.base import shapes_of
+from whsklearn.gap.plants.variant import EffectVariant
 
 Array = NDArray[Any]
 
@@ -42,51 +43,19 @@ class TypicalMotion:
 
 
 @dataclass(frozen=True)
-class Candidate:
-    """One effect in one variant.
+class Candidate(EffectVariant):
+    """One effect in one variant, seen from one side of a transmission.
 
-    Parameters
+    Attributes
     ----------
-    cls : type
-        The effect.
-    choice : tuple of (str, str)
-        Its text fields.
     on_load : bool
         Whether the encoder is behind the transmission.
     whole : bool
         Whether the numbers that are freed later (`Effect.later`) are free.
     """
 
-    cls: type[Effect]
-    choice: tuple[tuple[str, str], ...] = ()
     on_load: bool = False
     whole: bool = False
-
-    @property
-    def name(self) -> str:
-        """Canonical name."""
-        return self.cls.name
-
-    @cached_property
-    def options(self) -> dict[str, str]:
-        """The text fields."""
-        return dict(self.choice)
-
-    @cached_property
-    def code(self) -> int:
-        """Its code in the compiled kernels."""
-        return int(self.cls(**self.options).code)
-
-    @cached_property
-    def linear(self) -> int:
-        """Number of leading parameters in which the torque is linear: 1, 2 (cosine and sine), or 0."""
-        return self.cls.linear()
-
-    @cached_property
-    def fields(self) -> tuple[str, ...]:
-        """Names of the numbers, linear ones first."""
-        first = {0: (), 1: (self.cls.size,), 2: ("cosine", "sine")}[self.linear]
-        return (*first, *self.cls.searched())
 
     @property
     def n_slots(self) -> int:
@@ -98,36 +67,15 @@ class Candidate:
         """Whether the size is a cosine and a sine."""
         return self.linear == 2
 
-    @cached_property
-    def scanned(self) -> str:
-        """Which fine grid finds the one number that starts would miss: ``position``, ``time``, ``step``, or empty."""
-        field = self.cls.scanned()
-        return self.cls.quantities[field].scan if field else ""
-
     @property
     def positive(self) -> bool:
         """Whether a physical size is positive; the two weights of a wave are free."""
         return not self.paired and self.cls.quantities[self.cls.size].positive
 
-    @property
-    def elementary(self) -> bool:
-        """Whether it is so common that it is preferred if several effects are missing."""
-        return self.cls.elementary
-
-    @property
-    def repeats(self) -> bool:
-        """Whether a model may hold several."""
-        return self.cls.repeats
-
     @cached_property
     def parent(self) -> str:
         """The effect that must be present before it is tried."""
         return self.cls.parent_of(**self.options)
-
-    @property
-    def finest(self) -> float:
-        """Largest step (s) at which its simulation is accurate."""
-        return self.cls.finest
 
     @cached_property
     def held(self) -> tuple[int, ...]:
@@ -216,10 +164,6 @@ class Candidate:
         """The size at which the effect's largest value equals the rms drive (or a hundredth of the travel)."""
         return _size_unit(self, scales)
 
-    def effect(self, q: Array) -> Any:
-        """The effect with these numbers."""
-        return self.cls.from_row(q, **self.options)
-
     def unit_columns(self, shape: tuple[float, ...], signals: Any) -> Array:
         """Torque (or reading) per unit of each linear number, shape (n, linear), by the effect's own equation."""
         effect = self.cls(**self.options)
@@ -297,7 +241,7 @@ def usable(present: list[Candidate]) -> tuple[Candidate, ...]:
     split = any(p.cls.port == "block" for p in present)
     return tuple(
         c for c in catalogue()
-        if (c.name not in names or c.repeats)
+        if (c.name not in names or c.cls.repeats)
         and c.name not in said
         and not (split and c.cls.port == "block")
         and (not c.parent or c.parent in names)

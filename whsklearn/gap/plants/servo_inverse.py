@@ -425,7 +425,7 @@ def off_shaft(model: AxisModel, index: int) -> str:
     """
 
     def wave(t: Term) -> float | None:
-        return float(t.q[2]) if t.kind.repeats and t.kind.scanned == "position" else None
+        return float(t.q[2]) if t.kind.cls.repeats and t.kind.scanned == "position" else None
 
     order = wave(model.terms[index])
     others = [o for i, t in enumerate(model.terms) if i != index and (o := wave(t)) is not None]

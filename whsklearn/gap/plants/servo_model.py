@@ -182,7 +182,7 @@ class AxisModel:
         gave the same digits.
         """
         slower = max(1.0, FASTEST_COUPLING / self.scene.resonance)
-        finest = (1.001 * t.kind.finest * (slower if t.kind.cls.port == "block" else 1.0) for t in self.terms)
+        finest = (1.001 * t.kind.cls.finest * (slower if t.kind.cls.port == "block" else 1.0) for t in self.terms)
         return min([self.step, *finest])
 
     def follow(
