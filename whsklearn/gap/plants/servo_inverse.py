@@ -387,11 +387,16 @@ def unphysical(record: ServoRecord, model: AxisModel, index: int) -> str:
 
 
 def never_free(effect: Any, position: Array) -> str:
-    """The objection that the axis is always in contact with a stop, which is then a spring; empty if it is not."""
+    """The objection that the axis touches a stop for most of the record: a spring; empty if it does not.
+
+    A torque with a bend at about half of the travel is gravity or a spring that something else modulates, such as the
+    neighbouring joints of an arm.
+    """
     if not isinstance(effect, EndStop):
         return ""
     low, high = effect.ends
-    return "" if np.any((position > low) & (position < high)) else "the axis would always touch it: a spring"
+    free = np.mean((position > low) & (position < high))
+    return "" if free > 0.5 else f"the axis would touch it for {100 * (1.0 - free):.0f} % of the time: a spring"
 
 
 def too_large(model: AxisModel, index: int) -> str:
