@@ -14,7 +14,7 @@ from whsklearn.effects import QuadraticDrag
 from whsklearn.gap import GapFinder
 from whsklearn.gap.plants import chain as readings
 from whsklearn.gap.plants.chain_fit import coloured, law_choice
-from whsklearn.gap.plants.chain_model import SKIP, clipped, free_run, left, simulate
+from whsklearn.gap.plants.chain_model import SKIP, Record, clipped, free_run, left, simulate
 
 
 def diagnose(case, **options):
@@ -180,9 +180,10 @@ def test_sound_and_coarse_readings_pass():
 
 
 def test_a_grid_is_told_where_it_is_coarse_and_not_where_noise_is_larger():
-    coarse = PLAIN.with_output(0.1 * np.round(PLAIN.y / 0.1))
+    coarse, fine = (
+        Record.of(PLAIN.u, step * np.round(PLAIN.y / step), PLAIN.dt, PLAIN.dims, PLAIN.law) for step in (0.1, 0.001)
+    )
     assert readings.coarse_grid(coarse, coloured(coarse, TRUE)) == pytest.approx(0.1)
-    fine = PLAIN.with_output(0.001 * np.round(PLAIN.y / 0.001))
     assert readings.coarse_grid(fine, coloured(fine, TRUE)) == 0.0
     assert readings.coarse_grid(PLAIN, coloured(PLAIN, TRUE)) == 0.0
 

@@ -113,6 +113,16 @@ def test_readings_that_are_never_negative_stay_so_in_made_records():
     assert cm.made(below, m, np.random.default_rng(0)).y.min() < 0.0
 
 
+def test_made_records_are_read_on_the_grid_of_the_record():
+    step = 0.5 * float(np.std(PLAIN.y))
+    coarse = cm.Record.of(PLAIN.u, step * np.round(PLAIN.y / step), PLAIN.dt, PLAIN.dims, PLAIN.law)
+    made = cm.made(coarse, TRUE, np.random.default_rng(0))
+    assert np.allclose(made.y / step, np.round(made.y / step))
+    sizes = [np.std(r.y - cm.free_run(r, TRUE)) for r in (coarse, made)]
+    assert sizes[1] == pytest.approx(sizes[0], rel=0.1)  # rounding is not counted twice
+    assert cm.made(PLAIN, TRUE, np.random.default_rng(0)).step == 0.0
+
+
 def test_natural_parameters_have_their_names():
     assert list(cm.numbers_of(PLAIN, TRUE).items())[:4] == [("a_2", 2.2), ("b_1", 1.0), ("b_2", 0.5), ("viscous", 0.05)]
     assert record().blocks[2] == slice(3, 6)
@@ -177,10 +187,10 @@ def test_what_its_class_says_of_the_search_counts(bump):
     def found():
         return next(k for k in catalogue(as_law(None)) if k.name == "bump")
 
-    assert (found().free, found().n_numbers, found().scan) == ((0, 1, 2), 3, "")
+    assert (found().free, found().n_numbers, found().scanned) == ((0, 1, 2), 3, "")
     bump.held, bump.aliases = ("centre",), ("end_stop",)
     bump.quantities["width"] = Quantity("rad", 0.01, 20.0, log=True, scan="step")
-    assert (found().free, found().n_numbers, found().scan) == ((0,), 2, "step")
+    assert (found().free, found().n_numbers, found().scanned) == ((0,), 2, "step")
     plant = ChainPlant(np.zeros(9), np.zeros(9), (law_choice(None), (2, 2, 2, 2), 0), tolerance=0.004)
     assert plant.aliases("bump") == ("end_stop",)
     assert plant.aliases("end_stop") == ()

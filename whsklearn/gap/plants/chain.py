@@ -29,7 +29,7 @@ from whsklearn.gap.plants.chain_fit import (
 )
 from whsklearn.gap.plants.chain_looks import SLOPED, WRONG_SIDE, Seen, gained, kinds, look
 from whsklearn.gap.plants.chain_model import ChainCandidate, ChainModel, Record
-from whsklearn.gap.record import MAD, lattice, rms
+from whsklearn.gap.record import MAD, rms
 from whsklearn.gap.search import WORTH_FITTING
 from whsklearn.gap.tangent import Look
 from whsklearn.systems.wiener_hammerstein import WienerHammersteinSystem
@@ -266,6 +266,10 @@ class ChainPlant(PlantDefaults):
                 return f"its {name} is at the end of the range that such a record can show"
             if name == "damping ratio" and value > NO_PEAK:
                 return "a pair of poles with so much damping is not a resonance: the orders are too low"
+        if term.kind.at_sensor and term.kind.scanned == "position":
+            order = term.q[term.kind.fields.index("order")]
+            if order * self.record.step > np.pi:
+                return "it has a period of less than two steps of the grid of the readings: their rounding"
         if term.kind.positive and term.q[0] < 0.0:
             return f"its {term.kind.fields[0].replace('_', ' ')} would be negative"
         if model.terms and self.size(self.errors(model), self.errors(grown)) < BESIDE * self._first:
@@ -484,7 +488,7 @@ def check_chain(u: Array, y: Array) -> list[DataProblem]:
 
 def coarse_grid(s: Record, m: ChainModel) -> float:
     """Step of the grid of the readings if rounding is a considerable part of the residual, otherwise 0."""
-    step = lattice(s.y[s.seen])
+    step = s.step
     if not step or step / math.sqrt(12.0) < COARSE_READING * rms(s.y[s.seen]):
         return 0.0
     gain = 1.0 + float(m.ar @ m.ar)  # of A(q) on white rounding errors

@@ -29,7 +29,7 @@ from whsklearn.effects.static import Power
 from whsklearn.effects.terms import law_values
 from whsklearn.gap.plant import FittedTerm
 from whsklearn.gap.plants.variant import EffectVariant
-from whsklearn.gap.record import MAD, rms
+from whsklearn.gap.record import MAD, lattice, rms
 from whsklearn.recursion.batch.best_linear import stabilised
 from whsklearn.systems.chain import PackedChain, Ports, run
 
@@ -229,6 +229,7 @@ class Record:
 
     ``fit`` marks the samples whose errors count, and ``seen`` those that were logged.  The samples of a hole stay on
     the grid, so that time goes on: the free run passes them under an interpolated input, and their errors are zero.
+    ``step`` is that of the grid of the readings, 0 if they lie on none.
     """
 
     u: Array
@@ -238,6 +239,7 @@ class Record:
     law: FrictionLaw
     fit: NDArray[np.bool_]
     seen: NDArray[np.bool_]
+    step: float = 0.0
 
     @classmethod
     def of(
@@ -264,7 +266,7 @@ class Record:
         fit = seen.copy()
         for piece in pieces_of(seen):
             fit[piece][:SKIP] = False
-        return cls(np.ascontiguousarray(u), np.ascontiguousarray(y), dt, dims, law, fit, seen)
+        return cls(np.ascontiguousarray(u), np.ascontiguousarray(y), dt, dims, law, fit, seen, lattice(y[seen]))
 
     @property
     def blocks(self) -> tuple[slice, slice, slice, slice, slice]:
@@ -577,13 +579,20 @@ def stable(s: Record, m: ChainModel) -> ChainModel:
 
 
 def made(s: Record, m: ChainModel, rng: np.random.Generator) -> Record:
-    """A record that the model makes from the same input, with Gaussian noise of the colour and size of its residual."""
-    sigma = np.sqrt(variance_of(left(s, m)[s.fit]))
-    noise = lfilter([1.0], np.concatenate([[1.0], m.ar]), sigma * rng.standard_normal(s.u.size + 200))[200:]
-    y = free_run(s, m) + np.asarray(noise)
+    """A record that the model makes from the same input, with Gaussian noise of the colour and size of its residual.
+
+    It is read on the same grid: the errors of rounding are a function of the output, not noise, and what explains them
+    in the record must find them here too.
+    """
+    variance = max(variance_of(left(s, m)[s.fit]) - (1.0 + float(m.ar @ m.ar)) * s.step**2 / 12.0, 0.0)
+    noise = lfilter([1.0], np.concatenate([[1.0], m.ar]), rng.standard_normal(s.u.size + 200))[200:]
+    y = free_run(s, m) + np.sqrt(variance) * np.asarray(noise)
     # readings that are never negative have also lost the sign of their noise
-    inside = any(t.kind.folds for t in m.terms) and float(s.y.min()) >= 0.0
-    return s.with_output(np.abs(y) if inside else y)
+    if any(t.kind.folds for t in m.terms) and float(s.y.min()) >= 0.0:
+        y = np.abs(y)
+    if s.step:
+        y = s.y[0] + s.step * np.round((y - s.y[0]) / s.step)
+    return s.with_output(y)
 
 
 def numbers_of(s: Record, m: ChainModel) -> dict[str, Any]:
