@@ -248,6 +248,10 @@ def test(options: dict[str, Any], finder: GapFinder, second: Bunch) -> None:
         unit = d.pictures["units"][1]
         told = ", ".join(f"{r['before']:.3g} to {r['after']:.3g} {unit} over {r['horizon']:g} s" for r in d.test)
         text = f"On {second.name}, which was not used for the fit, the RMSE of the free run goes from {told}."
+        if all(r["after"] > r["before"] for r in d.test):
+            text += (
+                " The repaired model is worse there: what was named is not in that record, or has another size in it."
+            )
     d.notes.insert(0, text)
     click.echo(wrapped(text))
 

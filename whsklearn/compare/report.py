@@ -10,6 +10,7 @@ from typing import Any
 from whsklearn.compare.comparison import Comparison
 from whsklearn.gap.report import significant
 from whsklearn.logs.files import atomic_write
+from whsklearn.plot.page import html_of
 
 COLOURS = {"moved": "#1b7f4d", "nothing": "#2b6cb0", "cannot_tell": "#b7791f"}
 WIDTH, ROW, MARGIN = 320.0, 16.0, 8.0  # px of a row of the pictures
@@ -48,13 +49,14 @@ def write_report(found: Comparison, folder: str | os.PathLike[str]) -> Path:
 
 def render(found: Comparison) -> str:
     """The page as text."""
-    from jinja2 import Environment
-
-    environment = Environment(autoescape=True)
-    environment.filters["sig"] = significant
-    source = Path(__file__).with_name("report.html.j2").read_text(encoding="utf-8")
-    return environment.from_string(source).render(
-        c=found, colour=COLOURS[found.verdict], pictures=[whiskers(row) for row in found.numbers], width=WIDTH, row=ROW
+    return html_of(
+        Path(__file__).with_name("report.html.j2"),
+        {"sig": significant},
+        c=found,
+        colour=COLOURS[found.verdict],
+        pictures=[whiskers(row) for row in found.numbers],
+        width=WIDTH,
+        row=ROW,
     )
 
 

@@ -13,6 +13,7 @@ from typing import Any
 from whsklearn.gap.diagnosis import Diagnosis
 from whsklearn.logs.files import atomic_write
 from whsklearn.models import ArmModel, AxisModel, ChainModel, save_model
+from whsklearn.plot.page import html_of
 
 COLOURS = {
     "named": "#1b7f4d",
@@ -97,18 +98,15 @@ def probability(p: float) -> str:
 
 def render(diagnosis: Diagnosis) -> str:
     """The page as text."""
-    from jinja2 import Environment
-
-    environment = Environment(autoescape=True)
-    environment.filters |= {"sig": significant, "p": probability}
-    source = Path(__file__).with_name("report.html.j2").read_text(encoding="utf-8")
     pictures: list[tuple[str, str, str]] = []
     drawn = can_draw()
     if diagnosis.pictures and drawn:
         from whsklearn.gap.pictures import draw
 
         pictures = draw(diagnosis)
-    return environment.from_string(source).render(
+    return html_of(
+        Path(__file__).with_name("report.html.j2"),
+        {"sig": significant, "p": probability},
         d=diagnosis,
         pictures=pictures,
         no_pictures="" if drawn else NO_PICTURES,

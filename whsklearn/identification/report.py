@@ -11,6 +11,7 @@ import numpy as np
 from whsklearn.logs.files import atomic_write
 from whsklearn.logs.units import UNKNOWN, own_units, respelled
 from whsklearn.models import save_model
+from whsklearn.plot.page import html_of
 
 if TYPE_CHECKING:
     import os
@@ -107,17 +108,15 @@ def _windows(c: Compared, found: Identification) -> dict[str, float]:
 
 def page(found: Identification) -> str:
     """The page as HTML, with its pictures inside; without matplotlib it has none."""
-    from jinja2 import Environment, PackageLoader
-
     try:
         from whsklearn.identification.pictures import as_png, figure
 
         picture = as_png(figure(found))
     except ImportError:
         picture = ""
-    environment = Environment(loader=PackageLoader("whsklearn.identification", "."), autoescape=True)
     lengths = list(found.trivial.windows)
-    return environment.get_template("page.html.j2").render(
+    return html_of(
+        Path(__file__).with_name("page.html.j2"),
         found=found,
         picture=picture,
         parameters=parameters(found),
