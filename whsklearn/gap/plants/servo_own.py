@@ -34,7 +34,7 @@ STEADY = 0.4
 LOST = 1.0  # half travels away from the measured path, beyond which it is a different experiment
 N_RECORDS = 5  # own records; their mean is known to 0.45 of their spread
 N_NULL = 60  # null rows from which the effect of chance is taken: the moments of a Gumbel law to within an eighth
-FINE_STEP = 2.5e-4  # s, of an axis with one body: a quarter of the usual sample
+PER_SAMPLE = 4  # fine steps of an axis with one body, whose motion a record that can be read shows from sample to sample
 
 
 class Own(NamedTuple):
@@ -79,7 +79,7 @@ def own_record(view: Any, model: AxisModel, rng: np.random.Generator, feed: Arra
     path, speed = view.motion.position, view.motion.velocity
     noise = sigma * rng.standard_normal(len(record))
     soft = (model.inertia * w * w, 0.0, 1.4 * model.inertia * w, 0.0, 1.0, np.inf, 0.0, 0.1 / w)
-    how = How(dt, max(1, int(np.ceil(dt / min(FINE_STEP, model.longest_step)))), closed=True)
+    how = How(dt, max(PER_SAMPLE, int(np.ceil(dt / model.longest_step))), closed=True)
     out = run_by_piece(record, plant, soft, how, (path, speed, feed), noise)
     drive, position = np.roll(out[DRIVE], late), out[MEASURED]
     if not np.all(np.isfinite(position)) or np.abs(position - path).max() > LOST * view.scene.reach:
