@@ -70,6 +70,6 @@ def evidence(case: Case) -> Evidence:
         others = truth.without(i).terms
         without = [m.without(i) for m in (truth, whole)] + [m.with_terms(others) for m in bases]
         least = min(cost(s, polished(s, sharpened(s, m, (10.0, 30.0, *HARD)))) for m in without)
-        price = term.kind.n_numbers * np.log(n) + 2.0 * np.log(PLACES.get(term.kind.scan, 1))
+        price = term.kind.n_numbers * np.log(n) + 2.0 * np.log(PLACES.get(term.kind.scanned, 1))
         found[term.kind.name] = n * np.log(least / value) - price
     return Evidence(found, s.y - free_run(s, whole))

@@ -53,7 +53,8 @@ class Log:
         self.t = self.frame[clock].to_numpy(float)
         dt = float(np.median(np.diff(self.t)))
         self.v = gaussian_filter1d(self.q, 0.02 / dt if dt < 0.01 else 1.0, order=1) / dt
-        self.u = self.frame[self.column].to_numpy(float)
+        u = self.frame[self.column].to_numpy(float)
+        self.u = np.where(u > 32767.0, u - 65536.0, u)  # 16 bits that a servo wraps (XL330)
         self.sign = self.u if "--drive" in given else self.u - q
         self.dt = dt
 

@@ -12,10 +12,13 @@ from whsklearn.gap.conclude import stays_open, verdict_of
 NAMELESS = SimpleNamespace(name="", p_value=1e-6, size=0.2)
 
 
-def verdict(after, run, *, taken=("stribeck",), rivals=(), remainder=(), floor=0.01, exact=False, floors=1.0, gap=1.0):
+def verdict(
+    after, run, *, taken=("stribeck",), size=0.0, rivals=(), remainder=(), floor=0.01, exact=False, floors=1.0, gap=1.0
+):
     """Of a record with such a gap, ``after`` of which is left where noise alone leaves ``floor``.
 
-    The free run closes by ``run``, and ends at so many of its own ``floors``.
+    The free run closes by ``run``, and ends at so many of its own ``floors``; the looks say that each effect explains
+    ``size``.
     """
     plant = SimpleNamespace(
         tolerance=0.004, scale=1.0, exact=exact,
@@ -24,7 +27,7 @@ def verdict(after, run, *, taken=("stribeck",), rivals=(), remainder=(), floor=0
     found = SimpleNamespace(
         base=None,
         model=None,
-        taken=[SimpleNamespace(name=n, rivals=rivals) for n in taken],
+        taken=[SimpleNamespace(name=n, rivals=rivals, size=size) for n in taken],
         remainder=list(remainder),
         steps=[None],
     )
@@ -38,6 +41,10 @@ def verdict(after, run, *, taken=("stribeck",), rivals=(), remainder=(), floor=0
 )
 def test_a_name_for_sure_explains_most_of_the_gap_and_closes_most_of_the_run(after, run, expected):
     assert verdict(after, run) == expected
+
+
+def test_what_a_free_swing_shows_along_the_run_has_a_name_but_not_for_sure():
+    assert verdict(0.9, 0.9, size=0.9) == "partial"
 
 
 def test_rivals_make_it_ambiguous_and_what_follows_the_motion_partial():
