@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import dataclasses
 import subprocess
 
 import numpy as np
@@ -33,6 +34,8 @@ mujoco = pytest.importorskip("mujoco")
 @pytest.mark.parametrize("to", ["mjcf", "urdf"])
 def test_the_file_has_the_torques_of_the_arm(to, seed, tmp_path):
     arm = drawn_arm(4, seed, gravity=(0, 0, -9.81)).with_effects({"j1": (Viscous(0.3), Coulomb(0.2))})
+    if to == "mjcf":
+        arm = dataclasses.replace(arm.with_effects({"j0-j2": (Viscous(0.3),)}), sum_armature={"j0-j2": 0.1})
     again = Arm.from_file(export_model(arm, to=to, out=tmp_path).paths[0])
     motion = arm.drawn_motion(10)
     columns = [again.index(j) for j in arm.joints]
@@ -46,6 +49,7 @@ def test_the_c_code_asks_for_the_drives_of_the_arm(seed, real, compiler, tmp_pat
     arm = drawn_arm(4, seed, gravity=(0, 0, -9.81))
     first, second, third, _ = arm.joints
     steady = {first: (Viscous(0.3), Coulomb(0.2), Cogging(0.1, 12.0, 0.4)), second: (Stribeck(0.1), CableSpring(0.5))}
+    steady |= {f"{first}-{second}": (Viscous(0.2), Coulomb(0.1))}
     driven = arm.with_effects({third: (LoadFriction(0.1), InputOffset(0.2), DisturbanceTone(0.1, 5.0))} | steady)
     done = export_model(driven, to="c", out=tmp_path / "law.c", real=real)
     assert [loss.name for loss in done.losses] == [f"{third}'s disturbance_tone"]

@@ -12,7 +12,8 @@ from whsklearn import Arm, RigidBodyLags, RLSRegressor
 from whsklearn.effects import Coulomb, GravityImbalance, LoadFriction, Viscous
 from whsklearn.filtering import motion
 from whsklearn.lags import InverseDynamicsLags
-from whsklearn.lags.rigid_body import axes_of, direction_of
+from whsklearn.lags.rigid_body import axes_of
+from whsklearn.systems.arm import direction_of
 
 RATE = 500.0
 FRICTION = {"j0": (Viscous(0.8), Coulomb(0.5)), "j1": (Viscous(0.4), Coulomb(0.9)), "j2": (Viscous(0.2), Coulomb(0.3))}
@@ -205,7 +206,7 @@ def test_a_record_is_no_stream_and_its_state_no_others():
 
 
 def test_axes_are_joints_and_sums_of_them():
-    assert direction_of(ARM, "j0-j2").tolist() == [1.0, 0.0, -1.0]
+    assert direction_of(ARM.joints, "j0-j2").tolist() == [1.0, 0.0, -1.0]
     axes = axes_of(ARM, "viscous", {"j0": "cogging", "j0+j1": "coulomb"})
     assert {name: [t.name for t in terms] for name, (_, terms) in axes.items()} == {
         "j0": ["viscous", "cogging"], "j1": ["viscous"], "j2": ["viscous"], "j0+j1": ["coulomb"],

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 from tests.systems.drawn_arms import drawn_arm
-from whsklearn.effects import Cogging, LuGre, as_law
+from whsklearn.effects import Cogging, LuGre, Viscous, as_law
 from whsklearn.models import ArmModel, AxisModel, as_arm, load_model, save_model
 
-ARM = drawn_arm(3, 0).with_effects({"j1": (LuGre(0.2), Cogging(0.1, 6.0))})
+ARM = drawn_arm(3, 0).with_effects({"j1": (LuGre(0.2), Cogging(0.1, 6.0)), "j0-j2": [Viscous(0.3)]})
+ARM = dataclasses.replace(ARM, sum_armature={"j0-j2": 0.1})
 
 
 def test_a_file_gives_the_same_arm_again(tmp_path):
@@ -20,7 +23,7 @@ def test_a_file_gives_the_same_arm_again(tmp_path):
     again = load_model(tmp_path / "arm.json")
     motion = ARM.drawn_motion(5)
     np.testing.assert_array_equal(again.arm.inverse_dynamics(*motion), ARM.inverse_dynamics(*motion))
-    assert again.arm.effects == ARM.effects
+    assert (again.arm.effects, again.arm.sums, again.arm.sum_armature) == (ARM.effects, ARM.sums, ARM.sum_armature)
     assert (again.parameters, again.dt, again.standard_errors) == (model.parameters, 0.002, {"j1.mx": 0.1})
     assert again.parameter_units == {"j1.mx": "kg m"}
     assert as_arm(tmp_path / "arm.json").joints == ARM.joints

@@ -62,7 +62,7 @@ def test_the_motors_inertia_adds_to_the_mass_matrix():
         ({"axes": np.ones((2, 3))}, "no unit length"),
         ({"places": np.zeros((3, 3))}, "expected \\(2, 3\\)"),
         ({"gravity": [0, 0, np.nan]}, "finite numbers"),
-        ({"effects": {"nobody": Coulomb(0.1)}}, "no joint 'nobody'"),
+        ({"effects": {"nobody": Coulomb(0.1)}}, "'nobody' is no joint and no sum"),
         ({"effects": [[Backlash(0.1)], []]}, "splits a joint in two"),
         ({"effects": [["coulomb"], []]}, "is no effect"),
     ],

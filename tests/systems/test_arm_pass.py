@@ -10,6 +10,7 @@ import pytest
 from tests.systems.drawn_arms import drawn_arm, drawn_mjcf
 from whsklearn import Arm, ServoAxis
 from whsklearn.effects import Cogging, Coulomb, InputDelay, LuGre, Saturation, Viscous
+from whsklearn.export.arm import arm_mjcf
 from whsklearn.systems import PIDController
 
 ONE = np.array([[0.0] * 9 + [0.05]])  # 0.05 kg m2 about z
@@ -101,3 +102,41 @@ def test_a_replay_that_returns_to_the_log_begins_there_anew():
 def test_what_does_not_stay_finite_is_told():
     with pytest.raises(FloatingPointError, match="use more substeps"):
         one_joint().simulate(np.eye(500)[:, 1:2], controller=PIDController(kp=1e9, ki=0.0, kd=0.0), substeps=1)
+
+
+def geared():
+    """A wrist whose second motor turns both joints."""
+    acting = {"j0": [Viscous(0.2)], "j1+j2": [Viscous(0.3), LuGre(0.1)]}
+    arm = drawn_arm(3, 4, slides=0.0, gravity=(0, 0, -9.81)).with_effects(acting)
+    return dataclasses.replace(arm, sum_armature={"j1+j2": 0.05})
+
+
+def test_along_a_sum_of_joints_both_pay_for_friction_and_motor():
+    arm, still = geared(), dataclasses.replace(geared(), sums={}, sum_armature={})
+    d, rng = np.array([0.0, 1.0, 1.0]), np.random.default_rng(0)
+    q, v, a = rng.normal(size=(3, 50, 3))
+    along = dataclasses.replace(arm, sums={"j1+j2": [Viscous(0.3)]})
+    more = along.inverse_dynamics(q, v, a) - still.inverse_dynamics(q, v, a)
+    np.testing.assert_allclose(more, np.outer(0.3 * v @ d + 0.05 * a @ d, d), atol=1e-12)
+    np.testing.assert_allclose(along.forward_dynamics(q, v, along.inverse_dynamics(q, v, a)), a, atol=1e-8)
+
+
+def test_a_motor_along_a_sum_moves_as_the_same_friction_in_mujoco():
+    mujoco = pytest.importorskip("mujoco")
+    arm = dataclasses.replace(geared(), sums={"j1+j2": [Viscous(0.3)]})
+    model = mujoco.MjModel.from_xml_string(arm_mjcf(arm)[0])
+    model.opt.timestep, model.opt.integrator = 1e-4, mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    data, drive = mujoco.MjData(model), np.sin(np.arange(300)[:, None] / 20 * np.arange(1, 4))
+    theirs = []
+    for u in drive:
+        theirs.append(data.qpos.copy())
+        data.ctrl[:] = u
+        mujoco.mj_step(model, data, 10)
+    ours = arm.simulate_drive(drive, substeps=50).true_position
+    without = dataclasses.replace(arm, sums={}, sum_armature={}).simulate_drive(drive, substeps=50).true_position
+    assert np.abs(ours - np.array(theirs)).max() < 0.01 * np.abs(ours - without).max()
+
+
+def test_an_axis_that_is_no_sum_of_its_joints_is_refused():
+    with pytest.raises(ValueError, match="no sum of joints"):
+        drawn_arm(3, 4).with_effects({"j1+hand": [Viscous(0.3)]})

@@ -11,8 +11,11 @@ from whsklearn.export.losses import Loss, losses_of
 from whsklearn.systems.arm_files import inertia_matrix
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from numpy.typing import NDArray
 
+    from whsklearn.effects import Effect
     from whsklearn.systems.arm import Arm
 
 HELD = ("viscous", "coulomb")
@@ -44,7 +47,7 @@ def arm_mjcf(arm: Arm) -> tuple[str, list[Loss]]:
             bodies[arm.parents[k] + 1], "body", name=f"{name}_link", pos=_text(arm.places[k]), quat=_text([w, x, y, z])
         )
         bodies.append(body)
-        damping, friction, lost = _passive(arm, k, "MuJoCo's joints hold damping and frictionloss only")
+        damping, friction, lost = _passive(name, arm.effects[k], "MuJoCo's joints hold damping and frictionloss only")
         losses += lost
         joint = {"name": name, "type": "slide" if arm.slides[k] else "hinge", "axis": _text(arm.axes[k])}
         passive = {"damping": damping, "frictionloss": friction, "armature": float(arm.armature[k])}
@@ -55,6 +58,17 @@ def arm_mjcf(arm: Arm) -> tuple[str, list[Loss]]:
     actuators = ElementTree.SubElement(root, "actuator")
     for name in arm.joints:
         ElementTree.SubElement(actuators, "motor", name=f"{name}_motor", joint=name)
+    tendons = ElementTree.SubElement(root, "tendon") if arm.sums else root
+    for name, direction in arm._directions().items():
+        damping, friction, lost = _passive(name, arm.sums[name], "MuJoCo's tendons hold damping and frictionloss only")
+        losses += lost
+        passive = {"damping": damping, "frictionloss": friction, "armature": arm.sum_armature.get(name, 0.0)}
+        tendon = ElementTree.SubElement(
+            tendons, "fixed", {"name": name} | {k: _text([v]) for k, v in passive.items() if v}
+        )
+        for joint, coefficient in zip(arm.joints, direction, strict=True):
+            if coefficient:
+                ElementTree.SubElement(tendon, "joint", joint=joint, coef=_text([coefficient]))
     return _written(root, losses), losses
 
 
@@ -88,28 +102,33 @@ def arm_urdf(arm: Arm) -> tuple[str, list[Loss]]:
         rpy = Rotation.from_matrix(arm.rotations[k]).as_euler("xyz")
         ElementTree.SubElement(joint, "origin", xyz=_text(arm.places[k]), rpy=_text(rpy))
         ElementTree.SubElement(joint, "axis", xyz=_text(arm.axes[k]))
-        damping, friction, lost = _passive(arm, k, "URDF has damping and friction only")
+        damping, friction, lost = _passive(name, arm.effects[k], "URDF has damping and friction only")
         ElementTree.SubElement(joint, "dynamics", damping=_text([damping]), friction=_text([friction]))
         if arm.slides[k]:
             ElementTree.SubElement(joint, "limit", effort="1e9", velocity="1e9", lower="-1e3", upper="1e3")
         if arm.armature[k]:
             losses.append(Loss(f"{name}'s motor", f"armature {arm.armature[k]:.6g} kg m2", "URDF has no motor inertia"))
         losses += lost
+    for name, acting in arm.sums.items():
+        reason = "URDF has no friction along two joints"
+        losses += [Loss(f"{name}'s {x.name}", x.size, x.reason) for x in losses_of(acting, reason)]
+        if arm.sum_armature.get(name):
+            losses.append(Loss(f"{name}'s motor", f"{arm.sum_armature[name]:.6g} kg m2", "URDF has no motor inertia"))
     if not np.allclose(arm.gravity, (0.0, 0.0, -9.81), atol=0.02):
         losses.append(Loss("gravity", f"{_text(arm.gravity)} m/s2", "URDF has none; set it in the simulator"))
     return _written(root, losses), losses
 
 
-def _passive(arm: Arm, k: int, reason: str) -> tuple[float, float, list[Loss]]:
+def _passive(name: str, acting: Iterable[Effect], reason: str) -> tuple[float, float, list[Loss]]:
     """Damping, dry friction, and a loss for each other effect, or one below zero, which no format takes."""
     sizes = dict.fromkeys(HELD, 0.0)
     lost = []
-    for e in arm.effects[k]:
+    for e in acting:
         if e.name in HELD and e.magnitude >= 0.0:
             sizes[e.name] += e.magnitude
         elif e.magnitude != e.neutral:
             lost.append(e)
-    told = [Loss(f"{arm.joints[k]}'s {x.name}", x.size, x.reason) for x in losses_of(lost, reason)]
+    told = [Loss(f"{name}'s {x.name}", x.size, x.reason) for x in losses_of(lost, reason)]
     return sizes["viscous"], sizes["coulomb"], told
 
 

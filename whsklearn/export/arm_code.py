@@ -92,18 +92,37 @@ def torques_code(arm: Arm, language: C) -> Part:
     total = _zeros(n)
     known["pay"](arm._links, arm.inertial, room, total)
     for k, acting in enumerate(arm.effects):
-        asked = total[k] + float(arm.armature[k]) * a[k]
-        there = [e for e in acting if e.magnitude != e.neutral]
-        rest = Bunch(position=np.zeros(1), velocity=np.zeros(1))
-        asked = asked + sum(float(e.contribution(rest)[0]) for e in there if e.code == codes.INPUT_OFFSET)
-        driven = [e for e in there if e.code == codes.LOAD_FRICTION]
-        for effects in ([e for e in there if _static(e)], driven):
-            if effects:
-                drive = asked.value if isinstance(asked, Traced) else asked
-                here = (_law(effects), q[k].value, v[k].value, drive)
-                asked = asked + Traced(work, work.bind("friction", work.call(_torque, *here)))
+        total[k] = _with_effects(work, acting, q[k], v[k], total[k] + float(arm.armature[k]) * a[k])
+    for name, direction in arm._directions().items():
+        x, speed, acceleration = (_along(direction, signal) for signal in (q, v, a))
+        asked = float(arm.sum_armature.get(name, 0.0)) * acceleration
+        asked = _with_effects(work, arm.sums[name], x, speed, asked)
+        total = [before + float(d) * asked if d else before for before, d in zip(total, direction, strict=True)]
+    for k, asked in enumerate(total):
         work.store(f"torque[{k}]", asked.value if isinstance(asked, Traced) else asked)
     return Part(*work.finish())
+
+
+def _along(direction: Any, signal: Any) -> Any:
+    """The component of a signal of all joints along an axis."""
+    out = 0.0
+    for d, x in zip(direction, signal, strict=True):
+        out = out + float(d) * x if d else out
+    return out
+
+
+def _with_effects(work: Specialiser, acting: Any, position: Any, velocity: Any, asked: Any) -> Any:
+    """What an axis asks for with its effects."""
+    there = [e for e in acting if e.magnitude != e.neutral]
+    rest = Bunch(position=np.zeros(1), velocity=np.zeros(1))
+    asked = asked + sum(float(e.contribution(rest)[0]) for e in there if e.code == codes.INPUT_OFFSET)
+    driven = [e for e in there if e.code == codes.LOAD_FRICTION]
+    for effects in ([e for e in there if _static(e)], driven):
+        if effects:
+            drive = asked.value if isinstance(asked, Traced) else asked
+            here = (_law(effects), position.value, velocity.value, drive)
+            asked = asked + Traced(work, work.bind("friction", work.call(_torque, *here)))
+    return asked
 
 
 def c_of_arm(arm: Arm, name: str, real: str = "double") -> tuple[dict[str, str], list[Loss]]:
@@ -119,7 +138,7 @@ def c_of_arm(arm: Arm, name: str, real: str = "double") -> tuple[dict[str, str],
     """
     language = C(real)
     losses: list[Loss] = []
-    for joint, acting in zip(arm.joints, arm.effects, strict=True):
+    for joint, acting in {**dict(zip(arm.joints, arm.effects, strict=True)), **arm.sums}.items():
         held = (codes.LOAD_FRICTION, codes.INPUT_OFFSET)
         out = [e for e in acting if e.magnitude != e.neutral and not _static(e) and e.code not in held]
         losses += [Loss(f"{joint}'s {x.name}", x.size, x.reason) for x in losses_of(out, _UNKNOWN)]

@@ -118,9 +118,8 @@ def identify_arm(position: ArrayLike, drive: ArrayLike, *, dt: float, robot: Any
     theta, covariance = theta[: len(names)], covariance[: len(names), : len(names)]
     errors = dict(zip(names, np.sqrt(np.maximum(np.diag(covariance), 0.0)).tolist(), strict=True))
     arm = lags.arm_
-    single = all(axis in arm.joints for axis in lags._axes)
     model = ArmModel(
-        lags.interpret(theta, covariance) if single else arm, dict(zip(names, theta.tolist(), strict=True)), dt=dt,
+        lags.interpret(theta, covariance), dict(zip(names, theta.tolist(), strict=True)), dt=dt,
         logged="position", standard_errors=errors, units={"input": "Nm", "output": "rad"}, covariance=covariance,
     )  # fmt: skip
     joint_names = arm.joints

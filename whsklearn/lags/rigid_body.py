@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import copy
 import dataclasses
-import re
 import warnings
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
@@ -26,6 +25,7 @@ from whsklearn.filtering.streams import causal_delay, causal_kernels, causal_mot
 from whsklearn.lags.axis_rows import DRIVEN, column_names, effect_terms, runs, sized_effects, stack_columns
 from whsklearn.models.files import as_arm
 from whsklearn.systems._arm_kernels import N_BODY
+from whsklearn.systems.arm import direction_of
 from whsklearn.systems.base_parameters import BaseParameters, base_parameters
 
 if TYPE_CHECKING:
@@ -192,14 +192,14 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         **settings
             Further parameters.
         """
-        if law is not None or not any(arm.effects):
+        if law is not None or not (any(arm.effects) or arm.sums):
             return cls(arm, sample_rate, **({} if law is None else {"law": law}), **settings)
         offset = InputOffset()
         own = {
             joint: (*row, *(() if any(e.name == offset.name for e in row) else (offset,)))
             for joint, row in zip(arm.joints, arm.effects, strict=True)
         }
-        return cls(arm, sample_rate, law=(), effects=own, **settings)
+        return cls(arm, sample_rate, law=(), effects=own | arm.sums, **settings)
 
     def fit(self, X: ArrayLike, y: ArrayLike | None = None) -> Self:
         """Set up columns, filter and delay; nothing is estimated here.
@@ -409,7 +409,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         return np.array(self.base_.names, dtype=object)
 
     def interpret(self, theta: ArrayLike, covariance: ArrayLike | None = None, *, physical: bool = True) -> Arm:
-        """The arm with these weights: physical links close to the file's, motor inertias and effects of the joints.
+        """The arm with these weights: physical links close to the file's, motor inertias and effects of all axes.
 
         Parameters
         ----------
@@ -418,20 +418,14 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
             Weighs the deviations when links are made physical.
         physical : bool, default=True
             False keeps exactly these weights, whether or not a real body can have such numbers; the motion is the same.
-
-        Raises
-        ------
-        ValueError
-            If an axis is a sum of joints, which `Arm` does not support.
         """
         check_is_fitted(self, "base_")
         theta = np.asarray(theta, dtype=float)
         full = np.zeros(self.base_.mapping.shape[1])
         full[self.base_.kept] = theta
-        if sums := [a for a in self._axes if a not in self.arm_.joints]:
-            raise ValueError(f"Axis {sums[0]!r} is a sum of joints, and an Arm has effects of single joints only.")
-        bare = dataclasses.replace(self.arm_, effects=[()] * self.arm_.n_joints)
         n = self.arm_.n_joints
+        sums = [a for a in self._axes if a not in self.arm_.joints]
+        bare = dataclasses.replace(self.arm_, effects=[()] * n, sums={}, sum_armature={})
         effects, at = {}, (N_BODY + 1) * n
         if physical:
             arm = bare.consistent(self.base_, theta, covariance)
@@ -439,6 +433,9 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         else:
             links, motors = full[: N_BODY * n].reshape(n, N_BODY), full[N_BODY * n : at]
             arm = dataclasses.replace(bare, inertial=links, armature=motors)
+        turned = np.maximum(full[at : at + len(sums)], 0.0) if physical else full[at : at + len(sums)]
+        arm = dataclasses.replace(arm, sum_armature=dict(zip(sums, turned.tolist(), strict=True)))
+        at += len(sums)
         for axis in (a for group in self._groups for a in group):
             terms = self._axes[axis][1]
             width = sum(len(t.coefficients) for t in terms)
@@ -455,9 +452,10 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
             With the same joints; only effects with the shapes set here count.
         """
         check_is_fitted(self, "base_")
-        parts = [arm.inertial.ravel(), arm.armature, np.zeros(len(self._axes) - arm.n_joints)]
+        sums = [arm.sum_armature.get(a, 0.0) for a in self._axes if a not in arm.joints]
+        parts, acting = [arm.inertial.ravel(), arm.armature, sums], dict(zip(arm.joints, arm.effects, strict=True))
         for axis in (a for group in self._groups for a in group):
-            there = {e.name: e for e in (arm.effects[arm.index(axis)] if axis in arm.joints else ())}
+            there = {e.name: e for e in (acting | arm.sums).get(axis, ())}
             for term in self._axes[axis][1]:
                 given = there.get(term.name)
                 parts.append(np.zeros(len(term.coefficients)) if given is None else np.asarray(given.coefficients))
@@ -692,7 +690,7 @@ def axes_of(arm: Arm, law: Any, effects: Any) -> dict[str, tuple[Array, tuple[An
     out = {j: (row, effect_terms(law, by_axis.get(j, ""))) for j, row in zip(arm.joints, eye, strict=True)}
     for name, more in by_axis.items():
         if name not in out:
-            out[name] = (direction_of(arm, name), effect_terms((), more))
+            out[name] = (direction_of(arm.joints, name), effect_terms((), more))
     return out
 
 
@@ -705,15 +703,4 @@ def groups_of(axes: Mapping[str, tuple[Array, tuple[Any, ...]]]) -> list[list[st
             alike[0].append(name)
         else:
             out.append([name])
-    return out
-
-
-def direction_of(arm: Arm, name: str) -> Array:
-    """A signed sum of joints, such as ``wrist+hand`` or ``left-right``, as a vector over the joints."""
-    known = "|".join(re.escape(j) for j in sorted(arm.joints, key=len, reverse=True))
-    if not re.fullmatch(rf"({known})([+-]({known}))+", name):
-        raise ValueError(f"{name!r} is no joint and no sum of joints such as a+b; joints are {', '.join(arm.joints)}.")
-    out = np.zeros(arm.n_joints)
-    for sign, joint in re.findall(rf"([+-]?)({known})", name):
-        out[arm.index(joint)] += -1.0 if sign == "-" else 1.0
     return out

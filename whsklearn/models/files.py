@@ -210,7 +210,8 @@ def _coded(value: Any) -> Any:
 def _decoded(name: str, value: Any) -> Any:
     """What `_coded` made of a field."""
     if name == "arm":
-        return Arm(**{**value, "effects": [[_effect(e) for e in row] for row in value["effects"]]})
+        sums = {axis: [_effect(e) for e in row] for axis, row in value.get("sums", {}).items()}
+        return Arm(**{**value, "effects": [[_effect(e) for e in row] for row in value["effects"]], "sums": sums})
     if name not in ("law", "effects"):
         return value
     effects: list[Any] = [_effect(v) for v in value]

@@ -32,15 +32,19 @@ N_SIGNALS = 4
 DRIVE, MEASURED, POSITION, VELOCITY = range(N_SIGNALS)  # rows of a simulated record
 
 
-class Joints(NamedTuple):
-    """What acts at the joints: rows of joint j from ``first[j]`` to ``first[j + 1]``, as in a servo's `Plant`."""
+class Axes(NamedTuple):
+    """What acts along the axes, which are the n joints and sums of them: rows of axis k from ``first[k]`` on.
+
+    Up to ``first[k + 1]``, as in a servo's `Plant`.
+    """
 
     codes: Any
     p: Any
     own: Any
     first: Any
-    parts: Any  # of a servo axis (n, 12): limit, resolution, sharpness of sign(v)
+    parts: Any  # of a servo axis (m, 12): limit, resolution, sharpness of sign(v)
     armature: Any
+    direction: Any  # (m, n)
 
 
 class Course(NamedTuple):
@@ -92,7 +96,16 @@ def ends_of(ends, j):
 
 
 @part
-def fine_step(links, inertial, joints, ends, z, state, u, t, h, space):
+def along(direction, x):
+    """The component of x (n,) along an axis."""
+    total = 0.0
+    for j in range(x.size):
+        total += direction[j] * x[j]
+    return total
+
+
+@part
+def fine_step(links, inertial, axes, ends, z, state, u, t, h, space):
     """Move ``state`` (2, n) by h under the drives u (n,); ``space`` holds a `Work`, rest, right and mass."""
     work, rest, right, mass = space
     q, v = state
@@ -104,29 +117,42 @@ def fine_step(links, inertial, joints, ends, z, state, u, t, h, space):
     weigh(links, inertial, work, mass)
     middle = t + 0.5 * h
     for j in range(rest.size):
-        part_of = slice(joints.first[j], joints.first[j + 1])
-        codes, p, zj, e = joints.codes[part_of], joints.p[part_of], z[part_of], ends_of(ends, j)
+        right[j] = u[j] - right[j]
+    for k in range(axes.armature.size):
+        d = axes.direction[k]
+        x, speed, drive = along(d, q), along(d, v), along(d, u)
+        part_of = slice(axes.first[k], axes.first[k + 1])
+        codes, p, zk, e = axes.codes[part_of], axes.p[part_of], z[part_of], ends_of(ends, k)
         if e.memory > e.own:
-            advance_memories(codes, p, e, zj, 0.5 * h * v[j], v[j])
-        s, ds = smooth_sign(v[j], joints.parts[j, 1])
-        smooth, at_rest = torque_at(codes, p, joints.own, e, zj, middle, q[j], v[j], 0.0, 0.0, u[j])
-        whole, slope = torque_at(codes, p, joints.own, e, zj, middle, q[j], v[j], s, ds, u[j])
-        if abs(v[j]) * joints.parts[j, 1] > 1e-6:
-            slope = at_rest + max((whole - smooth) / v[j], 0.0)
-        right[j] = u[j] - right[j] - whole - load_sum(codes, p, e, middle, q[j], v[j])
-        mass[j, j] += joints.armature[j] + added_inertia(p, e, middle)
+            advance_memories(codes, p, e, zk, 0.5 * h * speed, speed)
+        sharp = axes.parts[k, 1]
+        s, ds = smooth_sign(speed, sharp)
+        smooth, at_rest = torque_at(codes, p, axes.own, e, zk, middle, x, speed, 0.0, 0.0, drive)
+        whole, slope = torque_at(codes, p, axes.own, e, zk, middle, x, speed, s, ds, drive)
+        if abs(speed) * sharp > 1e-6:
+            slope = at_rest + max((whole - smooth) / speed, 0.0)
+        paid = whole + load_sum(codes, p, e, middle, x, speed)
+        own = 0.0
+        for i in range(rest.size):
+            right[i] -= d[i] * paid
+            own += d[i] * d[i] * mass[i, i]
+        added = axes.armature[k] + added_inertia(p, e, middle)
         give = h * max(slope, 0.0)
-        mass[j, j] += 0.5 * give if give < 0.5 * mass[j, j] else give
+        added += 0.5 * give if give < 0.5 * (own + added) else give
+        for i in range(rest.size):
+            for j in range(rest.size):
+                mass[i, j] += added * d[i] * d[j]
     solve(mass, right)
     for j in range(rest.size):
         v[j] += h * right[j]
         q[j] += 0.5 * h * v[j]
-        if joints.first[j + 1] > joints.first[j] and ends[j, 2] > ends[j, 1]:
-            z[joints.first[j] + ends[j, 1], AHEAD] = 0.5 * h * v[j]
+    for k in range(axes.armature.size):
+        if axes.first[k + 1] > axes.first[k] and ends[k, 2] > ends[k, 1]:
+            z[axes.first[k] + ends[k, 1], AHEAD] = 0.5 * h * along(axes.direction[k], v)
 
 
 @njit(nogil=True, error_model="numpy")
-def run(out, links, inertial, joints, course, state):
+def run(out, links, inertial, axes, course, state):
     """Fill ``out`` (4, n, n_samples) with drive, measured and true position, velocity, from ``state`` (2, n).
 
     In open loop row 0 of ``out`` is the drive as logged.
@@ -134,31 +160,33 @@ def run(out, links, inertial, joints, course, state):
     n, dt, substeps = links.parent.size, course.sample_time, course.substeps
     h = dt / substeps
     space = room(n), np.zeros(n), np.zeros(n), np.zeros((n, n))
-    ends = np.zeros((n, 6), dtype=np.int64)
+    m = axes.armature.size
+    ends = np.zeros((m, 6), dtype=np.int64)
     chain, lag, memory = np.zeros((n, 5)), np.zeros((n, 2)), np.zeros((n, 3))
     lattice, u = np.zeros(n), np.zeros(n)
     first = np.zeros((n, substeps), dtype=np.int64)
     weight = np.zeros((n, substeps))
-    z = np.zeros((joints.codes.size + 1, N_STATES + 1))
-    for j in range(n):
-        rows = slice(joints.first[j], joints.first[j + 1])
-        plant = Plant(joints.codes[rows], joints.p[rows], joints.parts[j], joints.own)
-        c = chain_of(plant)
-        lattice[j] = lattice_of(plant)[0]
-        chain[j, 0], chain[j, 1], chain[j, 2], chain[j, 3], chain[j, 4] = c
-        first[j], weight[j] = hold_weights(c.delay / dt, substeps, False)
-        codes, p, e = arranged(joints.codes[rows], joints.p[rows])
+    z = np.zeros((axes.codes.size + 1, N_STATES + 1))
+    for j in range(m):
+        rows = slice(axes.first[j], axes.first[j + 1])
+        if j < n:  # the drive acts at joints alone
+            plant = Plant(axes.codes[rows], axes.p[rows], axes.parts[j], axes.own)
+            c = chain_of(plant)
+            lattice[j] = lattice_of(plant)[0]
+            chain[j, 0], chain[j, 1], chain[j, 2], chain[j, 3], chain[j, 4] = c
+            first[j], weight[j] = hold_weights(c.delay / dt, substeps, False)
+            lag[j] = 0.0 if course.closed else out[DRIVE, j, 0]
+        codes, p, e = arranged(axes.codes[rows], axes.p[rows])
         ends[j, 0], ends[j, 1], ends[j, 2], ends[j, 3], ends[j, 4], ends[j, 5] = e
-        joints.codes[joints.first[j] : joints.first[j] + codes.size] = codes
-        joints.p[joints.first[j] : joints.first[j] + codes.size] = p
-        lag[j] = 0.0 if course.closed else out[DRIVE, j, 0]
+        axes.codes[axes.first[j] : axes.first[j] + codes.size] = codes
+        axes.p[axes.first[j] : axes.first[j] + codes.size] = p
     for k in range(out.shape[2]):
         t = k * dt
         if course.every > 0 and k % course.every == 0:
             state[0], state[1] = course.measured[0, :, k], course.measured[1, :, k]
         for j in range(n):
-            rows = slice(joints.first[j], joints.first[j + 1])
-            y = read(joints.codes[rows], joints.p[rows], joints.own, ends_of(ends, j), t, state[0, j])
+            rows = slice(axes.first[j], axes.first[j + 1])
+            y = read(axes.codes[rows], axes.p[rows], axes.own, ends_of(ends, j), t, state[0, j])
             if course.noise.size > 0:
                 y += course.noise[j, k]
             if lattice[j] > 0.0:
@@ -173,4 +201,4 @@ def run(out, links, inertial, joints, course, state):
                 asked = held(out[DRIVE, j], k + first[j, i], weight[j, i], before)
                 c = DriveStage(chain[j, 0], chain[j, 1], chain[j, 2], chain[j, 3], chain[j, 4])
                 u[j], lag[j, 0], lag[j, 1] = effective(c, asked, lag[j, 0], lag[j, 1], h)
-            fine_step(links, inertial, joints, ends, z, state, u, t + i * h, h, space)
+            fine_step(links, inertial, axes, ends, z, state, u, t + i * h, h, space)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import os
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Self
@@ -18,7 +19,7 @@ from sklearn.utils import Bunch
 
 from whsklearn.effects import Effect
 from whsklearn.systems._arm_kernels import N_BODY, Links, fill_mass, fill_regressor, fill_torque
-from whsklearn.systems._arm_pass import DRIVE, MEASURED, N_SIGNALS, POSITION, VELOCITY, Course, Joints, run
+from whsklearn.systems._arm_pass import DRIVE, MEASURED, N_SIGNALS, POSITION, VELOCITY, Axes, Course, run
 from whsklearn.systems._servo_torques import KAPPA, LIMIT, N_PARTS, RESOLUTION, plant_of
 from whsklearn.systems.arm_files import STANDARD_GRAVITY, across, body_numbers, dh_fields, file_fields
 from whsklearn.systems.base_parameters import BaseParameters, base_parameters
@@ -66,7 +67,12 @@ class Arm:
     armature : array-like of shape (n,), optional
         Inertia of the motors, referred to the joint's side (kg m2).
     effects : mapping of str to effects, or a sequence of n of them, optional
-        Friction and other effects at single joints, from the catalogue.
+        Friction and other effects of the joints, from the catalogue.  A mapping may also name a signed sum of joints
+        that one gear turns, such as ``"wrist+hand"``.
+    sums : mapping of str to effects, optional
+        The effects along sums of joints; those in ``effects`` are added.
+    sum_armature : mapping of str to float, optional
+        Inertia of the motors that turn sums of joints (kg m2).
 
     Attributes
     ----------
@@ -105,6 +111,8 @@ class Arm:
     gravity: Any = STANDARD_GRAVITY
     armature: Any = None
     effects: Any = ()
+    sums: Any = ()
+    sum_armature: Any = ()
     _links: Links = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -126,7 +134,16 @@ class Arm:
             object.__setattr__(self, name, value)
         if self.parents.shape != (n,) or (self.parents >= np.arange(n)).any() or (self.parents < -1).any():
             raise ValueError("parents holds a joint that comes later, expected one before each or -1; sort the joints.")
-        object.__setattr__(self, "effects", self._by_joint(self.effects))
+        rows, beside = self._by_axis(self.effects)
+        motors = {str(name): float(x) for name, x in dict(self.sum_armature).items()}
+        sums: dict[str, tuple[Effect, ...]] = dict.fromkeys(motors, ())
+        sums |= {name: self._checked(e) for name, e in dict(self.sums).items()}
+        sums |= {name: (*sums.get(name, ()), *acting) for name, acting in beside.items()}
+        for name in sums:
+            direction_of(joints, name)
+        object.__setattr__(self, "effects", rows)
+        object.__setattr__(self, "sums", sums)
+        object.__setattr__(self, "sum_armature", motors)
         object.__setattr__(self, "_links", self._packed())
 
     @classmethod
@@ -214,15 +231,17 @@ class Arm:
         return self.joints.index(joint)
 
     def with_effects(self, effects: Mapping[str, Any]) -> Self:
-        """Return the same arm with more effects at some joints.
+        """Return the same arm with more effects at some joints, or along sums of them.
 
         Parameters
         ----------
         effects : mapping of str to effects
-            The effects, by name of joint.
+            The effects, by name of joint or of a sum such as ``"wrist+hand"``.
         """
-        more = self._by_joint(effects)
-        return dataclasses.replace(self, effects=tuple(a + b for a, b in zip(self.effects, more, strict=True)))
+        more, beside = self._by_axis(effects)
+        sums = {k: (*self.sums.get(k, ()), *beside.get(k, ())) for k in {**self.sums, **beside}}
+        rows = tuple(a + b for a, b in zip(self.effects, more, strict=True))
+        return dataclasses.replace(self, effects=rows, sums=sums)
 
     def with_body(
         self, joint: str, mass: float, centre: ArrayLike = (0, 0, 0), inertia: ArrayLike | None = None
@@ -276,10 +295,13 @@ class Arm:
         out = np.zeros(q.shape)
         fill_torque(out, self._links, self.inertial, q, v, a)
         out += self.armature * a
+        for name, d in self._directions().items():
+            out += self.sum_armature.get(name, 0.0) * (a @ d)[:, None] * d
         if effects:
-            for j, acting in enumerate(self.effects):
-                signals = Bunch(position=q[:, j], velocity=v[:, j], acceleration=a[:, j])
-                out[:, j] += sum(e.along(e.row, signals) for e in acting if e.port == "torque")
+            for d, acting in zip(self._every_direction(), (*self.effects, *self.sums.values()), strict=True):
+                signals = Bunch(position=q @ d, velocity=v @ d, acceleration=a @ d)
+                for e in (e for e in acting if e.port == "torque"):
+                    out += np.outer(e.along(e.row, signals), d)
         return out
 
     def mass_matrix(self, q: ArrayLike) -> Array:
@@ -292,7 +314,8 @@ class Arm:
         q = self._motion(q)[0]
         out = np.zeros((*q.shape, self.n_joints))
         fill_mass(out, self._links, self.inertial, q)
-        return out + np.diag(self.armature)
+        motors = sum(self.sum_armature.get(name, 0.0) * np.outer(d, d) for name, d in self._directions().items())
+        return np.asarray(out + np.diag(self.armature) + motors)
 
     def forward_dynamics(self, q: ArrayLike, v: ArrayLike, torque: ArrayLike) -> Array:
         """Accelerations under the drives, shape (n_samples, n_joints); sign(v) of friction is taken as it is.
@@ -387,21 +410,37 @@ class Arm:
 
     # -- inside -------------------------------------------------------------------------
 
-    def _by_joint(self, effects: Any) -> tuple[tuple[Effect, ...], ...]:
-        """Effects of every joint."""
+    def _directions(self) -> dict[str, Array]:
+        """Every sum of joints as a vector over them."""
+        return {name: direction_of(self.joints, name) for name in self.sums}
+
+    def _every_direction(self) -> Array:
+        """The joints and then the sums as vectors over the joints, (m, n)."""
+        return np.vstack([np.eye(self.n_joints), *self._directions().values()])
+
+    def _by_axis(self, effects: Any) -> tuple[tuple[tuple[Effect, ...], ...], dict[str, tuple[Effect, ...]]]:
+        """Effects of every joint, and those of sums of joints by name."""
+        beside: dict[str, Any] = {}
         if isinstance(effects, Mapping):
-            for name in effects:
-                self.index(name)
+            beside = {name: e for name, e in effects.items() if name not in self.joints}
+            for name in beside:
+                direction_of(self.joints, name)
             effects = [effects.get(j, ()) for j in self.joints]
-        rows = [(e,) if isinstance(e, Effect) else tuple(e) for e in effects] or [()] * len(self.joints)
+        rows = [self._checked(e) for e in effects] or [()] * len(self.joints)
         if len(rows) != len(self.joints):
             raise ValueError(f"effects has {len(rows)} entries, expected {len(self.joints)}, one a joint.")
-        for e in (e for row in rows for e in row):
+        return tuple(rows), {name: self._checked(e) for name, e in beside.items()}
+
+    @staticmethod
+    def _checked(effects: Any) -> tuple[Effect, ...]:
+        """Effects that a joint can have."""
+        row = (effects,) if isinstance(effects, Effect) else tuple(effects)
+        for e in row:
             if not isinstance(e, Effect):
                 raise ValueError(f"{e!r} is no effect; expected instances such as Coulomb(0.3).")
             if e.port == "block":
                 raise ValueError(f"{e.name} splits a joint in two, which an arm model cannot do; remove it.")
-        return tuple(rows)
+        return row
 
     def _packed(self) -> Links:
         """Geometry as the kernels take it: R0 (1 + sin(q) K + (1 - cos(q)) K K)."""
@@ -512,7 +551,7 @@ def simulate_arm(
         np.ascontiguousarray(feed.T), noise * rng.standard_normal((n, n_samples)) if noise else np.zeros((0, 0)),
         _controllers(arm, controller) if closed else np.zeros((n, 8)),
     )  # fmt: skip
-    run(out, arm._links, arm.inertial, _joints(arm, resolution), course, np.stack([q[0], v[0]]))
+    run(out, arm._links, arm.inertial, _axes(arm, resolution), course, np.stack([q[0], v[0]]))
     bad = ~np.isfinite(out).all(axis=(0, 1))
     if bad.any():
         raise FloatingPointError(
@@ -531,14 +570,33 @@ def _rows(*signals: Array) -> Array:
     return np.ascontiguousarray(np.stack([s.T for s in signals]))
 
 
-def _joints(arm: Arm, resolution: float) -> Joints:
-    """Effects of all joints as flat arrays; those of neutral size are omitted."""
-    acting = [[e for e in row if e.magnitude != e.neutral] for row in arm.effects]
+def _axes(arm: Arm, resolution: float) -> Axes:
+    """Effects of all joints and sums of joints as flat arrays; those of neutral size are omitted."""
+    acting = [[e for e in row if e.magnitude != e.neutral] for row in (*arm.effects, *arm.sums.values())]
     plant = plant_of([e for row in acting for e in row], np.zeros(0))
-    parts = np.zeros((arm.n_joints, N_PARTS))
+    parts = np.zeros((len(acting), N_PARTS))
     parts[:, KAPPA], parts[:, LIMIT], parts[:, RESOLUTION] = 1.0 / SMOOTHING, np.inf, resolution
     first = np.cumsum([0, *map(len, acting)]).astype(np.int64)
-    return Joints(plant.codes, plant.p, plant.own, first, parts, arm.armature)
+    armature = np.concatenate([arm.armature, [arm.sum_armature.get(name, 0.0) for name in arm.sums]])
+    return Axes(plant.codes, plant.p, plant.own, first, parts, armature, arm._every_direction())
+
+
+def direction_of(joints: Sequence[str], name: str) -> Array:
+    """A signed sum of joints, such as ``wrist+hand`` or ``left-right``, as a vector over the joints.
+
+    Examples
+    --------
+    >>> from whsklearn.systems.arm import direction_of
+    >>> direction_of(["arm", "wrist", "hand"], "wrist-hand").tolist()
+    [0.0, 1.0, -1.0]
+    """
+    known = "|".join(re.escape(j) for j in sorted(joints, key=len, reverse=True))
+    if not re.fullmatch(rf"({known})([+-]({known}))+", name):
+        raise ValueError(f"{name!r} is no joint and no sum of joints such as a+b; joints are {', '.join(joints)}.")
+    out = np.zeros(len(joints))
+    for sign, joint in re.findall(rf"([+-]?)({known})", name):
+        out[list(joints).index(joint)] += -1.0 if sign == "-" else 1.0
+    return out
 
 
 def _controllers(arm: Arm, given: Any) -> Array:

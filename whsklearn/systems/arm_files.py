@@ -126,7 +126,23 @@ def file_fields(source: str | os.PathLike[str], joints: Iterable[str] | None) ->
             )
     link_of, fields = _tree(model, names, wanted, given)
     _refuse_loops(mujoco, model, names, wanted, link_of)
-    return fields
+    return fields | _sums(mujoco, model, names, wanted)
+
+
+def _sums(mujoco: Any, model: Any, names: Sequence[str], wanted: Sequence[str]) -> dict[str, Any]:
+    """Friction and motors along sums of joints: fixed tendons with factors of one and minus one."""
+    sums: dict[str, tuple[Effect, ...]] = {}
+    motors: dict[str, float] = {}
+    for k in range(model.ntendon):
+        parts = range(model.tendon_adr[k], model.tendon_adr[k] + model.tendon_num[k])
+        factors = {names[model.wrap_objid[i]]: model.wrap_prm[i] for i in parts}
+        joint = all(model.wrap_type[i] == mujoco.mjtWrap.mjWRAP_JOINT for i in parts)
+        if joint and set(factors) <= set(wanted) and set(np.abs(list(factors.values()))) == {1.0}:
+            name = "".join(f"{'-' if x < 0 else '+'}{joint}" for joint, x in factors.items()).removeprefix("+")
+            sizes = (Viscous(float(model.tendon_damping[k])), Coulomb(float(model.tendon_frictionloss[k])))
+            sums[name] = tuple(e for e in sizes if e.magnitude > 0.0)
+            motors[name] = float(model.tendon_armature[k])
+    return {"sums": sums, "sum_armature": motors}
 
 
 def _compiled(mujoco: Any, source: str | os.PathLike[str]) -> tuple[Any, dict[str, Array]]:

@@ -45,7 +45,9 @@ from whsklearn.identification.arm_fit import Known, blocks_of, fitted, suspicion
 from whsklearn.identification.payload import ALIKE, FURTHEST, Beside
 from whsklearn.lags.rigid_body import RigidBodyLags
 from whsklearn.models.arm import ArmModel
-from whsklearn.systems.arm import Arm
+from whsklearn.models.files import as_arm
+from whsklearn.systems.arm import Arm, number_unit
+from whsklearn.systems.arm_files import STANDARD_GRAVITY
 
 Array = NDArray[Any]
 # Largest ratio, at one joint, of the torque of an effect to the residual that it removes: with a larger one, like that
@@ -102,8 +104,6 @@ class ArmPlant(PlantDefaults):
     # --- the base model ----------------------------------------------------------------------
     def check(self) -> list[DataProblem]:
         """Check for degrees, mA, a wrong order of the columns, and joints that do not move."""
-        from whsklearn.models.files import as_arm
-
         arm, (_, q, u) = as_arm(self.lags.robot), self.record
         with warnings.catch_warnings(record=True) as said:
             warnings.simplefilter("always", UserWarning)
@@ -341,15 +341,16 @@ class ArmPlant(PlantDefaults):
     def simulate(self, model: ArmState, horizon: float) -> Array:
         """Free runs of all joints from the drives, restarted at the measured motion; shape (n n_joints,).
 
-        Terms that an `Arm` cannot hold (friction along two joints, gravity that its file lacks) are evaluated along the
-        measured motion and subtracted from the drives.
+        Gravity that the file lacks is evaluated along the measured motion and taken off the drives.
         """
         view = self.view
         drive, path = self.record.drive, self.record.position
         moved = view.moved if not self._made else self.lags._moved(path)
-        arm, beside = self._arm(model)
         if not self._made:
-            drive = drive - beside
+            for t in (t for t in model.terms if t.kind.cls is Weight):
+                rows = view.time[view.kept]
+                drive = drive - np.column_stack([np.interp(view.time, rows, x) for x in view.contribution(t).T])
+        arm = self._arm(model)
         try:
             run = arm.simulate_drive(
                 drive, sample_rate=self.lags.sample_rate, resync=horizon, position=moved.position,
@@ -359,26 +360,15 @@ class ArmPlant(PlantDefaults):
             return np.full(path.size, np.nan)
         return np.asarray(run.position.ravel())
 
-    def _arm(self, model: ArmState) -> tuple[Arm, Array]:
-        """The arm that moves as the model does, and the torque of terms it cannot hold along the measured motion."""
+    def _arm(self, model: ArmState) -> Arm:
+        """The arm that moves as the model does."""
         view = self.view
         arm = self.lags.interpret(model.numbers, physical=False)
         some = view.moved.position[:: max(len(view.time) // SOME, 1)]
         gives = any(e.quantities[e.size].positive and e.magnitude < 0.0 for row in arm.effects for e in row)
         if gives or np.linalg.eigvalsh(arm.mass_matrix(some)).min() <= 0.0:  # friction that drives, or too uncertain
             arm = self._physical(model)
-        arm, others = completed(arm, model.terms)
-        beside = np.zeros_like(self.record.drive)
-        for t in others:
-            d = np.array(t.kind.direction)
-            if t.kind.cls is Weight:
-                seen = view.contribution(t)
-                beside += np.column_stack([np.interp(view.time, view.time[view.kept], x) for x in seen.T])
-            elif t.kind.cls is JointInertia:
-                beside += t.q[0] * (view.moved.acceleration @ d)[:, None] * d
-            else:
-                beside += t.effect.contribution(view.signals(t.kind))[:, None] * d
-        return arm, beside
+        return completed(arm, model.terms)
 
     def _physical(self, model: ArmState) -> Arm:
         """The arm of the base numbers with physical links; numbers that the record leaves open are the file's."""
@@ -447,8 +437,6 @@ class ArmPlant(PlantDefaults):
 
     def numbers(self, model: ArmState) -> dict[str, tuple[float, str]]:
         """Base numbers of links and motors."""
-        from whsklearn.systems.arm import number_unit
-
         return {k: (float(v), number_unit(k)) for k, v in zip(self.lags.base_.names, model.numbers, strict=True)}
 
     def told(self, base: ArmState, model: ArmState) -> Told:
@@ -489,8 +477,15 @@ class ArmPlant(PlantDefaults):
         }  # fmt: skip
 
     def system(self, model: ArmState) -> ArmModel:
-        """The repaired arm with physical links; effects along two joints appear only in the report."""
-        arm, numbers = completed(self._physical(model), model.terms)[0], self.numbers(model)
+        """The repaired arm with physical links; with gravity, all its numbers are fitted anew."""
+        if any(t.kind.cls is Weight for t in model.terms):
+            heavy = replace(as_arm(self.lags.robot), gravity=STANDARD_GRAVITY)
+            lags = RigidBodyLags(heavy, self.lags.sample_rate, self.lags.law, self.lags.effects)
+            other = ArmPlant(self.record, lags, None, self.tolerance)
+            other.view = ArmView(lags, self.record.position, self.record.drive)
+            none = ArmState(np.zeros(len(lags.base_.names)), model.timing)
+            return other.system(other.settled(none.with_terms(t for t in model.terms if t.kind.cls is not Weight)))
+        arm, numbers = completed(self._physical(model), model.terms), self.numbers(model)
         return ArmModel(arm, {k: v for k, (v, _) in numbers.items()}, dt=self.view.dt, logged="position",
                         units={"input": "Nm", "output": "rad"})  # fmt: skip
 
@@ -502,19 +497,19 @@ def outermost(looks: list[Look], arm: Arm) -> list[Look]:
     return [k for k in looks if not any(k is one for one in inner)]
 
 
-def completed(arm: Arm, terms: Iterable[JointTerm]) -> tuple[Arm, list[JointTerm]]:
-    """The arm with all terms that an `Arm` can hold, and the others."""
-    others = []
+def completed(arm: Arm, terms: Iterable[JointTerm]) -> Arm:
+    """The arm with all terms but gravity, which are other numbers of its links."""
     for t in terms:
         if t.kind.cls is Load:
             arm = arm.with_body(t.joint, t.q[0], t.shape)
-        elif t.kind.index is None:
-            others.append(t)
+        elif t.kind.cls is JointInertia and t.kind.index is None:
+            motors = arm.sum_armature
+            arm = replace(arm, sum_armature=motors | {t.joint: motors.get(t.joint, 0.0) + t.q[0]})
         elif t.kind.cls is JointInertia:
             arm = replace(arm, armature=arm.armature + t.q[0] * np.array(t.kind.direction))
-        else:
+        elif t.kind.cls is not Weight:
             arm = arm.with_effects({t.joint: t.effect})
-    return arm, others
+    return arm
 
 
 def record_of(log: Any, arm: Arm) -> ArmRecord:

@@ -210,7 +210,7 @@ class ArmView:
         if np.any(self.arm.gravity):
             return np.zeros((self.n_rows, self.n_joints, 0))
         still = np.zeros_like(self.moved.position)
-        heavy = dataclasses.replace(self.arm, gravity=STANDARD_GRAVITY, effects=())
+        heavy = dataclasses.replace(self.arm, gravity=STANDARD_GRAVITY, effects=(), sums={}, sum_armature={})
         every = heavy.regressor(self.moved.position, still, still)
         u, s, _ = np.linalg.svd(self.blur(every).reshape(self.n_rows * self.n_joints, -1), full_matrices=False)
         return (u * s)[:, s > 1e-6 * s[0]].reshape(self.n_rows, self.n_joints, -1)
@@ -335,16 +335,18 @@ class ArmView:
         """Drives that the model needs along a motion, shape (n, n_joints), without effects that transform the drive."""
         arm = self.lags.interpret(model.numbers, physical=False)
         out = arm.inverse_dynamics(*moved, effects=False)
-        eye = np.eye(self.n_joints)
-        for j, (joint, effects) in enumerate(zip(arm.joints, arm.effects, strict=True)):
-            s = self.signals(AtJoint(JointInertia, joint, tuple(eye[j])), moved, self.torque)
-            out[:, j] += sum(e.contribution(s) for e in effects)
+        for k, (name, effects) in enumerate({**dict(zip(arm.joints, arm.effects, strict=True)), **arm.sums}.items()):
+            d = arm._every_direction()[k]
+            s = self.signals(AtJoint(JointInertia, name, tuple(d)), moved, self.torque)
+            out += np.outer(sum((e.contribution(s) for e in effects), np.zeros(len(out))), d)
         for t in model.terms:
             d = np.array(t.kind.direction)
             if t.kind.cls is Load:
                 numbers = np.zeros((self.n_joints, N_BODY))
                 numbers[self.arm.index(t.joint)] = t.q[0] * point(t.shape)
-                body = dataclasses.replace(self.arm, inertial=numbers, armature=None, effects=())
+                body = dataclasses.replace(
+                    self.arm, inertial=numbers, armature=None, effects=(), sums={}, sum_armature={}
+                )
                 out += body.inverse_dynamics(*moved)
             elif t.kind.cls is JointInertia:
                 out += t.q[0] * (moved.acceleration @ d)[:, None] * d
