@@ -96,7 +96,7 @@ def test_weights_of_an_arm_and_the_arm_of_weights_are_inverse():
 @pytest.mark.parametrize(
     ("q", "torque", "said"),
     [
-        (np.rad2deg(Q), TORQUE, "yaw, pitch travels more than two turns"),
+        (np.rad2deg(Q), TORQUE, "The travel of yaw, pitch exceeds two turns"),
         (Q, 1e3 * TORQUE, "currents in mA"),
     ],
 )

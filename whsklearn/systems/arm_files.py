@@ -271,7 +271,7 @@ def _refuse_loops(mujoco: Any, model: Any, names: list[str], wanted: list[str], 
             if bound:
                 raise ValueError(
                     f"Joint {bound[0]!r} follows another one (mimic), and an arm's joints are independent; name the "
-                    "others with joints."
+                    "others with --joints."
                 )
         elif kind in (int(kinds.mjEQ_CONNECT), int(kinds.mjEQ_WELD)):
             if int(model.eq_objtype[i]) == int(mujoco.mjtObj.mjOBJ_SITE):
