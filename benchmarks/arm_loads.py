@@ -67,7 +67,7 @@ def write(arm: Arm, path: Path, seed: int) -> Path:
     log = make_arm_log(arm, duration=20.0, sample_rate=RATE, amplitude=0.9, noise=1e-5, random_state=seed)
     rng = np.random.default_rng(seed + 9)
     drives = [c for c in log if c.endswith("torque_nm")]
-    log[drives] += NOISE * log[drives].std() * rng.standard_normal(log[drives].shape)
+    log[drives] += NOISE * log[drives].std().to_numpy() * rng.standard_normal(log[drives].shape)
     pd.DataFrame(log).to_csv(path, index=False)
     return path
 

@@ -433,7 +433,7 @@ def suspicions(arm: Arm, q: Array, torque: Array) -> list[str]:
     out = []
     far = [j for j, x, slides in zip(arm.joints, q.T, arm.slides, strict=True) if not slides and np.ptp(x) > FAR]
     if far:
-        out.append(f"The travel of {', '.join(far)} exceeds two turns; if positions are in degrees, give --unit position=deg.")
+        out.append(f"The travel of {', '.join(far)} exceeds two turns; for degrees, give --unit position=deg.")
     moving = q[:, np.ptp(q, axis=0) > 0.0]
     if moving.shape[1] > 1 and np.abs(np.corrcoef(moving.T)).min() > ONE_LINE:
         out.append(

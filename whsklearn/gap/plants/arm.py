@@ -207,8 +207,9 @@ class ArmPlant(PlantDefaults):
     def size(self, before: Array, after: Array) -> float:
         """Rms of the change of the residual, as a share of the drive of the joint where it is largest."""
         view = self.view
-        count = np.maximum(view.keep.sum(axis=0), 1) * (view.weight * np.maximum(view.drive_rms, 1e-300)) ** 2
-        gone = np.sum((before**2 - after**2).reshape(-1, view.n_joints), axis=0) / count
+        there = view.drive_rms > 0.0  # a joint at rest has no rows
+        count = np.maximum(view.keep.sum(axis=0), 1)[there] * (view.weight * view.drive_rms)[there] ** 2
+        gone = np.sum((before**2 - after**2).reshape(-1, view.n_joints), axis=0)[there] / count
         return float(np.sqrt(max(float(gone.max()), 0.0)))
 
     def refine(self, model: ArmState, look: Look) -> ArmState:
