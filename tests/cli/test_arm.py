@@ -210,6 +210,16 @@ def test_gap_finds_gains_by_a_load_and_a_load_by_an_identified_model(folder):
     assert abs(pair["parameters"]["mass_kg"] - 0.8) < 3 * pair["standard_errors"]["mass_kg"] < 0.05
 
 
+def test_gap_says_that_the_columns_are_in_another_order(folder):
+    out, _ = folder
+    log = make_arm_log(duration=5.0)
+    swapped = {"yaw_torque_nm": "pitch_torque_nm", "pitch_torque_nm": "yaw_torque_nm"}
+    log.rename(columns=swapped).to_csv(out / "swapped.csv", index=False)
+    few = ["--max-effects", "1", "--report", out / "s", "--no-track"]
+    done = run(gap, out / "swapped.csv", "--robot", out / "arm.xml", *few)
+    assert "fit far better in another order" in " ".join(done.output.split())
+
+
 def test_gap_refuses_half_a_load_in_a_sentence(folder):
     out, _ = folder
     done = run(gap, out / "arm.csv", "--robot", out / "arm.xml", "--load", "2.8", "--report", out / "g", "--no-track")

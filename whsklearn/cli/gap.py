@@ -210,6 +210,9 @@ def diagnose(options: dict[str, Any], log: Bunch, second: Bunch | None, folder: 
         d.origin, d.notes = origin(log), [*log.notes, *d.notes]
         if second is not None and d.verdict != "data_problem":
             test(options, finder, second)
+        for problem in d.problems if options["robot"] else []:
+            if not problem.fatal:
+                note(problem.explanation)
         click.echo(wrapped(f"{d.verdict}: {d.sentence}"))
         with warnings.catch_warnings(record=True) as said:
             warnings.simplefilter("always")
