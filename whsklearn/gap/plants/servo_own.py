@@ -34,9 +34,7 @@ STEADY = 0.4
 LOST = 1.0  # half travels away from the measured path, beyond which it is a different experiment
 N_RECORDS = 5  # own records; their mean is known to 0.45 of their spread
 N_NULL = 60  # null rows from which the effect of chance is taken: the moments of a Gumbel law to within an eighth
-PER_SAMPLE = (
-    4  # fine steps of an axis with one body, whose motion a record that can be read shows from sample to sample
-)
+PER_SAMPLE = 4  # fine steps, of an axis with one body: a readable record shows its motion from sample to sample
 
 
 class Own(NamedTuple):
