@@ -231,11 +231,11 @@ def with_p_values(looks: list[Look], least: float = 0.0) -> list[Look]:
     ----------
     Hodges and Lehmann 1954, Testing the approximate validity of statistical hypotheses, JRSS B 16(2), 261-268.
     """
-    n = len(looks)
+    return sorted((replace(k, p_value=chance(k, k.null, len(looks), least)) for k in looks), key=lambda k: -k.score)
 
-    def p_of(k: Look) -> float:
-        asked = least if k.name else 0.0  # nameless functions answer whether anything at all follows the motion
-        beyond = max(0.0, 1.0 - asked / k.size) ** 2 if asked > 0.0 and k.size > 0.0 else 1.0
-        return p_value(k.gain * beyond, k.null, n, k.degrees) if beyond > 0.0 else 1.0
 
-    return sorted((replace(k, p_value=p_of(k)) for k in looks), key=lambda k: -k.score)
+def chance(look: Look, null: Array, families: int, least: float) -> float:
+    """The p-value of a look among so many families by these null gains; see `with_p_values`."""
+    asked = least if look.name else 0.0  # nameless functions answer whether anything at all follows the motion
+    beyond = max(0.0, 1.0 - asked / look.size) ** 2 if asked > 0.0 and look.size > 0.0 else 1.0
+    return p_value(look.gain * beyond, null, families, look.degrees) if beyond > 0.0 else 1.0

@@ -11,7 +11,6 @@ from whsklearn.gap.plants import servo_families, servo_own
 from whsklearn.gap.plants.servo_candidates import catalogue
 from whsklearn.gap.plants.servo_start import start_of
 from whsklearn.gap.record import ServoRecord
-from whsklearn.gap.tangent import with_p_values
 
 
 def looks_at(effects):
@@ -19,7 +18,7 @@ def looks_at(effects):
     view, model = start_of(record, ("viscous", "coulomb"), 0.004)
     own, _ = servo_own.own(view, model, np.random.default_rng(0))
     view.artefact = own.mean
-    return view, with_p_values(servo_families.looks(view, view.fit(model), own))
+    return view, servo_families.looks(view, view.fit(model), own, 0.0)
 
 
 def test_every_effect_that_a_torque_can_show_is_asked_for_or_needs_another_first():

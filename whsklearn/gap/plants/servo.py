@@ -44,7 +44,6 @@ from whsklearn.gap.plants.servo_start import (
     with_earlier_drive,
 )
 from whsklearn.gap.record import SPLIT, ServoRecord, rms
-from whsklearn.gap.tangent import with_p_values
 from whsklearn.logs.units import inertia_unit
 
 Array = NDArray[Any]
@@ -218,8 +217,9 @@ class ServoPlant(PlantDefaults):
         self.own, self.corrected = servo_own.own(self.inverse, model, rng)
         self.inverse.artefact = self.own.mean
         self.n_effective = self.own.n_effective
-        found = servo_families.looks(self.inverse, self.inverse.fit(model), self.own, beside)
-        return with_p_values(found, self.tolerance * self.scale)
+        return servo_families.looks(
+            self.inverse, self.inverse.fit(model), self.own, self.tolerance * self.scale, beside
+        )
 
     def explained(self, model: AxisModel, grown: AxisModel, look: Any) -> tuple[float, float]:
         """(gain, size) of a fitted effect, in the direction of regression in which it was found."""

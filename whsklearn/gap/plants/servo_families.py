@@ -34,9 +34,9 @@ from whsklearn.gap.plants import servo_two_mass as two_mass
 from whsklearn.gap.plants.servo_candidates import TWO_MASS, Candidate, usable
 from whsklearn.gap.plants.servo_inverse import later, reaching
 from whsklearn.gap.plants.servo_model import AxisModel, Term
-from whsklearn.gap.plants.servo_own import N_NULL, Own
+from whsklearn.gap.plants.servo_own import N_NULL, Own, null_of
 from whsklearn.gap.search import HALF
-from whsklearn.gap.tangent import Family, Look, Tangent
+from whsklearn.gap.tangent import Family, Look, Tangent, chance, with_p_values
 
 Array = NDArray[Any]
 AT_ONCE = 64  # shapes in one matrix product
@@ -72,11 +72,11 @@ class Scene:
         return lost[:, None, None], self.view.rms(before - lost) / max(self.view.rms(before), 1e-300)
 
 
-def looks(view: Any, model: AxisModel, own: Own, beside: AxisModel | None = None) -> list[Look]:
+def looks(view: Any, model: AxisModel, own: Own, least: float, beside: AxisModel | None = None) -> list[Look]:
     """Look at every candidate, and at nameless functions of the motion, beside the model's own columns.
 
     Effects that multiply the torque are tried too if only ``beside``, which has one more effect, predicts it well
-    enough.
+    enough.  For ``least`` see `whsklearn.gap.tangent.with_p_values`.
     """
     scene = Scene(view, model, beside)
     _, x, target, sizes, free = view.solved(model)
@@ -87,10 +87,11 @@ def looks(view: Any, model: AxisModel, own: Own, beside: AxisModel | None = None
     numbers = x[view.at][:, free[: x.shape[1]]]
     timed = Tangent(left, own.null, np.column_stack([numbers, rate]), own.n_effective, away)
     other_way = acceleration_tangent(view, model, np.random.default_rng(0))
-    out = [
-        better(timed.look(f), other_way.look(f) if of_place else None, other_way.n, view.rms(left))
+    asked = [
+        (f, better(timed.look(f), other_way.look(f) if of_place else None, other_way.n, view.rms(left)))
         for f, of_place in families(scene)
     ]
+    out = [look for _, look in asked]
     out += [timed.look(f) for f in nameless(scene, (x @ sizes)[view.at])]
     if view.age(model) > rules.LATEST * view.scene.dt:  # then the age is not a nuisance but a candidate
         plain = Tangent(left, own.null, numbers, own.n_effective, away)
@@ -104,7 +105,23 @@ def looks(view: Any, model: AxisModel, own: Own, beside: AxisModel | None = None
             size = np.sqrt(g) * view.rms(left)
             gain = float(-own.n_effective * np.log1p(-g))
             out.append(Look(kind.name, gain, np.zeros(own.null.shape[0]), term, 4, size))
-    return [look for look in out if look is not None]
+    found = with_p_values([look for look in out if look is not None], least)
+    family_of = {id(look.start): f for f, look in asked if look is not None and not look.swapped}
+
+    def beside_itself(look: Look) -> Look:
+        """The look with its p-value by null rows of the colour of what it leaves, where it explains most of the gap.
+
+        A strong slow effect, a constant above all, is in the residual that null rows have their colour from, and hides
+        there.  As in any F-test the noise is that of the larger model; for a weak effect both are the same.
+        """
+        f = family_of.get(id(look.start))
+        if f is None or look.size**2 < HALF * view.rms(left) ** 2:
+            return look
+        rest = view.gap(view.fit(model.with_terms((*model.terms, look.start))))
+        other = dataclasses.replace(timed, null=null_of(rest, own.apart, np.random.default_rng(0))).look(f)
+        return look if other is None else dataclasses.replace(look, p_value=chance(look, other.null, len(found), least))
+
+    return [beside_itself(k) for k in found]
 
 
 def better(look: Look | None, other: Look | None, n: float, left: float) -> Look | None:

@@ -49,12 +49,15 @@ class Own(NamedTuple):
     floor : float
         Rms residual due to encoder noise.
     n_effective : float
+    apart : ndarray of shape (k, n)
+        How the own records differ: the part of the residual that is encoder noise.
     """
 
     mean: Array
     null: Array
     floor: float
     n_effective: float
+    apart: Array
 
 
 def own_record(view: Any, model: AxisModel, rng: np.random.Generator, feed: Array, delay: float) -> Any:
@@ -131,11 +134,15 @@ def own(view: Any, model: AxisModel, rng: np.random.Generator) -> tuple[Own, Axi
     mean = rows.mean(axis=0)
     apart = (rows - mean) * np.sqrt(N_RECORDS / (N_RECORDS - 1.0))
     rest = left - mean
-    power = smoothed_power(rest)
-    excess = np.maximum(power - np.mean([smoothed_power(a) for a in apart], axis=0), 0.0)
-    null = np.array([apart[k % N_RECORDS] + coloured(excess, rest.size, rng) for k in range(N_NULL)])
-    spread = coloured(power, rest.size, np.random.default_rng(0))  # n is that of the smoothed spectrum
-    return Own(mean, null, float(np.sqrt(np.mean(apart**2))), n_effective(spread, view.n_effective)), corrected
+    # n is that of the smoothed spectrum
+    n = n_effective(coloured(smoothed_power(rest), rest.size, np.random.default_rng(0)), view.n_effective)
+    return Own(mean, null_of(rest, apart, rng), float(np.sqrt(np.mean(apart**2))), n, apart), corrected
+
+
+def null_of(rest: Array, apart: Array, rng: np.random.Generator) -> Array:
+    """Residuals by chance with the colour of ``rest``, shape (m, n): encoder noise, and what else is in it as noise."""
+    excess = np.maximum(smoothed_power(rest) - np.mean([smoothed_power(a) for a in apart], axis=0), 0.0)
+    return np.array([apart[k % len(apart)] + coloured(excess, rest.size, rng) for k in range(N_NULL)])
 
 
 def floor_of(view: Any, model: AxisModel) -> float:
