@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.compare.linear import TRUTH, rows
-from whsklearn.compare.estimate import estimate, pooled
+from whsklearn.compare.estimate import estimate, from_a_cold_start, pooled
 
 
 @pytest.mark.parametrize("walk", [0.0, 0.1])
@@ -67,3 +67,24 @@ def test_numbers_scale_with_the_unit_of_the_drive():
     a, b = estimate(one), estimate(milli)
     np.testing.assert_allclose(b.values, 1e3 * a.values, rtol=1e-6, atol=1e-9)
     np.testing.assert_allclose(b.covariance, 1e6 * a.covariance, rtol=1e-6, atol=1e-12)
+
+
+def course(level, swing, n=3000):
+    """Rows whose Coulomb friction falls along the record by ``swing`` about ``level``."""
+    one = rows(seed=6, n=n)
+    fall = np.linspace(0.5, -0.5, n) * swing + level - TRUTH[2]
+    return estimate(replace(one, target=one.target + one.columns[:, 2] * fall))
+
+
+def test_a_drift_that_begins_anew_in_the_second_record_leaves_no_doubt_between_them():
+    cold, again = course(0.2, 0.15), course(0.3, 0.15)
+    assert cold.drift[2] > 0.01
+    a, b = from_a_cold_start(cold, again)
+    assert a.errors[2] < 0.5 * cold.errors[2]
+    assert b.errors[2] < 0.5 * again.errors[2]
+
+
+def test_a_drift_that_goes_on_in_the_second_record_is_no_change():
+    first, later = course(0.225, 0.05), course(0.175, 0.05)  # the halves of one record that warms
+    a, b = from_a_cold_start(first, later)
+    assert (a.errors[2], b.errors[2]) == (first.errors[2], later.errors[2])

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from whsklearn.compare.estimate import Estimate, Part
-from whsklearn.compare.hypotheses import Difference, hypotheses, moved, smallest, weigh
+from whsklearn.compare.hypotheses import Difference, alone, hypotheses, moved, smallest, weigh
 
 NAMES = ("inertia", "viscous", "gravity", "gravity", "delay")
 
@@ -49,3 +49,16 @@ def test_a_spring_takes_the_offset_that_it_covers_along():
     d = replace(difference([0.0, 0.4, 0.0, 0.0, -0.3]), names=("a", "spring", "b", "c", "offset"))
     d = replace(d, covers={"spring": ("offset",)})
     assert [f.hypothesis.name for f, _ in moved(d, 0.01)] == ["spring"]
+
+
+def test_a_number_that_differs_only_if_all_others_are_held_equal_is_not_named():
+    """Of two numbers known by their sum, a difference of the sum is seen, but not which of them moved."""
+    d = difference([0.2, 0.0, 0.0, 0.0, 0.0])
+    both = np.eye(5)
+    both[0, 1] = both[1, 0] = -0.9999
+    apart = replace(d.first, parts=(Part(0.2**2 * both, 9.0),)), replace(d.second, parts=(Part(0.2**2 * both, 9.0),))
+    d = replace(d, first=apart[0], second=apart[1])
+    inertia = hypotheses(d)[0]
+    assert weigh(d, inertia, np.zeros((5, 0))).p_value < 1e-6
+    assert alone(d, inertia) > 0.1
+    assert moved(d, 0.01) == []

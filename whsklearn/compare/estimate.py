@@ -8,7 +8,7 @@ halves of a record, which must agree, show what a wrong model makes of another p
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -35,10 +35,14 @@ JUDGED = 8.0  # degrees of freedom of what is set and not estimated: right to a 
 
 
 class Part(NamedTuple):
-    """A summand of a covariance, shape (p, p), and the degrees of freedom with which it is known."""
+    """A summand of a covariance, shape (p, p), and the degrees of freedom with which it is known.
+
+    ``walker`` is the number that a drift lets walk; -1 of any other summand.
+    """
 
     covariance: Array
     degrees: float
+    walker: int = -1
 
 
 def degrees_of(parts: Sequence[Part], to: Array) -> float:
@@ -76,6 +80,8 @@ class Estimate:
         Rms of the residual, as a share of the rms drive.
     drift : dict
         Number -> rms by which it drifts within the record, beyond noise.
+    courses : dict
+        Number -> its half waves along the record, as fitted, from the longest on.
     """
 
     label: str
@@ -83,6 +89,7 @@ class Estimate:
     parts: tuple[Part, ...]
     left: float
     drift: dict[int, float]
+    courses: dict[int, Array] = field(default_factory=dict)
 
     @cached_property
     def covariance(self) -> Array:
@@ -123,10 +130,12 @@ def estimate(rows: Rows) -> Estimate:
     parts = (
         Part(noise[:p, :p] / unit, float(rows.block.max())),
         Part((wider - noise)[:p, :p] / unit, JUDGED),
-        *(Part(np.diag(WANDERS * w * np.eye(p)[i]) / unit, float(rows.of.count(i))) for i, w in power.items()),
+        *(Part(np.diag(WANDERS * w * np.eye(p)[i]) / unit, float(rows.of.count(i)), i) for i, w in power.items()),
     )
     share = float(np.sqrt(np.mean(left**2)) / np.linalg.norm(rows.scale))
-    return Estimate(rows.label, fit[:p] / size[:p], parts, share, drift)
+    waves = fit[p:] / size[p:]
+    courses = {i: waves[: len(rows.of)][[j == i for j in rows.of]] for i in power}
+    return Estimate(rows.label, fit[:p] / size[:p], parts, share, drift, courses)
 
 
 def _ridge(z: Array, rows: Rows, prior: float) -> float:
@@ -225,6 +234,30 @@ def _walks(fit: Array, of: tuple[int, ...], size: Array, unit: Array) -> dict[in
     return power
 
 
+def from_a_cold_start(a: Estimate, b: Estimate) -> tuple[Estimate, Estimate]:
+    """Two records with what drifts alike in both taken for a course that each began anew, as warming does.
+
+    What a drift leaves open is by how much a number may have wandered from one record to the other.  It is the drift in
+    which they differ that says so: a course that comes again in the second record ends where it ended in the first.
+    Only where the second record goes on where the first has ended may all of the drift be what lies between them.
+    """
+    kept: dict[int, Array] = {}
+    for i, first in a.courses.items():
+        n = min(first.size, b.courses.get(i, first[:0]).size)
+        if n:
+            first, second = first[:n], b.courses[i][:n]
+            ends, begins = float(first @ (-1.0) ** np.arange(1, n + 1)), float(second.sum())
+            moved = float(b.values[i] - a.values[i])
+            if abs(moved + begins - ends) > abs(moved):
+                kept[i] = np.diag(WANDERS / 4.0 * np.sum((second - first) ** 2) * np.eye(a.values.size)[i])
+
+    def held(e: Estimate) -> Estimate:
+        parts = (p._replace(covariance=kept[p.walker]) if p.walker in kept else p for p in e.parts)
+        return replace(e, parts=tuple(parts))
+
+    return held(a), held(b)
+
+
 def pooled(parts: list[Estimate]) -> Estimate:
     """Several records combined into one: their mean, weighted by information."""
     if len(parts) == 1:
@@ -235,6 +268,6 @@ def pooled(parts: list[Estimate]) -> Estimate:
     return Estimate(
         ", ".join(e.label for e in parts),
         np.sum([s @ e.values for s, e in zip(shares, parts, strict=True)], axis=0),
-        tuple(Part(s @ c @ s.T, nu) for s, e in zip(shares, parts, strict=True) for c, nu in e.parts),
+        tuple(Part(s @ p.covariance @ s.T, p.degrees) for s, e in zip(shares, parts, strict=True) for p in e.parts),
         float(np.sqrt(np.mean([e.left**2 for e in parts]))), {},
     )  # fmt: skip

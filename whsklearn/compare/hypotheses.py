@@ -7,6 +7,10 @@ A gain scales every number a of the first record, which is known with an error i
 B + g^2 A, and where both records follow one path, so that d = b - a is known by itself, d - (g - 1) a has
 D + (g - 1)^2 A.  Its determinant counts too: without it a large g explains everything by the errors of a.  Numbers of
 which none is well known alone may still all be three times as large.
+
+A number that changed alone must differ by itself too, with all others free.  To hold the others equal is to rely on the
+correlations of the two covariances, which ten blocks of a record hardly determine where the numbers are six or nine
+(Hotelling's T-squared loses a degree of freedom for each).
 """
 
 from __future__ import annotations
@@ -90,7 +94,7 @@ class Difference:
     def parts(self) -> tuple[Part, ...]:
         """Of its covariance."""
         k = np.outer(self.factor, self.factor)
-        return (*self.second.parts, *(Part(k * c, nu) for c, nu in self.first.parts))
+        return (*self.second.parts, *(Part(k * p.covariance, p.degrees) for p in self.first.parts))
 
     @cached_property
     def weight(self) -> Array:
@@ -179,8 +183,30 @@ def hypotheses(d: Difference) -> list[Hypothesis]:
     return [*out, Hypothesis("gain", (d.forces * d.mean)[:, None])]
 
 
+def own_numbers(d: Difference, h: Hypothesis) -> Array:
+    """Indices of the numbers of an axis that a hypothesis names; none of a gain or of an arm's directions."""
+    return np.array([i for i, n in enumerate(d.names) if n == h.name and not d.changes], dtype=np.intp)
+
+
+def alone(d: Difference, h: Hypothesis) -> float:
+    """Probability of such a difference of the hypothesis's own numbers by chance, with all others free.
+
+    Zero where it names none (a gain) or a direction among the numbers of an arm.
+    """
+    at = own_numbers(d, h)
+    if at.size == 0:
+        return 0.0
+    own = np.eye(d.values.size)[at]
+    covariance = np.linalg.inv(d.weight)[np.ix_(at, at)]
+    chi2 = float(d.values[at] @ np.linalg.pinv(covariance, hermitian=True) @ d.values[at])
+    return float(snedecor.sf(chi2 / at.size, at.size, degrees_of(d.parts, own)))
+
+
 def weigh(d: Difference, h: Hypothesis, given: Array) -> Found:
-    """Fit a hypothesis in addition to the directions ``given``, shape (p, m), that are assumed to have changed."""
+    """Fit a hypothesis in addition to the directions ``given``, shape (p, m), that are assumed to have changed.
+
+    The evidence is minus infinity for a load that is none.
+    """
     nothing, after = _left(d, given), d
     taken = np.zeros(h.basis.shape[1])
     if h.name == "gain":
@@ -288,6 +314,8 @@ def moved(d: Difference, alpha: float) -> list[tuple[Found, list[Found]]]:
         best = found[0]
         if best.p_value * len(found) > alpha or best.evidence < BESIDE or best.size < LEAST:
             break
+        if alone(d, best.hypothesis) > alpha:
+            break
         rivals = [f for f in found[1:] if f.evidence > best.evidence - BESIDE]
         out.append((best, rivals))
         d = best.after
@@ -314,5 +342,8 @@ def smallest(d: Difference, alpha: float) -> dict[str, float]:
         z = float(student.isf(alpha / len(every) / 2.0, degrees_of(d.parts, to)))
         price = 2.0 * (BESIDE + _occam(d, h, information)) / (nu + d.values.size)
         need = max(z, float(np.sqrt(nu * np.expm1(price))))
+        if (at := own_numbers(d, h)).size:
+            by_itself = float(student.isf(alpha / 2.0, degrees_of(d.parts, np.eye(d.values.size)[at])))
+            error = max(float(error), by_itself / need * float(np.sqrt(np.diag(np.linalg.inv(w))[at].max())))
         out[h.name] = max(need * float(error), LEAST / max(float(one.max()), 1e-300))
     return out

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn.compare.comparison import Change
-from whsklearn.compare.estimate import Estimate, degrees_of, estimate, pooled
+from whsklearn.compare.estimate import Estimate, degrees_of, estimate, from_a_cold_start, pooled
 from whsklearn.compare.hypotheses import Difference, Found, hypotheses, load_of, moved
 from whsklearn.compare.rows import Rows, difference
 
@@ -30,6 +30,8 @@ def between(rows: list[Rows], first: list[Estimate], second: list[Estimate]) -> 
     same = difference(rows[0], rows[1], every.values) if len(rows) == 2 else None
     if same is not None:
         b = estimate(same)
+    elif len(first) == len(second) == 1:
+        a, b = from_a_cold_start(a, b)
     return Difference(
         rows[0].names, rows[0].covers, a, b, every.values, every.errors, sizes / drives, rows[0].changes,
         one_path=same is not None,
