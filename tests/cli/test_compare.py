@@ -66,3 +66,10 @@ def test_a_short_log_cannot_be_used(logs, tmp_path):
     result = run(logs / "day0.csv", short, "--out", tmp_path / "r", "--no-track")
     assert result.exit_code == 3
     assert "short.csv" in result.output
+
+
+def test_the_same_log_twice_is_refused(logs, tmp_path):
+    (tmp_path / "copy.csv").write_bytes((logs / "day0.csv").read_bytes())
+    result = run(logs / "day0.csv", tmp_path / "copy.csv", "--out", tmp_path / "out", "--no-track")
+    assert result.exit_code != 0
+    assert "would count twice" in " ".join(result.output.split()) + str(result.exception)

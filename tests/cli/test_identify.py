@@ -102,3 +102,39 @@ def test_a_child_run_a_structure_and_the_model_itself_are_recorded(tmp_path, mlf
     (model,) = client.search_logged_models([parent.info.experiment_id])
     served = mlflow.pyfunc.load_model(model.model_uri)
     np.testing.assert_allclose(served.predict(u[:, None]), load_model(tmp_path / "out" / "model.json").simulate(u))
+
+
+def linear_log(seed, n=160, step=0.01):
+    rng = np.random.default_rng(seed)
+    u = rng.normal(size=n)
+    y = lfilter([0.0, 0.5, 0.2], [1.0, -1.2, 0.5], u) + 0.01 * rng.normal(size=n)
+    return pd.DataFrame({"time_s": step * np.arange(n), "u": u, "y": y})
+
+
+def test_several_logs_make_one_identification(tmp_path):
+    errors = []
+    for count in (1, 4):
+        files = [tmp_path / f"log{k}.csv" for k in range(count)]
+        for k, file in enumerate(files):
+            linear_log(k).to_csv(file, index=False)
+        arguments = [*files, "--time", "time_s", "--input", "u", "--output", "y", "--no-track", "--out", tmp_path]
+        done = CliRunner().invoke(main, [str(a) for a in arguments])
+        assert done.exit_code == 0, done.output
+        found = json.loads((tmp_path / "identify.json").read_text())
+        assert found["rows"] == {"used": 160 * count, "given": 160 * count, "segments": count}
+        (b1,) = [p for p in found["parameters"] if p["name"] == "b1"]
+        assert abs(b1["value"] - 0.5) < 4 * b1["standard_error"]
+        errors.append(b1["standard_error"])
+    assert errors[1] < 0.65 * errors[0]  # numbers are shared: four times the samples, half of the error
+
+
+@pytest.mark.parametrize(("second", "told"), [
+    (linear_log(0), "would count twice"), (linear_log(1, step=0.02), "resample them to one rate"),
+])  # fmt: skip
+def test_logs_that_make_no_one_identification_are_refused(tmp_path, second, told):
+    linear_log(0).to_csv(tmp_path / "a.csv", index=False)
+    second.to_csv(tmp_path / "b.csv", index=False)
+    arguments = [tmp_path / "a.csv", tmp_path / "b.csv", "--time", "time_s", "--input", "u", "--output", "y"]
+    done = CliRunner().invoke(main, [str(a) for a in [*arguments, "--no-track", "--out", tmp_path / "out"]])
+    assert done.exit_code != 0
+    assert told in " ".join(done.output.split()) + str(done.exception)

@@ -60,6 +60,6 @@ def test_what_was_fitted_is_no_test_in_any_unit():
         part.X = part.X + 1e-3 * rng.standard_normal(part.X.shape)
     copy = Bunch(**{**first, "name": "b", "units": {"drive": "mNm", "position": "deg"}})
     copy.X, copy.y = 1e3 * first.X, np.rad2deg(first.y)
-    records.refuse_fitted(first, other)
+    records.refuse_shared(first, other)
     with pytest.raises(LogError, match=r"b from 0 to 7\.99 s is a from 0 to 7.99 s, sample by sample"):
-        records.refuse_fitted(first, copy)
+        records.refuse_shared(first, copy)

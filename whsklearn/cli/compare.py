@@ -6,6 +6,7 @@ parent run, and a child run for every record.
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,13 +15,14 @@ import click
 from whsklearn.cli.arm import read_arm, robot_of
 from whsklearn.cli.gap import as_record, read_log
 from whsklearn.cli.job import UNUSABLE, job, say_where, table, tracker_for, wrapped, writable_folder
-from whsklearn.cli.records import liveliest, long_segments, note, note_assumed, reading_options
+from whsklearn.cli.records import TWICE, liveliest, long_segments, note, note_assumed, reading_options, refuse_shared
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from sklearn.utils import Bunch
+
     from whsklearn.compare import Comparison
-    from whsklearn.gap import ServoRecord
 
 AN_AXIS = {"kind": "servo", "robot": None, "simulator": None}  # what `gap` expects among its options besides columns
 
@@ -83,7 +85,10 @@ def comparison_of(options: dict[str, Any], files: tuple[str, ...], labels: list[
     if not options["robot"]:
         if options["joints"] or options["gains"]:
             raise click.UsageError("--joints and --gains are an arm's; give its file with --robot.")
-        records = [record_of(options, file) for file in files]
+        logs = [log_of(options, file) for file in files]
+        for first, second in itertools.combinations(logs, 2):
+            refuse_shared(first, second, TWICE)
+        records = [as_record(options | AN_AXIS, log)[0] for log in logs]
         return lambda: compare_records(records, labels, alpha=options["alpha"], random_state=options["seed"])
     arm = robot_of(options)
     logs = [read_arm(file, options, arm) for file in files]
@@ -103,13 +108,11 @@ def names_of(files: tuple[str, ...]) -> list[str]:
     return names if len(set(names)) == len(names) else [str(f) for f in files]
 
 
-def record_of(options: dict[str, Any], file: str) -> ServoRecord:
-    """One log as a record: all its long segments."""
-    whole = read_log(options | AN_AXIS | {"log_file": file, "reference": None})
-    log = liveliest(long_segments(whole))
+def log_of(options: dict[str, Any], file: str) -> Bunch:
+    """One log of an axis: all its long segments."""
+    log = liveliest(long_segments(read_log(options | AN_AXIS | {"log_file": file, "reference": None})))
     note_assumed(log)
-    record, _ = as_record(options | AN_AXIS, log)
-    return record
+    return log
 
 
 def numbers_of(found: Comparison) -> str:

@@ -17,6 +17,7 @@ import click
 
 from whsklearn.cli.job import UNUSABLE, job, progress_bar, say_where, tracker_for, wrapped, writable_folder
 from whsklearn.cli.records import (
+    TWICE,
     bridged,
     liveliest,
     long_segments,
@@ -24,7 +25,7 @@ from whsklearn.cli.records import (
     note_assumed,
     read,
     reading_options,
-    refuse_fitted,
+    refuse_shared,
     roles_of,
 )
 
@@ -136,7 +137,7 @@ def main(**options: Any) -> None:
         again = options | {"log_file": options["second"], "load": None, "loaded": None}
         second = gap_log(again) if options["second"] else None
         if second is not None:
-            refuse_fitted(log, second)
+            refuse_shared(log, second)
         finder = diagnose(options, log, second, folder)
         if finder.verdict_ == "data_problem":
             raise SystemExit(UNUSABLE)
@@ -158,7 +159,7 @@ def main(**options: Any) -> None:
         data_problem(error, folder)
         raise
     if second is not None:
-        refuse_fitted(log, second)
+        refuse_shared(log, second)
     finder = diagnose(options, log, second, folder)
     if finder.verdict_ == "data_problem":
         raise SystemExit(UNUSABLE)
@@ -232,7 +233,7 @@ def diagnose(options: dict[str, Any], log: Bunch, second: Bunch | None, folder: 
 def another(options: dict[str, Any], first: Bunch, file: str) -> Any:
     """A further log of the axis, with the columns of the first."""
     log = liveliest(taken(options, read_log(options, file)))
-    refuse_fitted(first, log)
+    refuse_shared(first, log, TWICE)
     first.notes = (*first.notes, f"{log.name} is used too: {log.y.size} samples at {log.sample_rate:.6g} Hz.")
     return as_record(options, log)[0]
 

@@ -21,7 +21,15 @@ from whsklearn.cli.job import (
     wrapped,
     writable_folder,
 )
-from whsklearn.cli.records import logged_option, note, note_assumed, read, reading_options, refuse_fitted
+from whsklearn.cli.records import (
+    TWICE,
+    logged_option,
+    note,
+    note_assumed,
+    read,
+    reading_options,
+    refuse_shared,
+)
 
 if TYPE_CHECKING:
     from sklearn.utils import Bunch
@@ -30,8 +38,12 @@ if TYPE_CHECKING:
     from whsklearn.tracking import Run
 
 
+UNEVEN = 0.01  # of the rate, by which two logs may differ: a clock is a thousand times better
+
+
 @job
 @click.argument("train", metavar="TRAIN", type=click.Path(exists=True))
+@click.argument("more", metavar="[TRAIN ...]", nargs=-1, type=click.Path(exists=True))
 @click.option("--input", "input_column", help="Input column.")
 @click.option("--output", "output_column", help="Output column.")
 @click.option("--time", "time_column", help="Column of time stamps; without it (or --rate) a sample is 1 s.")
@@ -48,11 +60,16 @@ if TYPE_CHECKING:
 def main(**options: Any) -> None:
     """Find the model that describes the log TRAIN best: linear, Wiener-Hammerstein or physics.
 
+    Several logs of one system make one identification: numbers are shared, and every log restarts from its own state.
+
     \b
     whsklearn identify axis.csv --input torque_nm --output position_rad --time time_s --out model
+    whsklearn identify monday.csv tuesday.csv --input torque_nm --output position_rad --time time_s --out model
     whsklearn identify arm.csv --robot arm.urdf --joints "shoulder:q1,i1;elbow:q2,i2" --out model
     """  # noqa: D301 - click reads the backspace
     if options["robot"]:
+        if options["more"]:
+            raise click.UsageError("Several logs are supported for one input and one output only; give one of an arm.")
         from whsklearn.cli import arm
 
         arm.identify(options)
@@ -60,11 +77,11 @@ def main(**options: Any) -> None:
     from whsklearn.identification import identify
     from whsklearn.identification.report import on_intervals, write
 
-    train = log_of(options["train"], options)
+    train = together([log_of(path, options) for path in (options["train"], *options["more"])])
     test = log_of(options["test"], options) if options["test"] else None
     note_assumed(train)
     if test is not None:
-        refuse_fitted(train, test)
+        refuse_shared(train, test)
     writable_folder(options["out"])
     name = Path(options["train"]).stem
     timed = train.units["time"] != "samples"
@@ -148,6 +165,38 @@ def log_of(path: str, options: dict[str, Any]) -> Bunch:
     else:
         raise ColumnError("Give --input and --output, the input and output columns.")
     return read(path, options, **columns)
+
+
+def together(logs: list[Bunch]) -> Bunch:
+    """The logs as one with holes between them, in the units and at the rate of the first.
+
+    Raises
+    ------
+    ValueError
+        If rates or kinds of units differ, or two logs hold the same samples.
+    """
+    import numpy as np
+
+    first = logs[0]
+    signals = [(first.X[:, 0], first.y, first.groups)]
+    for k, log in enumerate(logs[1:], 1):
+        if (log.units["time"] == "samples") != (first.units["time"] == "samples"):
+            raise ValueError(f"Only one of {first.name} and {log.name} has a time; give --rate or --time for both.")
+        if abs(log.sample_rate / first.sample_rate - 1.0) > UNEVEN:
+            raise ValueError(
+                f"{first.name} has {first.sample_rate:.6g} samples a second and {log.name} {log.sample_rate:.6g}; "
+                "resample them to one rate."
+            )
+        for other in logs[:k]:
+            refuse_shared(other, log, TWICE)
+        signals.append(as_train(log, first))
+        note(f"{log.name} is used too: {log.y.size} samples.")
+    if len(logs) == 1:
+        return first
+    segments = np.cumsum([0] + [int(groups.max()) + 1 for *_, groups in signals])
+    u, y = (np.concatenate([signal[k] for signal in signals]) for k in (0, 1))
+    groups = np.concatenate([g + begin for (*_, g), begin in zip(signals, segments, strict=False)])
+    return type(first)(**{**first, "X": u[:, None], "y": y, "groups": groups})
 
 
 def as_train(test: Bunch, train: Bunch) -> tuple[Any, Any, Any]:

@@ -151,8 +151,12 @@ def note(text: str) -> None:
     click.echo(f"Note: {text}", err=True)
 
 
-def refuse_fitted(train: Bunch, test: Bunch) -> None:
-    """Raise if a test log holds samples of the log that is fitted, whatever the files are called.
+TESTED = "so the test would be on data of the fit; give --test a log of another run"
+TWICE = "so they would count twice; give logs of different runs"
+
+
+def refuse_shared(train: Bunch, test: Bunch, why: str = TESTED) -> None:
+    """Raise if a log holds samples of another one, whatever the files are called; ``why`` that must not be.
 
     Raises
     ------
@@ -174,8 +178,7 @@ def refuse_fitted(train: Bunch, test: Bunch) -> None:
         i, j, n = found
         raise LogError(
             f"{test.name} from {test.time[j]:.6g} to {test.time[j + n - 1]:.6g} s is {train.name} from "
-            f"{train.time[i]:.6g} to {train.time[i + n - 1]:.6g} s, sample by sample ({n} of them), so the test would "
-            "be on data of the fit; give --test a log of another run."
+            f"{train.time[i]:.6g} to {train.time[i + n - 1]:.6g} s, sample by sample ({n} of them), {why}."
         )
 
 
