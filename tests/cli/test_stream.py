@@ -58,7 +58,7 @@ def test_the_run_is_recorded(mlflow_root, rows):
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (["--input", "torque"], "Column 'torque' stands 0 times"),
+        (["--input", "torque"], "The header has no column 'torque'"),
         (["--orders", "2,2"], "--orders is '2,2'"),
         (["--law", "nonsense"], "Unknown effect 'nonsense'"),
         (["--p", "0"], "p is 0"),

@@ -51,7 +51,7 @@ def test_nothing_moved_and_what_would_have_shown(plain):
     assert (found.verdict, found.changes) == ("nothing", [])
     inertia = next(r["mean"] for r in found.numbers if r["name"] == "inertia")
     assert found.smallest_seen["inertia"] < 0.1 * inertia
-    assert "would have been seen" in found.sentence
+    assert "would have been detected" in found.sentence
 
 
 def test_numbers_are_told_in_the_units_of_the_log(plain):

@@ -37,6 +37,8 @@ if TYPE_CHECKING:
     from whsklearn.identification import Identification
     from whsklearn.tracking import Run
 
+INDICES = ("nmse", "rmse")
+
 
 UNEVEN = 0.01  # of the rate, by which two logs may differ: a clock is a thousand times better
 
@@ -214,10 +216,13 @@ def as_train(test: Bunch, train: Bunch) -> tuple[Any, Any, Any]:
 
 def comparison(found: Identification) -> str:
     """Structures by rows, from the simplest on; the trivial one first."""
+    from whsklearn.identification.report import DIVERGED, error_of
+
     rows: list[list[Any]] = [[found.trivial.name, 0, *found.trivial.windows.values(), None, None, None]]
     for c in found.models:
-        windows = [c.windows.get(h) for h in found.trivial.windows]
-        rows.append([c.name, c.size or None, *windows, c.test.get("nmse"), c.test.get("rmse"), c.seconds])
+        windows = [error_of(c.windows.get(h), trivial) for h, trivial in found.trivial.windows.items()]
+        free = [error_of(c.test.get("nmse"))] * 2 if c.test.get("nmse", 0.0) > DIVERGED else [*map(c.test.get, INDICES)]
+        rows.append([c.name, c.size or None, *windows, *free, c.seconds])
     lengths = [f"{h * found.train.dt:.3g} s" for h in found.trivial.windows]
     unit = found.model.units.get("output", "")
     told = f" ({unit})" if unit else ""

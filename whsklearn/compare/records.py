@@ -142,8 +142,8 @@ def compare_arms(
         if len(records) == 2:
             found = weighed(found, records, arm)
         found.notes += [
-            f"The arm's numbers leave {100 * share:.0f} % of the drive of {joint} unexplained; what moved there cannot "
-            "be told. Run `whsklearn gap` with --robot on it."
+            f"The arm's numbers leave {100 * share:.0f} % of the drive of {joint} unexplained; what changed there "
+            "cannot be told. Run `whsklearn gap` with --robot on it."
             for joint, share in poor.items()
         ]
     found.alpha, found.seconds = alpha, time.perf_counter() - began
@@ -214,7 +214,7 @@ def unusable(record: ServoRecord, label: str) -> str:
 
 def cannot_tell(reason: str, labels: list[str]) -> Comparison:
     """A result of `cannot_tell`, with the reason."""
-    return Comparison("cannot_tell", f"What moved cannot be told. {reason}", labels, reason=reason)
+    return Comparison("cannot_tell", f"It cannot be said what changed. {reason}", labels, reason=reason)
 
 
 def compare_rows(rows: list[Rows], alpha: float) -> Comparison:
@@ -300,8 +300,8 @@ def unseen(d: Difference, smallest_seen: dict[str, float]) -> str:
     if any(smallest_seen[name] < SEEN * size for name, size in sizes.items()):
         return ""
     return (
-        "A change of half of any number would have been missed: the records are too short, too noisy, or the model "
-        "leaves too much of them."
+        "Even a change of any number by half would have been missed: the records are too short or too noisy, or the "
+        "model explains too little of them."
     )
 
 
@@ -310,7 +310,7 @@ def sentence(found: Comparison, d: Difference) -> str:
     if found.verdict == "moved":
         return told(found.changes)
     if found.verdict == "cannot_tell":
-        return f"What moved cannot be told. {found.reason}"
+        return f"It cannot be said what changed. {found.reason}"
     sizes = own_sizes(d)
     seen = by_effect({n: found.smallest_seen[n] / s for n, s in sizes.items() if found.smallest_seen[n] < SEEN * s})
     if "gain" in found.smallest_seen:  # an arm has one at every joint
@@ -320,8 +320,8 @@ def sentence(found: Comparison, d: Difference) -> str:
         name = min(masses, key=lambda n: masses[n])
         seen.append(f"{masses[name]:.2g} kg at {name.removeprefix('mass at ')}")
     hidden = by_effect({n: np.nan for n, s in sizes.items() if found.smallest_seen[n] >= SEEN * s})
-    text = f"Nothing moved that these records show. At least {', '.join(seen)} would have been seen."
-    return text + (f" Less than half of {' and '.join(hidden)} would not." if hidden else "")
+    text = f"These records show no change. A change of {', '.join(seen)} would have been detected."
+    return text + (f" A change of {' or '.join(hidden)} by less than half would not." if hidden else "")
 
 
 def told(changes: Sequence[Change]) -> str:

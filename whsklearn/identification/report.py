@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from whsklearn.identification.compare import Compared, Identification
 
 MODEL_FILE = "model.json"
+DIVERGED = 1e6  # times the error of a constant: a run that has left every scale, not a poor model
 
 
 def write(found: Identification, folder: str | os.PathLike[str]) -> Path:
@@ -126,7 +127,19 @@ def page(found: Identification) -> str:
         on_drive=found.on_drive,
         seconds=[f"{h * found.train.dt:.3g} s" for h in lengths],
         number=number,
+        error_of=error_of,
     )
+
+
+def error_of(value: float | None, trivial: float = 1.0, digits: int = 3) -> str:
+    """An error in some significant digits; a word where the run leaves every scale.
+
+    Examples
+    --------
+    >>> error_of(0.0336), error_of(None), error_of(5.6e103, trivial=0.73)
+    ('0.0336', '-', 'diverges')
+    """
+    return "diverges" if value is not None and value > DIVERGED * trivial else number(value, digits)
 
 
 def number(value: float | None, digits: int = 3) -> str:

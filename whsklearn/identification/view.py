@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from whsklearn.filtering.between_samples import fine_drive
+from whsklearn.logs.errors import LogError
 from whsklearn.recursion.batch.best_linear import IOData, least_squares_arx
 
 if TYPE_CHECKING:
@@ -135,7 +136,7 @@ def view(u: ArrayLike, y: ArrayLike, dt: float, logged: str, groups: ArrayLike |
                 f"The {name} is not finite at row {np.argmin(np.isfinite(signal))}; repair or cut the log."
             )
         if np.ptp(signal) == 0:
-            raise ValueError(f"The {name} never changes; give a log in which the axis is driven and moves.")
+            raise LogError(f"The {name} never changes; give a log in which the axis is driven and moves.")
     bounds = np.array([0, *starts, y.size], dtype=np.int64)
     if not (np.isfinite(dt) and dt > 0):
         raise ValueError(f"dt is {dt!r}, expected a sampling time above zero in s.")

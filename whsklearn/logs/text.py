@@ -168,18 +168,18 @@ def _encoding(head: bytes, name: str) -> str:
         head[: len(head) - 4].decode("utf-8")
     except UnicodeDecodeError as error:
         if error.start < len(head) - 8:
-            return _legacy(head)
+            return legacy_encoding(head)
     return "utf-8-sig"
 
 
-def _legacy(head: bytes) -> str:
+def legacy_encoding(head: bytes) -> str:
     """The encoding of a text that is not Unicode: Japanese has kana, Chinese pairs of bytes in GB 2312's common rows.
 
     Examples
     --------
-    >>> _legacy("時間,トルク指令".encode("cp932")), _legacy("时间;转矩(N·m)".encode("gb18030"))
+    >>> legacy_encoding("時間,トルク指令".encode("cp932")), legacy_encoding("时间;转矩(N·m)".encode("gb18030"))
     ('cp932', 'gb18030')
-    >>> _legacy("Zeit;Größe;Übermaß in °".encode("cp1252"))
+    >>> legacy_encoding("Zeit;Größe;Übermaß in °".encode("cp1252"))
     'cp1252'
     """
     try:

@@ -16,6 +16,8 @@ from math import isfinite
 from pathlib import Path
 from typing import BinaryIO
 
+from whsklearn.logs.text import legacy_encoding
+
 BLOCK = 1 << 16
 AT_ONCE = 64  # lines handed out: between them a signal is heard and a checkpoint written, however slow the model is
 LONGEST = 1 << 20  # bytes of one line; what is longer is no row
@@ -162,22 +164,26 @@ class CsvParser:
     Raises
     ------
     ValueError
-        If a column is missing or stands twice.
+        If a column is missing or there are several of its name.
+
+    Examples
+    --------
+    >>> CsvParser("Zeit;Übertemperatur;Strom".encode("cp1252"), ["Zeit", "Strom"])(b"0,5;41;-1,25")
+    [0.5, -1.25]
     """
 
     def __init__(self, header: bytes, columns: Sequence[str]):
-        text = header.decode("utf-8-sig", errors="replace").strip("\r\n")
+        text = text_of(header).lstrip("\ufeff").strip("\r\n")
         self.delimiter = max(",;\t", key=text.count)
         names = [name.strip().strip('"') for name in text.split(self.delimiter)]
         for name in columns:
             if names.count(name) != 1:
-                raise ValueError(
-                    f"Column {name!r} stands {names.count(name)} times in the header; expected once, "
-                    f"among: {', '.join(names)[:300]}."
-                )
+                what = "several columns" if name in names else "no column"
+                raise ValueError(f"The header has {what} {name!r}; it has: {', '.join(names)[:300]}.")
         self.n_fields = len(names)
         self._at = [(names.index(name), name) for name in columns]
         self._split = self.delimiter.encode()
+        self._comma = self.delimiter != ","  # a comma inside a field is a decimal sign
 
     def __call__(self, line: bytes) -> list[float]:
         """The values of one line; BadRow if it has none."""
@@ -190,7 +196,7 @@ class CsvParser:
             try:
                 value = float(field)
             except ValueError:
-                value = _number(field, name)
+                value = _number(field, name, self._comma)
             if not isfinite(value) or b"_" in field:  # Python reads 1_000 as a number, no logger writes it
                 raise BadRow(f"{name} is {_short(field.strip())!r}, no finite number")
             row.append(value)
@@ -225,9 +231,19 @@ class JsonParser:
         return row
 
 
-def _number(field: bytes, name: str) -> float:
-    """A float from a field that may be quoted."""
+def text_of(header: bytes) -> str:
+    """The text of a header, whatever its encoding."""
+    try:
+        return header.decode()
+    except UnicodeDecodeError:
+        return header.decode(legacy_encoding(header), errors="replace")
+
+
+def _number(field: bytes, name: str, comma: bool) -> float:
+    """A float from a field that may be quoted, or have a decimal comma."""
     text = field.strip().strip(b'"')
+    if comma and text.count(b",") == 1:
+        text = text.replace(b",", b".")
     try:
         return float(text)
     except ValueError:

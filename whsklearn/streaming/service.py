@@ -21,7 +21,7 @@ from whsklearn.state import read_state, write_state
 from whsklearn.streaming.files import alone, check_files, fingerprint
 from whsklearn.streaming.monitor import Options, Record, Refused, StreamMonitor
 from whsklearn.streaming.records import Out
-from whsklearn.streaming.rows import CsvParser, FollowedFile, JsonParser, LineSource, PipedLines
+from whsklearn.streaming.rows import CsvParser, FollowedFile, JsonParser, LineSource, PipedLines, text_of
 from whsklearn.tracking import BesideRun, estimator_params, open_tracker
 from whsklearn.tracking.beside import CLOSE_SECONDS, HURRIED_SECONDS
 
@@ -248,7 +248,7 @@ def _feed(
             lines.restarted, parse = False, None
             keeper.say(f"{files.source} was replaced or cut; reading it from its new beginning.")
         if parse is None and block:
-            place["header"] = block.pop(0).decode("utf-8", errors="replace")
+            place["header"] = text_of(block.pop(0))
             parse = _parser(files.source, place)
         if parse is not None and block:
             try:
@@ -276,7 +276,7 @@ def _check_source(source: str, place: dict[str, Any]) -> None:
     if source == "-" or not place["header"]:
         return
     with open(source, "rb") as file:
-        header = file.readline().rstrip(b"\n").decode("utf-8", errors="replace")
+        header = text_of(file.readline().rstrip(b"\n"))
     known = place.get("fingerprint", "")
     if (
         header != place["header"]
