@@ -52,7 +52,7 @@ COMMANDS = {
     "gap": ["gap", "axis.csv", *LOG, "--report", "report"],
     "identify": ["identify", "axis.csv", *LOG_BY_INPUT, "--out", "model"],
     "tune": ["tune", "--samples", "5000", "--p", "1,2,4,8", "--P0", "1,100,1e6"],
-    "stream": ["stream", "axis.csv", *ROWS, "--estimator", "rls", "--follow", "--every", "50", "--out", "out.jsonl"],
+    "stream": ["stream", "axis.csv", *ROWS, "--estimator", "rls", "--follow", "--every", "2000", "--out", "out.jsonl"],
     "demo": ["demo", "--out", "reports"],
     "compare": ["compare", "axis.csv", "later.csv", *LOG, "--out", "compared"],
     "fleet": ["fleet", "logs", *ROWS, "--in-process", "--out", "fleet.parquet"],

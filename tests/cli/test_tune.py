@@ -149,7 +149,7 @@ def test_every_segment_counts_and_none_follows_on_another(tmp_path, kind, mlflow
     done = run("--log", tmp_path / "holes.csv", "--input", "u", "--output", "y", "--time", "time_s", "--search", kind,
                "--logged", "output", "--p", "1,2", "--folds", 2, "--jobs", 1)  # fmt: skip
     assert done.exit_code == 0, done.output
-    assert "begins anew in each of its 2 segments" in done.output
+    assert "restarts in each of its 2 segments" in done.output
     model = mlflow.sklearn.load_model("models:/tuned@champion-holes")
     assert model.state_["seen"] == 1470
     segment = np.repeat([0, 1], [700, 770])

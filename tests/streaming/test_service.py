@@ -26,7 +26,7 @@ def test_a_full_disk_leaves_the_stream_without_a_checkpoint_or_ends_it(tmp_path,
     assert done.exit_code == 0
     assert "log.csv.whs cannot be written (No space left on device); the stream goes on without it" in done.stderr
     assert (tmp_path / "out.jsonl").read_text().count('"estimate"') == 3
-    assert "no checkpoint could be written, so started again, the stream begins anew." in done.stderr
+    assert "so if it is started again, the stream begins at the first row." in done.stderr
     assert "goes on from" not in done.stderr
     done = short.run(log, "--disk-full", "stop")
     assert done.exit_code == 1

@@ -371,8 +371,8 @@ def _load(kept: Path, model: Any, columns: list[str]) -> dict[str, Any]:
         )
     if repr(params["estimator"]) != repr(model):
         raise ValueError(
-            f"{kept} was written with {params['estimator']!r}; start with the same options, or give --fresh to begin "
-            "anew."
+            f"{kept} was written with {params['estimator']!r}; start with the same options, or give --fresh to start "
+            "over."
         )
     return state
 
