@@ -274,34 +274,27 @@ class ArmPlant(PlantDefaults):
         """The free numbers, and their covariance by leaving out blocks of the record (`updated`)."""
         view = self.view
         model, n = view.fit(model), len(model.numbers)
-        ages, _ = view.design(model.with_terms(()), view.timed(model))
-        blocks = [ages]
+        weight, rows = view.flat_weight(), view.keep.ravel()
+        blocks = [view.design(model.with_terms(()), view.timed(model))[0]]
+        whole = view.left(model) + view.phi @ (model.numbers - view.expected)
         for t in model.terms:
+            whole = whole + view.contribution(t)
             for slot in range(len(t.q)):
                 step = 1e-4 * max(abs(t.q[slot]), 1e-6)
                 q = (*t.q[:slot], t.q[slot] + step, *t.q[slot + 1 :])
                 moved = view.contribution(replace(t, q=q)) - view.contribution(t)
                 blocks.append((moved / step).reshape(-1, 1))
-        x = np.concatenate([model.numbers, *(t.q for t in model.terms)])
-        columns = np.hstack(blocks)
-        own = np.r_[:n, ages.shape[1] : columns.shape[1]]
-        off = np.zeros(columns.shape[1])
-        off[own] = x
-        off[:n] -= view.expected
-        weight, rows = view.flat_weight(), view.keep.ravel()
-        target = ((view.left(model).ravel() + columns @ off) * weight)[rows]
-        columns = (columns * weight[:, None])[rows]
+        at, columns = blocks[0].shape[1], (np.hstack(blocks) * weight[:, None])[rows]
+        target = (whole.ravel() * weight)[rows]
         known, block = view.known_rows(columns.shape[1]) / np.sqrt(view.repeats), blocks_of(view.keep)
         spread = updated(columns, target, block, known)[1]
-        at = ages.shape[1]
+        own = np.r_[:n, at : columns.shape[1]]
         for t in model.terms:
             here = slice(at, at := at + len(t.q))
             if t.kind.cls is Load:
-                free = np.delete(np.arange(columns.shape[1]), np.arange(here.start, here.stop))
-                error = target - columns[:, free] @ off[free] + columns[:, free] @ np.where(free < n, off[free], 0.0)
-                beside = Beside(columns[:, free], error, known[:, free], block, np.nonzero(view.keep)[1])
-                body = (view.body(t.kind) * weight[:, None])[rows]
-                if (told := beside.weigh(t.joint, body)) is not None:
+                free = np.r_[: here.start, here.stop : columns.shape[1]]
+                beside = Beside(columns[:, free], target, known[:, free], block, np.nonzero(view.keep)[1])
+                if (told := beside.weigh(t.joint, (view.body(t.kind) * weight[:, None])[rows])) is not None:
                     errors = np.array([told[0].mass_error, *told[0].centre_error])
                     spread[here, :] = spread[:, here] = 0.0
                     spread[here, here] = np.diag(np.where(np.isfinite(errors), errors, 0.0) ** 2)
@@ -313,6 +306,7 @@ class ArmPlant(PlantDefaults):
                 at += len(t.q)
             return replace(model, numbers=z[:n], terms=tuple(terms))
 
+        x = np.concatenate([model.numbers, *(t.q for t in model.terms)])
         wide, none = np.full(x.size, np.inf), np.zeros((0, x.size))
         return Linearised(x, -wide, wide, none[:, 0], none, rebuild, spread[np.ix_(own, own)])
 
