@@ -123,3 +123,17 @@ def test_a_large_effect_keeps_its_p_value_and_none_counts_from_nothing():
     assert with_p_values([small])[0].p_value < 1e-5
     nameless = Look("", 400.0, null, size=0.019, degrees=1.0)
     assert with_p_values([nameless], 0.02)[0].p_value < 1e-5
+
+
+def test_what_another_record_knows_of_the_numbers_counts_as_rows_beside_it():
+    base, column, null, y = rows()
+    known, none = np.diag([9.0, 0.0, 30.0]), np.zeros(3)
+    unseen = np.column_stack(
+        [base, np.append(1.0, np.zeros(N - 1))]
+    )  # of a number whose row is left out nothing is known
+    weight = np.append(0.0, np.ones(N - 1))
+    look = Tangent(y, null, unseen, N, weight, np.pad(known, ((0, 0), (0, 1)))).look(family(column))
+    stacked, target = np.vstack([base[1:], known]), np.append(y[1:], none)
+    wide = np.column_stack([stacked, np.append(column[1:], none)])
+    before, after = (np.linalg.lstsq(x, target, rcond=None)[1][0] for x in (stacked, wide))
+    assert look.gain == pytest.approx(N * np.log(before / after), rel=1e-9)

@@ -203,9 +203,7 @@ def gap_log(options: dict[str, Any]) -> Bunch:
         note(f"Gains by the known load: {options['gains']}")
     log = read_arm(options["log_file"], options, arm)
     if options["loaded"] and not options["load"]:
-        from whsklearn.identification import identify_arm
-
-        options["known"] = identify_arm(log.position, log.drive, dt=1.0 / log.rate, robot=arm).model
+        options["known"] = identified(log, arm).model
         log = read_arm(options["loaded"], options, arm)
     errors = [e / g for g, e in gains_of(options["gains"] or "").values() if g]
     return Bunch(
@@ -239,9 +237,20 @@ def gains_by_load(options: dict[str, Any], arm: Arm) -> str:
     return ";".join(f"{j}:{g:.6g}+-{e:.3g}" if g == g else f"{j}:1" for j, (g, e) in found.items())
 
 
+def identified(log: Bunch, arm: Arm) -> ArmFit:
+    """What `identify_arm` finds in a log; its warnings are notes."""
+    from whsklearn.identification import identify_arm
+
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always", UserWarning)
+        found = identify_arm(log.position, log.drive, dt=1.0 / log.rate, robot=arm)
+    for text in dict.fromkeys(str(w.message) for w in said if w.category is UserWarning):
+        note(text)
+    return found
+
+
 def identify(options: dict[str, Any]) -> None:
     """``identify LOG --robot FILE``: base numbers beside the file's, and held-out errors."""
-    from whsklearn.identification import identify_arm
     from whsklearn.logs.files import atomic_write
     from whsklearn.models import save_model
 
@@ -249,11 +258,7 @@ def identify(options: dict[str, Any]) -> None:
     log = read_arm(options["train"], options, arm)
     folder = writable_folder(options["out"])
     tracker = tracker_for("identify", options["track"], data=Path(options["train"]).stem)
-    with warnings.catch_warnings(record=True) as said:
-        warnings.simplefilter("always", UserWarning)
-        found = identify_arm(log.position, log.drive, dt=1.0 / log.rate, robot=arm)
-    for text in dict.fromkeys(str(w.message) for w in said if w.category is UserWarning):
-        note(text)
+    found = identified(log, arm)
     save_model(found.model, folder / "model.json")
     atomic_write(folder / "identify.json", json.dumps(document(found), indent=1, allow_nan=False).encode() + b"\n")
     click.echo(f"\n{joints_table(found)}\n\n{numbers_table(found)}\n")

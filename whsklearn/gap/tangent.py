@@ -142,7 +142,8 @@ class Tangent:
         n = len(scaled)
         if self.known is not None:
             scaled = np.vstack([scaled, self.known[:, used] / norm[used]])
-            scaled /= np.linalg.norm(scaled, axis=0)
+            both = np.linalg.norm(scaled, axis=0)
+            scaled = scaled[:, both > 0.0] / both[both > 0.0]  # a column of zeros has no direction
         self.plane: Array = np.linalg.qr(scaled)[0][:n] if scaled.size else np.zeros((self.left.size, 0))
         rows = self._weighted(np.vstack([self.left[None, :], self.null]).T)
         self.rows = rows - self.plane @ (self.plane.T @ rows)  # (n, 1 + m), the record first
