@@ -6,7 +6,8 @@ import numpy as np
 
 from tests.compare.linear import TRUTH, rows
 from whsklearn.compare.estimate import estimate
-from whsklearn.compare.series import change_point, scatter, spread
+from whsklearn.compare.records import compare_rows
+from whsklearn.compare.series import change_point, course, scatter, spread
 
 
 def many(factors):
@@ -40,3 +41,25 @@ def test_spread_between_is_that_of_the_draw():
     rng = np.random.default_rng(0)
     found = [spread(1.0 + 0.1 * rng.standard_normal(20), np.full(20, 0.02**2))[1] for _ in range(50)]
     assert abs(np.median(found) - 0.1) < 0.02
+
+
+def test_a_trend_is_told_from_a_step_and_from_scatter():
+    rng = np.random.default_rng(1)
+    n, error = 8, 0.02
+    shapes = {"trend": 0.05 * np.arange(n), "change point": 0.3 * (np.arange(n) > 4), "neither": np.zeros(n)}
+    for word, shape in shapes.items():
+        told = [course(1.0 + shape + error * rng.standard_normal(n), np.full(n, error**2), 0.01) for _ in range(60)]
+        assert np.mean([c.word == word for c in told]) > 0.9
+        if word == "trend":
+            assert np.mean([abs(c.slope - 0.05) < 2.0 * c.standard_error for c in told]) > 0.85
+    scattered = [course(1.0 + 0.2 * rng.standard_normal(n), np.full(n, error**2), 0.01).word for _ in range(60)]
+    assert np.mean([word == "neither" for word in scattered]) > 0.9  # the scatter is the noise of a trend
+
+
+def test_a_number_that_falls_from_record_to_record_is_told_with_its_slope():
+    every, _ = many([1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3])
+    found = compare_rows(every, 0.01)
+    (coulomb,) = [r for r in found.numbers if r["name"] == "coulomb"]
+    assert coulomb["course"] == "trend"
+    assert abs(coulomb["slope"] + 0.02) < 3.0 * coulomb["slope_standard_error"]
+    assert any("coulomb falls by" in note for note in found.notes)

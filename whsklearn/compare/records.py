@@ -18,7 +18,7 @@ from whsklearn.compare.estimate import Estimate, estimate
 from whsklearn.compare.hypotheses import Difference, hypotheses, smallest
 from whsklearn.compare.pair import between, changes_between
 from whsklearn.compare.rows import Rows
-from whsklearn.compare.series import change_point, scatter, spread
+from whsklearn.compare.series import change_point, course, scatter, spread
 from whsklearn.gap.data_check import FEWEST_SAMPLES, SHORTEST_RECORD, check_servo
 from whsklearn.gap.record import ServoRecord
 from whsklearn.identification.arm_fit import N_LEFT_OUT, identify_arm
@@ -30,6 +30,7 @@ SURE = 3.0  # standard errors below zero: one in a thousand by chance
 SEEN = 0.5  # of a number: a comparison that would miss half of every number has seen nothing
 FOLLOWS = 0.01  # of the drive that a function of position leaves: then the drive is the controller's, not the axis's
 N_KNOTS = 24
+FEWEST_OF_A_TREND = 4  # records: three leave a line and a step one degree of freedom, and no choice between them
 NAMED = 3  # joints of an arm by name in one phrase
 
 
@@ -236,8 +237,8 @@ def compare_rows(rows: list[Rows], alpha: float) -> Comparison:
         changes, d = change_point(rows, parts, alpha)
         changes = changes or scatter(rows, parts, alpha)
     found = Comparison("moved" if changes else "nothing", "", labels, changes, smallest(d, alpha))
-    found.numbers = table(rows, parts)
-    found.notes = drift_notes(rows, parts)
+    found.numbers = table(rows, parts, alpha)
+    found.notes = drift_notes(rows, parts) + trend_notes(found.numbers)
     if not changes and (blind := unseen(d, found.smallest_seen)):
         found.verdict, found.reason = "cannot_tell", blind
     found.sentence = sentence(found, d)
@@ -255,8 +256,11 @@ def unphysical(rows: Rows, part: Estimate) -> str:
     return ""
 
 
-def table(rows: list[Rows], parts: list[Estimate]) -> list[dict[str, Any]]:
-    """One row per number: value and standard error in each record, the mean, and the excess spread between records."""
+def table(rows: list[Rows], parts: list[Estimate], alpha: float) -> list[dict[str, Any]]:
+    """One row per number: value and standard error in each record, the mean, and the excess spread between records.
+
+    From `FEWEST_OF_A_TREND` records on with its course: a trend, a change point or neither, and the slope a record.
+    """
     out = []
     for i, name in enumerate(rows[0].names):
         values, variances = np.array([e.values[i] for e in parts]), np.array([e.covariance[i, i] for e in parts])
@@ -267,7 +271,20 @@ def table(rows: list[Rows], parts: list[Estimate]) -> list[dict[str, Any]]:
             "spread_within": float(np.sqrt(np.mean(variances))), "p_value_spread": p,
             "to_si": rows[0].to_si[i] if rows[0].to_si else 1.0,
         })  # fmt: skip
+        if len(parts) >= FEWEST_OF_A_TREND:
+            told = course(values, variances, alpha / len(rows[0].names))
+            out[-1] |= {"course": told.word, "slope": told.slope, "slope_standard_error": told.standard_error}
     return out
+
+
+def trend_notes(numbers: list[dict[str, Any]]) -> list[str]:
+    """Notes on numbers that rise or fall all along the records."""
+    return [
+        f"{r['name'].replace('_', ' ')} {'rises' if r['slope'] > 0.0 else 'falls'} by {abs(r['slope']):.3g} ± "
+        f"{r['slope_standard_error']:.2g} {r['unit']} per record: a trend over all records fits better than one change."
+        for r in numbers
+        if r.get("course") == "trend"
+    ]
 
 
 def drift_notes(rows: list[Rows], parts: list[Estimate]) -> list[str]:

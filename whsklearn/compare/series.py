@@ -1,13 +1,14 @@
-"""More than two records: the record at which a number changes, and the spread between records of equal axes."""
+"""More than two records: where a number changes, whether it has a trend, and the spread between equal axes."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
+from scipy.stats import t as student
 
 from whsklearn.compare.comparison import Change
 from whsklearn.compare.estimate import Estimate, Part, degrees_of
@@ -48,6 +49,66 @@ def scattered(parts: list[Estimate]) -> Array:
         return np.zeros(parts[0].values.size)
     values, variances = np.array([e.values for e in parts]), np.array([np.diag(e.covariance) for e in parts])
     return np.array([spread(v, s)[1] ** 2 for v, s in zip(values.T, variances.T, strict=True)])
+
+
+class Course(NamedTuple):
+    """How a number goes from record to record: ``trend``, ``change point`` or ``neither``; its slope a record."""
+
+    word: str
+    slope: float
+    standard_error: float
+    p_value: float
+
+
+def course(values: Array, variances: Array, alpha: float) -> Course:
+    """A line through the records in their order, against a step between two of them and against neither.
+
+    Errors of the slope are widened by Birge's ratio, so that records which scatter show no trend.  Of a line and a step
+    the one with the lower BIC is told; a step has one number more, its place.
+
+    Parameters
+    ----------
+    values, variances : ndarray of shape (n_records,)
+        In the order of time.
+    alpha : float
+        Probability of a word other than ``neither`` although the number stays.
+
+    References
+    ----------
+    Birge 1932, The calculation of errors by the method of least squares, Physical Review 40(2), 207-227; Schwarz 1978,
+    Annals of Statistics 6(2), 461-464.
+
+    Examples
+    --------
+    >>> small = np.full(6, 1e-4)
+    >>> every = [1, 1.1, 1.2, 1.3, 1.4, 1.5], [1, 1, 1, 1.5, 1.5, 1.5], [1] * 6
+    >>> [course(np.array(values), small, 0.01).word for values in every]
+    ['trend', 'change point', 'neither']
+    """
+    n = values.size
+    place = np.arange(n, dtype=float)
+    weighed = [_line(values, variances, x) for x in (place, *(np.float64(place >= k) for k in range(1, n)))]
+    slope, variance, left = weighed[0]
+    step, of_step, left_by_step = min(weighed[1:], key=lambda fit: fit[2])
+
+    def p(size: float, spread: float, rest: float, asked: int) -> float:
+        z = abs(size) / np.sqrt(spread * max(1.0, rest / (n - 2.0)))
+        return float(min(1.0, asked * 2.0 * student.sf(z, n - 2.0)))
+
+    of_line, of_a_step = p(slope, variance, left, 1), p(step, of_step, left_by_step, n - 1)
+    word = "trend" if left < left_by_step + np.log(n) else "change point"
+    if (of_line if word == "trend" else of_a_step) > alpha:
+        word = "neither"
+    return Course(word, slope, float(np.sqrt(variance * max(1.0, left / (n - 2.0)))), of_line)
+
+
+def _line(values: Array, variances: Array, x: Array) -> tuple[float, float, float]:
+    """(slope over ``x``, its variance, chi-squared of the rest) of a weighted line."""
+    w = 1.0 / variances
+    beside = x - (w @ x) / w.sum()
+    slope = float(w @ (beside * values) / (w @ beside**2))
+    rest = values - (w @ values) / w.sum() - slope * beside
+    return slope, float(1.0 / (w @ beside**2)), float(w @ rest**2)
 
 
 def change_point(rows: list[Rows], parts: list[Estimate], alpha: float) -> tuple[list[Change], Difference]:
