@@ -102,7 +102,7 @@ def course(values: Array, variances: Array, alpha: float) -> Course:
     return Course(word, slope, float(np.sqrt(variance * max(1.0, left / (n - 2.0)))), of_line)
 
 
-def _line(values: Array, variances: Array, x: Array) -> tuple[float, float, float]:
+def _line(values: Array, variances: Array, x: Any) -> tuple[float, float, float]:
     """(slope over ``x``, its variance, chi-squared of the rest) of a weighted line."""
     w = 1.0 / variances
     beside = x - (w @ x) / w.sum()

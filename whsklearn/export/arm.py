@@ -66,9 +66,9 @@ def arm_mjcf(arm: Arm) -> tuple[str, list[Loss]]:
         tendon = ElementTree.SubElement(
             tendons, "fixed", {"name": name} | {k: _text([v]) for k, v in passive.items() if v}
         )
-        for joint, coefficient in zip(arm.joints, direction, strict=True):
+        for of, coefficient in zip(arm.joints, direction, strict=True):
             if coefficient:
-                ElementTree.SubElement(tendon, "joint", joint=joint, coef=_text([coefficient]))
+                ElementTree.SubElement(tendon, "joint", joint=of, coef=_text([coefficient]))
     return _written(root, losses), losses
 
 

@@ -95,9 +95,9 @@ def torques_code(arm: Arm, language: C) -> Part:
         total[k] = _with_effects(work, acting, q[k], v[k], total[k] + float(arm.armature[k]) * a[k])
     for name, direction in arm._directions().items():
         x, speed, acceleration = (_along(direction, signal) for signal in (q, v, a))
-        asked = float(arm.sum_armature.get(name, 0.0)) * acceleration
-        asked = _with_effects(work, arm.sums[name], x, speed, asked)
-        total = [before + float(d) * asked if d else before for before, d in zip(total, direction, strict=True)]
+        motor = float(arm.sum_armature.get(name, 0.0)) * acceleration
+        along = _with_effects(work, arm.sums[name], x, speed, motor)
+        total = [before + float(d) * along if d else before for before, d in zip(total, direction, strict=True)]
     for k, asked in enumerate(total):
         work.store(f"torque[{k}]", asked.value if isinstance(asked, Traced) else asked)
     return Part(*work.finish())

@@ -182,10 +182,8 @@ class Beside:
         apart = between_joints(*self._by_joint(body @ slopes @ np.append(1.0, place_of(numbers))), wide)
         whole = float(left @ self.error) / self.deviation
         share = float(np.clip(1.0 - numbers @ slopes.T @ cross / max(whole, 1e-300), 0.0, 1.0))
-        told = Payload(
-            joint, mass, float(np.sqrt(covariance[0, 0] + apart)), tuple(map(float, centre)),
-            tuple(map(float, errors)), share,
-        )  # type: ignore[arg-type]  # fmt: skip
+        three = tuple(map(float, centre)), tuple(map(float, errors))
+        told = Payload(joint, mass, float(np.sqrt(covariance[0, 0] + apart)), *three, share)  # type: ignore[arg-type]
         return told, ALIKE * wide / max(whole, 1e-300)
 
     def _by_joint(self, one: Array) -> tuple[Array, Array]:

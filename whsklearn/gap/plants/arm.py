@@ -479,7 +479,9 @@ class ArmPlant(PlantDefaults):
             other = ArmPlant(self.record, lags, None, self.tolerance)
             other.view = ArmView(lags, self.record.position, self.record.drive)
             none = ArmState(np.zeros(len(lags.base_.names)), model.timing)
-            return other.system(other.settled(none.with_terms(t for t in model.terms if t.kind.cls is not Weight)))
+            return other.system(
+                other.settled(none.with_terms(tuple(t for t in model.terms if t.kind.cls is not Weight)))
+            )
         arm, numbers = completed(self._physical(model), model.terms), self.numbers(model)
         return ArmModel(arm, {k: v for k, (v, _) in numbers.items()}, dt=self.view.dt, logged="position",
                         units={"input": "Nm", "output": "rad"})  # fmt: skip
