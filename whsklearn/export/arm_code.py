@@ -97,7 +97,7 @@ def torques_code(arm: Arm, language: C) -> Part:
         x, speed, acceleration = (_along(direction, signal) for signal in (q, v, a))
         motor = float(arm.sum_armature.get(name, 0.0)) * acceleration
         along = _with_effects(work, arm.sums[name], x, speed, motor)
-        total = [before + float(d) * along if d else before for before, d in zip(total, direction, strict=True)]
+        total[:] = [before + float(d) * along if d else before for before, d in zip(total, direction, strict=True)]
     for k, asked in enumerate(total):
         work.store(f"torque[{k}]", asked.value if isinstance(asked, Traced) else asked)
     return Part(*work.finish())
