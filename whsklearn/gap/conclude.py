@@ -203,7 +203,7 @@ def verdict_of(plant: Any, found: Found, alpha: float, run: dict[str, float]) ->
     # exact records: the errors are of a free run themselves, and the held-out ones need only be no larger
     if (share if plant.exact else min(share, run["closure"])) < HALF:
         return "partial"
-    # Below the tolerance a rest is not worth a name itself, unless the free run shows that it matters: friction that
+    # Below the tolerance a rest is not worth naming by itself, unless the free run shows that it matters: friction that
     # grows above a speed leaves Stribeck's curve 0.36 of the tolerance and 2.6 floors of the run, where true names
     # leave one floor (`benchmarks.learned --effects dead_velocity`).
     if still > STILL * before and (still > least or run["after"] > QUIET * run["floor"]):

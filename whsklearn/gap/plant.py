@@ -32,7 +32,7 @@ from whsklearn.gap.record import rms
 
 Array = NDArray[Any]
 
-# Share of the rms drive or output: no effect below is worth a name. Surrogates of records with nothing missing leave
+# Share of the rms drive or output: no effect below is worth naming. Surrogates of records with nothing missing leave
 # 0.0037 to 0.0047 of the drive in the inverse view. The one default of every entry.
 DEFAULT_TOLERANCE = 0.004
 # Multiple of what the encoder's noise leaves of own records, below which nothing is missing: five records know it to a
@@ -218,7 +218,7 @@ class Plant(Protocol):
     gap_unit, gap_word, whole : str
         Unit of the gap, what it is called ("missing torque") and what it is a share of ("drive").
     tolerance : float
-        Smallest effect worth a name, rms as a share of ``scale``.
+        Smallest effect worth naming, rms as a share of ``scale``.
     scale : float
         Rms of the drive (servo) or of the output (chain).
     horizons : tuple of float

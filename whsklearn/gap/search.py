@@ -184,7 +184,7 @@ class Search:
         return step.taken is not None
 
     def fitted(self, model: Any, looks: list[Look]) -> list[Named]:
-        """The looks that chance does not explain and that are worth a name, fitted; the best score first.
+        """The looks that chance does not explain and that are worth naming, fitted; the best score first.
 
         Where looks have a place, those are asked first that share one with the best; the others only where none of
         them is sound.
@@ -307,7 +307,7 @@ class Search:
         return separable(lead, vuong(rest, left), np.zeros(0), self.alpha)
 
     def _needless(self, taken: Named, other: Named) -> bool:
-        """Whether a rival says the same with more numbers: they differ by less than is worth a name."""
+        """Whether a rival says the same with more numbers: they differ by less than is worth naming."""
         apart = self.plant.rms(taken.errors - other.errors)
         return other.look.n_numbers > taken.look.n_numbers and apart < self.plant.tolerance * self.plant.scale
 

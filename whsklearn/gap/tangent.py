@@ -222,7 +222,7 @@ def with_p_values(looks: list[Look], least: float = 0.0) -> list[Look]:
     ----------
     looks : list of Look
     least : float
-        Size below which an effect is not worth a name, in the unit of `Look.size`; not asked of nameless functions.
+        Size below which an effect is not worth naming, in the unit of `Look.size`; not asked of nameless functions.
         The hypothesis that is tested is then an effect of at most this size, not of none: own records of a model hold
         what a model can know, so that with enough samples anything is significant, a hundredth of a percent of the
         drive too.  Of the gain of an effect of size s, which grows with its square, what goes beyond the largest of

@@ -50,13 +50,13 @@ from whsklearn.systems.arm import Arm, number_unit
 from whsklearn.systems.arm_files import STANDARD_GRAVITY
 
 Array = NDArray[Any]
-# Largest ratio, at one joint, of the torque of an effect to the residual that it removes: with a larger one, like that
-# of a spring against gravity, it only cancels other terms.  The sum is then below one part in twenty, and
-# the columns of a real arm are no better than that (4 to 10 % on held-out blocks, `python -m benchmarks.arms`).
+# Largest ratio, at one joint, of the torque of an effect to the residual that it removes.  With a larger one, like that
+# of a spring against gravity, the effect only cancels other terms.  The sum is then below one part in twenty, and the
+# columns of a real arm are no better than that (4 to 10 % on held-out blocks, `python -m benchmarks.arms`).
 CANCELS = 20.0
-# Least rms that a law must explain beyond an elementary one without a shape, as a share of what that one explains: less
-# may stay without a name (`whsklearn.gap.conclude.STILL`).  MuJoCo's dry friction is soft, and a distance of some mrad
-# beside it explains 3 % (`python -m benchmarks.blind_arms --kinds coulomb`).
+# Least rms that a law must explain beyond an elementary one without a shape, as a share of what that one explains: a
+# smaller part may stay without a name (`whsklearn.gap.conclude.STILL`).  MuJoCo's dry friction is soft, and adding a
+# distance of some mrad explains 3 % (`python -m benchmarks.blind_arms --kinds coulomb`).
 BEYOND = 0.04
 SUBSTEPS = 4  # fine steps per sample in a proof
 SOME = 200  # positions at which the mass matrix is checked for being positive definite
@@ -81,7 +81,7 @@ class ArmPlant(PlantDefaults):
     given_model : object
         The model to return if nothing can be diagnosed.
     tolerance : float
-        Smallest effect worth a name: its rms as a share of its joint's rms drive.
+        Smallest effect worth naming: its rms as a share of its joint's rms drive.
     known : Known, optional
         What another record knows of the numbers.
     """
@@ -171,11 +171,11 @@ class ArmPlant(PlantDefaults):
         return self.looked
 
     def _beside(self, look: Look, family: Family, model: ArmState, rng: np.random.Generator, families: int) -> Look:
-        """The look with its p-value by null records of the colour of what the family itself leaves.
+        """The look with its p-value from null records with the colour of the residual that the family itself leaves.
 
-        A strong slow effect is in the residual that null records have their colour from, and hides there.  As in any
-        F-test the noise is that of the larger model; for a weak effect both are the same.  Which of two families it is,
-        is asked by the null records that both have in common.
+        A strong slow effect is part of the residual from which null records take their colour, and so hides in them.
+        As in any F-test the noise is that of the larger model; for a weak effect both are the same.  To choose between
+        two families, the null records that both have in common are used.
         """
         view = self.view
         rest = view.left(view.fit(model.with_term(look.start)))
@@ -217,7 +217,7 @@ class ArmPlant(PlantDefaults):
         return self.view.fit(model.with_term(polished(self.view, self.tangent, look.start)))
 
     def errors(self, model: ArmState) -> Array:
-        """The residual of the model, weighted by joint, instant by instant."""
+        """The residual of the model, weighted by joint and ordered by instant."""
         return np.asarray((self.view.left(self.view.fit(model)) * self.view.weight).ravel())
 
     def rms(self, errors: Array) -> float:
@@ -336,7 +336,7 @@ class ArmPlant(PlantDefaults):
     def simulate(self, model: ArmState, horizon: float) -> Array:
         """Free runs of all joints from the drives, restarted at the measured motion; shape (n n_joints,).
 
-        Gravity that the file lacks is evaluated along the measured motion and taken off the drives.
+        Gravity that the file lacks is evaluated along the measured motion and subtracted from the drives.
         """
         view = self.view
         drive, path = self.record.drive, self.record.position
@@ -472,7 +472,7 @@ class ArmPlant(PlantDefaults):
         }  # fmt: skip
 
     def system(self, model: ArmState) -> ArmModel:
-        """The repaired arm with physical links; with gravity, all its numbers are fitted anew."""
+        """The repaired arm with physical links; with gravity, all its numbers are fitted again."""
         if any(t.kind.cls is Weight for t in model.terms):
             heavy = replace(as_arm(self.lags.robot), gravity=STANDARD_GRAVITY)
             lags = RigidBodyLags(heavy, self.lags.sample_rate, self.lags.law, self.lags.effects)
@@ -488,7 +488,7 @@ class ArmPlant(PlantDefaults):
 
 
 def outermost(looks: list[Look], arm: Arm) -> list[Look]:
-    """The looks without a load at a link if one further out explains as much: on a joint's axis both move as one."""
+    """The looks without a load at a link if one further out explains as much: on a joint's axis, both move alike."""
     loads = {arm.index(k.start.joint): k for k in looks if isinstance(k.start, JointTerm) and k.start.kind.cls is Load}
     inner = [k for i, k in loads.items() if any(j > i and other.gain > k.gain - ALIKE for j, other in loads.items())]
     return [k for k in looks if not any(k is one for one in inner)]

@@ -80,7 +80,7 @@ def _delayed(view: ArmView, kind: AtJoint) -> Blocks:
 
 
 def look_at_limit(view: ArmView, kind: AtJoint, tangent: Tangent) -> Look | None:
-    """Look at a limit or a dead zone of several widths; in every record each takes something off that record's drive.
+    """Look at a limit or a dead zone of several widths; each removes part of the drive of every record.
 
     A drive contains everything that is not explained, so a limit just below its peaks always explains some of it.
     """

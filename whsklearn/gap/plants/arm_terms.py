@@ -177,7 +177,7 @@ def present(base: dict[str, tuple[str, ...]], terms: Any) -> dict[str, set[str]]
 
 
 def at_a_joint() -> list[Candidate]:
-    """What is asked for at a single joint.
+    """What a candidate at a single joint must satisfy.
 
     Examples
     --------
@@ -224,7 +224,7 @@ def candidates(arm: Arm, there: dict[str, set[str]], *, frozen: bool, weight: in
         both = frozenset([arm.joints[parent], arm.joints[k]])
         for sign, word in ((1.0, "+"), (-1.0, "-")):
             axis, along = f"{arm.joints[parent]}{word}{arm.joints[k]}", tuple(map(float, eye[parent] + sign * eye[k]))
-            for c in frictions:  # beside each joint's own friction, as a joint moving alone looks like a sum
+            for c in frictions:  # beside each joint's own friction, because a joint that moves alone looks like a sum
                 own = all(c.name in there.get(j, set()) for j in both)
                 if own and c.name not in there.get(axis, set()):
                     yield AtJoint(c.cls, axis, along, c, place=both)

@@ -1,4 +1,4 @@
-"""One record of an arm behind the filters of `RigidBodyLags`: rows ordered by joint, and the residual of a model there.
+"""One record of an arm filtered by `RigidBodyLags`: rows ordered by joint, and the residual of a model there.
 
 The fit is linear in all sizes and weights every joint by its residual.  The effect of chance is taken from records that
 the fitted arm makes itself: the drives that it needs along the measured motion, read through the same encoders and
@@ -88,7 +88,7 @@ class Own(NamedTuple):
 
 
 class ArmView:
-    """One record behind the filters.
+    """One record after the filters.
 
     Parameters
     ----------
@@ -269,11 +269,11 @@ class ArmView:
         return held_out(x.reshape(*shape, -1), y.reshape(shape), self.keep, self.weight, self.target, known)
 
     def known_rows(self, width: int) -> Array:
-        """What another record knows of the first of ``width`` columns, as rows as good as a weighted one of this."""
+        """What another record says about the first of ``width`` columns, as rows scaled like weighted ones of this."""
         return np.pad(self.root * np.sqrt(self.repeats), ((0, 0), (0, width - self.root.shape[1])))
 
     def _repeats(self) -> float:
-        """Rows for one independent error, by the colour of what the base numbers leave if all are fitted."""
+        """Rows for one independent error, from the colour of the residual after a fit of all base numbers."""
         x, y = self.phi.reshape(self.keep.size, -1), self.target.ravel()
         left = (y - x @ solved(x, y, self.flat_weight())).reshape(self.keep.shape)
         moving = np.flatnonzero(self.keep.any(axis=0))
@@ -365,7 +365,7 @@ class ArmView:
         """The residuals on the model's own records (see `Own`).
 
         The model must be fitted.  The look itself projects out what a refit would explain.  The path is the measured
-        one behind the finer filter, and passes that filter again with and without noise, because the noise that the
+        one after the finer filter.  It passes that filter again with and without noise, because the noise that the
         second pass removes is not an artefact.
         """
         asked = self.blur(self.along(model, self.lags._moved(self.moved.position)))
@@ -380,8 +380,8 @@ class ArmView:
     def null(self, rest: Array, apart: Array, rng: np.random.Generator) -> tuple[Array, float]:
         """Residuals by chance with the colour of ``rest``, (N_NULL, m, n_joints), and their independent samples.
 
-        They hold the noise of the encoders, ``apart``, what else is in ``rest`` as coloured noise, joint by joint, and
-        the errors of numbers from another record.
+        They contain the noise of the encoders (``apart``), the remainder of ``rest`` as coloured noise, joint by joint,
+        and the errors of numbers from another record.
         """
         null = np.empty((N_NULL, self.n_rows, self.n_joints))
         n = 0.0

@@ -40,13 +40,13 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-# a chain at rest whose |sgn(dx)| is always one does not move: a constant of v is a constant of y through L2
+# a chain at rest whose |sgn(dx)| is always one does not move: through L2, a constant of v is a constant of y
 ALIASES = {
     "output_offset": ("asymmetric_coulomb",),
     "asymmetric_coulomb": ("output_offset",),
     "input_offset": ("output_offset", "asymmetric_coulomb"),
 }
-MOST_MISSING = 1.0  # share of a record's samples that its holes may have: they cost time and show nothing
+MOST_MISSING = 1.0  # largest length of all holes, as a share of the logged samples: they cost time and show nothing
 SEARCHED = 8000  # samples of a longer record in which effects are searched for, to save time
 FITTED = 0.6  # share of the record to which models are fitted for the proof; the rest judges them
 NO_DOUBT = 1e-3  # p-value below which the look alone is sufficient
@@ -80,9 +80,9 @@ class ChainPlant(PlantDefaults):
     u, y : ndarray of shape (n,)
     base : (LawChoice, tuple of int, int)
         Law and orders (n_a, n_b, n_c, n_d) of the base model, and the number of its two blocks that have a direct path.
-        The law is between delays, so no record shows which of the two it is.
+        The law lies between delays, so no record shows which of the two blocks it is.
     tolerance : float
-        Smallest change of the output worth a name, as a share of its rms.
+        Smallest change of the output worth naming, as a share of its rms.
     dt : float
         Sampling time; one if the log has no time, so that frequencies are in cycles per sample.
     at : ndarray of int, shape (n,), optional
@@ -188,14 +188,14 @@ class ChainPlant(PlantDefaults):
         return self._seen[id(model)][1]
 
     def looks(self, model: ChainModel, rng: np.random.Generator, beside: ChainModel | None = None) -> list[Look]:
-        """Look at every candidate on top of the model, in the record and in the model's own records.
+        """Look at every candidate beside the model, in the record and in the model's own records.
 
-        Strong candidates are refitted if anything is missing.  The gate keeps the significance level: behind it, it has
-        been shown that something is missing.
+        Strong candidates are refitted if anything is missing.  The gate keeps the significance level: past it,
+        something has been shown to be missing.
         """
         seen = self.seen(model, rng)
         looks = [dataclasses.replace(k, size=k.size * self.unit) for k in seen.looks]
-        # a lost sign leaves so much that the residual may pass for noise: it is always asked where readings allow it
+        # a lost sign leaves so large a residual that it may pass for noise: always tried if the readings allow it
         folds = [k for k in kinds(self.record, model) if k.folds and is_strong(k, self.record)]
         shown = seen.p_value <= GATE
         if not (shown or folds):
@@ -228,9 +228,9 @@ class ChainPlant(PlantDefaults):
         return sorted([*(k for k in looks if k.name not in out), *(k for k, _ in ranked)], key=lambda k: -k.score)
 
     def _may_be_bent(self, model: ChainModel, rng: np.random.Generator) -> bool:
-        """Whether the blocks may have bent so much that no effect fits from where they are.
+        """Whether the blocks may be so distorted that no effect fits from their present values.
 
-        Where a model leaves much, its residual passes for noise of that colour, and a look at the rest says little.
+        A large residual passes for noise of its own colour, and a look at it then says little.
         """
         s = self.record
         run = (s.y - cm.free_run(s, model))[s.fit]
@@ -245,7 +245,7 @@ class ChainPlant(PlantDefaults):
             other = cm.made(self.record, model, rng)
             own = sharpened(other, model, (cm.SHARPEST,))
             g.append(gained(other, own, fitted_once(other, own, kind, rng)))
-        p = min(look.p_value, 2.0 * p_value(look.gain, np.maximum(g, 0.0), families))  # two questions
+        p = min(look.p_value, 2.0 * p_value(look.gain, np.maximum(g, 0.0), families))  # two tests
         return dataclasses.replace(look, p_value=p)
 
     def refine(self, model: ChainModel, look: Look) -> ChainModel:
@@ -282,7 +282,7 @@ class ChainPlant(PlantDefaults):
         return tuple(cls.aliases) if cls.evaluate is not None else ALIASES.get(name, ())
 
     def leads(self, taken: Any, other: Any, before: Array, rng: np.random.Generator) -> Array:
-        """Lead of the chosen model in records that the other one makes; empty if the chosen one has a residual too.
+        """Lead of the chosen model in records simulated with the other; empty if the chosen one too misses something.
 
         In that case neither is right, and records of the other say nothing.
         """
@@ -434,7 +434,7 @@ class ChainPlant(PlantDefaults):
         }  # fmt: skip
 
     def system(self, model: ChainModel) -> WienerHammersteinSystem:
-        """The repaired system with its effects and the grid of its"""
+        """The repaired system with its effects and the grid of its readings."""
         s = self.everything
         final = cm.stable(s, self.final(model))
         structure = wh.Structure(s.dims, 1, s.law, -1 if s.law.key is None else s.law.key)

@@ -38,8 +38,8 @@ from whsklearn.recursion.batch.best_linear import Ratio
 
 Array = NDArray[np.float64]
 
-PROMISING = 4  # additive candidates of each look that are fitted
-MOST_NUDGES, NUDGES = 4, (0.7, 0.87, 1.15, 1.4)  # rounds, and factors by which a shape is moved to another valley
+PROMISING = 4  # number of additive candidates of each look that are fitted
+MOST_NUDGES, NUDGES = 4, (0.7, 0.87, 1.15, 1.4)  # rounds, and factors by which a shape moves to another minimum
 TRIED = 12  # starts that are fitted, per number of a candidate: those with the least residual before the fit
 DIVIDED = 5  # shapes whose best linear model is divided between the blocks: those that fit best
 KEPT = 4  # of them that are sharpened, per number
@@ -52,7 +52,7 @@ PASSES = 60  # alternating projections; they converge after about ten
 def is_strong(kind: ChainCandidate, s: Record) -> bool:
     """Whether a candidate may distort the blocks so much that the chain is refitted: true unless it is additive.
 
-    What pulls on L1 is strong as well, since a linear base does not show which of its blocks L1 is.
+    A force on L1 is strong as well, since a linear base does not show which of its blocks is L1.
     """
     if kind.folds:
         return float(np.quantile(s.y, 0.01)) > ONE_SIDED * rms(s.y)
@@ -143,7 +143,7 @@ def walked(s: Record, m: ChainModel) -> ChainModel:
 
 
 def nudged(s: Record, m: ChainModel) -> ChainModel:
-    """The model with the shape of its last effect moved to a better valley; play and delays have many."""
+    """The model with the shape of its last effect moved to a better local minimum; play and delays have many."""
     term = m.terms[-1]
     if term.kind.linear:
         return m
@@ -173,7 +173,7 @@ def fitted_anew(
     least = WORTH_FITTING * (whole - min(left.values(), default=whole))
     for kind, found in soft:
         if found and whole - left[id(found)] >= max(least, 0.0):
-            keep = max(kind.n_numbers, 1) * KEPT  # a resonance has more valleys than a width
+            keep = max(kind.n_numbers, 1) * KEPT  # a resonance has more local minima than a width
             yield kind, sharpest(s, found[:keep])[0]
 
 
@@ -239,7 +239,7 @@ def split_off(s: Record, m: ChainModel, kind: ChainCandidate) -> Iterator[ChainM
 
 
 def pulled_out(s: Record, m: ChainModel, kind: ChainCandidate) -> Iterator[ChainModel]:
-    """Models in which a block hands a pair of poles to the resonance, because it may have absorbed them."""
+    """Models in which a pair of poles moves from a block to the resonance, because the block may have absorbed them."""
     a, b, _, c, d = s.blocks
     first = kind.at != "output"
     zeros, block = (a, b) if first else (c, d)

@@ -34,7 +34,7 @@ Array = NDArray[np.float64]
 SOFT = (3.0, 10.0, 30.0)  # kappa times rms dx
 N_RANDOM = 16  # starts besides the divisions, for blocks that are far from those of a linear model
 KEPT, POLISHED = 6, 2  # minima under a soft sign that are sharpened, and those that are fitted until they converge
-N_HOPS, HOP = 2, 1.0  # trials of neighbouring valleys, and their distance in standard errors
+N_HOPS, HOP = 2, 1.0  # trials of neighbouring local minima, and their distance in standard errors
 DIFFERENT = 1e-3  # share of the sum of squares by which two minima differ
 LEAST_DROP = 1e-6  # of the sum of squares in one step of a fit
 UNSEEN = 1e-12  # share of the largest column below which a column is rounding error
@@ -48,7 +48,7 @@ def cost(s: Record, m: ChainModel) -> float:
 def climb(s: Record, m: ChainModel, sharpness: float, steps: int, *, robust: bool = True) -> ChainModel:
     """The model fitted at a sharpness (kappa times rms dx) with its noise colour unchanged.
 
-    From a stable model it takes no step to an unstable one, which a short record of a slow pole may prefer.
+    The fit never steps from a stable model to an unstable one, which a short record of a slow pole may prefer.
     """
     kappa, z = sharpness / cm.rms_dx(s, m), cm.sizes(s, m)
     low, high = cm.bounds(m, z)
@@ -106,8 +106,8 @@ def sharpened(
 def polished(s: Record, m: ChainModel, hops: int = N_HOPS) -> ChainModel:
     """The model at its minimum: refitted through a soft sign, from its present values, and from nearby ones.
 
-    Every sample close to a reversal makes a valley of its own.  The hops, which are a few standard errors long and
-    always the same, try the neighbouring valleys.
+    Every sample close to a reversal makes a local minimum of its own.  The hops, which are a few standard errors long
+    and always the same, try the neighbouring ones.
     """
     ways = [m, sharpened(s, m, (30.0, 150.0, cm.SHARPEST)), sharpened(s, m, (cm.SHARPEST,), 10)]
     # not capped, so that a sample on the wrong side pulls the model across
@@ -367,7 +367,7 @@ def freed(s: Record, m: ChainModel) -> tuple[Record, ChainModel]:
 
 
 def falls_short(s: Record, base: ChainModel, model: ChainModel) -> str:
-    """Sentence on what the orders or law of the base model lack; empty if larger ones explain no more than the effects.
+    """A sentence on what the base model's orders or law lack; empty if larger ones explain no more than the effects.
 
     Both explain the same record, so they are compared by n ln of the mean square residual, in which a common noise
     floor has no effect, with a penalty of ln n for each additional number (Schwarz 1978, Annals of Statistics 6(2),

@@ -219,7 +219,7 @@ def kinds(s: Record, m: ChainModel) -> list[ChainCandidate]:
 
 
 def reversals(e: Array, null: Array) -> Look:
-    """Compare the number of samples on the wrong side of a sign in the record and in own ones; small play shows so."""
+    """Compare the numbers of samples on the wrong side of a sign in the record and in own ones; it shows small play."""
     counts = np.array([np.sum(np.abs(r) > WRONG_SIDE * np.sqrt(cm.variance_of(r))) for r in (e, *null)], dtype=float)
     excess = max(counts[0] - float(counts[1:].mean()), 0.0)
     return Look("", counts[0], counts[1:], None, 1, float(np.sqrt(excess * cm.CAP * cm.variance_of(e) / e.size)))

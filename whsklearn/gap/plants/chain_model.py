@@ -37,8 +37,8 @@ Array = NDArray[np.float64]
 
 
 READ_OFF = ("quantization",)  # a grid of the readings is visible directly, so it is not a term
-# Fields that keep their start: another position of rest is the same as one more offset, and no record of a few thousand
-# samples can distinguish exponents of a Stribeck curve.
+# Fields that keep their start value: another rest position is the same as one more offset, and no record of a few
+# thousand samples can distinguish exponents of a Stribeck curve.
 HELD = ("centre", "exponent")
 # Waves over a signal of a chain, which has no revolution to count them by: two thirds of a period within three rms to
 LEAST_ORDER, MOST_ORDER = 0.7, 20.0
@@ -83,7 +83,7 @@ class ChainCandidate(EffectVariant):
 
     @cached_property
     def free(self) -> tuple[int, ...]:
-        """Numbers that a fit moves; an instant has no slope, so it is found by a walk."""
+        """Numbers that a fit moves; an instant has no derivative, so it is found by stepping."""
         walked = (self.cls.scanned(),) if self.scanned == "step" else ()
         still = (*walked, *self.cls.held, *(HELD if self.cls.evaluate is None else ()))
         return tuple(i for i, f in enumerate(self.fields) if f not in still)
@@ -161,7 +161,7 @@ class ChainCandidate(EffectVariant):
                 grids.append(np.arange(LEAST_ORDER, 12.0, 0.3) * low / LEAST_ORDER)
             elif self.scanned == "step":
                 grids.append(np.linspace(low, high, 43))
-            elif self.delays:  # a delay between samples has a valley of its own
+            elif self.delays:  # a delay between samples has a local minimum of its own
                 grids.append(z.dt * np.concatenate([np.arange(0.3, 6.0, 0.4), np.geomspace(6.3, 60.0, 6)]))
             elif i in self.free and self.ratios(i) and len(self.free) - self.linear == 1:
                 known = q.grid(z.seen_from(self))
@@ -228,7 +228,7 @@ class Record:
     """Everything that stays the same through a diagnosis: u and y of shape (n,), the orders and the law.
 
     ``fit`` marks the samples whose errors count, and ``seen`` those that were logged.  The samples of a hole stay on
-    the grid, so that time goes on: the free run passes them under an interpolated input, and their errors are zero.
+    the grid, so that time goes on: the free run crosses them with an interpolated input, and their errors are zero.
     ``step`` is that of the grid of the readings, 0 if they lie on none.
     """
 
@@ -406,7 +406,7 @@ def pieces_of(seen: NDArray[np.bool_]) -> list[slice]:
 
 
 def left(s: Record, m: ChainModel, kappa: float = np.inf) -> Array:
-    """A(q) (y - y_hat), shape (n,); zero in holes, and nothing of a hole's errors enters those after it."""
+    """A(q) (y - y_hat), shape (n,); zero in holes, and no error in a hole enters those after it."""
     e = np.clip(np.nan_to_num(s.y - simulate(s, m, kappa)[2], nan=1e9), -1e9, 1e9)
     return whiten(e * s.seen, m.ar) * s.seen
 
@@ -581,7 +581,7 @@ def stable(s: Record, m: ChainModel) -> ChainModel:
 def made(s: Record, m: ChainModel, rng: np.random.Generator) -> Record:
     """A record that the model makes from the same input, with Gaussian noise of the colour and size of its residual.
 
-    It is read on the same grid: the errors of rounding are a function of the output, not noise, and what explains them
+    It is rounded to the same grid: rounding errors are a function of the output, not noise, and whatever explains them
     in the record must find them here too.
     """
     variance = max(variance_of(left(s, m)[s.fit]) - (1.0 + float(m.ar @ m.ar)) * s.step**2 / 12.0, 0.0)

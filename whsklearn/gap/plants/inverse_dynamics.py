@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[Any]
-RIDGE = 3e-5  # per sample, for columns of unit rms: far below the information of any column worth a name
+RIDGE = 3e-5  # per sample, for columns of unit rms: far below the information of any column worth naming
 
 
 def solve(columns: Array, target: Array, positive: NDArray[np.bool_]) -> tuple[Array, NDArray[np.bool_]]:

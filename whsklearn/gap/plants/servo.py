@@ -63,7 +63,7 @@ class ServoPlant(PlantDefaults):
     given_model : object
         The model to return if nothing can be diagnosed.
     tolerance : float
-        Smallest effect worth a name: its rms as a share of the rms drive.
+        Smallest effect worth naming: its rms as a share of the rms drive.
     """
 
     inverse: InverseView
@@ -115,7 +115,7 @@ class ServoPlant(PlantDefaults):
     def to_simulate(self, model: AxisModel) -> AxisModel:
         """Choose the numbers with the best free run: as found, corrected by own records, or refitted along the run.
 
-        The horizon of the proof is chosen first, and they are compared at that horizon.  Over a longer one, at which no
+        The horizon of the proof is chosen first, and the three are compared at it.  Over a longer one, at which no
         model of this record can be simulated, a pendulum without inertia had the smaller drift (XL330 10h28m24).
         """
         self.headline, self.horizons = self._horizons(model)
@@ -124,16 +124,16 @@ class ServoPlant(PlantDefaults):
         tried = [model, self.observer.fit(model), *(self._from_load(model) if model.has_play else [])]
         if [t.name for t in self.corrected.terms] == [t.name for t in model.terms]:
             tried.append(self.corrected)
-        # a fit that ends with no inertia, or with far too much, has lost it
+        # a fit that ends with no inertia, or with far too much, has failed
         kept = [m for m in tried if not m.at_the_end_of_inertia] or self.inverse.of_differences(model) or tried
         return min(kept, key=lambda m: servo_run.train_error(self.observer, m, self.headline))
 
     def contributes(self, base: AxisModel, model: AxisModel) -> bool:
-        """Whether the torque that the runs lack is smaller with the effects than without.
+        """Whether the torque missing from the free runs is smaller with the effects than without.
 
-        Over a short horizon h a lack of torque moves an axis by tau h^2 / (2 J).  Where a slow force is missing, the
-        base model makes up for it by an inertia that is far too large, and a sluggish axis leaves the path slowly
-        whatever it lacks: no repair need be better than that.
+        Over a short horizon h a missing torque tau displaces an axis by tau h^2 / (2 J).  Where a slow force is
+        missing, the base model compensates with an inertia that is far too large.  Such a sluggish axis leaves the
+        path slowly whatever torque is missing, so a correct repair need not follow the path any better.
         """
         y, held = self.measured()
         lacks = (m.inertia * rms((y - self.simulate(m, self.headline))[held]) for m in (model, base))
@@ -154,7 +154,7 @@ class ServoPlant(PlantDefaults):
     def _runs_worse(self, before: AxisModel, after: AxisModel) -> bool:
         """Whether a limit, a lag or a gain makes the free run worse.
 
-        If it takes away nearly all of the drive, it "explains" a target that it has itself made small, with almost no
+        If it removes nearly all of the drive, it "explains" a target that it has itself made small, with almost no
         inertia.  An effect that adds to the drive does not change the target, so what it explains is really explained.
         """
         kind = after.terms[-1].kind
@@ -167,7 +167,7 @@ class ServoPlant(PlantDefaults):
         return not new < old
 
     def _weighs(self, model: AxisModel) -> bool:
-        """Whether the inertia takes a considerable share of the drive; otherwise a free run shows nothing."""
+        """Whether the inertia accounts for a considerable share of the drive; otherwise a free run shows nothing."""
         acceleration = np.gradient(self.inverse.motion.velocity, self.inverse.scene.dt)
         return model.inertia * rms(acceleration) > self.tolerance * self.scale
 
@@ -192,7 +192,7 @@ class ServoPlant(PlantDefaults):
         return found._replace(model=best)
 
     def reading(self, base: AxisModel, model: AxisModel) -> Reading:
-        """A folded sign, with the record as it was given; or a coarse grid, if the missing torque shows no effect."""
+        """A lost sign, with the record as given; or a coarse encoder grid, if the missing torque shows no effect."""
         if self._folded is None:
             return Reading([] if model.added else coarse_encoder(self.observer, self.observer.fit(model)))
         observer, folded = self._folded
@@ -213,7 +213,10 @@ class ServoPlant(PlantDefaults):
 
     # --- the search ---------------------------------------------------------------------------
     def looks(self, model: AxisModel, rng: np.random.Generator, beside: AxisModel | None = None) -> list[Any]:
-        """Look at every candidate on top of the model, which is ``beside`` without one effect; also in own records."""
+        """Look at every candidate beside the model, in the record and in the model's own records.
+
+        If ``beside`` is given, the model is ``beside`` without one of its effects.
+        """
         self.own, self.corrected = servo_own.own(self.inverse, model, rng)
         self.inverse.artefact = self.own.mean
         self.n_effective = self.own.n_effective
@@ -230,7 +233,7 @@ class ServoPlant(PlantDefaults):
         return g, max(self.size(before, self.errors(grown)), self.rms(before) * float(np.sqrt(share)))
 
     def refine(self, model: AxisModel, look: Any) -> AxisModel:
-        """The candidate with its shape polished and sizes solved for; held numbers are freed if that pays."""
+        """The candidate with its shape polished and sizes solved for; held numbers are freed if the gain is enough."""
         grown = polished(self.inverse, model, look.start)
         for other, n_numbers in self._wider(model, grown, look.start):
             before, after = (rms(self.inverse.gap(m)) ** 2 for m in (grown, other))
@@ -239,7 +242,7 @@ class ServoPlant(PlantDefaults):
         return grown
 
     def _wider(self, model: AxisModel, grown: AxisModel, start: Any) -> Iterator[tuple[AxisModel, int]]:
-        """The model with numbers freed that a first look holds: later ones of an effect, or an order that was whole."""
+        """The model with numbers freed that a first look holds: an effect's later ones, or an order that was whole."""
         wider = widened(self.inverse, grown)
         if wider is not None:
             yield wider, len(wider.terms[-1].kind.later)
@@ -288,7 +291,7 @@ class ServoPlant(PlantDefaults):
         """The model with numbers fitted along its own run, if they also reduce the residual of inverse dynamics.
 
         A strong effect changes how long the axis sticks.  Shapes fitted with the artefacts of a model without it may
-        end in another valley.
+        end in another local minimum.
         """
         view, before = self.inverse, self.rms(self.errors(model))
         other = self.observer.fit(model)
@@ -305,7 +308,7 @@ class ServoPlant(PlantDefaults):
         return self.inverse.gap(model)
 
     def alone(self, model: AxisModel) -> Array:
-        """What the model leaves, polished beside the artefacts of its own records instead of those of its base."""
+        """The model's residual, polished with the artefacts of its own records instead of those of its base."""
         view, kept = self.inverse, self.inverse.artefact
         view.artefact = servo_own.own(view, model, np.random.default_rng(0))[0].mean
         left = view.gap(looking_settled(view, view.fit(model)))
@@ -313,7 +316,7 @@ class ServoPlant(PlantDefaults):
         return left
 
     def objection(self, model: AxisModel, grown: AxisModel) -> str:
-        """The physical objection to an effect, that it explains too little beside play, or that it runs worse."""
+        """The objection to an effect: a physical one, too small a share beside play, or a worse free run."""
         said = self.inverse.objection(grown, len(grown.terms) - 1)
         if said:
             return said
@@ -334,11 +337,11 @@ class ServoPlant(PlantDefaults):
     def figures(self, base: AxisModel, model: AxisModel, nameless: float = 0.0) -> Figures:
         """The gap of inverse dynamics in the unit of the drive, as an engineer would compute it.
 
-        The residual of the model's own records, due to filters and noise, is subtracted.  Beside play the observer
-        gives them, and nothing counts as nameless: impacts come a sample early or late, which is a large torque for an
-        instant, but no path.
+        The residual of the model's own records, due to filters and noise, is subtracted.  If the model has play, the
+        figures come from the observer, and nothing counts as nameless: an impact that comes a sample early or late is a
+        large torque for an instant, but hardly changes the path.
         """
-        if model.load_side or model.has_play:  # on the load side the motor's motion, which was not measured, is needed
+        if model.load_side or model.has_play:  # inverse dynamics of the load side needs the unmeasured motor motion
             seen = self.observer
             return Figures(seen.rms(seen.gap(base)), seen.rms(seen.gap(model)), seen.floor(model))
         view = self.inverse

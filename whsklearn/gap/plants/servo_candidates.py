@@ -1,8 +1,8 @@
-"""Effects that an axis may be missing: all defined ones, the library's and the user's, in the form of a search.
+"""Effects that an axis may be missing: all defined ones, the library's and the user's, in the form of candidates.
 
 An effect itself defines the ranges of its numbers, where a search begins, which of them only a fine grid finds, and
 which other effect it requires (`whsklearn.effects.base`).  A `Candidate` is one effect in one variant of its text
-fields, seen from one side of a transmission.  No effect is known by name here except those that no torque shows.
+fields, seen from one side of a transmission.  This module names no effect except those that no torque shows.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from whsklearn.gap.plants.variant import EffectVariant
 
 Array = NDArray[Any]
 
-# Read directly from the record (a grid, a folded sign), or the same as another zero or another slope of the reference:
-# no torque is missing where one of these is.
+# Read directly from the record (a grid, a folded sign), or equivalent to another zero or slope of the reference: no
+# torque is missing because of these.
 UNSEEN = ("quantization", "sensor_rectification", "output_offset", "output_drift")
 SEEN = 0.01  # of an effect's largest value over its starts: a start at which it shows less is outside the travel
 N_POINTS = 2001  # of the motion on which an effect's largest value is found: a thousandth of the travel apart

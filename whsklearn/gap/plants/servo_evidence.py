@@ -39,13 +39,13 @@ WIDER = 1.25
 # Gain per number above which numbers that a first look holds are freed: 2 ln(1 / alpha) at one percent.
 PAYS = 9.2
 
-# Judged samples; with fewer, rests are used too: a record at rest has no others. Ten numbers of ten samples each.
+# Judged samples; with fewer, rests are used too: a record at rest has no others. Ten numbers with ten samples each.
 FEWEST_JUDGED = 100
 
 # --- limits on effects beside others, and what no axis does ---------------------------------------
 
-# Share of the rms residual beside play that a further effect must explain: impacts follow everything a little ("blind
-# --kinds named" with backlash).
+# Share of the rms residual beside play that a further effect must explain: impacts correlate a little with everything
+# ("blind --kinds named" with backlash).
 BESIDE_A_PLAY = 0.66
 # rad of travel above which a wave of one shaft must repeat every turn.
 SEVERAL_TURNS = 6 * np.pi
@@ -128,7 +128,7 @@ SHORTER_RUNS = (0.2, 0.1, 0.05, 0.02, 0.01, 0.005)
 OWN_MOTION = 0.2
 # Largest error on a model's own record due to the noise of the restarts, as a share of the path within a horizon.
 OWN_ERROR = 0.1
-# Largest deviation of a run due to a torque that is not worth a name, as a share of the path.
+# Largest deviation of a run due to a torque that is not worth naming, as a share of the path.
 OFF_PATH = 0.05
 # Largest mean square difference of the velocities of two smoothing windows, as a multiple of the noise variance of the
 # narrower one: a larger difference is motion that the wider one smooths away (Lepski 1991).

@@ -1,4 +1,4 @@
-"""Every candidate of an axis as a family of torque columns behind the view's filters, looked at and then fitted.
+"""Every candidate of an axis as a family of torque columns, filtered as the view is, looked at and then fitted.
 
 u = J a + f is fitted by least squares of the drive.  That is right under a stiff controller, where the path is given
 and the drive responds to whatever is missing.  If the axis swings freely it is the other way round: the drive is given
@@ -109,10 +109,10 @@ def looks(view: Any, model: AxisModel, own: Own, least: float, beside: AxisModel
     family_of = {id(look.start): f for f, look in asked if look is not None and not look.swapped}
 
     def beside_itself(look: Look) -> Look:
-        """The look with its p-value by null rows of the colour of what it leaves, where it explains most of the gap.
+        """The look with its p-value from null rows with the colour of its own residual, if it explains most of the gap.
 
-        A strong slow effect, a constant above all, is in the residual that null rows have their colour from, and hides
-        there.  As in any F-test the noise is that of the larger model; for a weak effect both are the same.
+        A strong slow effect, above all a constant, is part of the residual from which null rows take their colour, and
+        so hides in them.  As in any F-test the noise is that of the larger model; for a weak effect both are the same.
         """
         f = family_of.get(id(look.start))
         if f is None or look.size**2 < HALF * view.rms(left) ** 2:
@@ -125,7 +125,7 @@ def looks(view: Any, model: AxisModel, own: Own, least: float, beside: AxisModel
 
 
 def better(look: Look | None, other: Look | None, n: float, left: float) -> Look | None:
-    """Of two looks at one family, by both regressions, the first, unless it misses more than half of the other's.
+    """The first of two looks at one family, one by each regression, unless it explains less than half of the other.
 
     Families are compared by what they explain of the drive's residual, of rms ``left``.  The size of a family found by
     the other regression is the same share of it as of the acceleration, with ``n`` independent samples.
@@ -459,7 +459,8 @@ def downhill(view: Any, grown: AxisModel, i: int) -> AxisModel:
 def jointly(view: Any, grown: AxisModel, i: int) -> AxisModel:
     """The model with the free shape numbers of term ``i`` fitted together; the sizes are solved for at each step.
 
-    Distance and damping of bristles trade against each other; moved one at a time, they stop halfway down.
+    Distance and damping of bristles trade off against each other; moved one at a time, they stop halfway to the
+    minimum.
     """
     first = grown.terms[i].kind.linear
     free = [(n, j, log) for n, (of, j, log) in enumerate(grown.free(), 2) if of == i and j >= first]

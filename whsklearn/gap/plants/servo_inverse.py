@@ -51,7 +51,7 @@ def later(code: int, u: Array, age: float, dt: float) -> Array:
 
 
 class InverseView:
-    """One record behind one Gaussian.
+    """One record filtered by one Gaussian.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ class InverseView:
     def _moving(self, sigma: float) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Decimated samples away from the ends and from rests longer than two sigma, where friction is undetermined.
 
-        The second mask has the rests and the ends too.
+        The second mask includes the rests and the ends.
         """
         dt, n = self.scene.dt, len(self.record)
         still = np.abs(self.motion.velocity) < self.slowest
@@ -278,8 +278,8 @@ class InverseView:
     def of_differences(self, model: AxisModel) -> list[AxisModel]:
         """The model with the inertia of the first differences, its other sizes solved for at this inertia.
 
-        Empty if the differences tell no positive inertia: then noise outweighs the acceleration in them (SO-101, whose
-        drive is the following error).
+        Empty if the differences give no positive inertia, because noise outweighs the acceleration in them (SO-101,
+        whose drive is the following error).
         """
         x, positive = self.columns(model, self.torque(model) if self._driven(model) else None)
         target, share = self.target(model)
@@ -307,7 +307,7 @@ class InverseView:
         return stop.outside(left[self.at], stop.away(self, model))
 
     def with_pushes(self, model: AxisModel) -> Array:
-        """The same residual, but of the push of a stop only the part of spring and damper is subtracted."""
+        """The same residual, with only the spring and damper part of a stop's push subtracted."""
         _, x, target, sizes, _ = self.solved(model)
         return (target - x @ sizes)[self.at]
 
@@ -315,7 +315,7 @@ class InverseView:
         """What is wrong with the sign or the range of a term's numbers; empty if nothing."""
         t = model.terms[index]
         if t.kind.code == codes.SATURATION and t.q[0] > 0.0 and self.below_limit(t.q[0]) < model.vector().size:
-            return "the drive would be at it nearly all the time, and its sign alone shows too little of the axis"
+            return "the drive would be at it nearly all the time, and its sign alone says too little about the axis"
         if t.kind.linear and t.kind.code not in TWO_MASS:
             torque = self.torque(model) if self._depends(t) else None
             own = self.term_columns(model, t, torque)[self.at] @ np.array(t.q[: t.kind.linear])
@@ -413,7 +413,7 @@ def too_large(model: AxisModel, index: int) -> str:
 def negative_damping(model: AxisModel, index: int) -> str:
     """The objection that an asymmetry of the viscous friction is larger than that friction; empty if it is not.
 
-    A record of one direction under a speed controller u = k (r - v) offers -k as such an asymmetry.
+    In a record of one direction under a speed controller u = k (r - v), -k looks like such an asymmetry.
     """
     t = model.terms[index]
     viscous = sum(o.q[0] for o in model.terms if o.name == "viscous")
@@ -442,10 +442,11 @@ def off_shaft(model: AxisModel, index: int) -> str:
 
 
 def on_excitation_line(record: ServoRecord, term: Term) -> str:
-    """The objection that a tone of a position servo without a logged drive is on a line of its command; empty if not.
+    """The objection that a tone of a position servo without a logged drive is at a line of its command; empty if not.
 
-    For such a servo, command minus position replaces the drive.  Everything else that the loop does leaves a residual
-    at every line of the command, which a tone would explain.  With a measured drive, a tone on a line is a tone.
+    For such a servo, command minus position replaces the drive.  Loop dynamics that are not modelled leave a residual
+    at every line of the command's spectrum, which a tone would explain.  With a measured drive, a tone at such a line
+    is accepted as a tone.
     """
     if not record.is_following_error or record.reference is None or term.name != "disturbance_tone":
         return ""

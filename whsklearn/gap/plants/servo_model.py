@@ -198,7 +198,7 @@ class AxisModel:
     ) -> tuple[Array, Array, Array, Array]:
         """Predicted position, angle, velocity and twist (see `whsklearn.systems.servo_observer.follow`).
 
-        Each of the ``pieces``, given by its samples and the time of the first one, restarts.
+        The run restarts in each of the ``pieces``, given by its samples and the time of the first one.
         """
         if len(pieces) > 1:
             known = twist is not None and len(twist) > 0

@@ -46,7 +46,7 @@ class ObserverView:
     ar : ndarray
         Current whitening polynomial of the missing torque.
     tolerance : float
-        Torque below which nothing is worth a name, as a share of the rms drive.
+        Torque below which nothing is worth naming, as a share of the rms drive.
     """
 
     record: ServoRecord
@@ -158,7 +158,7 @@ class ObserverView:
 
 
 def with_load(view: ObserverView, model: AxisModel, kind: Candidate) -> AxisModel:
-    """The model with a transmission seen from the load, fitted along the run; without it if no start promises any."""
+    """The model with a transmission seen from the load, fitted along the run; without it if no start shows a gain."""
     view.weigh(view.rms(view.gap(model)))
     model, fit = view.fitted(model, max_iterations=4)
     shape = _best_start(view, model, fit, kind)
@@ -178,7 +178,7 @@ def with_load(view: ObserverView, model: AxisModel, kind: Candidate) -> AxisMode
 def _best_start(view: ObserverView, model: AxisModel, fit: Fit, kind: Candidate) -> tuple[float, ...]:
     """The start whose signature promises the largest decrease beyond the model's own sensitivities; empty if none.
 
-    The signature is what the residual changes by.  A number of the model at a bound explains nothing.
+    The signature is the change of the residual.  A number of the model at a bound explains nothing.
     """
     low, high = model.bounds()
     own = fit.jacobian[:, (fit.x > low + 1e-6) & (fit.x < high - 1e-6)]
@@ -192,9 +192,9 @@ def _best_start(view: ObserverView, model: AxisModel, fit: Fit, kind: Candidate)
 
 
 def _hopeless(view: Any, model: AxisModel, fit: Fit) -> bool:
-    """Whether the first steps from all starts do not pay for the numbers of the transmission.
+    """Whether no first step from any start gains enough to justify the numbers of the transmission.
 
-    Settling takes ten times as long, and in a record that ends without a name it took most of the time.
+    Settling takes ten times as long, and took most of the time for a record in which nothing is named in the end.
     """
     r = view.residual(model)
     numbers = fit.x.size - model.vector().size
@@ -229,7 +229,7 @@ def settled_play(view: Any, model: AxisModel) -> AxisModel:
 
 
 def _variants(view: ObserverView, q: tuple[float, ...]) -> list[tuple[float, ...]]:
-    """Starts with other load shares (and contact frequencies), because the two trade against each other."""
+    """Starts with other load shares (and contact frequencies), because the two trade off against each other."""
     if len(q) == 3:  # compliance, share, damping
         return [(q[0], share, q[2]) for share in (0.25, 0.45, 0.7)]
     top = view.scene.resonance
@@ -288,7 +288,7 @@ def restart_states(view: Any, model: AxisModel) -> tuple[tuple[Array, Array], Ar
 
 
 def horizon_of(model: AxisModel, scene: Any, tolerance: float) -> float:
-    """The longest horizon in s, at most 0.5, over which a torque not worth a name keeps a run near the path.
+    """The longest horizon in s, at most 0.5, over which a torque not worth naming keeps a run near the path.
 
     ``tolerance`` of the rms drive displaces an axis by tau h^2 / (2 J) or, if viscous friction dominates, by tau h /
     B; the path over h has the length v h.  The friction of a motor is never known better, so a longer run shows only
@@ -304,7 +304,7 @@ def horizon_of(model: AxisModel, scene: Any, tolerance: float) -> float:
 
 
 def predictable(surrogate: Any, model: AxisModel, longest: float) -> float:
-    """The longest horizon up to ``longest`` (s) over which the model predicts a record that it made itself.
+    """The longest horizon up to ``longest`` (s) over which the model predicts a record that it simulated itself.
 
     If a motion passes unstable positions (a motor that cogs under a soft drive tips from tooth to tooth), the noise
     of a restart grows until a run shows nothing, whatever the model.

@@ -47,8 +47,8 @@ def base_model(law: tuple[str, ...], scene: Scales) -> AxisModel:
 def best_view(view: InverseView, model: AxisModel, goal: float) -> InverseView:
     """The view with the highest cut-off at which noise is at most ``goal`` of the drive or a fifth of the gap.
 
-    The gap is that at the same cut-off: cogging of order 72 at one turn per second is at 72 Hz, and a gap seen below
-    10 Hz would not call for a filter that passes it.
+    The gap is measured at the same cut-off: cogging of order 72 at one turn per second is at 72 Hz, and a gap seen
+    below 10 Hz would not call for a filter that passes it.
     """
     dt, scene = view.record.dt, model.scene
     noise = max(noise_level(view.record.position), rules.GRID_AS_NOISE * lattice(view.record.position))
@@ -116,7 +116,7 @@ def logged_late(view: InverseView, model: AxisModel) -> int:
 
 
 def with_earlier_drive(record: ServoRecord, samples: int) -> ServoRecord:
-    """The record with its drive so many samples earlier, the last value of every segment is held."""
+    """The record with its drive moved earlier by so many samples; the last value of every segment is held."""
     return dataclasses.replace(record, drive=record.by_piece(lambda u: earlier(u, samples), record.drive))
 
 
@@ -133,7 +133,7 @@ def observer_view(
     start : tuple of ndarray
         Smoothed position and velocity.
     tolerance : float
-        Smallest rms torque worth a name, as a share of the rms drive.
+        Smallest rms torque worth naming, as a share of the rms drive.
     """
     dt, n = record.dt, len(record)
     quantum = lattice(record.position)

@@ -5,7 +5,7 @@ drive supplies J_M a_M + J_L a_L: least squares splits the inertia.
 
 Encoder on the load: the motor is ahead by the twist, J_L a_L / k, and needs J_M times its second derivative in
 addition.  Play is crossed when the transmitted torque m changes its sign, which takes J_M gap / 2 times the second
-derivative of that sign.  Inertia and share trade against each other there; the share is half until a run of the model
+derivative of that sign.  Inertia and share trade off against each other; the share is half until a run of the model
 is fitted.
 """
 

@@ -54,7 +54,7 @@ class SimulatorPlant(PlantDefaults):
         An object with simulate, refit and with_effect.
     record : ServoRecord
     tolerance : float
-        Smallest effect worth a name: the rms of the error that it explains over ``scale``.
+        Smallest effect worth naming: the rms of the error that it explains over ``scale``.
     """
 
     whole = "motion"
@@ -149,13 +149,13 @@ class SimulatorPlant(PlantDefaults):
                 )
         looks, fitted = sorted(best.values(), key=lambda k: -k.score), 0
         before, strongest = self.errors(model), 0.0
-        # an error far above the noise hides a strong effect in records of its own spectrum; then effects are fitted
+        # if the error is far above the noise, records with its spectrum hide a strong effect; then effects are fitted
         far = rms(before) > FAR_ABOVE * self.noise and not any(k.p_value <= GATE for k in looks)
         for i, k in enumerate(looks):
             likely = k.p_value <= GATE or far
             if not likely or k.size < self.tolerance * self.scale or fitted == MOST_FITTED:
                 continue
-            if k.size**2 < WORTH_FITTING * strongest**2:  # both to first order, which underestimates all of them alike
+            if k.size**2 < WORTH_FITTING * strongest**2:  # both to first order, which underestimates all effects alike
                 continue
             grown = refine(self, model, k)
             fitted += 1
@@ -178,7 +178,7 @@ class SimulatorPlant(PlantDefaults):
         return look.start if isinstance(look.start, SimulatorModel) else refine(self, self.fits.built(model), look)
 
     def leads(self, taken: Any, other: Any, before: Array, rng: np.random.Generator) -> Array:
-        """Nothing: records made by a rival would cost nine joint fits, so blocks of this record must suffice."""
+        """Empty: records made by a rival would cost nine joint fits, so blocks of this record must suffice."""
         return np.zeros(0)
 
     def _leave_out_what_cannot_be_held(self) -> None:
@@ -276,7 +276,7 @@ class SimulatorPlant(PlantDefaults):
         return max(1, len(self.record) // 6000)
 
     def gap(self, model: SimulatorModel) -> Gap:
-        """The error, thinned; what may drift is the gain of the motion, as the simulator's numbers are not known."""
+        """The error, thinned; only the gain of the motion may drift, because the simulator's numbers are not known."""
         k = self.every
         gain_of_motion = {"gain of the motion": (1.0, self.record.position[::k])}
         return Gap(self.errors(model)[::k], self.record.dt * k, signals(self), gain_of_motion)

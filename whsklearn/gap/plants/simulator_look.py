@@ -29,7 +29,7 @@ Array = NDArray[Any]
 
 HIGHEST = 25.0  # Hz; above it, a second derivative contains only encoder noise
 CENTRES = np.array([0.0, -0.5, 0.5, -1.0, 1.0, -1.5, 1.5])  # of a spring, in half strokes from the middle
-DEPTHS = np.array([0.003, 0.01, 0.03, 0.08])  # of half the travel, by which a stop may yield
+DEPTHS = np.array([0.003, 0.01, 0.03, 0.08])  # by which a stop may yield, as a share of half the travel
 RELAXATIONS = (0.005, 0.02, 0.06)  # s, of a contact's damping
 
 
@@ -96,8 +96,8 @@ def gone(m: Motion, before: Array, after: Array, record: Any) -> float:
 def sized_by_drive(m: Motion, effect: Effect, train: NDArray[np.bool_]) -> Effect:
     """An effect at the size that fits the drive along the measured motion, beside inertia, friction and a constant.
 
-    A large effect that acts only for instants, such as a stop, moves a simulation so far that slopes there mean
-    nothing.
+    A large effect that acts only for instants, such as a stop, moves a simulation so far that its derivatives are
+    meaningless.
     """
     s, at = m.signals, m.usable
     mask = train[:: m.every][at]
@@ -309,7 +309,7 @@ def accelerations(plant: Any, seen: Seen) -> Iterator[Look]:
         return m.seen(e, 2)[at][mask], np.column_stack([m.seen(e), m.seen(e, 1)])[at][mask]
 
     left, answers = parts(seen.error)
-    # the responses of an own record are its own
+    # every own record has its own responses
     null = [free(target, np.column_stack([own, z])) for target, z in map(parts, seen.null)]
     plane = np.column_stack([own, answers])
     rest = free(left, plane)
@@ -337,7 +337,7 @@ def accelerations(plant: Any, seen: Seen) -> Iterator[Look]:
 
 
 def slopes(plant: Any, seen: Seen) -> Iterator[Look]:
-    """Look at laws with few shapes and effects without a column, by how a little of each changes the simulation."""
+    """Look at laws with few shapes and effects without a column, by how a small size changes the simulation."""
     train = plant.train
     plane = plant.fits.tangent(seen.model)[train]
     left = seen.error[train]

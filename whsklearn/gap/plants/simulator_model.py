@@ -226,10 +226,10 @@ class SimulatorFit:
         return SimulatorModel(simulator, terms, self.error(simulator))
 
     def homes(self, model: SimulatorModel) -> list[SimulatorModel]:
-        """The model, and the same model with the numbers that the simulator was given with.
+        """The model, and the same model with the numbers that the simulator had when it was given.
 
         If these cannot be set, the second is the simulator as it was given with the model's effects.  A refit of a
-        model that lacks something large may end so far away that a refit with the effect does not find the way back.
+        model that lacks something large may end so far away that a refit with the effect does not return.
         """
         if model.terms not in self._given:
             if hasattr(model.simulator, "with_numbers"):
@@ -403,7 +403,7 @@ def refine(plant: Any, model: SimulatorModel, look: Look) -> SimulatorModel:
 def grown(plant: Any, model: SimulatorModel, start: Any) -> SimulatorModel:
     """A start brought to its size, then all its numbers fitted.
 
-    The fit begins from the simulator's refitted numbers or from those that it was given with, whichever is better with
+    The fit begins from the simulator's refitted numbers or from those that it had when given, whichever is better with
     the effect: a refit without it may have changed them greatly to compensate.
     """
     pairs = begins(plant, model, start)
@@ -414,8 +414,8 @@ def grown(plant: Any, model: SimulatorModel, start: Any) -> SimulatorModel:
 def anew(plant: Any, model: SimulatorModel, start: Any) -> SimulatorModel:
     """The same, with the simulator refitted beside the effect before all numbers are fitted together.
 
-    Bristles in place of dry friction move inertia, damping and friction far from both starts, and steps along the
-    slopes there lead nowhere, although the look has promised most of the gap.
+    Bristles in place of dry friction move inertia, damping and friction far from both starts.  Steps along the
+    derivatives there gain nothing, although the look has promised to explain most of the gap.
     """
     refitted = (plant.fits.refitted(begin) for _, begin in begins(plant, model, start))
     return plant.fits.grow(model, min(refitted, key=plant.left), plant.weighed, again=True)
@@ -453,5 +453,5 @@ def sized(plant: Any, model: SimulatorModel, start: Any) -> Any:
 
 
 def movable(field: str) -> bool:
-    """Whether a fit may move a shape number: exponents and counts stay."""
+    """Whether a fit may move a shape number: exponents and counts stay fixed."""
     return field not in ("exponent", "elements", "load_share", "damping_ratio")
