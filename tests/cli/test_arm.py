@@ -101,7 +101,11 @@ def test_what_is_wrong_is_told_in_one_sentence(folder, log, more, said):
 @pytest.mark.parametrize(
     ("change", "more", "said"),
     [
-        ({"p1": lambda t: np.rad2deg(t["p1"]), "p2": lambda t: np.rad2deg(t["p2"])}, [], "if positions are in degrees"),
+        (
+            {"p1": lambda t: np.rad2deg(t["p1"]), "p2": lambda t: np.rad2deg(t["p2"])},
+            [],
+            "for degrees, give --unit position=deg",
+        ),
         ({"u1": lambda t: t["u2"], "u2": lambda t: t["u1"]}, [], "The drives fit far better in another order"),
         ({"p2": lambda t: 0.3}, [], "pitch does not move"),
         ({"u1": lambda t: 1e3 * t["u1"], "u2": lambda t: 1e3 * t["u2"]}, [], "if they are currents in mA"),

@@ -14,7 +14,6 @@ import click
 
 from whsklearn.cli.job import say_where, table, tracker_for, wrapped, writable_file, writable_folder
 from whsklearn.cli.records import longest, note, read
-from whsklearn.logs.files import atomic_write
 
 if TYPE_CHECKING:
     from sklearn.utils import Bunch
@@ -378,6 +377,7 @@ def simulate(options: dict[str, Any], model: Any) -> None:
     import pandas as pd
 
     from whsklearn.filtering import motion
+    from whsklearn.logs.files import atomic_write
 
     out, arm = writable_file(options["out"]), model.arm
     log = read_arm(options["log_file"], options, arm)

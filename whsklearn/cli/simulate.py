@@ -9,7 +9,6 @@ import click
 
 from whsklearn.cli.job import job, worse_than_mean, wrapped, writable_file
 from whsklearn.cli.records import note, read, reading_options, roles_of
-from whsklearn.logs.files import atomic_write
 
 
 @job
@@ -32,6 +31,7 @@ def main(**options: Any) -> None:
     import pandas as pd
 
     from whsklearn.logs import open_source
+    from whsklearn.logs.files import atomic_write
     from whsklearn.logs.roles import guess
     from whsklearn.logs.units import UNKNOWN, UNSTATED
     from whsklearn.metrics import nmse, rmse
