@@ -253,7 +253,7 @@ def test_a_stream_learns_the_joints_and_goes_on_where_it_stopped(folder):
     in_units.to_csv(out / "half.csv", index=False)
     done = run(stream, out / "half.csv", *options, "--out", out / "half.jsonl")
     assert done.exit_code == 0, done.output
-    assert "Going on after row 3000" in done.output
+    assert "Resuming after row 3000" in done.output
     whole, halves = (records(out / f"{name}.jsonl", "estimate") for name in ("whole", "half"))
     assert len(whole) == len(halves) == 6
     for name, value in whole[-1]["parameters"].items():

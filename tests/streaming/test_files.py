@@ -18,13 +18,13 @@ def test_the_source_is_never_written_to(tmp_path, option, link):
     before = log.read_bytes()
     done = run(log, option, other, "--fresh")
     assert done.exit_code == 1
-    assert "are one file" in done.stderr
+    assert "are the same file" in done.stderr
     assert log.read_bytes() == before
 
 
 def test_records_and_checkpoint_are_two_files(tmp_path):
     log = write(tmp_path / "log.csv", rows(50))
-    assert "are one file" in run(log, "--out", tmp_path / "a", "--checkpoint", tmp_path / "a").stderr
+    assert "are the same file" in run(log, "--out", tmp_path / "a", "--checkpoint", tmp_path / "a").stderr
     assert not (tmp_path / "a").exists()
 
 

@@ -24,10 +24,10 @@ def test_a_full_disk_leaves_the_stream_without_a_checkpoint_or_ends_it(tmp_path,
     monkeypatch.setattr("whsklearn.streaming.service.write_state", full)
     done = short.run(log, "--out", tmp_path / "out.jsonl")
     assert done.exit_code == 0
-    assert "log.csv.whs cannot be written (No space left on device); the stream goes on without it" in done.stderr
+    assert "log.csv.whs cannot be written (No space left on device); the stream continues without it" in done.stderr
     assert (tmp_path / "out.jsonl").read_text().count('"estimate"') == 3
-    assert "so if it is started again, the stream begins at the first row." in done.stderr
-    assert "goes on from" not in done.stderr
+    assert "so a restarted stream begins at the first row." in done.stderr
+    assert "resumes from" not in done.stderr
     done = short.run(log, "--disk-full", "stop")
     assert done.exit_code == 1
     assert "log.csv.whs cannot be written" in done.stderr
@@ -56,7 +56,7 @@ def test_a_stream_in_two_sittings_ends_as_in_one(tmp_path, undisturbed, rows):
         assert done.exit_code == 0, done.output
         with open(log, "a") as file:
             file.writelines(part)
-    assert "Going on after row 1234" in done.stderr
+    assert "Resuming after row 1234" in done.stderr
     assert (tmp_path / "out.jsonl").read_bytes() == (undisturbed / "out.jsonl").read_bytes()
     assert state_difference(carried(tmp_path / "log.csv.whs"), carried(undisturbed / "log.csv.whs")) == 0.0
 

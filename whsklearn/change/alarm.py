@@ -12,17 +12,17 @@ from sklearn.base import BaseEstimator
 from whsklearn._inputs import real_array
 from whsklearn._numba import njit
 
-# Cells by their tail probability: fine in the tails, where a change shows first.
+# Tail probabilities that bound the cells; the cells are fine in the tails, where a change shows first.
 _TAIL = np.array([0.001, 0.004, 0.012, 0.03, 0.07, 0.14, 0.24, 0.36])
 LEVELS = np.r_[_TAIL, 0.5, 1 - _TAIL[::-1]]
 _BETS = ((0.0, 1.2), (0.0, 1.6), (0.0, 3.0), (0.25, 1.0), (-0.25, 1.0), (1.0, 1.0), (-1.0, 1.0))  # shift, spread
-_LARGEST_TILT = 10.0  # so that a burst of a few outliers, such as a sign() that flips, is no alarm
+_LARGEST_TILT = 10.0  # so that a short burst of outliers, such as a sign() that flips, raises no alarm
 N_BETS = len(_BETS)
 
 
 @functools.cache
 def tilts() -> NDArray[np.float64]:
-    """f_k of each cell: what a normal law with the bet's shift and spread puts there, over the nominal probability."""
+    """f_k of each cell: its probability under a normal law with the bet's shift and spread, over the nominal one."""
     from scipy.special import ndtr, ndtri
 
     edges = np.r_[-np.inf, ndtri(LEVELS), np.inf]
@@ -30,7 +30,7 @@ def tilts() -> NDArray[np.float64]:
     return np.minimum(odds, _LARGEST_TILT)
 
 
-_MOST = 1e6  # samples remembered by the cell frequencies
+_MOST = 1e6  # largest number of samples that the cell frequencies represent
 
 
 class ChangeAlarm(BaseEstimator):
@@ -39,13 +39,14 @@ class ChangeAlarm(BaseEstimator):
     Parameters
     ----------
     interval : float, default=1e6
-        Mean number of samples between false alarms, at least.  At 1 kHz 1e6 is one in 17 minutes, 6e8 one a week.
+        Lower bound on the mean number of samples between false alarms.  At 1 kHz, 1e6 means one false alarm in
+        17 minutes and 6e8 one per week.
     n_reference : int, default=2000
         Samples from which the innovations' normal behaviour is learnt before watching begins.
     order : int, default=4
         Order of the autoregression that whitens; 0 if the innovations are white.
     n_settle : int, default=1000
-        Samples left out at the start and after an alarm, while the estimator converges.
+        Samples ignored at the start and after an alarm, while the estimator converges.
 
     Attributes
     ----------
@@ -54,18 +55,18 @@ class ChangeAlarm(BaseEstimator):
     n_alarms_ : int
         Alarms raised.
     evidence_ : float
-        R now; the alarm is raised when it reaches ``interval``.
+        Current value of R; the alarm is raised when it reaches ``interval``.
 
     Notes
     -----
-    Each whitened innovation falls into one of 18 cells, whose frequencies are learnt and go
-    on being learnt.  A bet k on a wider or shifted distribution pays e_k = f_k(cell) / E f_k, so
+    Each whitened innovation falls into one of 18 cells, whose frequencies are learnt and keep being
+    updated.  A bet k on a wider or shifted distribution pays e_k = f_k(cell) / E f_k, so
     E e_k = 1 as long as nothing changes, and R_k <- (1 + R_k) e_k makes R_k - t a martingale: the
     mean time to a false alarm of R = mean_k R_k >= A is at least A (Shiryaev 1963; Pollak 1985, Ann. Statist.
-    13(1); for mixtures of bets Shin, Ramdas and Rinaldo 2024, e-detectors).  No Gaussian noise is assumed; that the
-    innovations are independent after whitening is.  Samples where y is predicted exactly (an idle
-    axis) are passed over.  Bets are on more spread and on a shift: an estimator that
-    improves, and so surprises less, raises no alarm.
+    13(1); for mixtures of bets Shin, Ramdas and Rinaldo 2024, e-detectors).  The noise need not be Gaussian, but the
+    innovations are assumed to be independent after whitening.  Samples where y is predicted exactly (an idle
+    axis) are skipped.  The bets are on a larger spread and on a shift, so an estimator whose
+    innovations become smaller raises no alarm.
 
     References
     ----------
@@ -97,7 +98,7 @@ class ChangeAlarm(BaseEstimator):
         self.n_settle = n_settle
 
     def update(self, innovations: ArrayLike) -> NDArray[np.int64]:
-        """Take innovations y - y_hat(t|t-1) in their order; return the indices at which an alarm was raised.
+        """Process innovations y - y_hat(t|t-1) in time order; return the indices at which an alarm was raised.
 
         Parameters
         ----------
@@ -107,7 +108,7 @@ class ChangeAlarm(BaseEstimator):
         Raises
         ------
         ValueError
-            If a parameter is out of range or an innovation is no finite number; nothing is changed then.
+            If a parameter is out of range or an innovation is not a finite number.  The alarm then stays unchanged.
         """
         e = np.atleast_1d(real_array(innovations, "ChangeAlarm: innovations"))
         if e.ndim != 1 or not np.isfinite(e).all():
@@ -116,7 +117,7 @@ class ChangeAlarm(BaseEstimator):
         if not self.started:
             self.n_samples_, self.n_alarms_ = 0, 0
             self._begin()
-        active = np.flatnonzero(e)  # exact zeros come from an idle axis and say nothing
+        active = np.flatnonzero(e)  # exact zeros come from an idle axis and hold no information
         e, alarms, start = e[active], [], 0
         while start < e.size:
             if self._buffer is not None:
@@ -134,27 +135,27 @@ class ChangeAlarm(BaseEstimator):
         return active[alarms]
 
     def begin(self) -> None:
-        """Learn again what is normal, as after an alarm: for a model that is about to change for another reason."""
+        """Learn the normal behaviour again, as after an alarm; use it if the model is about to change anyway."""
         if self.started:
             self._begin()
 
     @property
     def started(self) -> bool:
-        """Whether an innovation was seen."""
+        """Whether any innovation has been seen."""
         return hasattr(self, "n_samples_")
 
     @property
     def evidence_(self) -> float:
-        """R now, 0 while the reference is being learnt."""
+        """Current value of R; 0 while the reference is being learnt."""
         return float(np.mean(self._evidence)) if self.watching_ else 0.0
 
     @property
     def watching_(self) -> bool:
-        """Whether the reference is learnt."""
+        """Whether the reference has been learnt."""
         return self.started and self._buffer is None
 
     def get_state(self) -> dict[str, Any]:
-        """All that `set_state` needs to go on identically."""
+        """Everything that `set_state` needs to continue identically."""
         names = ("n_samples_", "n_alarms_", "_settled", "_filled", "_buffer", "_past", "_ar", "_edges", "_counts")
         return {
             name: value.copy() if isinstance(value, np.ndarray) else value
@@ -163,7 +164,7 @@ class ChangeAlarm(BaseEstimator):
         }
 
     def set_state(self, state: dict[str, Any]) -> ChangeAlarm:
-        """Go on from a state that `get_state` gave.
+        """Continue from a state that `get_state` returned.
 
         Parameters
         ----------
@@ -176,7 +177,7 @@ class ChangeAlarm(BaseEstimator):
         return self
 
     def _check_params(self) -> None:
-        """Refuse parameters out of range."""
+        """Reject parameters that are out of range."""
         if not self.interval > 1:
             raise ValueError(f"ChangeAlarm: interval is {self.interval!r}, expected samples > 1, such as 1e6.")
         if self.n_settle < 0 or self.order < 0:
@@ -192,7 +193,7 @@ class ChangeAlarm(BaseEstimator):
         self._buffer = np.zeros(self.n_reference)
 
     def _learn(self, e: NDArray[np.float64], start: int) -> int:
-        """Let samples pass while settling, then fill the reference; returns where it stopped."""
+        """Skip samples while settling, then fill the reference; return the index at which it stopped."""
         skipped = min(self.n_settle - self._settled, e.size - start)
         self._settled += skipped
         start += skipped
@@ -204,7 +205,7 @@ class ChangeAlarm(BaseEstimator):
         return start + taken
 
     def _end_learning(self) -> None:
-        """Whitening filter, cells and their frequencies from the full reference."""
+        """Compute the whitening filter, the cells and their frequencies from the full reference."""
         reference, m = self._buffer, self.order
         assert reference is not None
         self._ar = _autoregression(reference, m)
@@ -229,10 +230,10 @@ def _autoregression(e: NDArray[np.float64], order: int) -> NDArray[np.float64]:
 
 @njit(cache=True)
 def watch(innovations, first, past, ar, edges, tilt, counts, evidence, threshold, most):
-    """Take samples from ``first`` on until the evidence reaches the threshold.
+    """Process samples from index ``first`` until the evidence reaches the threshold.
 
-    ``evidence`` holds R of each bet and is updated by R <- (1 + R) e, with e = f(cell) / E f, the
-    expectation under the cell frequencies seen so far.  Returns the index of the sample that
+    ``evidence`` holds R of each bet and is updated by R <- (1 + R) e, with e = f(cell) / E f, where the
+    expectation is under the cell frequencies seen so far.  Returns the index of the sample that
     raised the alarm, or -1.
     """
     order, n_cells, n_bets = ar.size, counts.size, evidence.size

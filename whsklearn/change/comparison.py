@@ -1,4 +1,4 @@
-"""Two estimates with their covariances side by side: which parameters changed, and by how much."""
+"""Compare two estimates and their covariances: which parameters changed, and by how much."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ class ParameterChange:
     Attributes
     ----------
     name : str
-        Of the parameter.
+        Name of the parameter.
     before, after : float
-        In its unit.
+        Its two values, in its own unit.
     standard_error : float
-        Of the difference.
+        Standard error of the difference.
     z : float
         Difference over its standard error.
     significant : bool
-        Whether it counts at the level of the comparison, all parameters taken together.
+        Whether the change is significant at the level of the comparison, which holds for all parameters together.
 
     References
     ----------
@@ -52,7 +52,7 @@ class ParameterChange:
 
     @property
     def percent(self) -> float:
-        """Change of the parameter's size in per cent of what it was; inf if it was zero."""
+        """Change of the parameter's magnitude, as a percentage of the earlier one; inf if that was zero."""
         if self.before == 0:
             return math.inf if self.after else 0.0
         return 100.0 * (abs(self.after) - abs(self.before)) / abs(self.before)
@@ -73,27 +73,27 @@ def compare_parameters(
     after_covariance: ArrayLike,
     level: float = 0.01,
 ) -> list[ParameterChange]:
-    """Which parameters changed between two estimates, the surest first.
+    """Which parameters changed between two estimates, the most significant first.
 
     Parameters
     ----------
     names : sequence of str
-        One a parameter.
+        One name per parameter.
     before, after : array-like of shape (n_params,)
         The two estimates.
     before_covariance, after_covariance : array-like of shape (n_params, n_params) or (n_params,)
         Their covariances, or the squared standard errors.
     level : float, default=0.01
-        Probability that any parameter is called changed though none did (Bonferroni over the parameters).
+        Probability that any parameter is reported as changed although none did (Bonferroni over the parameters).
 
     Raises
     ------
     ValueError
-        If sizes do not fit or a variance is negative.
+        If the sizes do not match or a variance is negative.
 
     Notes
     -----
-    The two estimates are taken as independent, which they nearly are if their effective memories,
+    The two estimates are assumed to be independent.  They nearly are if their effective memories,
     1 / (1 - forgetting) samples each, do not overlap.
 
     Examples

@@ -1,4 +1,4 @@
-"""How fast an estimator forgets after a change, so that it follows and then settles."""
+"""How fast an estimator forgets after a change, so that it follows the change and then settles."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ _QUICK_MEMORY = 200.0  # samples, right after a change
 
 
 def forgetting_after(rows: int, settled: float = 1.0) -> float:
-    """Forgetting factor for the sample that comes ``rows`` samples after a change was noticed.
+    """Forgetting factor for the sample that comes ``rows`` samples after a change was detected.
 
-    1 - 1 / (200 + rows): what came since the change is kept with weights that fall linearly
+    It is 1 - 1 / (200 + rows).  The weights of the samples since the change then fall linearly
     into the past, so the memory grows with the time since the change, and the estimate
-    settles.  What was learnt before goes at once, by the estimator's ``forget_past``.
+    settles.  The samples before the change are forgotten at once by the estimator's ``forget_past``.
 
     Parameters
     ----------
     rows : int
-        Samples since the change was noticed.
+        Samples since the change was detected.
     settled : float, default=1
-        Forgetting factor to which it settles.
+        Final forgetting factor.
 
     Examples
     --------
@@ -31,22 +31,22 @@ def forgetting_after(rows: int, settled: float = 1.0) -> float:
 
 
 def set_forgetting(model: Any, forgetting: float) -> None:
-    """Let a recursive estimator forget at another rate from its next sample on, mid-stream.
+    """Change the forgetting factor of a recursive estimator in mid-stream, from its next sample on.
 
-    Lowered for a while after an alarm, it makes room for what is new; raised again, the
-    estimate settles.
+    Lower it for a while after an alarm so that the estimate follows the change, then raise it
+    again so that the estimate settles.
 
     Parameters
     ----------
     model : estimator
-        With a parameter ``forgetting``; what it has learnt stays.
+        An estimator with a parameter ``forgetting``; its learned state is kept.
     forgetting : float
-        In (0, 1].
+        The new forgetting factor, in (0, 1].
 
     Raises
     ------
     ValueError
-        If it is out of range.
+        If ``forgetting`` is out of range.
 
     Examples
     --------

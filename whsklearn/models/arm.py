@@ -1,4 +1,4 @@
-"""An arm as it was identified: physical links, effects of the joints, and the base numbers measured."""
+"""An identified arm: physical links, effects of the joints, and the base parameters as measured."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from whsklearn.systems.arm import Arm
 
 @dataclass(frozen=True)
 class ArmModel(IdentifiedModel):
-    """Joints that pull at each other, from a log of their drives and positions.
+    """A model of dynamically coupled joints, identified from a log of their drives and positions.
 
     Parameters
     ----------
     arm : Arm
-        Physical, and as near to the numbers measured as a physical arm can be.
+        A physically consistent arm, as close to the measured base parameters as such an arm can be.
     numbers : mapping of str to float
-        Base numbers as measured, by name, such as ``elbow.mx``; each holds what is merged in it.
+        Base parameters as measured, by name, such as ``elbow.mx``; each includes the parameters merged into it.
     covariance : array-like of shape (b, b), optional
-        Of those numbers, in their order.
+        Covariance of those numbers, in the same order.
 
     References
     ----------
@@ -52,12 +52,12 @@ class ArmModel(IdentifiedModel):
 
     @property
     def parameters(self) -> dict[str, float]:
-        """Base numbers by name."""
+        """Base parameters by name."""
         return {k: float(v) for k, v in self.numbers.items()}
 
     @property
     def parameter_units(self) -> dict[str, str]:
-        """Units of `parameters` that name a link's or a motor's number."""
+        """Units of those `parameters` that belong to a link or a motor."""
         from whsklearn.systems.arm import number_unit
 
         return {k: unit for k in self.numbers if (unit := number_unit(k))}
@@ -68,7 +68,7 @@ class ArmModel(IdentifiedModel):
         Parameters
         ----------
         u : array-like of shape (n, n_joints)
-            In ``units``.
+            Drives, in ``units``.
         start : float or array-like of shape (n_joints,), default=0.0
             Positions before the first sample, in ``units``.
         """
@@ -79,5 +79,5 @@ class ArmModel(IdentifiedModel):
         return (record.position if self.logged == "position" else record.velocity) / far
 
     def from_logged(self) -> ArmModel:
-        """The arm itself: it has been in SI from the first version on."""
+        """The arm itself, which has been stored in SI units since the first version."""
         return self

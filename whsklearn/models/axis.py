@@ -17,26 +17,26 @@ from whsklearn.models.base import IdentifiedModel, as_input
 from whsklearn.systems import ServoAxis
 from whsklearn.systems.servo import fine_steps
 
-SMALL = 1e-4  # deflection over which a stiffness is taken
-STEP = 0.1  # radians of the oscillation a fine step, at which leapfrog is off its frequency by 0.04 %
+SMALL = 1e-4  # deflection over which a stiffness is computed
+STEP = 0.1  # radians of the oscillation per fine step; the frequency error of leapfrog is then 0.04 %
 
 
 @dataclass(frozen=True)
 class AxisModel(IdentifiedModel):
-    """Inertia dv/dt = u - law(v) - effects, in SI whatever the columns are in, see `IdentifiedModel`.
+    """Inertia dv/dt = u - law(v) - effects, in SI units whatever the units of the columns; see `IdentifiedModel`.
 
-    A drive in A, V or % stays that: inertia is in A s²/rad then, friction in A.
+    A drive in A, V or % is not converted; for a drive in A, inertia is in A s²/rad and friction in A.
 
     Parameters
     ----------
     inertia : float
-        Drive per acceleration (kg m²; kg on a line).
+        Drive per acceleration (kg m²; kg for a linear axis).
     law : FrictionLaw
         Friction as a function of velocity; may be a spline over it.
     effects : tuple of Effect
-        What else there is, such as `InputOffset`, `Cogging`.
+        Further effects, such as `InputOffset` and `Cogging`.
     hold : {"zero", "cubic"}, default="zero"
-        What the drive does between its samples: it is held, or runs smoothly through them
+        The drive between its samples: held constant, or a smooth curve through them
         (`whsklearn.filtering.between_samples.fine_drive`).
 
     References
@@ -65,8 +65,10 @@ class AxisModel(IdentifiedModel):
         if self.hold not in HOLDS:
             raise ValueError(f"hold is {self.hold!r}, expected one of: {', '.join(HOLDS)}.")
         if self.logged == "output":
-            raise ValueError("logged is 'output', and an axis answers with its velocity or position; say which.")
-        self.system()  # refuses what cannot be simulated
+            raise ValueError(
+                "logged is 'output', but the output of an axis is its velocity or its position; say which."
+            )
+        self.system()  # raises if the axis cannot be simulated
 
     def system(self, **changes: Any) -> ServoAxis:
         """The axis as `ServoAxis`, to simulate it in closed loop or with other parts.
@@ -74,14 +76,14 @@ class AxisModel(IdentifiedModel):
         Parameters
         ----------
         **changes
-            Fields of `ServoAxis` that are to be others.
+            Fields of `ServoAxis` to replace.
         """
         parts = {"sample_rate": 1.0 / self.dt, "substeps": self.steps, **changes}
         return ServoAxis(self.inertia, self.law, self.effects, **parts)
 
     @property
     def steps(self) -> int:
-        """Fine steps a sample: what the effects ask for, and enough for a period of what springs back."""
+        """Fine steps per sample: as many as the effects require, and enough to resolve the oscillation on a spring."""
         at_rest = sum(
             float(e.value(position=SMALL) - e.value(position=-SMALL)) for e in self.effects if e.place == "position"
         )
@@ -96,13 +98,13 @@ class AxisModel(IdentifiedModel):
     def parameters(self) -> dict[str, float]:
         """``inertia``, the law's weights, the effects' sizes and shapes."""
         axis = self.system()
-        # of the simulator, not of the axis
+        # these belong to the simulator, not to the axis
         left_out = ("drive__", "transmission__", "sensor__", "controller__", "smoothing")
         return {k: float(v) for k, v in axis.parameters.items() if not k.startswith(left_out)}
 
     @property
     def si(self) -> tuple[str, str]:
-        """SI symbols of drive and motion; Nm and rad where the units are unknown."""
+        """SI symbols of drive and motion; Nm and rad if the units are unknown."""
         drive, output = super().si
         return "Nm" if drive == UNKNOWN else drive, "rad" if output == UNKNOWN else output.removesuffix("/s")
 
@@ -115,7 +117,7 @@ class AxisModel(IdentifiedModel):
         return {k: units[k] for k in self.parameters}
 
     def _rotary_units(self) -> dict[str, str]:
-        """Units of all numbers on a rotary axis driven by a torque."""
+        """Units of all parameters of a rotary axis driven by a torque."""
         out = {"inertia": "Nm s²/rad"}
         parts = [*zip(self.law.labels, self.law.terms, strict=True)]
         for label, effect in [*parts, *zip(self.system().effect_labels, self.effects, strict=True)]:
@@ -153,7 +155,7 @@ class AxisModel(IdentifiedModel):
         u : array-like of shape (n,)
             Drive in ``units``.
         start : float, default=0.0
-            Position before the first sample, in ``units``; effects of the position act there.
+            Position before the first sample, in ``units``; it matters for effects that depend on the position.
         """
         by, far = self.factors
         drive, steps = as_input(u) * by, 1
@@ -166,15 +168,15 @@ class AxisModel(IdentifiedModel):
 
 
 def spring_steps(square: float, dt: float) -> int:
-    """Fine steps of a sample of ``dt`` s for an oscillation whose angular frequency has this square: a power of two."""
+    """Fine steps per sample of ``dt`` s for an oscillation with this squared angular frequency: a power of two."""
     return 2 ** math.ceil(math.log2(max(dt * math.sqrt(max(square, 0.0)) / STEP, 1.0)))
 
 
-_OVER = {"speed": "rad/s", "velocity": "rad/s", "drive": "Nm"}  # a learned torque is over a position otherwise
+_OVER = {"speed": "rad/s", "velocity": "rad/s", "drive": "Nm"}  # otherwise a learned torque is a function of position
 
 
 def unit_of_field(effect: Effect, field: str) -> str:
-    """Unit of a number of an effect on a rotary axis, also where it is a term of a static law over the velocity.
+    """Unit of an effect's parameter on a rotary axis, also if the effect is a term of a static law in the velocity.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""What every identified model knows about itself: sampling, units, which signal it answers with, intervals."""
+"""What all identified models have in common: sampling time, units, the kind of output, and standard errors."""
 
 from __future__ import annotations
 
@@ -16,20 +16,21 @@ _ROLES = {"input": "drive", "output": "position"}
 
 @dataclass(frozen=True, kw_only=True)
 class IdentifiedModel:
-    """Fields that all kinds of model share.
+    """Fields shared by all kinds of model.
 
     Parameters
     ----------
     dt : float
-        Sampling time (s); 1.0 where the log had no time stamps.
+        Sampling time (s); 1.0 if the log had no time stamps.
     units : mapping of str to str
-        Of the columns that `simulate` takes and gives, ``input`` and ``output``, as logged; where they are left out
-        they are unknown and SI is assumed. The numbers are in SI whatever the columns are in, see `parameter_units`.
+        Units of the input and output of `simulate`, as logged, with the keys ``input`` and ``output``.  A missing unit
+        is unknown, and SI is assumed.  The parameters are in SI whatever the units of the columns, see
+        `parameter_units`.
     logged : {"output", "velocity", "position"}
-        What the logged output is.  A model of ``position`` was fitted to its velocity, and its
-        `simulate` integrates; ``output`` says nothing about it.
+        The quantity that was logged as output.  A model of ``position`` was fitted to its velocity, and its
+        `simulate` integrates; with ``output`` the quantity is not specified.
     standard_errors : mapping of str to float
-        Of the `parameters`, by name; those without one are left out.
+        Standard errors of the `parameters`, by name; parameters without one are omitted.
 
     References
     ----------
@@ -62,17 +63,17 @@ class IdentifiedModel:
 
     @property
     def parameters(self) -> dict[str, float]:
-        """All identified numbers by name."""
+        """All identified parameters by name."""
         raise NotImplementedError
 
     @property
     def parameter_units(self) -> dict[str, str]:
-        """The SI unit of each of `parameters`: ``1`` for a bare number, ``as logged`` where the log states none."""
+        """The SI unit of each of `parameters`: ``1`` for a bare number, ``as logged`` if the log states no units."""
         raise NotImplementedError
 
     @property
     def factors(self) -> tuple[float, float]:
-        """What brings the columns of input and output to SI."""
+        """The factors that convert the columns of input and output to SI."""
         return factor_of(self.units.get("input", UNKNOWN))[0], factor_of(self.units.get("output", UNKNOWN))[0]
 
     @property
@@ -81,7 +82,7 @@ class IdentifiedModel:
         return factor_of(self.units.get("input", UNKNOWN))[1], factor_of(self.units.get("output", UNKNOWN))[1]
 
     def from_logged(self) -> Any:
-        """The model with its numbers converted from the units of its columns to SI (files of version 1)."""
+        """The model with its parameters converted from the units of its columns to SI (files of version 1)."""
         raise NotImplementedError
 
     def column_factor(self, column: str, unit: str) -> float:
@@ -91,12 +92,12 @@ class IdentifiedModel:
         ----------
         column : {"input", "output"}
         unit : str
-            Of the signal; a unit that is not known is taken for the model's.
+            Unit of the signal; if it is unknown, the model's unit is assumed.
 
         Raises
         ------
         ValueError
-            If it measures something else than the model's column, such as A where that is in Nm.
+            If it is a unit of another quantity than the model's column, such as A where the model has Nm.
 
         Examples
         --------
@@ -116,20 +117,20 @@ class IdentifiedModel:
             ) from None
 
     def simulate(self, u: ArrayLike, *, start: float = 0.0) -> NDArray[np.float64]:
-        """Output (n,) in its unit, from the input (n,) alone, at rest before its first sample.
+        """Output (n,) in its unit, from the input (n,) alone, starting at rest before the first sample.
 
         Parameters
         ----------
         u : array-like of shape (n,)
             Input in ``units``.
         start : float, default=0.0
-            Where it rests, in ``units``, if the output is a position: gravity and cogging are another there.
+            Initial position, in ``units``, if the output is a position; gravity and cogging depend on it.
         """
         raise NotImplementedError
 
 
 def as_input(u: ArrayLike) -> NDArray[np.float64]:
-    """The input as a contiguous vector; refuses values that are not finite."""
+    """The input as a contiguous vector; raises if values are not finite."""
     signal = np.ascontiguousarray(np.asarray(u, dtype=float).reshape(-1))
     if not np.isfinite(signal).all():
         raise ValueError("The input holds NaN or infinity, expected finite numbers; clean the log.")
@@ -137,7 +138,7 @@ def as_input(u: ArrayLike) -> NDArray[np.float64]:
 
 
 def per(unit: str, by: str, power: int = 1) -> str:
-    """A unit over another one to a power, with one stroke at the most.
+    """A unit divided by a power of another one, with at most one slash.
 
     Examples
     --------

@@ -13,7 +13,7 @@ from whsklearn.logs.units import UNKNOWN
 from whsklearn.models.base import IdentifiedModel, as_input, numbered, per
 from whsklearn.systems.wiener_hammerstein import WienerHammersteinSystem
 
-# In which power of x or dx a weight of the law stands; 0: in the output's unit
+# The unit of a weight is that of the output over that of x or dx to this power; 0: the output's unit
 _POWERS = {
     "viscous": 1, "asymmetric_viscous": 1, "hinge": 1, "speed_hinge": 1, "quadratic_drag": 2, "natural_spline": 2,
 }  # fmt: skip
@@ -25,7 +25,7 @@ def _power(term: Effect) -> int:
 
 @dataclass(frozen=True)
 class ChainModel(IdentifiedModel):
-    """x = b1/f1 u, v = law(x, dx), y = b2/f2 v, all polynomials from the direct path on.
+    """x = b1/f1 u, v = law(x, dx), y = b2/f2 v; all polynomials start with the direct path.
 
     ``b1[0]`` multiplies u(t) itself, so a block with a delay begins with zeros; ``f1`` and
     ``f2`` begin with 1.
@@ -35,11 +35,11 @@ class ChainModel(IdentifiedModel):
     b1, f1 : tuple of float
         Numerator and denominator of the first block.
     law : FrictionLaw
-        Between them.
+        Static law between the two blocks.
     b2, f2 : tuple of float
         Numerator and denominator of the second block.
     effects : tuple of Effect
-        At the ports of the chain.
+        Effects at the ports of the chain.
     dt, units, logged, standard_errors
         As for `IdentifiedModel`.
 
@@ -71,7 +71,7 @@ class ChainModel(IdentifiedModel):
                 raise ValueError(f"{name} is {getattr(self, name)}, expected it to begin with 1; divide by its first.")
         object.__setattr__(self, "effects", tuple(self.effects))
         if self.effects:
-            self.system()  # refuses what cannot be simulated
+            self.system()  # raises if the chain cannot be simulated
 
     @property
     def kind(self) -> str:
@@ -79,12 +79,12 @@ class ChainModel(IdentifiedModel):
         return "wiener-hammerstein"
 
     def system(self) -> WienerHammersteinSystem:
-        """The chain as `WienerHammersteinSystem`, whose blocks begin with one, behind a delay or with a direct path."""
+        """The chain as `WienerHammersteinSystem`, whose blocks begin with one, after a delay or as a direct path."""
         numerators = []
         for name, b in (("b1", self.b1), ("b2", self.b2)):
             if b[:2] != (0.0, 1.0) and b[:1] != (1.0,):
                 raise ValueError(
-                    f"{name} is {b}, expected it to begin with 1, or with 0, 1: effects stand between such."
+                    f"{name} is {b}, expected it to begin with 1, or with 0, 1; a chain with effects needs this."
                 )
             numerators.append(b if b[0] else b[1:])
         return WienerHammersteinSystem(
@@ -107,9 +107,9 @@ class ChainModel(IdentifiedModel):
 
     @property
     def parameter_units(self) -> dict[str, str]:
-        """SI units: the blocks are bare numbers, the law takes the input to the output.
+        """SI units: the blocks are dimensionless, and the law converts the input's unit to the output's.
 
-        Of an output that is a position the law makes the rate; x changes from sample to sample, without a unit of time.
+        If the output is a position, the law gives its rate.  dx is a difference of samples, without a unit of time.
         """
         into, out = self.si
         if self.logged == "position":
@@ -122,7 +122,7 @@ class ChainModel(IdentifiedModel):
         }
 
     def from_logged(self) -> ChainModel:
-        """See `IdentifiedModel.from_logged`; version 1 knew no effects of a chain with units."""
+        """See `IdentifiedModel.from_logged`; version 1 had no chains with both effects and units."""
         by, far = self.factors
         terms, errors = [], dict(self.standard_errors)
         for label, term in zip(self.law.labels, self.law.terms, strict=True):

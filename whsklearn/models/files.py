@@ -1,4 +1,4 @@
-"""Models in files: one JSON document that other programs can read too.
+"""Model files: a JSON document that other programs can also read.
 
 .. code-block:: json
 
@@ -9,10 +9,10 @@
      "parameters": {"inertia": 0.05, "viscous": 0.12}, "standard_errors": {"inertia": 0.0001},
      "parameter_units": {"inertia": "kg m²", "viscous": "Nm s/rad"}}
 
-``structure`` is what `load_model` builds from; ``parameters`` repeats its numbers by name, with ``standard_errors``
-beside them, for those who only read.  ``units`` are those of the columns that the model takes and gives, and of
-``dt``; ``parameter_units`` those of the numbers: SI, whatever the columns are in.  A file of version 1 has its numbers
-in the units of its columns; they are brought to SI when it is read.
+`load_model` builds the model from ``structure``.  ``parameters`` repeats its numbers by name, with their
+``standard_errors``, for other readers.  ``units`` are those of the model's input and output, and of ``dt``.
+``parameter_units`` are those of the numbers, in SI whatever the units of the columns.  A file of version 1 has its
+numbers in the units of its columns; they are converted to SI when it is read.
 
 Kinds: ``arx`` and ``output_error`` (``numerator``, ``denominator``, ``offset``, ``criterion``), ``wiener-hammerstein``
 (``b1 f1 law b2 f2``; version 1 has an underscore), ``axis`` (``inertia law effects``), ``arm``
@@ -57,7 +57,7 @@ _SHARED = tuple(f.name for f in dataclasses.fields(IdentifiedModel))
 
 
 def save_model(model: IdentifiedModel, path: str | os.PathLike[str]) -> None:
-    """Write a model as JSON, replacing the file in one step.
+    """Write a model as JSON, replacing the file atomically.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ def save_model(model: IdentifiedModel, path: str | os.PathLike[str]) -> None:
 
 
 def load_model(path: str | os.PathLike[str]) -> Any:
-    """Read what `save_model`, ``identify`` or ``gap`` wrote.
+    """Read a model file that `save_model`, ``identify`` or ``gap`` wrote.
 
     Parameters
     ----------
@@ -95,9 +95,9 @@ def load_model(path: str | os.PathLike[str]) -> Any:
     Raises
     ------
     ValueError
-        If the file is no model file, of a newer version, or a number in it cannot be.
+        If the file is not a model file, is of a newer version, or holds an impossible number.
     OSError
-        If it cannot be opened.
+        If the file cannot be opened.
 
     Examples
     --------
@@ -111,20 +111,20 @@ def load_model(path: str | os.PathLike[str]) -> Any:
     """
     try:
         return model_from(json.loads(Path(path).read_text(encoding="utf-8")))
-    except ValueError as error:  # json's own error is one too
+    except ValueError as error:  # includes json's own error
         raise ValueError(f"{Path(path).name} holds no model that can be read: {error}") from None
     except RecursionError:
-        raise ValueError(f"{Path(path).name} holds no model that can be read: it is nested too deeply.") from None
+        raise ValueError(f"{Path(path).name} holds no model that can be read: its JSON is nested too deeply.") from None
 
 
 def as_arm(robot: Arm | str | os.PathLike[str], joints: Any = None) -> Arm:
-    """An arm from whatever a user gives: an `Arm`, a model file (``.json``), a URDF or an MJCF.
+    """An arm from any of the accepted inputs: an `Arm`, a model file (``.json``), a URDF or an MJCF file.
 
     Parameters
     ----------
     robot : Arm, path or str
     joints : iterable of str, optional
-        Those that move, of a URDF or MJCF; see `Arm.from_file`.
+        The joints of a URDF or MJCF file that move; see `Arm.from_file`.
 
     Raises
     ------
@@ -170,19 +170,19 @@ def model_document(model: IdentifiedModel) -> dict[str, Any]:
 
 
 def model_from(document: Any) -> Any:
-    """The model of a dict that `model_document` made; raises as `load_model` does."""
+    """The model from a dict that `model_document` returned; raises as `load_model` does."""
     if not isinstance(document, dict) or document.get("format") != FORMAT:
-        raise ValueError(f'it does not say "format": "{FORMAT}"; give a model.json that identify or gap wrote.')
+        raise ValueError(f'it does not have "format": "{FORMAT}"; give a model.json that identify or gap wrote.')
     version = document.get("version")
     if type(version) is not int or not 1 <= version <= VERSION:
-        raise ValueError(f"it has version {version!r}, this whsklearn reads up to {VERSION}; upgrade whsklearn.")
+        raise ValueError(f"it has version {version!r}, but this whsklearn reads up to {VERSION}; upgrade whsklearn.")
     kind = str(document.get("kind")).replace("wiener_", "wiener-")  # as version 1 spelled it
     if kind not in _CLASSES:
         raise ValueError(f"its kind is {kind[:40]!r}, expected one of: {', '.join(_CLASSES)}.")
     try:
         fields = {k: _decoded(k, v) for k, v in document["structure"].items()}
         fields |= {name: document[name] for name in _SHARED}
-        stated = {"time": "s", "input": UNKNOWN, "output": UNKNOWN}  # what a file says where a model says nothing
+        stated = {"time": "s", "input": UNKNOWN, "output": UNKNOWN}  # entries of a file for a model without units
         fields["units"] = {k: v for k, v in document["units"].items() if stated.get(k) != v}
         model = _CLASSES[kind](**fields)
         return model.from_logged() if version == 1 and model.factors != (1.0, 1.0) else model
@@ -191,7 +191,7 @@ def model_from(document: Any) -> Any:
 
 
 def _coded(value: Any) -> Any:
-    """Numbers, tuples of numbers or effects, and laws as JSON."""
+    """Encode numbers, tuples of numbers or effects, and laws as JSON."""
     if isinstance(value, str):
         return value
     if isinstance(value, Mapping):
@@ -208,7 +208,7 @@ def _coded(value: Any) -> Any:
 
 
 def _decoded(name: str, value: Any) -> Any:
-    """What `_coded` made of a field."""
+    """The inverse of `_coded`."""
     if name == "arm":
         sums = {axis: [_effect(e) for e in row] for axis, row in value.get("sums", {}).items()}
         return Arm(**{**value, "effects": [[_effect(e) for e in row] for row in value["effects"]], "sums": sums})
@@ -219,7 +219,7 @@ def _decoded(name: str, value: Any) -> Any:
 
 
 def _effect(coded: dict[str, Any]) -> Effect:
-    """An effect of the library's by its class, one of a user's own by its name."""
+    """An effect of the library by its class, or a user's own by its name."""
     own, name = effect_names(), coded.get("name", "")
     if name in own and get_effect(name).evaluate is not None:
         return get_effect(name)(**coded["fields"])
@@ -229,6 +229,6 @@ def _effect(coded: dict[str, Any]) -> Effect:
         if not name or name in own or "no Effect" not in str(error):
             raise
         raise ValueError(
-            f"its effect {str(name)[:40]!r} is none of the library's; import the module that defines it, "
+            f"its effect {str(name)[:40]!r} is not in the library; import the module that defines it, "
             "or name that file with --effects."
         ) from None

@@ -1,4 +1,4 @@
-"""A linear model: one ratio of polynomials in the delay."""
+"""A linear model: a ratio of polynomials in the delay operator."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class LinearModel(IdentifiedModel):
     offset : float, default=0.0
         Constant of the output.
     criterion : {"simulation", "prediction"}
-        Which error was minimised: in free run (``output_error``), or one step ahead (``arx``).
+        The error that was minimised: of the free run (``output_error``), or one step ahead (``arx``).
 
     References
     ----------
@@ -63,7 +63,7 @@ class LinearModel(IdentifiedModel):
 
     @property
     def parameter_units(self) -> dict[str, str]:
-        """SI units: b takes the input to the output, to its rate if that is a position."""
+        """SI units: b converts the input to the output, or to its rate if the output is a position."""
         into, out = self.si
         rate = f"{out}/s" if self.logged == "position" else out
         known = UNKNOWN not in self.si
@@ -86,7 +86,7 @@ class LinearModel(IdentifiedModel):
         u : array-like of shape (n,)
             Input in ``units``.
         start : float, default=0.0
-            Position before the first sample, if the output is one.
+            Position before the first sample, if the output is a position.
         """
         from scipy.signal import lfilter
 

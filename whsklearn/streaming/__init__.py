@@ -1,11 +1,12 @@
-"""A stream as a service: rows come day and night, and what was learnt survives whatever ends the process.
+"""A stream as a service: rows arrive around the clock, and the learned state survives however the process ends.
 
-`StreamMonitor` is the loop, for an application that has rows of its own: it learns, repairs the clock, watches the
-innovations and says what changed.  `run_stream` puts files around it: a CSV file that may grow or JSON lines on stdin,
-a checkpoint that is replaced in one step, records as JSON lines, a run in MLflow.  ``whsklearn stream`` is its command.
+`StreamMonitor` is the loop, for an application that has its own rows.  It learns, repairs the clock, watches the
+innovations and reports what changed.  `run_stream` adds files: a CSV file that may grow or JSON lines on stdin, a
+checkpoint that is replaced atomically, records as JSON lines, and a run in MLflow.  Its command is
+``whsklearn stream``.
 
-Stamps of a stream are put right row by row (`clock`), from the three rows that follow; a record is put right as a whole
-(`whsklearn.logs.timebase`), from the statistics of all its stamps.  What either knows the other cannot use.
+The time stamps of a stream are corrected row by row (`clock`), from the three rows that follow.  Those of a record are
+corrected as a whole (`whsklearn.logs.timebase`), from the statistics of all stamps.  The two share no information.
 """
 
 from whsklearn.streaming.monitor import Options, Refused, StreamMonitor

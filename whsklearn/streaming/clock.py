@@ -1,20 +1,20 @@
-"""The time policy of a stream: which rows are in order, and what those that are not must be.
+"""The time policy of a stream: which rows are in order, and how the others are classified.
 
-Rows are taken at their time stamps, and a stamp can be wrong.  A row that goes on where the last one was is learnt
-at once.  One that leaps ahead or falls back waits for the `WAIT` rows after it, and they tell what it was:
+Rows are ordered by their time stamps, and a stamp can be wrong.  A row that continues from the last one is learnt
+at once.  One that leaps ahead or falls back waits for the `WAIT` rows after it, which decide what it was:
 
 ==================  ==================================================  ==========================================
-the row             the rows after it                                   so it is
+the row             the rows after it                                   verdict
 ==================  ==================================================  ==========================================
-leaps ahead         go on from it                                       a pause: learnt
-leaps ahead         fill the hole before it                             out of order: learnt in the order of time
-leaps ahead         go on from the row before it                        an outlier of the clock: one bad row
-falls back          go on from it                                       a restart of the clock: a new experiment
-falls back          go on from the row before it                        late: one bad row
-was there before                                                        sent again: passed over
+leaps ahead         continue from it                                    a pause: learnt
+leaps ahead         fill the hole before it                             out of order: learnt in time order
+leaps ahead         continue from the row before it                     an outlier of the clock: one bad row
+falls back          continue from it                                    a restart of the clock: a new experiment
+falls back          continue from the row before it                     late: one bad row
+was seen before                                                         sent again: skipped
 ==================  ==================================================  ==========================================
 
-What a row is depends on rows alone, not on the blocks in which they come or on restarts of the process.
+The verdict depends on the rows alone, not on the blocks in which they arrive or on restarts of the process.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-WAIT = 3  # rows that tell what the one before them was; one more lets two bad stamps in a row pass for a pause
-LEAP = 1.5  # steps; a lost row makes two of one
-STEPS = 9  # the typical step is the median of so many
-HEAD = 256  # rows of a clock's beginning that are remembered, to tell a restart from rows sent again
-TAIL = 4096  # and of the latest
+WAIT = 3  # rows that decide what the one before them was; with one more, two bad stamps in a row pass for a pause
+LEAP = 1.5  # typical steps; where a row is lost the step is two
+STEPS = 9  # number of steps whose median is the typical step
+HEAD = 256  # first rows of a clock that are remembered, to distinguish a restart from rows sent again
+TAIL = 4096  # latest rows that are remembered
 
 
 class Verdict(NamedTuple):
-    """What a row is: ``row``, ``bad``, ``restart`` or ``repeated``, with its line number and a reason."""
+    """The class of a row (``row``, ``bad``, ``restart`` or ``repeated``), with its line number and a reason."""
 
     what: str
     line: int
@@ -41,19 +41,19 @@ class Verdict(NamedTuple):
 
 @dataclass
 class Clock:
-    """Takes rows whose first value is the time, gives verdicts in the order in which rows are to be learnt."""
+    """Takes rows whose first value is the time; gives verdicts in the order in which the rows are to be learnt."""
 
     last: float = float("-inf")
     steps: list[float] = field(default_factory=list)
-    ahead: list[list[Any]] = field(default_factory=list)  # [line, row, rows since that are later, rows since]
+    ahead: list[list[Any]] = field(default_factory=list)  # [line, row, later-stamped rows since, rows since]
     back: list[list[Any]] = field(default_factory=list)  # [line, row]
     head: dict[float, int] = field(default_factory=dict)
     tail: dict[float, int] = field(default_factory=dict)
     repeating: bool = False
-    missing: int = 0  # bad rows since the last one in order: so many steps more are no leap
+    missing: int = 0  # bad rows since the last one in order; each allows one more step before a row counts as a leap
 
     def take(self, line: int, row: list[float]) -> Iterator[Verdict]:
-        """The verdicts that one more row makes possible."""
+        """The verdicts that become possible with one more row."""
         now = row[0]
         if now <= self.last:
             yield from self._fallen_back(line, row)
@@ -75,12 +75,12 @@ class Clock:
             yield from self._decide()
 
     def lost(self) -> Iterator[Verdict]:
-        """The verdicts that a line which is no row makes possible."""
+        """The verdicts that become possible with a line that is not a row."""
         yield from self._late()
         self.missing += 1
 
     def take_strictly(self, line: int, row: list[float]) -> Verdict:
-        """The verdict at once, for a stream that ends before its first bad row."""
+        """The verdict without waiting, for a stream that ends before its first bad row."""
         if row[0] > self.last:
             return self._in_order(line, row)
         if self._was_there(row):
@@ -88,7 +88,7 @@ class Clock:
         return Verdict("bad", line, row, f"time {row[0]:.17g} does not come after {self.last:.17g}")
 
     def get_state(self) -> dict[str, Any]:
-        """All of it, in types that a state file holds."""
+        """The complete state, in types that a state file can hold."""
         from numpy import array, float64, int64
 
         state = {k: getattr(self, k) for k in ("last", "steps", "ahead", "back", "repeating", "missing")}
@@ -98,7 +98,7 @@ class Clock:
         return state
 
     def set_state(self, state: dict[str, Any]) -> None:
-        """Go on from what `get_state` gave."""
+        """Continue from what `get_state` returned."""
         for name, value in state.items():
             if name in ("head", "tail"):
                 value = dict(zip(value[0].tolist(), value[1].tolist(), strict=True))
@@ -126,7 +126,7 @@ class Clock:
         return Verdict("row", line, row)
 
     def _drain(self) -> Iterator[Verdict]:
-        """Rows that waited and now go on from the last one."""
+        """Rows that waited and now continue from the last one."""
         while self.ahead:
             first = min(self.ahead, key=lambda other: other[1][0])
             if first[1][0] > self.last and self._leaps(first[1][0]):
@@ -135,10 +135,10 @@ class Clock:
             if first[1][0] > self.last:
                 yield self._in_order(first[0], first[1])
             else:
-                yield Verdict("bad", first[0], first[1], f"time {first[1][0]:.17g} stands twice")
+                yield Verdict("bad", first[0], first[1], f"time {first[1][0]:.17g} occurs twice")
 
     def _decide(self) -> Iterator[Verdict]:
-        """The row that has waited longest was a pause if most rows since come after it, else an outlier."""
+        """The row that has waited longest ended a pause if most rows since come after it; else it is an outlier."""
         line, row, later, since = self.ahead.pop(0)
         if 2 * later <= since:
             self.missing += 1
@@ -156,7 +156,7 @@ class Clock:
     # -- fallen back ---------------------------------------------------------------------
 
     def _fallen_back(self, line: int, row: list[float]) -> Iterator[Verdict]:
-        """A row sent again, or the first of a clock that restarted, or a late one."""
+        """A row sent again, the first row after a restart of the clock, or a late row."""
         if self._was_there(row):
             self.repeating = True
             yield Verdict(
@@ -173,12 +173,12 @@ class Clock:
         back = self.back
         self.last, self.ahead, self.back, self.head, self.tail = float("-inf"), [], [], {}, {}
         first = back[0]
-        yield Verdict("restart", first[0], first[1], f"the clock began again at {first[1][0]:.17g}")
+        yield Verdict("restart", first[0], first[1], f"the clock restarted at {first[1][0]:.17g}")
         for number, other in back:
             yield self._in_order(number, other)
 
     def _was_there(self, row: list[float]) -> bool:
-        """Whether a row was learnt before: known by its numbers, or between rows that are remembered no more."""
+        """Whether a row was learnt before: its numbers are remembered, or it lies among rows no longer remembered."""
         now, mark = row[0], hash(tuple(row))
         if self.head.get(now) == mark or self.tail.get(now) == mark:
             return True
@@ -186,7 +186,7 @@ class Clock:
         return head_ends < now < tail_begins
 
     def _late(self) -> Iterator[Verdict]:
-        """Rows that fell back and did not go on."""
+        """Rows that fell back and were not continued."""
         for line, row in self.back:
             self.missing += 1
             yield Verdict("bad", line, row, f"time {row[0]:.17g} does not come after {self.last:.17g}")

@@ -1,4 +1,4 @@
-"""The files of a stream, kept apart: its source, its records, its checkpoint, and who may write them."""
+"""The files of a stream: its source, its records and its checkpoint, all distinct, and the locks on them."""
 
 from __future__ import annotations
 
@@ -13,23 +13,24 @@ from filelock import FileLock, Timeout
 from whsklearn.logs.files import check_writable
 from whsklearn.state import read_kind
 
-PRINTED = 1 << 16  # bytes at the beginning and before the place reached that tell a source from another
+PRINTED = 1 << 16  # bytes at the beginning and before the current position that identify a source
 
 
 def check_files(source: str, out: Path | None, kept: Path, fresh: bool) -> None:
-    """Refuse what would destroy a file of the user's, or fail later.
+    """Reject a set of files that would destroy one of the user's files, or fail later.
 
     Raises
     ------
     ValueError
-        If two of the files are one, a checkpoint would replace a file that is none, or one cannot be written.
+        If two of the files are the same, if the checkpoint would replace a file that is not a checkpoint, or if a
+        file cannot be written.
     """
     named = {"the source": Path(source) if source != "-" else None, "--out": out, "--checkpoint": kept}
     files = {name: path for name, path in named.items() if path is not None}
     for name, path in files.items():
         for other, second in files.items():
             if name < other and _same(path, second):
-                raise ValueError(f"{name} and {other} are one file, {path}; give each a file of its own.")
+                raise ValueError(f"{name} and {other} are the same file, {path}; give each a file of its own.")
     for path in files.values():
         if path in (out, kept) and not _is_device(path):
             check_writable(path)
@@ -42,12 +43,12 @@ def check_files(source: str, out: Path | None, kept: Path, fresh: bool) -> None:
 
 @contextlib.contextmanager
 def alone(*paths: Path | None) -> Iterator[None]:
-    """Hold locks on files for as long as the stream runs; the system lets go of them when it is killed.
+    """Hold locks on files for as long as the stream runs; the system releases them if the process is killed.
 
     Raises
     ------
     ValueError
-        If another stream holds one.
+        If another stream holds a lock on one of them.
     """
     with contextlib.ExitStack() as stack:
         for path in paths:
@@ -62,7 +63,7 @@ def alone(*paths: Path | None) -> Iterator[None]:
 
 
 def fingerprint(source: str, offset: int) -> str:
-    """What was read of a file, by its first bytes and the last ones before ``offset``; empty for a pipe."""
+    """Identify what was read of a file by its first bytes and the last ones before ``offset``; empty for a pipe."""
     if source == "-" or not offset:
         return ""
     with open(source, "rb") as file:
@@ -72,7 +73,7 @@ def fingerprint(source: str, offset: int) -> str:
 
 
 def _same(a: Path, b: Path) -> bool:
-    """Whether two names are of one file, whether it exists or not."""
+    """Whether two names refer to the same file, whether or not it exists."""
     return (a.exists() and b.exists() and a.samefile(b)) or os.path.realpath(a) == os.path.realpath(b)
 
 

@@ -1,7 +1,7 @@
-"""The innovations of a stream: one-step errors with the parameters that were known before.
+"""The innovations of a stream: one-step errors with the parameters that were known beforehand.
 
-The model of a block's beginning predicts the whole block one step ahead, from the rows before it.  Blocks lie
-at fixed row counts, so neither the blocks in which rows arrive nor a restart changes an innovation.
+The model at the beginning of a block predicts the whole block one step ahead, from the rows before it.  Blocks lie
+at fixed row counts, so an innovation depends neither on the chunks in which rows arrive nor on restarts.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from sklearn.base import clone
 
 BLOCK = 100  # rows
-CONTEXT = 300  # rows before a block, in which the predictor forgets that it starts from rest
+CONTEXT = 300  # rows before a block, over which the effect of the predictor's start at rest dies out
 
 
 class Innovations:
@@ -23,14 +23,14 @@ class Innovations:
     Parameters
     ----------
     model : estimator
-        The one that learns; a second one of its kind does the predicting.
+        The estimator that learns; a second one of the same kind predicts.
     n_outputs : int
-        Outputs, the last columns of a row.
+        Number of outputs, which are the last columns of a row.
 
     Notes
     -----
-    Where the lags smooth over a moving window (those of an arm), an innovation is of the sample in the middle of the
-    window that ends with the row.
+    Where the lags smooth over a moving window (those of an arm), an innovation belongs to the sample in the middle of
+    the window that ends with the row.
     """
 
     def __init__(self, model: Any, n_outputs: int = 1):
@@ -41,15 +41,15 @@ class Innovations:
         self.new = 0
 
     def learnt(self, rows: NDArray[np.float64], experiments: NDArray[np.int64]) -> None:
-        """Take note of rows that the model has learnt; at most up to the end of a block."""
+        """Add rows that the model has learnt, at most up to the end of a block."""
         self.rows = np.concatenate([self.rows.reshape(-1, rows.shape[1]), rows])
         self.experiments = np.concatenate([self.experiments, experiments])
         self.new += len(rows)
 
     def of_block(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Outputs of the block that is complete and their innovations, (n, n_outputs) each; the next one begins.
+        """Outputs of the complete block and their innovations, (n, n_outputs) each; the next block begins.
 
-        Innovations are NaN where nothing was known before.
+        Innovations are NaN where there was no model yet.
         """
         first = len(self.rows) - self.new
         y = self.rows[:, -self.n_outputs :]
@@ -70,11 +70,11 @@ class Innovations:
         return y[first:], e
 
     def get_state(self) -> dict[str, Any]:
-        """What `set_state` needs to go on identically."""
+        """Everything that `set_state` needs to continue identically."""
         before = {} if self._before is None else self._before.get_state()
         return {"before": before, "rows": self.rows, "experiments": self.experiments, "new": self.new}
 
     def set_state(self, state: dict[str, Any]) -> None:
-        """Go on from a state that `get_state` gave."""
+        """Continue from a state that `get_state` returned."""
         self._before = clone(self.model).set_state(state["before"]) if state["before"] else None
         self.rows, self.experiments, self.new = state["rows"], state["experiments"], state["new"]

@@ -1,7 +1,7 @@
-"""The loop of a stream, apart from files and signals: rows in, records out, state to carry.
+"""The loop of a stream, without files and signals: rows in, records out, and a state that is carried along.
 
-Nothing here depends on how rows arrive in blocks: records are made at fixed row counts, so a stream that was
-stopped, or killed and resumed from its checkpoint, writes what an undisturbed one writes.
+Nothing here depends on the chunks in which rows arrive: records are made at fixed row counts, so a stream that was
+stopped, or killed and resumed from its checkpoint, writes the same records as an uninterrupted one.
 """
 
 from __future__ import annotations
@@ -23,44 +23,45 @@ from whsklearn.streaming.innovations import BLOCK, Innovations
 from whsklearn.streaming.rows import BadRow
 
 Record = dict[str, Any]
-PAST = 50.0  # samples that all rows before an alarm may count for
-ADAPTING_ROWS = 200 * BLOCK  # after an alarm; then the forgetting has settled to within 5e-5
-TAKEN_OVER = 480  # rows, at which the first models of a memory take over
-SURE = 5.0  # standard deviations of a ratio of two variances, above which an NMSE is surely above one
-DRIFT_LEVEL = 0.01  # probability that a drift is ever reported though there is none
+PAST = 50.0  # weight, in samples, that all rows before an alarm keep
+ADAPTING_ROWS = 200 * BLOCK  # after an alarm; by then the forgetting factor has settled to within 5e-5
+TAKEN_OVER = 480  # rows after which the first models of a memory take over
+SURE = 5.0  # standard deviations of a ratio of two variances by which an NMSE must exceed one
+DRIFT_LEVEL = 0.01  # probability that a drift is ever reported although there is none
 
 
 @dataclass(frozen=True)
 class Options:
-    """What a stream does with its rows.
+    """How a stream handles its rows.
 
     Parameters
     ----------
     every : int, default=1000
         Rows between estimates.
     predictions : bool, default=False
-        Whether each row's one-step prediction is a record.
+        Whether to emit a record of each row's one-step prediction.
     refuse : bool, default=False
-        Whether the first bad row ends the stream; otherwise it is reported and passed over.
+        Whether the first bad row ends the stream; otherwise bad rows are reported and skipped.
     restart_after_hole : bool, default=False
         Whether a bad row begins a new experiment; otherwise the last sample takes its place.
     max_step : float, default=inf
         A longer pause begins a new experiment (unit of the time column).
     smallest_change : float, default=5.0
-        Lesser changes of a parameter are not reported (%).
+        Smaller changes of a parameter are not reported (%).
     most_held : int, default=10
-        Bad rows in a row in whose place the last sample is learnt again.
+        Largest number of consecutive bad rows that are replaced by the last sample.
     timed : bool, default=False
         Whether a row's first value is its time.
     outputs : tuple of str, default=("",)
         Names of the outputs, the last columns of a row; more than one only for the lags of an arm.
     factors : tuple of float, default=()
-        By which the columns of a row (its time too) are multiplied, such as degrees to rad; empty: as they are.
+        Factors by which the columns of a row (including its time) are multiplied, for example to convert degrees to
+        rad; empty for no conversion.
 
     References
     ----------
-    Little and Rubin 2019, Statistical Analysis with Missing Data, Wiley, on holding the last value in place of a
-    missing one: it is biased if it goes on, hence ``most_held``.
+    Little and Rubin 2019, Statistical Analysis with Missing Data, Wiley, on replacing a missing value by the last
+    one: doing so for long causes a bias, hence ``most_held``.
 
     Examples
     --------
@@ -100,7 +101,7 @@ class Refused(ValueError):
 
 @dataclass
 class Carried:
-    """What the loop itself carries, all of it numbers, so that a checkpoint can hold it."""
+    """The state of the loop itself; it consists of numbers only, so that a checkpoint can hold it."""
 
     rows: int = 0
     bad: int = 0
@@ -112,10 +113,10 @@ class Carried:
     times: list[float] = field(default_factory=list)
     last: list[float] = field(default_factory=list)
     counted: int = 0  # innovations since the last estimate
-    squares: list[float] = field(default_factory=list)  # of them, by output
-    output_sum: list[float] = field(default_factory=list)  # of the outputs over the same rows
+    squares: list[float] = field(default_factory=list)  # their sum of squares, by output
+    output_sum: list[float] = field(default_factory=list)  # sum of the outputs over the same rows
     output_squares: list[float] = field(default_factory=list)
-    poor: list[bool] = field(default_factory=list)  # whether predictions were worse than the mean when last judged
+    poor: list[bool] = field(default_factory=list)  # whether predictions were worse than the mean at the last check
     alarms: int = 0
     alarm_row: int = -1
     adapting: int = 0
@@ -124,20 +125,20 @@ class Carried:
 
 
 class StreamMonitor:
-    """A model that learns from rows as they come, watched by an alarm.
+    """A model that learns from rows as they arrive, watched by an alarm.
 
-    Rows come as numbers (`take`) or as lines of text (`feed`).  What the stream has to say comes as records.
+    Rows are given as numbers (`take`) or as lines of text (`feed`).  The results are emitted as records.
 
     Parameters
     ----------
     model : estimator
-        With ``partial_fit``, ``predict_ahead`` and ``get_state``.
+        An estimator with ``partial_fit``, ``predict_ahead`` and ``get_state``.
     alarm : ChangeAlarm
-        What watches the innovations.
+        The alarm that watches the innovations.
     options : Options
-        What is done with the rows.
+        How rows are handled.
     emit : callable
-        Takes each record, a dict with the keys ``kind`` (``estimate``, ``prediction``, ``alarm``, ``change`` or
+        Called with each record, a dict with the keys ``kind`` (``estimate``, ``prediction``, ``alarm``, ``change`` or
         ``bad_row``) and ``row``.
 
     References
@@ -169,7 +170,7 @@ class StreamMonitor:
         self._rows: list[list[float]] = []
         self._experiments: list[int] = []
         self._numbers: list[int] = []
-        self.taken = 0  # lines of the last call of feed that were dealt with
+        self.taken = 0  # number of lines processed in the last call of feed
 
     def take(self, rows: Iterable[Sequence[float]], first: int = 1) -> None:
         """Learn from rows of numbers.
@@ -179,7 +180,7 @@ class StreamMonitor:
         rows : iterable of sequences of float, or ndarray of shape (n_rows, n_columns)
             The time if ``options.timed``, the inputs, the output.
         first : int, default=1
-            Number of the first row, by which records name a bad one.
+            Number of the first row; records refer to bad rows by number.
 
         Raises
         ------
@@ -202,9 +203,9 @@ class StreamMonitor:
         Parameters
         ----------
         lines : sequence of bytes
-            One row each; blank ones are passed over.
+            One row each; blank lines are skipped.
         parse : callable
-            Makes a row of numbers of a line, or raises `whsklearn.streaming.rows.BadRow`.
+            Converts a line to a row of numbers, or raises `whsklearn.streaming.rows.BadRow`.
         first : int
             Number of the first line.
 
@@ -226,13 +227,13 @@ class StreamMonitor:
         self._learn_taken()
 
     def _spoilt(self, number: int, reason: str) -> None:
-        """A row that holds no numbers."""
+        """Handle a row that holds no numbers."""
         for verdict in self.clock.lost():
             self._act(verdict)
         self._act(Verdict("bad", number, [], reason))
 
     def _place(self, number: int, row: list[float]) -> None:
-        """A row of numbers, in the order that its time gives it."""
+        """Put a row of numbers into time order."""
         if not self.options.timed:
             self._act(Verdict("row", number, row))
         elif self.options.refuse:
@@ -242,13 +243,13 @@ class StreamMonitor:
                 self._act(verdict)
 
     def _act(self, verdict: Verdict) -> None:
-        """Do with a row what its verdict asks for."""
+        """Handle a row according to its verdict."""
         what, number, row, reason = verdict
         if what == "row":
             self._take(row, number)
             self.carried.held = 0
             return
-        self._learn_taken()  # so that records stand where they belong, however rows arrive
+        self._learn_taken()  # so that the order of the records does not depend on how rows arrive
         if what == "bad" and self.options.refuse:
             self.taken = number - self._first
             raise Refused(f"line {number}: {reason}; correct it, or skip bad rows.")
@@ -263,11 +264,11 @@ class StreamMonitor:
         elif what == "repeated":
             self.carried.repeated += 1
             if self.carried.repeated_run == 0:
-                self._warn("repeated_rows", number, f"{reason}; such rows are passed over")
+                self._warn("repeated_rows", number, f"{reason}; such rows are skipped")
             self.carried.repeated_run += 1
 
     def _take(self, row: list[float], number: int) -> None:
-        """A row to be learnt; a pause longer than ``max_step`` begins a new experiment."""
+        """Queue a row to be learnt; a pause longer than ``max_step`` begins a new experiment."""
         if self.options.timed:
             if row[0] - self.carried.time > self.options.max_step and self.carried.time > -np.inf:
                 self.carried.experiment += 1
@@ -278,7 +279,7 @@ class StreamMonitor:
         self._numbers.append(number)
 
     def _learn_taken(self) -> None:
-        """Learn the rows taken so far."""
+        """Learn the rows queued so far."""
         if self._rows:
             rows, experiments, numbers = self._rows, self._experiments, self._numbers
             self._rows, self._experiments, self._numbers = [], [], []
@@ -298,12 +299,13 @@ class StreamMonitor:
             elif self.carried.held == self.options.most_held + 1:
                 self.carried.experiment += 1
                 said = (
-                    f"more than {self.options.most_held} bad rows in a row; no more are held, a new experiment begins"
+                    f"more than {self.options.most_held} consecutive bad rows; the last sample is no longer held, and "
+                    "a new experiment begins"
                 )
                 self._warn("held_rows", number, said)
 
     def _warn(self, cause: str, number: int, reason: str) -> None:
-        """An alarm about the rows themselves."""
+        """Emit an alarm about the rows themselves."""
         self.emit({"kind": "alarm", "cause": cause, "row": self.carried.rows, "line": number, "reason": reason})
 
     def _learn(self, rows: NDArray[np.float64], experiments: NDArray[np.int64], numbers: list[int]) -> None:
@@ -316,7 +318,7 @@ class StreamMonitor:
             try:
                 self._learn_piece(rows[piece], experiments[piece])
             except ValueError as error:
-                if len(rows[piece]) > 1:  # find out which row is refused
+                if len(rows[piece]) > 1:  # find out which row is rejected
                     piece = slice(start, start + 1)
                 try:
                     self._learn_piece(rows[piece], experiments[piece])
@@ -331,17 +333,17 @@ class StreamMonitor:
             start = piece.stop
 
     def _unlearnable(self, number: int, reason: str) -> None:
-        """Report a row that the model refuses."""
+        """Report a row that the model rejects."""
         self.carried.bad += 1
         self.emit({"kind": "bad_row", "line": number, "row": self.carried.rows, "reason": reason})
 
     def _learn_piece(self, rows: NDArray[np.float64], experiments: NDArray[np.int64]) -> None:
-        """One partial_fit; at a block's end, what its innovations say."""
+        """Call partial_fit once; at the end of a block, evaluate its innovations."""
         timed = int(self.options.timed)
         n = len(self.options.outputs)
         X, y = np.ascontiguousarray(rows[:, timed:-n]), np.ascontiguousarray(rows[:, -n:] if n > 1 else rows[:, -1])
         if self.carried.rows and experiments[0] == experiments[-1] == self.innovations.experiments[-1]:
-            self.model.partial_fit(X, y)  # the same experiment goes on: the fast path
+            self.model.partial_fit(X, y)  # the same experiment continues: the fast path
         else:
             self.model.partial_fit(X, y, groups=experiments)
         self.carried.rows += len(rows)
@@ -351,7 +353,7 @@ class StreamMonitor:
             self._watch(*self.innovations.of_block())
 
     def _watch(self, y: NDArray[np.float64], e: NDArray[np.float64]) -> None:
-        """Predictions, alarm and spread of the block that is complete; y and its innovations (n, n_outputs)."""
+        """Emit predictions of a complete block, check the alarms and update the sums; y and e are (n, n_outputs)."""
         first = self.carried.rows - len(e) + 1
         if self.options.predictions:
             for i, (values, errors) in enumerate(zip(y.tolist(), e.tolist(), strict=True)):
@@ -359,11 +361,11 @@ class StreamMonitor:
                 self.emit(self._record("prediction", first + i) | {k: self._by_output(v) for k, v in told.items()})
         if self.carried.adapting:
             self._adapt(max(self.carried.adapting - BLOCK, 0))
-        every = getattr(getattr(self.model, "lags_", None), "every_", 1)  # rows that an arm's window makes independent
+        every = getattr(getattr(self.model, "lags_", None), "every_", 1)  # spacing of independent rows for an arm
         asked = np.isfinite(e).all(axis=1) & ((first + np.arange(len(e))) % every == 0)  # the first block has none
         e, y = e[asked], y[asked]
         c = self.carried
-        if 0 <= first - 1 - TAKEN_OVER < BLOCK:  # errors of a model that was only just settling do not count against it
+        if 0 <= first - 1 - TAKEN_OVER < BLOCK:  # the errors of a model that was still settling do not count
             self._count_anew()
         for name, now in (("squares", e * e), ("output_sum", y), ("output_squares", y * y)):
             setattr(c, name, [a + b for a, b in zip(getattr(c, name), now.sum(axis=0).tolist(), strict=True)])
@@ -371,7 +373,7 @@ class StreamMonitor:
         rows = (first + np.flatnonzero(asked)).tolist()
         raised = [(rows[i], k) for k, alarm in enumerate(self.alarms) for i in alarm.update(e[:, k]).tolist()]
         for row, k in sorted(raised)[:1]:
-            for other in self.alarms[:k] + self.alarms[k + 1 :]:  # the model is about to move at all joints
+            for other in self.alarms[:k] + self.alarms[k + 1 :]:  # the model is about to change at all joints
                 other.begin()
             c.alarm_row = row
             c.alarms += 1
@@ -386,7 +388,7 @@ class StreamMonitor:
         return values[0] if len(values) == 1 else dict(zip(self.options.outputs, values, strict=True))
 
     def _count_anew(self) -> None:
-        """No innovation since the last estimate."""
+        """Reset the sums of innovations since the last estimate."""
         c, zeros = self.carried, [0.0] * len(self.options.outputs)
         c.counted, c.squares, c.output_sum, c.output_squares = 0, zeros, zeros, zeros
 
@@ -398,7 +400,7 @@ class StreamMonitor:
             set_forgetting(self.model, wanted)
 
     def get_state(self) -> dict[str, Any]:
-        """All that was learnt and all that waits, in types that a state file holds."""
+        """Everything learnt and all waiting rows, in types that a state file can hold."""
         fitted = self.carried.rows > 0
         return {
             "carried": asdict(self.carried),
@@ -409,12 +411,12 @@ class StreamMonitor:
         }
 
     def set_state(self, state: dict[str, Any]) -> None:
-        """Go on from a state that `get_state` gave.
+        """Continue from a state that `get_state` returned.
 
         Parameters
         ----------
         state : dict
-            Of a monitor with the same model and options.
+            State of a monitor with the same model and options.
         """
         self.carried = Carried(**state["carried"])
         self.clock.set_state(state.get("clock", {}))
@@ -428,15 +430,15 @@ class StreamMonitor:
                 alarm.set_state(held)
 
     def _record(self, kind: str, row: int) -> Record:
-        """The head of a record of one of the last rows."""
+        """The common fields of a record of one of the last rows."""
         times = self.carried.times
         return {"kind": kind, "row": row} | ({"time": times[row - self.carried.rows - 1]} if times else {})
 
     def worse_than_mean(self) -> list[str]:
-        """What there is to say of the rows since the last estimate whose predictions are worse than their mean.
+        """Messages on the outputs whose predictions since the last estimate are worse than the mean of the output.
 
-        A sentence an output; none while the model settles, nor where the last estimate was judged so already.  The end
-        of a stream is the place to ask, since the rows that end it are not judged by another estimate.
+        There is one sentence per output.  There is none while the model settles, or for an output that was already
+        reported at the last estimate.  Call this at the end of a stream, because no estimate follows the last rows.
         """
         poor, said = self._judged()
         return [said[k] for k, was in enumerate(self.carried.poor) if poor[k] and not was]
@@ -448,7 +450,7 @@ class StreamMonitor:
             return poor, said
         for k, name in enumerate(self.options.outputs):
             spread = c.output_squares[k] - c.output_sum[k] ** 2 / c.counted
-            # of an axis at rest nothing is asked
+            # an axis at rest is not judged
             nmse = c.squares[k] / spread if spread > 1e-12 * c.output_squares[k] else 0.0
             poor[k] = nmse > 1.0 + SURE * (2.0 / c.counted) ** 0.5
             of, orders = (f" of {name}", "") if name else ("", ", or try other --orders or another --law")
@@ -460,16 +462,16 @@ class StreamMonitor:
         return poor, said
 
     def _judge(self, number: int) -> None:
-        """Say where predictions become worse than the mean of the output, and not again before they are better."""
+        """Warn when predictions become worse than the mean of the output; warn again only after they were better."""
         for reason in self.worse_than_mean():
             self._warn("worse_than_mean", number, reason)
         self.carried.poor = self._judged()[0]
 
     def _estimate(self) -> None:
-        """Emit the present estimate, and what changed since the reference was taken."""
+        """Emit the current estimate, and what changed since the reference."""
         c = self.carried
         watching = all(a.watching_ for a in self.alarms)
-        if c.alarm_row >= 0 and watching:  # time to say what changed: all that came since speaks together
+        if c.alarm_row >= 0 and watching:  # time to report what changed, from all samples since the alarm
             self.model.consolidate()
         values, errors = estimates(self.model)
         names = list(values)
@@ -496,7 +498,7 @@ class StreamMonitor:
                 since = {"since_row": before["row"], "alarm_row": c.alarm_row if c.alarm_row >= 0 else None}
                 self.emit(self._record("change", c.rows) | since | {"changes": said})
             if not said and c.alarm_row < 0:
-                return  # the reference stays
+                return  # keep the reference
         c.reference = {"values": after, "variances": variances, "row": c.rows}
         c.alarm_row, c.looks = -1, 0
 

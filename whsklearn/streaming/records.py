@@ -16,7 +16,7 @@ BUFFERED = 1 << 16  # bytes
 
 
 class OutputLost(OSError):
-    """The records cannot be written; the message names the file."""
+    """Raised if the records cannot be written; the message names the file."""
 
 
 class Out:
@@ -25,16 +25,16 @@ class Out:
     Parameters
     ----------
     path : path, optional
-        The file; stdout if left out.
+        The file; stdout by default.
     offset : int, optional
-        Bytes that the checkpoint knows of; what comes after them is cut off.  None to go on at the end.
+        Number of bytes at the time of the checkpoint; later bytes are cut off.  None appends to the file.
     fresh : bool
-        Start over: the file is emptied.
+        Whether to start over with an empty file.
 
     Raises
     ------
     ValueError
-        If the file holds something that is no record of a stream, or less than the checkpoint knows of.
+        If the file holds something other than records of a stream, or is shorter than at the time of the checkpoint.
     """
 
     def __init__(self, path: Path | None, offset: int | None, fresh: bool = False):
@@ -54,7 +54,7 @@ class Out:
             self.file.truncate(self.written)
 
     def __call__(self, record: Record) -> None:
-        """Write one record; what is not finite is null."""
+        """Write one record; values that are not finite become null."""
         line = json.dumps(_finite(record)).encode() + b"\n"
         self._lines.append(line)
         self._size += len(line)
@@ -62,7 +62,7 @@ class Out:
             self._write()
 
     def settle(self) -> int:
-        """Write what waits, to the disk if it is a file; the number of bytes written."""
+        """Flush the buffer, to the disk if it is a file; return the number of bytes written."""
         self._write()
         if self.path is None:
             self.file.flush()
@@ -76,7 +76,7 @@ class Out:
             self.file.close()
 
     def _write(self) -> None:
-        """Hand the lines to the system; a disk that is full takes some of them, and a restart cuts those off."""
+        """Pass the lines to the system; a full disk may take some of them, and a restart cuts those off."""
         block = b"".join(self._lines)
         self._lines, self._size = [], 0
         try:
@@ -85,7 +85,7 @@ class Out:
                 at += self.file.write(block[at:]) or 0
         except OSError as error:
             said = f"{self.path or 'stdout'} cannot be written ({error.strerror})"
-            raise OutputLost(f"{said}; make room and start again, nothing is lost.") from None
+            raise OutputLost(f"{said}; free some space and start again, nothing is lost.") from None
         self.written += len(block)
 
 
@@ -100,7 +100,7 @@ def is_ours(path: Path) -> bool:
 
 
 def _finite(value: Any) -> Any:
-    """The record with null for what is not finite, as JSON wants it."""
+    """The record with null for values that are not finite, as JSON requires."""
     if isinstance(value, dict):
         return {k: _finite(v) for k, v in value.items()}
     return None if isinstance(value, float) and not math.isfinite(value) else value

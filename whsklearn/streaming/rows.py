@@ -1,8 +1,8 @@
 """Where a stream's rows come from: a CSV file, the same file as it grows, or JSON lines on stdin.
 
-Sources hand out whole lines with their numbers and remember the byte that follows the last
-one, so a stream can go on there.  Parsers turn a line into floats or say in a few words
-why it is none.
+Sources return whole lines with their numbers and remember the byte that follows the last
+one, so that a stream can continue there.  Parsers convert a line to floats, or say in a few
+words why it is not a row.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from typing import BinaryIO
 from whsklearn.logs.text import legacy_encoding
 
 BLOCK = 1 << 16
-AT_ONCE = 64  # lines handed out: between them a signal is heard and a checkpoint written, however slow the model is
-LONGEST = 1 << 20  # bytes of one line; what is longer is no row
+AT_ONCE = 64  # lines returned at once: signals and checkpoints are handled between them, however slow the model is
+LONGEST = 1 << 20  # bytes of one line; a longer one is not a row
 TOO_LONG = b"\0"
 POLL_SECONDS = 0.2
 
 
 class BadRow(ValueError):
-    """A line that is no row; the message says why."""
+    """A line that is not a row; the message says why."""
 
 
 class LineSource:
@@ -35,20 +35,21 @@ class LineSource:
     Parameters
     ----------
     offset, number : int
-        Bytes and lines that were taken before.
+        Number of bytes and lines that were read before.
     follow : bool
-        Wait for more at the end of the file instead of ending.
+        Whether to wait for more data at the end of the file.
     open_end : bool
-        Whether a last line without an end is a line: half a number is a number too, half a JSON object is none.
+        Whether to accept a last line without a newline.  Half a number is still a number, so a CSV file must not; half
+        a JSON object is not a JSON object.
 
     Attributes
     ----------
     offset, number : int
-        Bytes and lines handed out, so where the next line begins.
+        Number of bytes and lines returned, so where the next line begins.
     restarted : bool
-        Set when the source was restarted; whoever notices it resets it.
+        Set when the source was restarted; the caller resets it.
     left : bytes
-        A last line without an end that was not taken.
+        A last line without a newline that was not returned.
     """
 
     def __init__(
@@ -57,7 +58,7 @@ class LineSource:
         self.file, self.follow = file, follow
         self.offset, self.number = offset, number
         self.restarted = False
-        self._rest, self._dropped = b"", 0  # the line begun, and how many bytes of it were not kept
+        self._rest, self._dropped = b"", 0  # the incomplete line, and how many of its bytes were dropped
         self._ready: list[bytes] = []
         self._ended = self._open_end = False
         self._takes_open_end, self.left = open_end, b""
@@ -65,7 +66,7 @@ class LineSource:
             file.seek(offset)
 
     def hand_back(self, lines: list[bytes]) -> None:
-        """Say that the last lines handed out were not taken, so that they are where to go on."""
+        """Take back the last lines returned, so that reading continues with them."""
         unended = bool(lines) and self._ended and self._open_end
         self.offset -= sum(map(len, lines)) + len(lines) - unended
         self.number -= len(lines)
@@ -75,7 +76,7 @@ class LineSource:
         self.file.close()
 
     def read(self) -> list[bytes] | None:
-        """The next lines, at most `AT_ONCE`; [] if none came for a moment, None at the end."""
+        """The next lines, at most `AT_ONCE`; [] if none arrived for a moment, None at the end."""
         if self._ended:
             return None
         if self._ready:
@@ -95,38 +96,38 @@ class LineSource:
             return self._next(unended=len(self._ready))
         *self._ready, rest = (self._rest + block).split(b"\n")
         self._count_dropped()
-        if len(rest) > LONGEST:  # keep a mark that no parser takes in its stead
+        if len(rest) > LONGEST:  # replace it by a mark that no parser accepts
             self._dropped += len(rest) - len(TOO_LONG)
             rest = TOO_LONG
         self._rest = rest
         return self._next()
 
     def _count_dropped(self) -> None:
-        """A line that was too long is now whole and the first to be handed out."""
+        """A line that was too long is now complete and is the first to be returned."""
         if self._ready:
             self.offset, self._dropped = self.offset + self._dropped, 0
 
     def _next(self, unended: int = 0) -> list[bytes]:
-        """Lines that wait, counted as handed out."""
+        """Waiting lines, counted as returned."""
         lines, self._ready = self._ready[:AT_ONCE], self._ready[AT_ONCE:]
         self.offset += sum(map(len, lines)) + len(lines) - unended
         self.number += len(lines)
         return lines
 
     def _block(self) -> bytes | None:
-        """Some bytes, b"" at the end, None if nothing came in time."""
+        """Some bytes; b"" at the end, None if nothing arrived in time."""
         return self.file.read(BLOCK)
 
 
 class FollowedFile(LineSource):
-    """A file that grows; when it was replaced or cut, it is read from its new beginning."""
+    """A file that grows; if it is replaced or truncated, it is read from its new beginning."""
 
     def __init__(self, path: Path, *, offset: int = 0, number: int = 0):
         self.path = path
         super().__init__(open(path, "rb"), offset=offset, number=number, follow=True)
 
     def _block(self) -> bytes | None:
-        """What was appended; the beginning of the new file if there is one."""
+        """The bytes that were appended, or the beginning of the new file if there is one."""
         block = self.file.read(BLOCK)
         if block:
             return block
@@ -143,10 +144,10 @@ class FollowedFile(LineSource):
 
 
 class PipedLines(LineSource):
-    """Lines from a pipe or a terminal, without waiting on them for longer than a moment."""
+    """Lines from a pipe or a terminal; a read waits only for a moment."""
 
     def _block(self) -> bytes | None:
-        """What is there now."""
+        """The bytes that are available now."""
         ready, _, _ = select.select([self.file], [], [], POLL_SECONDS)
         return os.read(self.file.fileno(), BLOCK) if ready else None
 
@@ -159,12 +160,12 @@ class CsvParser:
     header : bytes
         The first line of the file.
     columns : sequence of str
-        The columns wanted, in order.
+        The columns to read, in order.
 
     Raises
     ------
     ValueError
-        If a column is missing or there are several of its name.
+        If a column is missing or its name occurs more than once.
 
     Examples
     --------
@@ -197,14 +198,14 @@ class CsvParser:
                 value = float(field)
             except ValueError:
                 value = _number(field, name, self._comma)
-            if not isfinite(value) or b"_" in field:  # Python reads 1_000 as a number, no logger writes it
-                raise BadRow(f"{name} is {_short(field.strip())!r}, no finite number")
+            if not isfinite(value) or b"_" in field:  # Python reads 1_000 as a number, but no logger writes it
+                raise BadRow(f"{name} is {_short(field.strip())!r}, not a finite number")
             row.append(value)
         return row
 
 
 class JsonParser:
-    """Numbers from the named members of a line that is a JSON object."""
+    """Numbers from the named members of a JSON object, one object per line."""
 
     def __init__(self, columns: Sequence[str]):
         self._names = list(columns)
@@ -214,7 +215,7 @@ class JsonParser:
         try:
             record = json.loads(line)
         except (ValueError, RecursionError):
-            raise BadRow(f"no JSON: {_short(line)}") from None
+            raise BadRow(f"not JSON: {_short(line)}") from None
         if not isinstance(record, dict):
             raise BadRow(f"a JSON {type(record).__name__}, expected an object")
         row = []
@@ -247,7 +248,7 @@ def _number(field: bytes, name: str, comma: bool) -> float:
     try:
         return float(text)
     except ValueError:
-        raise BadRow(f"{name} is {_short(text)!r}, no number") from None
+        raise BadRow(f"{name} is {_short(text)!r}, not a number") from None
 
 
 def _short(text: bytes) -> str:

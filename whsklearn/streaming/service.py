@@ -29,28 +29,28 @@ KIND = "stream"
 
 
 class Files(NamedTuple):
-    """What a stream reads and writes, and when.
+    """The files that a stream reads and writes, and when.
 
     Attributes
     ----------
     source : str
         A CSV file, or ``-`` for JSON lines on stdin.
     out : Path or None
-        Where the records go; stdout if None.
+        Where the records are written; stdout if None.
     kept : Path
-        The checkpoint, from which a stream that is started again goes on.
+        The checkpoint, from which a restarted stream resumes.
     follow : bool
-        Wait for more at the end of the file.
+        Whether to wait for more data at the end of the file.
     fresh : bool
-        Start afresh even if there is a checkpoint.
+        Whether to start over even if there is a checkpoint.
     checkpoint_seconds : float
         Time between checkpoints (s).
     stops_when_full : bool
-        End the stream when no checkpoint can be written; else it goes on without one.
+        Whether the stream ends if no checkpoint can be written; otherwise it continues without one.
 
     References
     ----------
-    Gray and Reuter 1993, Transaction Processing, Morgan Kaufmann, on checkpoints that are replaced in one step.
+    Gray and Reuter 1993, Transaction Processing, Morgan Kaufmann, on checkpoints that are replaced atomically.
 
     Examples
     --------
@@ -70,18 +70,18 @@ class Files(NamedTuple):
 
 
 Say = Callable[[str], None]
-GRACE_SECONDS = 1.0  # for the rows in hand once a stop is asked for: whoever asks waits for no longer than 2 s
+GRACE_SECONDS = 1.0  # for the current rows after a stop request, so that a stop takes no longer than 2 s
 
 
-class Late(BaseException):  # as KeyboardInterrupt, which a compiler that catches every Exception must not swallow
-    """The time allowed for finishing the current rows after a stop request is over."""
+class Late(BaseException):  # like KeyboardInterrupt, so that a compiler that catches every Exception cannot swallow it
+    """Raised when the time allowed for finishing the current rows after a stop request is over."""
 
 
 class Stopper:
-    """SIGTERM and SIGINT ask for a stop after the rows in hand; a second one stops at once.
+    """SIGTERM and SIGINT request a stop after the current rows; a second one stops at once.
 
-    Rows that take long, the first ones above all, which wait for compilers, are given up after `GRACE_SECONDS`.
-    Python hands signals to the main thread only, so in any other thread nothing is changed.
+    Rows that take longer than `GRACE_SECONDS` are abandoned; the first rows, which wait for compilers, often do.
+    Python delivers signals to the main thread only, so in any other thread this class does nothing.
     """
 
     def __init__(self) -> None:
@@ -101,7 +101,7 @@ class Stopper:
         raise Late
 
     def restore(self) -> None:
-        """Put back the handlers that were there."""
+        """Restore the previous signal handlers."""
         if self._main and hasattr(signal, "setitimer"):
             signal.setitimer(signal.ITIMER_REAL, 0.0)
         self._put_back()
@@ -124,7 +124,7 @@ def run_stream(
     root: Path | None = None,
     say: Say = _to_stderr,
 ) -> None:
-    r"""Feed a model from a source until that ends or a signal comes; it goes on where a checkpoint stands.
+    r"""Feed a model from a source until the source ends or a signal arrives; resume from a checkpoint if there is one.
 
     Parameters
     ----------
@@ -133,20 +133,21 @@ def run_stream(
     columns : list of str
         The columns to read: the time if rows have one (``options.timed``), the inputs, the output.
     files : Files
-        What is read and written.
+        The files to read and write.
     options : Options, optional
-        What is done with the rows.
+        How rows are handled.
     alarm : ChangeAlarm or float, default=1e6
-        What watches the innovations, or the rows between its false alarms, on average, at least.
+        The alarm that watches the innovations, or its smallest mean number of rows between false alarms.
     root : Path, optional
         The folder that holds ``mlruns/``; without one nothing is recorded in MLflow.
     say : callable
-        Takes each sentence for whoever watches; stderr by default.
+        Called with each message for the user; prints to stderr by default.
 
     Raises
     ------
     ValueError
-        If two of the files are one, the checkpoint is of another model, file or columns, or another stream holds it.
+        If two of the files are the same, if the checkpoint belongs to another model, file or columns, or if another
+        stream is using it.
     Refused
         At the first bad row, if ``options.refuse``.
 
@@ -192,21 +193,22 @@ def run_stream(
                 hurried = _run(stream, files, place, keeper)
         finally:
             if lost := run.close(HURRIED_SECONDS if hurried else CLOSE_SECONDS):
-                say(f"{lost} sets of metrics did not reach the record in MLflow.")
+                say(f"{lost} sets of metrics did not reach the record of the run in MLflow.")
 
 
 def _run(stream: StreamMonitor, files: Files, place: dict[str, Any], keeper: Keeper) -> bool:
-    """Feed the stream until its source ends or a signal comes, then write the last checkpoint.
+    """Feed the stream until its source ends or a signal arrives, then write the last checkpoint.
 
-    A bad row that is refused ends it with a checkpoint before that row.  Any other error, and rows that are given up
-    for a signal, leave the last periodic checkpoint, from which the rows since are taken again.  Whether a signal came.
+    A bad row that is refused ends the stream with a checkpoint before that row.  After any other error, or if rows are
+    abandoned because of a signal, the last periodic checkpoint remains, and the rows since then are read again.
+    Returns whether a signal arrived.
     """
     began, rows = time.monotonic(), stream.carried.rows
     if rows:
-        keeper.say(f"Going on after row {rows} from {files.kept}.")
+        keeper.say(f"Resuming after row {rows} from {files.kept}.")
     stopper = Stopper()
     with contextlib.closing(_open(files.source, place, files.follow)) as lines:
-        if not rows:  # from here on a crash at any instant knows where rows and records stood
+        if not rows:  # from here on, the stream can be resumed after a crash at any instant
             keeper.save(lines)
         try:
             with insisted(Late, KeyboardInterrupt):
@@ -215,17 +217,17 @@ def _run(stream: StreamMonitor, files: Files, place: dict[str, Any], keeper: Kee
             keeper.save(lines)
             raise
         except Late:
-            keeper.say("The rows in hand take long and are given up; they are taken again from the checkpoint.")
+            keeper.say("The current rows take too long and are abandoned; a restart reads them again.")
         else:
             stopper.restore()
             keeper.save(lines)
         finally:
             stopper.restore()
         if lines.left:
-            keeper.say("The last line has no end; it is left until it is whole, or give --follow.")
+            keeper.say("The last line has no end and was not read; complete it, or wait for its end with --follow.")
     c, waiting = stream.carried, len(stream.clock.ahead) + len(stream.clock.back)
     if waiting:
-        keeper.say(f"{waiting} rows after a leap of the clock wait for what comes after them.")
+        keeper.say(f"{waiting} rows after a leap of the clock are still waiting for the rows after them.")
     for said in stream.worse_than_mean():
         keeper.say(f"At the end {said}.")
     taken, spent = c.rows - rows, time.monotonic() - began
@@ -240,13 +242,13 @@ def _run(stream: StreamMonitor, files: Files, place: dict[str, Any], keeper: Kee
 def _feed(
     stream: StreamMonitor, files: Files, place: dict[str, Any], lines: LineSource, stopper: Stopper, keeper: Keeper
 ) -> None:
-    """Blocks of lines to the stream, and a checkpoint every so many seconds."""
+    """Feed blocks of lines to the stream, and write a checkpoint every ``checkpoint_seconds``."""
     parse = _parser(files.source, place)
     due = time.monotonic() + files.checkpoint_seconds
     while not stopper.by and (block := lines.read()) is not None:
         if lines.restarted:
             lines.restarted, parse = False, None
-            keeper.say(f"{files.source} was replaced or cut; reading it from its new beginning.")
+            keeper.say(f"{files.source} was replaced or truncated; reading it from its new beginning.")
         if parse is None and block:
             place["header"] = text_of(block.pop(0))
             parse = _parser(files.source, place)
@@ -262,7 +264,7 @@ def _feed(
 
 
 def _open(source: str, place: dict[str, Any], follow: bool) -> LineSource:
-    """The source, where the checkpoint left it; a pipe cannot go back and goes on where it is."""
+    """Open the source at the position of the checkpoint; a pipe cannot go back and continues where it is."""
     if source == "-":
         return PipedLines(sys.stdin.buffer, number=place["number"], open_end=True)
     path = Path(source)
@@ -287,20 +289,20 @@ def _check_source(source: str, place: dict[str, Any]) -> None:
 
 
 def _parser(source: str, place: dict[str, Any]) -> Callable[[bytes], list[float]] | None:
-    """What turns lines into numbers; None until a CSV file's header is known."""
+    """The parser that converts lines to numbers; None until a CSV file's header is known."""
     if source == "-":
         return JsonParser(place["columns"])
     return CsvParser(place["header"].encode(), place["columns"]) if place["header"] else None
 
 
 def _to(writer: Out, run: BesideRun, say: Say) -> Callable[[Record], None]:
-    """Where records go: all to the output, bad rows and alarms to the terminal, estimates and alarms to MLflow."""
+    """Send all records to the output, bad rows and alarms to the terminal, and estimates and alarms to MLflow."""
 
     def emit(record: Record) -> None:
         writer(record)
         metrics = {}
         if record["kind"] == "bad_row":
-            say(f"line {record['line']}: {record['reason']}; passed over.")
+            say(f"line {record['line']}: {record['reason']}; skipped.")
         elif record["kind"] == "estimate":
             metrics = {f"path/{k}": v for k, v in record["parameters"].items()}
             rmse = record["innovation_rmse"]
@@ -319,26 +321,26 @@ def _to(writer: Out, run: BesideRun, say: Say) -> Callable[[Record], None]:
 
 
 class Keeper:
-    """Writes the checkpoint; a full disk ends the stream or leaves it without one, which is reported once."""
+    """Writes the checkpoint; if the disk is full, the stream ends or continues without one, which is reported once."""
 
     def __init__(self, stream: StreamMonitor, files: Files, place: dict[str, Any], writer: Out, say: Say = _to_stderr):
         self.stream, self.files, self.place, self.writer, self.say = stream, files, place, writer, say
         self._failing = False
-        self._rows: int | None = stream.carried.rows or None  # up to which a checkpoint is on the disk
+        self._rows: int | None = stream.carried.rows or None  # row of the checkpoint on the disk
 
     def outlook(self, rows: int) -> str:
-        """From where the stream goes on if it is started again."""
+        """Where the stream resumes if it is restarted."""
         if not self._failing:
-            return f"started again, the stream goes on from {self.files.kept}."
+            return f"a restarted stream resumes from {self.files.kept}."
         if self._rows is None:
-            return "no checkpoint could be written, so if it is started again, the stream begins at the first row."
+            return "no checkpoint could be written, so a restarted stream begins at the first row."
         return (
-            f"the checkpoint {self.files.kept} is that of row {self._rows}, and started again, the stream takes the "
-            f"{rows - self._rows} rows since then once more."
+            f"the last checkpoint, {self.files.kept}, was written at row {self._rows}, so a restarted stream reads the "
+            f"{rows - self._rows} rows since then again."
         )
 
     def save(self, lines: LineSource) -> None:
-        """Write the checkpoint; records up to it are on the disk before."""
+        """Write the checkpoint, after all records up to it are on the disk."""
         stream, self.place["out"] = self.stream, self.writer.settle()
         self.place |= {"offset": lines.offset, "number": lines.number}
         self.place["fingerprint"] = fingerprint(self.files.source, lines.offset) if lines.file.seekable() else ""
@@ -349,25 +351,25 @@ class Keeper:
         except OSError as error:
             said = f"The checkpoint {self.files.kept} cannot be written ({error.strerror})"
             if self.files.stops_when_full:
-                raise OSError(f"{said}; make room and start again, nothing is lost.") from None
+                raise OSError(f"{said}; free some space and start again, nothing is lost.") from None
             if not self._failing:
-                self.say(f"{said}; the stream goes on without it.")
+                self.say(f"{said}; the stream continues without it.")
             self._failing = True
             return
         self._rows = stream.carried.rows
         if self._failing:
-            self.say(f"The checkpoint {self.files.kept} is written again.")
+            self.say(f"The checkpoint {self.files.kept} can be written again.")
         self._failing = False
 
 
 def _load(kept: Path, model: Any, columns: list[str]) -> dict[str, Any]:
-    """The checkpoint, if it is of the same model and columns."""
+    """The state in the checkpoint; raises if it belongs to another model or other columns."""
     params, state = read_state(kept, KIND)
     if state["place"]["columns"] != columns:
         learnt, given = (", ".join(map(_with_unit, names)) for names in (state["place"]["columns"], columns))
         raise ValueError(
-            f"{kept} was learnt from {learnt}, and this stream reads {given}; a stream goes on in the columns and "
-            "units that it began with. Name those, or give --fresh to start over."
+            f"{kept} was learnt from {learnt}, and this stream reads {given}; a resumed stream must have the same "
+            "columns and units. Name those, or give --fresh to start over."
         )
     if repr(params["estimator"]) != repr(model):
         raise ValueError(
@@ -378,7 +380,7 @@ def _load(kept: Path, model: Any, columns: list[str]) -> dict[str, Any]:
 
 
 def _with_unit(column: str) -> str:
-    """A column and its unit, where its name says one.
+    """A column and its unit, if its name states one.
 
     Examples
     --------
