@@ -29,7 +29,8 @@ from whsklearn.gap.tangent import Look
 from whsklearn.logs.units import respelled
 
 UNFINISHED = ("unknown", "partial", "coloured_noise")  # verdicts beside which a nameless torque is learned
-# Multiple of the floor from which the free run of exact records must close by as much: a floor is known to percents.
+# Multiple of the floor above which the free run must close `LEAST_SHARE` of the gap, for a plant whose own records are
+# exact: a floor is known to a few percent.
 ABOVE_FLOOR = 1.1
 # Share of the gap in simulation that learned curves must close, or they are dropped (`benchmarks.learned`).
 LEARNED_CLOSURE = 0.1
@@ -41,7 +42,7 @@ SHOWN = 0.02
 
 
 def conclude(plant: Any, found: Found, rng: np.random.Generator, say: Callable[[str], None], alpha: float) -> Diagnosis:
-    """The diagnosis in the units of the log; ``found.model``, in SI, is left at the model that is handed back."""
+    """The diagnosis in the units of the log; ``found.model``, in SI, becomes the model that is returned to the user."""
     say("prove")
     own, motion = plant.own_units, plant.units[1]
     gap = plant.gap_unit
@@ -93,7 +94,7 @@ def _base_numbers(plant: Any, found: Found) -> list[dict[str, Any]]:
 
     first, last = plant.numbers(found.base), plant.numbers(found.model)
     before, after = (errors_of(plant.linearised(m), values) for m in (found.base, found.model))
-    own = plant.own_units if plant.whole == "drive" else {}  # a simulator's numbers stay as its file has them
+    own = plant.own_units if plant.whole == "drive" else {}  # a simulator's numbers keep the units of its file
     out = []
     for name, (value, unit) in first.items():
         row = {"name": name, "before": value, "after": last[name][0], "before_error": before.get(name),
@@ -122,7 +123,7 @@ def _proved(plant: Any, found: Found, rng: np.random.Generator, alpha: float) ->
     diagnosis = Diagnosis(verdict, "")
     if verdict in ("named", "ambiguous", "partial"):
         diagnosis.effects = _effects(plant, found) + reading.effects
-    elif found.taken:  # nothing earned a name: the base model is handed back, and its figures
+    elif found.taken:  # nothing can be named: the base model is returned, with its figures
         _give_back(found)
         rows = prove(plant, found.base, found.base, rng, reading.given)
     return diagnosis, rows
@@ -155,7 +156,7 @@ def _closing(plant: Any, found: Found, rng: np.random.Generator, given: Any) -> 
 
 
 def _headline(plant: Any, rows: list[dict[str, Any]]) -> dict[str, Any]:
-    """The row of the horizon of the first line."""
+    """The row of the headline horizon."""
     return next(r for r in rows if r["horizon"] == plant.headline)
 
 
@@ -197,15 +198,15 @@ def verdict_of(plant: Any, found: Found, alpha: float, run: dict[str, float]) ->
         return "unknown" if nameless > least else "coloured_noise"
     missing = max(before**2 - floor**2, 1e-300)
     share = (before**2 - after**2) / missing
-    # of free swings the drive's error shows little: there the looks along the run count what an effect explains
+    # the drive's error shows little of free swings: there the looks along the run measure what an effect explains
     if max(share, sum((t.size * plant.scale) ** 2 for t in found.taken) / missing) < LEAST_SHARE:
         return "unknown"
-    # exact records: the errors are of a free run themselves, and the held-out ones need only be no larger
+    # exact records: the errors are already those of a free run, and the held-out ones need only be no larger
     if (share if plant.exact else min(share, run["closure"])) < HALF:
         return "partial"
-    # Below the tolerance a rest is not worth naming by itself, unless the free run shows that it matters: friction that
-    # grows above a speed leaves Stribeck's curve 0.36 of the tolerance and 2.6 floors of the run, where true names
-    # leave one floor (`benchmarks.learned --effects dead_velocity`).
+    # A remainder below the tolerance is not worth naming, unless the free run shows that it matters.  If friction that
+    # grows above a speed is called Stribeck's curve, the remainder is 0.36 of the tolerance, and the error of the run
+    # is 2.6 floors; with true names it is one floor (`benchmarks.learned --effects dead_velocity`).
     if still > STILL * before and (still > least or run["after"] > QUIET * run["floor"]):
         return "partial"
     return "ambiguous" if any(t.rivals for t in found.taken) else "named"
@@ -231,7 +232,7 @@ def shown_at(look: Look, step: Any, alpha: float) -> float:
 
 
 def candidates(found: Found, diagnosis: Diagnosis, plant: Any, alpha: float) -> list[CandidateLine]:
-    """The table of candidates: every catalogue name once, its evidence and why it is or is not the answer."""
+    """The table of candidates: every catalogue name once, with its evidence and why it is or is not the answer."""
     named = {e.label: e for e in diagnosis.effects}
     aliases = {a for e in diagnosis.effects for a in e.aliases}
     lines: dict[str, CandidateLine] = {}
@@ -263,7 +264,7 @@ def candidates(found: Found, diagnosis: Diagnosis, plant: Any, alpha: float) -> 
         elif not line.reason:
             joint = name.partition(" at ")[2]
             here = [e.label for e in diagnosis.effects if e.joint in ("", joint)]
-            line.reason = f"explains less than {here[0].replace('_', ' ')}" if here else "leaves too much of the gap"
+            line.reason = f"explains less than {here[0].replace('_', ' ')}" if here else "explains too little"
     for name, late in named.items():
         if name not in lines:
             share = float(np.clip(late.closure, -1, 1))
@@ -304,13 +305,13 @@ def _learned(
 
 
 def _give_back(found: Found) -> None:
-    """Leave the base model."""
+    """Return to the base model without any effect."""
     found.model = found.base
     found.taken.clear()
 
 
 def _effects(plant: Any, found: Found) -> list[NamedEffect]:
-    """What was taken, with standard errors, in the order of what each explains."""
+    """The effects taken, with standard errors, in the order of what each explains."""
     fit = plant.linearised(found.model)
     out = []
     gap = found.steps[0].gap / plant.scale

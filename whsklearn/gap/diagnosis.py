@@ -31,7 +31,7 @@ class NamedEffect:
     standard_errors : dict of str to float
         Standard errors by the names that `Effect.labelled` gives.
     delta_bic : float
-        Evidence, after subtracting the price of its free parameters and of the places searched.
+        Evidence, after the penalty for its free parameters and for the places searched.
     confidence : float
         1 - ``p_value``, for programs that read it from older reports.
     closure : float
@@ -83,7 +83,7 @@ class NamedEffect:
 
     @property
     def parameters(self) -> dict[str, float | str]:
-        """The parameters in the units of the log, which their names state: ``torque_nm``, for a line ``torque_n``."""
+        """The parameters in the units of the log, which their names state: ``torque_nm``, or ``torque_n`` on a line."""
         return self._told(self.effect.labelled())
 
     @property
@@ -115,7 +115,7 @@ class NamedEffect:
         return dict(zip(("Nm", "rad"), self.units, strict=True))
 
     def _told(self, numbers: Mapping[str, Any]) -> dict[str, Any]:
-        """Numbers in SI under labels of a rotary axis, brought to the units of the log; bare where it has none."""
+        """Numbers in SI under labels of a rotary axis, converted to the log's units; unchanged if it has none."""
         factors = {}
         if not any(self.units):  # a chain, whose signals between the blocks have no unit
             bare = {q.labelled(name): name for name, q in getattr(self.effect, "quantities", {}).items()}
@@ -129,7 +129,7 @@ class NamedEffect:
 
     @property
     def amplitude_unit(self) -> str:
-        """Unit of the size; empty where it is a share or the log has no units."""
+        """Unit of the size; empty if it is a share or the log has no units."""
         quantity = getattr(self.effect, "quantities", {}).get(getattr(self.effect, "size", ""))
         if quantity is None or quantity.unit == "1" or not all(self.units):
             return ""
@@ -188,7 +188,7 @@ class NamedEffect:
 
 
 def wave_over(effect: Any, angle: NDArray[np.float64], amplitude: Any) -> NDArray[np.float64]:
-    """A wave of the angle by its order and phase at an amplitude, shape (n,)."""
+    """A wave over the angle, with its order and phase, at an amplitude, shape (n,)."""
     return amplitude * np.cos(effect.order * angle + effect.phase)
 
 
@@ -384,7 +384,7 @@ class Diagnosis:
     effects : list of NamedEffect
         What was missing.
     learned : LearnedTorques or None
-        What has no name and was learned.
+        The torque without a name that was learned.
     candidates : list of CandidateLine
         Every effect that was considered.
     where : list of Place
@@ -392,19 +392,19 @@ class Diagnosis:
     before, after : dict of str to float
         ``nmse``, ``mu_e`` and ``rmse`` (unit of the position) of the free run on held-out samples.
     floor : float
-        The rmse that noise alone leaves, in the same unit.
+        The rmse due to noise alone, in the same unit.
     closure : float
         1 - (after - floor) / (before - floor) of the rmse.
     figures : tuple of three floats
         Missing share of the rms drive (or output): before, after, and of noise alone.
     next_experiment, shortfall : str
-        The record that would settle what is still open; what the base model lacks.
+        The experiment that would settle what is still open; what the base model lacks.
     horizons, test : list of dict
         Free runs by horizon, and on a second record.
     base_parameters, drifting : list of dict
         Numbers of the base model before and after; those that drift along the record.
     rounds, residual_tests : list of dict
-        The effects that the search added; tests of the remainder.
+        The effects that the search added; tests of the final residual.
     problems, notes : list
         What is wrong with the log; further remarks.
     pictures : dict of str to Any
@@ -520,7 +520,7 @@ class Diagnosis:
 
 
 def _plain(value: Any) -> Any:
-    """Numbers as JSON has them: no NumPy scalars, no NaN or infinity."""
+    """Numbers as JSON can represent them: no NumPy scalars, no NaN or infinity."""
     if isinstance(value, dict):
         return {str(k): _plain(v) for k, v in value.items()}
     if isinstance(value, list | tuple):
@@ -546,7 +546,7 @@ def families(effects: list[NamedEffect]) -> list[NamedEffect]:
 
 
 def place_in(place: Place, gap: str, own: Mapping[str, str]) -> Place:
-    """A range of a signal, the means of the gap (of the SI unit ``gap``) over it too."""
+    """A range of a signal and the means of the gap (in the SI unit ``gap``) over it, in the units of the log."""
     by, unit = respelled(place.unit, own)
     size = respelled(gap, own)[0]
     return dataclasses.replace(
@@ -556,13 +556,13 @@ def place_in(place: Place, gap: str, own: Mapping[str, str]) -> Place:
 
 
 def curve_in(curve: Curve, units: tuple[str, str], own: Mapping[str, str]) -> Curve:
-    """A learned torque over its signal; ``units`` are the SI symbols of drive and motion."""
+    """A learned torque and its signal in the units of the log; ``units`` are the SI symbols of drive and motion."""
     by = respelled(CURVE_UNITS.get(curve.signals[0], "{1}").format(*units), own)[0]
     size = respelled(units[0], own)[0]
     return curve._replace(x=curve.x / by, y=curve.y / size, band=curve.band / size)
 
 
 def rows_in(rows: list[dict[str, Any]], unit: str, own: Mapping[str, str], *names: str) -> list[dict[str, Any]]:
-    """Rows of a table with the named numbers, of one SI unit, brought over."""
+    """Rows of a table with the named numbers converted from one SI unit to that of the log."""
     by = respelled(unit, own)[0]
     return [r | {k: r[k] / by for k in names if r.get(k) is not None} for r in rows]

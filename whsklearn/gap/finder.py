@@ -1,4 +1,4 @@
-"""`GapFinder`: the workflow as an estimator. One call leads from log to verdict: check, base, search, prove, report."""
+"""`GapFinder`: the workflow as an estimator, which goes from log to verdict in one call."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ class GapFinder(BaseEstimator):
     model : str or object
         ``"servo"`` (a rigid axis with the friction law ``law``), ``"wiener-hammerstein"``, a `ServoAxis` or
         `WienerHammersteinSystem` whose law is the base model's, an `Arm` (the effects of its joints are the base
-        law), an `ArmModel` (its numbers stay), or a simulator of your own with the methods ``simulate``, ``refit`` and
-        ``with_effect``.
+        law), an `ArmModel` (its numbers stay fixed), or a simulator of your own with the methods ``simulate``,
+        ``refit`` and ``with_effect``.
     law : str, optional
         Friction terms of the base model, joined by commas; ``"viscous,coulomb"`` for an axis and law (4)
         for a Wiener-Hammerstein system by default.
@@ -106,7 +106,7 @@ class GapFinder(BaseEstimator):
         self.progress = progress
         self.on_round = on_round
 
-    @threadpool_limits.wrap(limits=1, user_api="blas")  # two take twice the CPU and sum in another order
+    @threadpool_limits.wrap(limits=1, user_api="blas")  # two threads take twice the CPU and sum in another order
     def fit(self, log: Any, y: Any = None, **columns: str | None) -> Self:
         """Diagnose one log.
 

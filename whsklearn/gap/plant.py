@@ -2,18 +2,18 @@
 
 A `Plant` is one record under one kind of model.  It owns all physics: how a model is fitted, what it leaves
 unexplained (the *gap*), which effects may be missing and how each is tried.  The engine (`search`, `conclude`,
-`proof`, `finder`) owns all decisions: it names no effect and asks for no kind of model.
+`proof`, `finder`) owns all decisions: it names no effect and depends on no kind of model.
 
 How to write a plant
 --------------------
 1. A frozen model class with ``terms`` (base model's first), ``n_base``, ``without(index)`` and ``with_terms``; each
    term has ``name`` and ``effect`` (the library's own `whsklearn.effects.Effect`).
-2. ``base``, ``errors`` and ``settled``: the model, and what it leaves with all numbers fitted.
+2. ``base``, ``errors`` and ``settled``: the model, its residual, and the model with all numbers fitted.
 3. ``looks``: every candidate to first order, in the record and in records that the model makes itself
-   (`whsklearn.gap.tangent.Tangent` does both at once); ``refine`` fits one of them, ``objection`` says what physics
-   has against it.  ``n_effective`` is the number of independent samples that the last looks counted by.
-4. ``made`` and ``simulate``: a record of the model's own, and the free run that proves.
-5. ``numbers``, ``gap``, ``figures`` and ``told``: what the report tells.  Everything else has a default in
+   (`whsklearn.gap.tangent.Tangent` does both at once); ``refine`` fits one of them, ``objection`` gives a physical
+   objection to it.  ``n_effective`` is the number of independent samples on which the last looks are based.
+4. ``made`` and ``simulate``: a record that the model simulates, and the free run for the proof.
+5. ``numbers``, ``gap``, ``figures`` and ``told``: the content of the report.  Everything else has a default in
    `PlantDefaults`.
 """
 
@@ -32,11 +32,11 @@ from whsklearn.gap.record import rms
 
 Array = NDArray[Any]
 
-# Share of the rms drive or output: no effect below is worth naming. Surrogates of records with nothing missing leave
-# 0.0037 to 0.0047 of the drive in the inverse view. The one default of every entry.
+# Share of the rms drive or output below which no effect is worth naming. In the inverse view, the residual of
+# surrogates of records with nothing missing is 0.0037 to 0.0047 of the drive. The default of every entry point.
 DEFAULT_TOLERANCE = 0.004
-# Multiple of what the encoder's noise leaves of own records, below which nothing is missing: five records know it to a
-# tenth.
+# Multiple of the residual that encoder noise causes in own records, below which nothing is missing: five records
+# determine that residual to a tenth.
 QUIET = 1.35
 
 
@@ -77,7 +77,7 @@ class FittedTerm:
     Attributes
     ----------
     kind : object
-        With ``name`` and ``effect(q)``.
+        An object with ``name`` and ``effect(q)``.
     q : tuple of float
     """
 
@@ -106,7 +106,7 @@ class Linearised(NamedTuple):
     rebuild : callable
         x -> model.
     covariance : ndarray of shape (p, p), optional
-        Where more is known of the errors than that the residual is white.
+        Given if more is known about the errors than that the residual is white.
     """
 
     x: Array
@@ -125,7 +125,7 @@ class Learned(NamedTuple):
     ----------
     model : object
     curves : tuple of Curve
-        Empty where the plant has no picture of them.
+        Empty if the plant has no picture of them.
     """
 
     model: Any
@@ -133,7 +133,7 @@ class Learned(NamedTuple):
 
 
 class Gap(NamedTuple):
-    """What a model leaves along the record, and what it may follow.
+    """The residual of a model along the record, and the signals that it may follow.
 
     Attributes
     ----------
@@ -143,7 +143,7 @@ class Gap(NamedTuple):
     signals : dict
         Name -> (signal of shape (n,), unit).
     columns : dict
-        Name of a constant of the base model -> (its value, its column of shape (n,)): what may drift.
+        Name of a constant of the base model that may drift -> (its value, its column of shape (n,)).
     """
 
     left: Array
@@ -168,11 +168,11 @@ class Reading:
     Attributes
     ----------
     effects : list of NamedEffect
-        Read off the record itself, beside those of a model: a coarse grid, a folded sign.
+        Read from the record itself, besides those of a model: a coarse grid, a lost sign.
     shortfall : str
-        Sentence on what the base model itself lacks (order, shape of a law), where that and no effect is the gap.
+        Sentence on what the base model itself lacks (order, shape of a law), if that causes the gap and no effect does.
     given : (Plant, Model), optional
-        The record as it was given and its base model, where the plant has repaired a reading.
+        The record as it was given and its base model, if the plant has repaired a reading.
     """
 
     effects: list[Any] = field(default_factory=list)
@@ -193,7 +193,7 @@ class Told:
     pictures : dict
         Series that the page draws (`whsklearn.gap.pictures`).
     joints : list of dict
-        Of an arm: what is missing of each drive, before and after.
+        For an arm, what is missing from each drive, before and after.
     """
 
     tests: list[dict[str, Any]]
@@ -208,13 +208,13 @@ class Plant(Protocol):
     Attributes
     ----------
     units : tuple of str
-        Of drive (or input) and position (or output), used inside the plant; empty where the log has none.
+        Of drive (or input) and position (or output), used inside the plant; empty if the log has none.
     logged : tuple of str
-        The same as the log has them.
+        The same, as in the log.
     own_units : dict of str to str
-        Symbol of ``units`` -> the unit in which a report tells it.
+        Symbol of ``units`` -> the unit that a report uses for it.
     effect_units : tuple of str
-        Of drive and motion, in which the numbers of effects are told.
+        Of drive and motion, in which the numbers of effects are stated.
     gap_unit, gap_word, whole : str
         Unit of the gap, what it is called ("missing torque") and what it is a share of ("drive").
     tolerance : float
@@ -222,8 +222,8 @@ class Plant(Protocol):
     scale : float
         Rms of the drive (servo) or of the output (chain).
     horizons : tuple of float
-        Of the free runs that prove, in ``horizon_unit`` (``s`` or ``samples``); ``headline`` is the one of the first
-        line.
+        Of the free runs of the proof, in ``horizon_unit`` (``s`` or ``samples``); ``headline`` is the one in the first
+        line of the report.
     exact : bool
         Whether its own records are exact: simulated from the input alone, with no loop and no filter.
     """
@@ -253,7 +253,7 @@ class Plant(Protocol):
         """The model with all numbers fitted jointly."""
 
     def looks(self, model: Any, rng: np.random.Generator, beside: Any | None = None) -> list[Any]:
-        """Every candidate on top of the model (`whsklearn.gap.tangent.Look`), nameless families too.
+        """Looks at every candidate beside the model (`whsklearn.gap.tangent.Look`), nameless families included.
 
         ``beside`` is the model with the effect that is being tested again, for looks that need it.
         """
@@ -262,9 +262,9 @@ class Plant(Protocol):
         """The model with one candidate fitted."""
 
     def objection(self, model: Any, grown: Any) -> str:
-        """Physical objection to the last term of ``grown``, which the model lacks; empty if there is none.
+        """Objection to the last term of ``grown``, which the model lacks; empty if there is none.
 
-        Its numbers, a free run that it makes worse, or that it explains too little beside what is there.
+        It concerns the term's numbers, a free run that the term makes worse, or too small a share beside other terms.
         """
 
     def aliases(self, name: str) -> tuple[str, ...]:
@@ -280,19 +280,19 @@ class Plant(Protocol):
         """(measured output of shape (n,), mask of the held-out samples on which these models can be compared)."""
 
     def figures(self, base: Any, model: Any, nameless: float = 0.0) -> Figures:
-        """The gap in figures, in the unit of drive or output, where looks have seen so much without a name."""
+        """The gap in figures, in the unit of drive or output; ``nameless`` is the rms that looks saw without a name."""
 
     def linearised(self, model: Any) -> Linearised:
         """The fit's vector, residual and derivatives at the model, for standard errors."""
 
     def numbers(self, model: Any) -> dict[str, tuple[float, str]]:
-        """Name of a number of the base model -> (value, unit; empty where it has none)."""
+        """Name of a number of the base model -> (value, unit); the unit is empty if it has none."""
 
     def gap(self, model: Any) -> Gap:
-        """What the model leaves, with the signals and constants that it may follow."""
+        """The residual of the model, with the signals and constants that it may follow."""
 
     def told(self, base: Any, model: Any) -> Told:
-        """The rest of what a report tells."""
+        """The rest of the report's content."""
 
     def system(self, model: Any) -> Any:
         """The model as the library's own object."""
@@ -333,25 +333,25 @@ class PlantDefaults:
         return np.asarray(self.errors(model))
 
     def leads(self: Any, taken: Any, other: Any, before: Array, rng: np.random.Generator) -> Array:
-        """Lead of the chosen one in records simulated with the other: to first order, from what each explains."""
+        """Lead of the one taken in records simulated with the other: to first order, from what each explains."""
         return rival_leads(before, taken.errors, other.errors, self.n_effective, rng)
 
     def family(self, model: Any) -> Iterable[Any]:
-        """None: further orders are candidates like any other."""
+        """Empty: further orders are candidates like any other."""
         return ()
 
     def contributes(self, base: Any, model: Any) -> bool:
-        """Whether effects show something that the whole run hides: never."""
+        """Whether effects improve the runs in a way that the closure hides: never."""
         return False
 
     def to_simulate(self, model: Any) -> Any:
-        """The model with the numbers that simulate best: those that were fitted."""
+        """The model with the numbers that give the best free run: those that were fitted."""
         return model
 
     def learn(self, model: Any) -> Learned | None:
-        """What a model still lacks as nameless functions of the motion that it then simulates: nothing is learned."""
+        """Learn what a model still lacks as nameless functions of the motion that it can simulate: here nothing."""
         return None
 
     def reading(self, base: Any, model: Any) -> Reading:
-        """Nothing, and the record as it is."""
+        """No effect read from the record, which is used as it is."""
         return Reading()

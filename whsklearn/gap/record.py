@@ -17,23 +17,23 @@ Array = NDArray[Any]
 
 # Standard deviation of a Gaussian over its median absolute deviation: what "robust deviations" are counted in.
 MAD = 1.4826
-# Parts of a record, and the share at the end of each that is held out: 60 % fit and 40 % judge, and every part of a
-# record that drifts is seen by both.
+# Parts of a record, and the share at the end of each that is held out: 60 % fit and 40 % judge. If a record drifts,
+# both see every part of it.
 PARTS, HELD_OUT = 5, 0.4
-# Differences of sorted readings up to this times the smallest one are one step of a grid, whose median is taken: a
-# difference of two steps must stay out, and digits cut off in the file move one step a little.
+# Differences of sorted readings up to this multiple of the smallest one are one step of a grid; their median is taken.
+# A difference of two steps must be excluded, and digits cut off in the file change one step a little.
 ONE_STEP = 1.5
-# Share of a step (times the root of their number) that a difference may miss whole steps by: digits cut off.
+# Share of a step (times the root of their number) by which a difference may miss whole steps: digits cut off.
 ON_GRID = 0.02
 # Share of differences that must be whole steps.
 MOSTLY_ON_GRID = 0.99
-# Distinct values a sample: above, each is met once and a grid is no coarser than the noise.
+# Distinct values per sample: above this, nearly every value occurs once and a grid is no coarser than the noise.
 DISTINCT = 0.9
-# Share of a step: the mean distance of readings from the grid above which the step was rounded in the file and is
-# taken from the whole span. A right step leaves hundredths, a wrong one a quarter.
+# Share of a step: the mean distance of readings from the grid above which the step was rounded in the file, so that it
+# is taken from the whole span. A right step gives hundredths, a wrong one a quarter.
 STEP_ROUNDED = 0.15
-# Share of the sixth differences that tells the noise, and what makes up for the largest ones, which impacts and steps
-# of the drive make: 1.07 for a Gaussian.
+# Share of the sixth differences from which the noise is computed, and the factor that corrects for dropping the largest
+# ones, which are due to impacts and steps of the drive: 1.07 for a Gaussian.
 NOISE_KEPT, NOISE_MADE_UP = 0.98, 1.06
 
 
@@ -50,7 +50,7 @@ def _unit(role: str, column: str, default: str) -> str:
 
 @dataclass(frozen=True)
 class ServoRecord:
-    """Time, drive, position and, if logged, the reference; shape (n,) each, evenly sampled, brought to SI.
+    """Time, drive, position and, if logged, the reference; shape (n,) each, evenly sampled, converted to SI.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ class ServoRecord:
         if not any(self.logged):
             object.__setattr__(self, "logged", self.units)
         (by, drive), (turn, motion) = map(factor_of, self.units)
-        if (by, turn) != (1.0, 1.0):  # numbers that need no conversion keep their bits
+        if (by, turn) != (1.0, 1.0):  # numbers that need no conversion stay bit for bit the same
             object.__setattr__(self, "drive", np.asarray(self.drive, dtype=float) * by)
             for name in ("position", "reference"):
                 if getattr(self, name) is not None:
@@ -147,7 +147,7 @@ class ServoRecord:
         reference: str | None = None,
         resolution: float = 0.0,
     ) -> ServoRecord:
-        """Pick the columns of a log; a name that ends in a unit, ``_deg``, ``_mnm`` or ``_ms``, is brought to SI.
+        """Pick the columns of a log; one whose name ends in a unit, ``_deg``, ``_mnm`` or ``_ms``, is converted to SI.
 
         Parameters
         ----------
@@ -206,19 +206,19 @@ class ServoRecord:
 
     @property
     def segments(self) -> list[ServoRecord]:
-        """Every segment as a record of its own, with the times of the whole; the record itself if it has no hole."""
+        """Every segment as a separate record, with the times of the whole; the record itself if it has no hole."""
         if not self.starts:
             return [self]
         signals = {k: x for k in ("time", "drive", "position", "reference") if (x := getattr(self, k)) is not None}
         return [replace(self, starts=(), **{k: x[s] for k, x in signals.items()}) for s, _ in self.pieces]
 
     def by_piece(self, function: Callable[..., Any], *signals: Array) -> Any:
-        """What a function makes of every segment of signals, one after the other: an array or a tuple.
+        """Results of a function for every segment of signals, concatenated: an array or a tuple.
 
         Parameters
         ----------
         function : callable
-            Of as many arrays as there are signals.
+            Takes as many arrays as there are signals.
         *signals : ndarray of shape (n, ...)
         """
         found = [function(*(x[s] for x in signals)) for s, _ in self.pieces]
@@ -229,7 +229,7 @@ class ServoRecord:
         return np.concatenate(found)
 
     def smoothed(self, function: Callable[..., Any], x: Array, reach: int) -> Any:
-        """`by_piece` of a filter that reaches so many samples either way: beyond a hole its signal goes on as it went.
+        """`by_piece` for a filter that reaches ``reach`` samples either way; every segment is extended beyond its ends.
 
         Point symmetry at the last sample keeps position and speed; a constant continuation would halve the
         speed from which a simulation of the segment starts.
@@ -237,10 +237,10 @@ class ServoRecord:
         Parameters
         ----------
         function : callable
-            Of one array; it returns one of the same length, or a tuple of them.
+            Takes one array and returns one of the same length, or a tuple of them.
         x : ndarray of shape (n,)
         reach : int
-            Samples either side that an output draws on.
+            Samples on either side that an output depends on.
         """
         if not self.starts:
             return function(x)
@@ -259,7 +259,7 @@ class ServoRecord:
         Parameters
         ----------
         before, after : int
-            How many count on either side of it.
+            How many samples on either side of it count as close.
         """
         near = np.zeros(len(self), dtype=bool)
         for k in self.starts:
@@ -288,8 +288,7 @@ def noise_level(position: ArrayLike) -> float:
 def lattice(position: ArrayLike) -> float:
     """Step of the grid on which all samples lie, 0 if there is none.
 
-    The smallest difference between distinct values is the step if nearly all differences
-    are whole multiples of it.
+    The smallest difference between distinct values is the step if nearly all differences are integer multiples of it.
     """
     values = np.unique(np.asarray(position, dtype=float))
     if values.size < 3:
@@ -314,7 +313,7 @@ def lattice(position: ArrayLike) -> float:
 def held_out_blocks(
     n: int, n_pairs: int = PARTS, share: float = HELD_OUT
 ) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
-    """Number of the held-out block (or -1) and the training mask of every sample: 60 and 40 % interleaved."""
+    """Number of the held-out block (or -1) and training mask of every sample: 60 and 40 % interleaved."""
     period = n / n_pairs
     phase = (np.arange(n) % period) / period
     number = (np.arange(n) / period).astype(np.intp)

@@ -1,6 +1,6 @@
 """The search: is there an effect, which one, and is that all?  Each is tested on records simulated with the model.
 
-It uses a plant's looks, fits and errors, and no physics (see `whsklearn.gap.plant`).
+It uses a plant's looks, fits and errors, and contains no physics (see `whsklearn.gap.plant`).
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ from whsklearn.gap.tangent import Look
 
 Array = NDArray[Any]
 
-# Looks that are fitted jointly with the model, of those that chance does not explain: the fit of a name takes some
-# tenths of a second. A limit of cost; whether the right one is ever below the sixth has not been measured.
+# Largest number of looks, among those that chance does not explain, that are fitted jointly with the model. A fit takes
+# a few tenths of a second, so this limits the cost. Whether the right one is ever below the sixth was not measured.
 MOST_FITTED = 6
-# Share of what the strongest look explains, below which no polish of shapes makes a rival of another: plays and
+# Share of what the strongest look explains, below which polishing its shapes cannot make a look a rival: backlash and
 # Stribeck curves double what their first shape explains.
 WORTH_FITTING = 0.2
-# Share of the power of what nameless functions of the motion explain that a name must explain, and of the gap that all
-# names together must: the largest of three effects explains a third or more, and an effect outside the catalogue has
-# neighbours in it that explain little. `benchmarks.learned` prints the shares of both.
+# Share of the power explained by nameless functions of the motion that a name must explain, and of the gap that all
+# names together must explain. The largest of three effects explains a third or more; the neighbours of an effect
+# outside the catalogue explain little. `benchmarks.learned` prints the shares of both.
 LEAST_SHARE = 0.25
-# Of a power that is to be explained: what explains more than half of it is its cause, by the word.
+# Share of a power: only what explains more than half of it is called its cause.
 HALF = 0.5
 
 
@@ -54,7 +54,7 @@ class Named:
     reason : str
         Physical objection to it; empty if there is none.
     rivals, same : list of str
-        Names that this record does not tell from it, and names of what says the same with more numbers.
+        Names that this record cannot distinguish from it, and names that describe the same with more numbers.
     """
 
     look: Look
@@ -84,7 +84,7 @@ class Named:
 
     @property
     def delta_bic(self) -> float:
-        """g less the price of its numbers, for tables."""
+        """g minus the penalty for its numbers, for tables."""
         return self.gain - self.look.n_numbers * np.log(max(self.errors.size, 2))
 
 
@@ -111,7 +111,7 @@ class Found:
         In the order of what they explain.
     steps : list of Step
     remainder : list of Look
-        Of the last look, at the final model: nameless families too.
+        Of the last look, at the final model; nameless families are included.
     interrupted : bool
     """
 
@@ -169,13 +169,13 @@ class Search:
         found.steps.append(step)
         if taken is not None:
             more = [taken]
-            if taken.name in names:  # it beat all others twice: the rest of its family need not beat them again
+            if taken.name in names:  # it beat all others twice: the rest of its family need not
                 for grown in self.plant.family(taken.model):
                     more.append(self._named(more[-1].model, taken.look, grown))
             model = self.plant.settled(more[-1].model)
             if taken.name in names or self.plant.rms(self.plant.errors(model)) < left:
                 found.model, found.taken = model, found.taken + more
-            else:  # with all numbers fitted, the model leaves no less than it did without the effect
+            else:  # with all numbers fitted, the residual is no smaller than without the effect
                 step.taken = None
                 found.model = self.plant.settled(found.model)
                 found.remainder = self.plant.looks(found.model, self.rng)
@@ -186,8 +186,8 @@ class Search:
     def fitted(self, model: Any, looks: list[Look]) -> list[Named]:
         """The looks that chance does not explain and that are worth naming, fitted; the best score first.
 
-        Where looks have a place, those are asked first that share one with the best; the others only where none of
-        them is sound.
+        If looks have a place, those that share one with the best are fitted first, and the others only if none of these
+        is sound.
         """
         least = self.plant.tolerance * self.plant.scale
         worth = [k for k in self._shown(looks) if k.name and k.p_value <= self.alpha and k.size >= least]
@@ -200,11 +200,11 @@ class Search:
         return sorted(out, key=lambda f: -f.score)
 
     def _shown(self, looks: list[Look]) -> list[Look]:
-        """The looks, those with the p-value of nameless functions of the motion that explain `LEAST_SHARE` of theirs.
+        """The looks; one that explains `LEAST_SHARE` of what nameless functions explain gets their p-value if smaller.
 
-        What is missing is in the residual that the null records take their colour from, so that strong slow effects
-        hide themselves, and each other.  That something is missing is then shown by the functions together, at the
-        same level; how sure a name is, is decided by what it leaves.
+        The null records take their colour from a residual that contains what is missing, so strong slow effects hide
+        themselves and each other.  That something is missing is then shown by the functions together, at the same
+        level.  How certain a name is depends on the residual that it leaves.
         """
         nameless = [k for k in looks if not k.name and k.p_value <= self.alpha]
 
@@ -216,11 +216,11 @@ class Search:
         return [replace(k, p_value=min(k.p_value, p_of(k))) if k.name else k for k in looks]
 
     def _fitted(self, model: Any, looks: list[Look], nameless: float) -> list[Named]:
-        """Looks of one place fitted, where nameless functions of the motion explain so much."""
+        """The looks of one place, fitted; ``nameless`` is the rms that nameless functions explain there."""
         out: list[Named] = []
         strongest = 0.0
         for look in looks:
-            # one that physics forbids is no yardstick: only sound ones make others not worth a fit
+            # only sound fits make others not worth fitting: one that physics forbids is no standard of comparison
             if len(out) == MOST_FITTED or look.size**2 < WORTH_FITTING * strongest**2:
                 continue
             f = self._named(model, look, self.plant.refine(model, look))
@@ -256,12 +256,12 @@ class Search:
         return None
 
     def rivals(self, taken: Named, sound: list[Named]) -> tuple[list[str], list[str]]:
-        """(names that this record cannot distinguish from the chosen one, names that add numbers and say the same)."""
+        """(names that the record cannot distinguish from the one taken, names that describe it with more numbers)."""
         rivals, same = [], []
         for other in (f for f in sound if meet(f.look, taken.look)):
             if other.name == taken.name or other.name in self.plant.aliases(taken.name):
                 continue
-            if other.effect.parent == taken.effect.name:  # it holds the one taken and more, and is asked next
+            if other.effect.parent == taken.effect.name:  # it contains the one taken, and is tested next
                 continue
             if self.plant.exact and self._needless(taken, other):
                 same.append(other.name)
@@ -270,11 +270,11 @@ class Search:
         return list(dict.fromkeys(rivals)), same
 
     def _told_apart(self, taken: Named, other: Named) -> bool:
-        """Whether the lead of one over another is beyond what accident, and records made by the other, would give.
+        """Whether the lead of one over the other exceeds what chance, and records simulated with the other, would give.
 
-        A strong slow effect leaves few independent samples in the model that lacks it, by which both are scored; what
-        a wrong name leaves of it is less, and faster, and is counted as well.  Where a plant's own records are exact,
-        those that the rival makes say more than blocks of this one.
+        Both are scored by the number of independent samples in the residual without either, which a strong slow effect
+        makes small.  With a wrong name the residual is smaller and faster, so its independent samples are counted as
+        well.  If a plant's own records are exact, those simulated with the rival say more than blocks of this record.
         """
         lead = taken.score - other.score
         if lead < 0.0:  # the one taken is the commoner
@@ -293,9 +293,9 @@ class Search:
         return separable(lead, z, leads, self.alpha) and self._still_apart(taken, other)
 
     def _still_apart(self, taken: Named, other: Named) -> bool:
-        """Whether they still differ if each is judged beside its own artefacts, not those of their base.
+        """Whether they still differ if each is judged with its own artefacts instead of those of their base.
 
-        A rival that leaves more than twice the power has lost.
+        A rival whose residual has more than twice the power has lost.
         """
         powers = (float(f.errors @ f.errors) for f in (taken, other))
         if next(powers) < HALF * next(powers):
@@ -307,28 +307,28 @@ class Search:
         return separable(lead, vuong(rest, left), np.zeros(0), self.alpha)
 
     def _needless(self, taken: Named, other: Named) -> bool:
-        """Whether a rival says the same with more numbers: they differ by less than is worth naming."""
+        """Whether a rival describes the same with more numbers: the two differ by less than is worth naming."""
         apart = self.plant.rms(taken.errors - other.errors)
         return other.look.n_numbers > taken.look.n_numbers and apart < self.plant.tolerance * self.plant.scale
 
     def _as_good(self, taken: Named, looks: list[Look]) -> list[str]:
-        """Names that are not shown by themselves, and explain no less than the one taken to first order."""
+        """Names that are not significant, but to first order explain no less than the one taken."""
         least = taken.look.gain - 2.0 * np.log(1.0 / self.alpha)
         names = [k.name for k in looks if k.name and k.p_value > self.alpha and k.gain >= least and meet(k, taken.look)]
         return [n for n in dict.fromkeys(names) if n != taken.name and n not in self.plant.aliases(taken.name)]
 
     # --- is that all, and is each of them needed? -------------------------------------------------
     def _review(self, found: Found) -> None:
-        """Test every effect again beside all others, the last one first: it was added when more was missing.
+        """Test every effect again beside all others, the last one first, because more was missing when each was added.
 
-        One that the others say without it goes; one that another explains better is exchanged.  A family of waves
-        is kept or dropped with its first member.
+        An effect that the others make superfluous is dropped; one that another explains better is replaced.  A family
+        of waves is kept or dropped with its first member.
         """
         names, changed = [t.name for t in found.taken], False
         alone = [i for i, name in enumerate(names) if names.count(name) == 1]
         for i in reversed(alone if len(names) > 1 else []):
             index = found.model.n_base + i
-            # shapes polished too: those of the others were found beside the one that is asked for
+            # the shapes are polished too: those of the others were found beside the effect under test
             without = self.plant.settled(found.model.without(index))
             if len(found.taken) > 1 and not self._needed(without, found, i):
                 if self._contained(found, i):
@@ -336,16 +336,16 @@ class Search:
                 found.model, changed = without, True
                 del found.taken[i]
                 continue
-            if i == len(names) - 1:  # it was asked last, beside all others
+            if i == len(names) - 1:  # it was tested last, beside all others
                 continue
-            others = {t.name for t in found.taken} - {found.taken[i].name}  # what is there takes no second place
+            others = {t.name for t in found.taken} - {found.taken[i].name}  # what is there is not added twice
             looks = self.plant.looks(without, self.rng, found.model)
             fitted = [f for f in self.fitted(without, looks) if f.name not in others]
             best = self._chosen(fitted, looks)
             kept = next((f for f in fitted if f.name == found.taken[i].name and not f.reason), None)
             if best is not None and kept is not None and kept.name in best.rivals:
                 best = replace(kept, rivals=[best.name, *(r for r in best.rivals if r != kept.name)], same=best.same)
-            if best is None:  # chance explains it, now that the others are in; it stays as it is
+            if best is None:  # beside the others it is no longer significant; it stays as it is
                 continue
             changed = changed or best.name != found.taken[i].name
             found.taken[i], terms = best, best.model.terms
@@ -358,11 +358,11 @@ class Search:
 
     @staticmethod
     def _contained(found: Found, i: int) -> bool:
-        """Whether the effect ``i`` is elementary and a law of its place that was taken after it says the same and more.
+        """Whether the effect ``i`` is elementary and contained in a law of the same place that was taken after it.
 
-        Presliding friction is Coulomb's with a start of its own: what was found as the elementary law keeps its name,
-        and the other stands beside it for what it adds (the principle of marginality: Nelder 1977, A reformulation of
-        linear models, JRSS A 140(1), 48-77).
+        Presliding friction is Coulomb friction with a gradual start.  The elementary law keeps its name, and the other
+        is named for what it adds (the principle of marginality: Nelder 1977, A reformulation of linear models, JRSS A
+        140(1), 48-77).
         """
         one = found.taken[i]
         laws = (t for t in found.taken[i + 1 :] if t.effect.place == one.effect.place and meet(t.look, one.look))
@@ -380,7 +380,7 @@ class Search:
         return bool(shown) and size >= self.plant.tolerance * self.plant.scale
 
     def _sized(self, found: Found) -> None:
-        """Size every effect of several by what it explains beside those that explain more, as all numbers are now."""
+        """Size each of several effects by what it explains beside those that explain more, at the present numbers."""
         base, terms = found.model.terms[: found.model.n_base], found.model.terms[found.model.n_base :]
         names = [t.name for t in found.taken]
         if len(set(names)) < 2:
@@ -388,7 +388,7 @@ class Search:
         said: list[str] = []
 
         def explained(name: str) -> float:
-            """By the look that found it: of free swings the drive's error shows little."""
+            """Its size by the look that found it, because the drive's error shows little of free swings."""
             known, grown = (
                 found.model.with_terms((*base, *(t for t, n in zip(terms, names, strict=True) if n in kept)))
                 for kept in (said, (*said, name))
