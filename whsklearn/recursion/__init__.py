@@ -1,15 +1,15 @@
 """The mathematics of the estimators: compiled steps that take a state and return a state.
 
-Three ways from rows to parameters, a folder each:
+Three ways from rows to parameters, each in a folder of its own:
 
 ``rows``
     One row at a time: RLS, MILS and RMILS, the factorised covariance, the predictor and its gradient.
 ``memory``
-    The default of a stream: the last samples are kept and re-run from several starts while new rows arrive.
+    The default for a stream: the last samples are kept and re-run from several starts while new rows arrive.
 ``batch``
-    A whole record at once: the free run's error is minimised by Gauss-Newton from a search over linear models.
+    A whole record at once: a search over linear models gives the starts, and Gauss-Newton minimises the free-run error.
 
-Where each equation of the paper is:
+Where to find each equation of the paper:
 
 ================  =======================================================================================
 (1), (2)          `rows.predictor`, sample by sample; `memory.first_block`, x along a record
@@ -20,7 +20,7 @@ Where each equation of the paper is:
                   `rows.pseudolinear` as published; (12) is `rows.covariance.measurement_update`
 ================  =======================================================================================
 
-Only the function that runs many axes at once is public; everything else is reached through the estimators.
+Only the function that runs many axes at once is public; everything else is used through the estimators.
 """
 
 from whsklearn.recursion.rows.batched import least_squares_of_many

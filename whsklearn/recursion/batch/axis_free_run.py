@@ -1,12 +1,12 @@
 """Free run of a physical axis model, with exact sensitivities.
 
-J dv/dt = u - o - p(q) - B v - C sign(v) - sum w_k sign(v) max(|v| - knot_k, 0), where p(q) is that of gravity,
+J dv/dt = u - o - p(q) - B v - C sign(v) - sum w_k sign(v) max(|v| - knot_k, 0), where p(q) is the load of gravity,
 w_1 sin e + w_2 cos e, or of a spring, w_1 e + w_2 e^2 + w_3 e^3, with e = q - centre.
 
 The steps are those of `whsklearn.systems._servo_step`: half a drift, a kick, half a drift (second order), linearly
 implicit in the velocity.  Dry friction is a proximal step, so standstill is exact: while the drive cannot overcome it,
-v = 0 and all earlier errors are forgotten.  Why a kernel of its own: with 8 numbers it takes 2.6 ms for 25,000 samples
-with all sensitivities, and differences of runs of the servo's kernel, which knows every effect, take 100 ms.
+v = 0 and all earlier errors are forgotten.  It has its own kernel for speed: with 8 parameters, 25,000 samples with all
+sensitivities take 2.6 ms.  Finite differences with the servo's kernel, which knows every effect, take 100 ms.
 """
 
 from __future__ import annotations
@@ -32,19 +32,20 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-SETTLED = 1e-9  # share of its cost by which one state at least must get better, or all are found
-SMALL = 1e-5  # of a number's size, over which a derivative is taken
-SHARE_AND_DAMPING = ((0.02, 0.003), (0.98, 1.0))  # least and most of a coupling's load share and damping ratio
+SETTLED = 1e-9  # relative decrease in cost that at least one state must still reach for the search to continue
+SMALL = 1e-5  # step of a finite difference, relative to the parameter
+SHARE_AND_DAMPING = ((0.02, 0.003), (0.98, 1.0))  # lower and upper bounds of a coupling's load share and damping ratio
 LARGEST = 1e100  # bound of an error or a sensitivity, so that its square stays finite
 
 
 class AxisForm(NamedTuple):
-    """Which forces act beside inertia, viscous and dry friction and an offset.
+    """Which forces act in addition to inertia, viscous and dry friction and an offset.
 
-    ``knots`` (> 0) are the kinks of the friction over speed; the forces of the position are those of gravity if the
-    axis ``hangs``, else of a spring with so many ``powers`` of e (0: none).  theta holds inertia, viscous friction,
-    Coulomb friction, offset, one weight a force of the position, and one a knot.  If it is ``coupled``, there is a load
-    behind a spring, and theta ends with resonance, load share and damping ratio; nothing else but friction acts then.
+    ``knots`` (> 0) are the speeds at which the slope of the friction changes.  The position-dependent forces are those
+    of gravity if the axis ``hangs``, otherwise those of a spring with this number of ``powers`` of e (0: none).  theta
+    holds inertia, viscous friction, Coulomb friction, offset, one weight per position-dependent force, and one per
+    knot.  If the axis is ``coupled``, it has a load behind a spring, and theta ends with resonance, load share and
+    damping ratio; then only friction acts in addition.
     """
 
     knots: Array = np.empty(0)
@@ -55,12 +56,12 @@ class AxisForm(NamedTuple):
 
     @property
     def states(self) -> int:
-        """Numbers of the state of a piece: velocity and position, and twist and slip of a coupling."""
+        """Size of the state of a piece: velocity and position, and twist and slip of a coupling."""
         return 4 if self.coupled else 2
 
     @property
     def of_position(self) -> int:
-        """Number of forces of the position."""
+        """Number of position-dependent forces."""
         return 2 if self.hangs else self.powers
 
     @property
@@ -73,7 +74,7 @@ class AxisLog(NamedTuple):
     """Drive and motion of an axis, and the start of each piece; every piece has its own initial state.
 
     ``u`` is the drive in every fine step, shape (n, steps). ``v0`` and ``q0`` are the initial states.  ``target`` is
-    the velocity, or the position if ``of_position``.  ``twist`` (k, 2) is that of a coupling, and its rate.
+    the velocity, or the position if ``of_position``.  ``twist`` (k, 2) holds the twist of a coupling and its rate.
     """
 
     u: Array
@@ -89,14 +90,14 @@ class AxisLog(NamedTuple):
 
     @property
     def states(self) -> Array:
-        """Velocity, position and, of a coupling, twist and slip at the start of each piece, shape (k, 2 or 4)."""
+        """Velocity, position and, for a coupling, twist and slip at the start of each piece, shape (k, 2 or 4)."""
         own = np.column_stack([self.v0, self.q0])
         if not self.form.coupled:
             return own
         return np.hstack([own, np.zeros_like(own) if self.twist is None else self.twist])
 
     def starting(self, states: Array) -> AxisLog:
-        """The log with other states."""
+        """The log with other initial states."""
         return self._replace(v0=states[:, 0].copy(), q0=states[:, 1].copy(), twist=states[:, 2:])
 
 
@@ -110,7 +111,7 @@ class AxisFit(NamedTuple):
 
 
 def free_run(theta: Array, log: AxisLog) -> Array:
-    """Velocity or position, shape (n,), whichever the log has as its target."""
+    """Velocity or position, whichever is the target of the log; shape (n,)."""
     velocity, position = _coupled(theta, log) if log.form.coupled else _pass(theta, log, np.empty((0, 0, 0)))
     return position if log.of_position else velocity
 
@@ -118,9 +119,9 @@ def free_run(theta: Array, log: AxisLog) -> Array:
 def sensitivities(theta: Array, log: AxisLog, *, of_states: bool = False) -> tuple[Array, Array]:
     """The run, shape (n,), and its derivatives, shape (p + 2, n).
 
-    The last two derivatives are by v0 and q0 of the sample's piece; four are by its state where there is a coupling,
-    which the servo's own kernel runs, and whose derivatives are differences; those by theta are left out if only those
-    ``of_states`` are wanted.
+    The last two derivatives are with respect to v0 and q0 of the sample's piece.  With a coupling there are four, one
+    per state; such an axis is simulated by the servo's own kernel, with finite differences as derivatives.  With
+    ``of_states``, the derivatives with respect to theta are omitted.
     """
     if log.form.coupled:
         return _differences(theta, log, of_states=of_states)
@@ -130,7 +131,7 @@ def sensitivities(theta: Array, log: AxisLog, *, of_states: bool = False) -> tup
 
 
 def fit_axis(theta: Array, log: AxisLog, *, iterations: int = 40) -> AxisFit:
-    """Levenberg-Marquardt on the free-run error, the states of the pieces as they are.
+    """Levenberg-Marquardt on the free-run error, with fixed initial states of the pieces.
 
     Parameters
     ----------
@@ -144,7 +145,7 @@ def fit_axis(theta: Array, log: AxisLog, *, iterations: int = 40) -> AxisFit:
     Returns
     -------
     AxisFit
-        Its cost is infinite if the free run diverges.
+        The fit; its cost is infinite if the free run diverges.
     """
 
     def run_of(trial: Array, log: AxisLog) -> _Run:
@@ -158,7 +159,7 @@ def fit_axis(theta: Array, log: AxisLog, *, iterations: int = 40) -> AxisFit:
 
 
 class _Run(NamedTuple):
-    """Parameters, the log with the states of its pieces, the error of the run, and what is lowered."""
+    """Parameters, the log with the states of its pieces, the error of the run, and the cost to minimise."""
 
     theta: Array
     log: AxisLog
@@ -172,13 +173,13 @@ def _says_something(cost: float, rows: Array) -> bool:
 
 
 def _regular(information: Array) -> Array:
-    """Normal equations whose diagonal is above zero."""
+    """Normal equations with a positive diagonal."""
     information[np.diag_indices_from(information)] += 1e-300
     return information
 
 
 def _stepped(theta: Array, step: Array, form: AxisForm) -> Array:
-    """theta after a step: the inertia keeps a twentieth, a resonance half, and friction only dissipates."""
+    """theta after a step: inertia keeps at least a twentieth, a resonance half, and friction only dissipates."""
     trial = theta + step
     if form.coupled:
         trial[-3] = np.clip(trial[-3], 0.5 * theta[-3], 2.0 * theta[-3])
@@ -189,33 +190,34 @@ def _stepped(theta: Array, step: Array, form: AxisForm) -> Array:
 
 
 def settled(theta: Array, log: AxisLog, passes: int = 8) -> AxisLog:
-    """The log with the states of its pieces that these parameters ask for."""
+    """The log with the states of its pieces fitted for these parameters."""
     return log.starting(fit_state(theta, log, passes))
 
 
-SETTLING = 3  # passes in which states follow a step of the parameters
+SETTLING = 3  # passes of the state fit after each step of the parameters
 
 
 def fit_pieces(theta: Array, log: AxisLog, *, iterations: int = 25) -> AxisFit:
     """Multiple shooting: theta, and v0 and q0 of every piece, by Levenberg-Marquardt on the errors of all pieces.
 
-    The states are eliminated: what they can explain of the sensitivities and of the error does not count for theta
-    (variable projection, Golub and Pereyra 1973).  Where gravity makes a free run unstable its error grows by e in
-    sqrt(J / G); a piece of a few times that still says something, a run of the whole record does not (Bock 1981).
+    The states are eliminated: the part of the sensitivities and of the error that they can explain does not count for
+    theta (variable projection, Golub and Pereyra 1973).  If gravity makes the free run unstable, its error grows
+    e-fold in every sqrt(J / G).  A piece that lasts a few times as long is still informative; a run of the whole
+    record is not (Bock 1981).
 
     Parameters
     ----------
     theta : ndarray of shape (p,)
-        Start.
+        Initial parameters.
     log : AxisLog
         The record in pieces.
     iterations : int, default=25
-        At most so many.
+        Largest number of iterations.
 
     Returns
     -------
     AxisFit
-        Of infinite cost where the run runs away, and says nothing.
+        The fit; its cost is infinite if the run diverges.
     """
 
     def run_of(trial: Array, before: AxisLog) -> _Run:
@@ -237,7 +239,7 @@ def _fitted(
     iterations: int,
     enough: float,
 ) -> AxisFit:
-    """The fit from theta on, of a run and the sensitivities (p, n) of its errors."""
+    """Fit from theta, given functions for a run and for the sensitivities (p, n) of its errors."""
 
     def equations(at: _Run) -> tuple[Array, Array] | None:
         rows = rows_of(at)
@@ -254,13 +256,13 @@ def _fitted(
 
 
 def beside_the_states(rows: Array, log: AxisLog) -> Array:
-    """Sensitivities by theta, (p, n), without what another v0 and q0 of the piece would do to its samples that count.
+    """Sensitivities to theta, (p, n), without the part that v0 and q0 of each piece explain at the samples that count.
 
-    Samples that do not count follow: their rows are of a run whose state is fitted to those that do.
+    The other samples follow: their rows are those of a run whose state is fitted to the samples that count.
     """
     n = log.form.states
     out = rows[:-n].copy()
-    if not np.abs(rows).max(initial=0.0) < LARGEST:  # the run is lost, and so are they
+    if not np.abs(rows).max(initial=0.0) < LARGEST:  # the run has diverged, and so have they
         return out
     for s, e in itertools.pairwise(log.bounds):
         seen, by_state = log.counts[s:e], rows[-n:, s:e]
@@ -277,9 +279,9 @@ def _squares(error: Array) -> float:
 def fit_state(theta: Array, log: AxisLog, passes: int = 8) -> Array:
     """Fit the state of every piece to the samples that count, by Gauss-Newton.
 
-    Replaying the drive over the 300 ms before a moment gives the state there to within 2.75e-4 rad after 2 s; a
-    causal quadratic gives 1.9e-3 (library servo).  A step across standstill can be too long, so it is shortened: a
-    single one of 24 windows that ended on the wrong side caused all of the error by which structures are compared.
+    Replaying the drive over the 300 ms before an instant gives its state to within 2.75e-4 rad after 2 s; a
+    causal quadratic gives 1.9e-3 (library servo).  A step across standstill can be too long, so it is shortened: once,
+    a single one of 24 windows that ended on the wrong side caused all of the error by which structures are compared.
     """
     state, n = log.states, log.form.states
     trial, step, best = state.copy(), np.zeros_like(state), np.full(len(state), np.inf)
@@ -312,14 +314,14 @@ def _covariance(rows: Array, error: Array, batches: int = 60) -> Array:
 
 
 def coupling_of(theta: Array) -> FlexibleCoupling:
-    """The coupling of theta's inertia, resonance (Hz, motor and load free), load share and damping ratio."""
+    """The coupling from theta: inertia, resonance (Hz, motor and load free), load share and damping ratio."""
     frequency, share, ratio = theta[-3:].tolist()
     reduced = float(theta[0]) * share * (1.0 - share)
     return FlexibleCoupling(1.0 / contact_stiffness(frequency, reduced), share, ratio)
 
 
 def _coupled(theta: Array, log: AxisLog) -> Array:
-    """Velocity and position of the motor's side, (2, n), by the servo's kernel, piece by piece."""
+    """Velocity and position on the motor side, (2, n), by the servo's kernel, piece by piece."""
     effects = [
         Viscous(theta[1]), Coulomb(theta[2]), InputOffset(theta[3]), coupling_of(theta),
     ]  # fmt: skip
@@ -354,7 +356,7 @@ def _pass(theta: Array, log: AxisLog, rows: Array) -> Array:
 
 @part
 def _of_position(e, hangs, force, slope):
-    """Forces of the position at weight one and their slopes, at ``e`` from the centre: a pendulum's or powers of e."""
+    """Position-dependent forces of unit weight and their slopes, at ``e`` from the centre: pendulum or powers of e."""
     if hangs:
         force[0], force[1] = math.sin(e), math.cos(e)
         slope[0], slope[1] = force[1], -force[0]
@@ -377,7 +379,7 @@ def axis_pass(theta, form, u, bounds, start, dt, rows):
     n_samples, steps = u.shape
     motion = np.zeros((2, n_samples))
     dv, dq = np.zeros(n), np.zeros(n)
-    force, slope = np.zeros(of_position), np.zeros(of_position)  # of the position, at weight one
+    force, slope = np.zeros(of_position), np.zeros(of_position)  # position-dependent, of unit weight
     inertia, viscous, coulomb, offset = theta[0], theta[1], theta[2], theta[3]
     h = dt / steps
     half, g = 0.5 * h, h / inertia
@@ -398,7 +400,7 @@ def axis_pass(theta, form, u, bounds, start, dt, rows):
                 e = q + half * v - form.centre
                 _of_position(e, form.hangs, force, slope)
                 pull = u[t, j] - offset - viscous * v
-                by_v, by_q = viscous, 0.0  # slopes of what resists
+                by_v, by_q = viscous, 0.0  # slopes of the resisting forces
                 for k in range(of_position):
                     pull -= theta[4 + k] * force[k]
                     by_q += theta[4 + k] * slope[k]
@@ -409,7 +411,7 @@ def axis_pass(theta, form, u, bounds, start, dt, rows):
                 gain = implicit_gain(by_v, inertia, h)
                 z = v + g * pull / gain
                 stick = g * coulomb / gain
-                if abs(z) <= stick:  # it stands, and forgets
+                if abs(z) <= stick:  # it sticks, and the velocity's sensitivities are reset
                     q += half * v
                     v = 0.0
                     if with_rows:
@@ -421,7 +423,7 @@ def axis_pass(theta, form, u, bounds, start, dt, rows):
                 new = z - s * stick
                 if with_rows:
                     kick = new - v
-                    by_gain = -kick * (0.5 if h * by_v / inertia < 0.5 else 1.0)  # what a slope does through the gain
+                    by_gain = -kick * (0.5 if h * by_v / inertia < 0.5 else 1.0)  # effect of a slope through the gain
                     for i in range(n):
                         d = -by_v * dv[i] - by_q * (dq[i] + half * dv[i])
                         if i == 0:

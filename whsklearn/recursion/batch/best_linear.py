@@ -57,7 +57,7 @@ class Ratio(NamedTuple):
 
 
 def least_squares_arx(data: IOData, n_poles: int, n_zeros: int) -> Ratio:
-    """The ratio with the least equation error a(q) y - b(q) u; its poles may be anywhere.
+    """The transfer function with the least equation error a(q) y - b(q) u; its poles may be anywhere.
 
     Ljung 1999, (4.11).
     """
@@ -77,7 +77,7 @@ def steiglitz_mcbride(data: IOData, start: Ratio, passes: int = 3) -> Ratio:
 
 
 def output_error(data: IOData, start: Ratio, iterations: int = 40) -> Ratio:
-    """The ratio with the least free-run error, by Levenberg-Marquardt from ``start``.
+    """The transfer function with the least free-run error, by Levenberg-Marquardt from ``start``.
 
     Ljung 1999, section 10.2; the derivatives are delayed copies of u/a and of -y_hat/a.
     """
@@ -99,7 +99,7 @@ def output_error(data: IOData, start: Ratio, iterations: int = 40) -> Ratio:
 
 
 class _Run(NamedTuple):
-    """A ratio's free run over a record, and its error on the samples that count."""
+    """The free run of a transfer function over a record, and its error on the samples that count."""
 
     ratio: Ratio
     y: Array
@@ -108,7 +108,7 @@ class _Run(NamedTuple):
 
 
 def _run(ratio: Ratio, data: IOData) -> _Run:
-    """The run of a ratio."""
+    """The free run of a transfer function."""
     y = ratio.run(data)
     error = (data.y - y) * data.scale
     return _Run(ratio, y, error, float(error @ error))

@@ -25,7 +25,7 @@ DAMPING = (1e-9, 1e-4, 1e-2, 1.0)  # tried in turn until a step lowers the cost
 
 
 class Coordinates(NamedTuple):
-    """theta = (linear part, weights in an orthonormal basis); the ``held`` entries do not move."""
+    """theta = (linear part, weights in an orthonormal basis); the ``held`` entries stay fixed."""
 
     basis: Array
     held: NDArray[np.int64]
@@ -68,7 +68,7 @@ def block_update(
     information : ndarray of shape (p, p)
         R.
     data : IOData
-        The block, preceded by samples that do not count but carry the state.
+        The block, preceded by samples that do not count but determine the state.
     at : Coordinates
         Coordinates of theta.
 

@@ -1,10 +1,10 @@
 """Levenberg-Marquardt over points of any kind: the loop of the batch fits.
 
-Why not SciPy's `least_squares`: a step is refused here where a pole leaves the unit circle, is cut where friction would
-feed energy, and some numbers of a point are solved for inside it (the states of pieces, variable projection), while
-SciPy moves a vector within fixed bounds.  Sensitivities come as rows (p, n) of which J J' is needed: for 10,000 samples
-and 8 numbers that takes a tenth of the decomposition of J with which SciPy solves a step.
-`simulation_error.refine` has a loop of its own, since it places the knots of a law again on the way.
+SciPy's `least_squares` moves a vector within fixed bounds, which is not enough here.  A step is rejected if a pole
+leaves the unit circle, and shortened if friction would feed in energy.  Some parts of a point are solved for inside it
+(the states of pieces, variable projection).  Sensitivities are rows (p, n), and only J J' is needed: for 10,000 samples
+and 8 parameters this takes a tenth of the time of the decomposition of J with which SciPy solves a step.
+`simulation_error.refine` has its own loop, because it places the knots of a law again on the way.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
-FIRST = 1e-2  # damping, of normal equations with a unit diagonal
-TRIES = 8  # dampings tried from one point, each four times the last
+FIRST = 1e-2  # initial damping, for normal equations with a unit diagonal
+TRIES = 8  # dampings tried from one point, each four times the previous one
 
 
 class HasCost(Protocol):
@@ -28,7 +28,7 @@ class HasCost(Protocol):
 
     @property
     def cost(self) -> float:
-        """What is lowered."""
+        """The cost to minimise."""
 
 
 Point = TypeVar("Point", bound=HasCost)
@@ -42,20 +42,20 @@ def descend(
     *,
     enough: float,
 ) -> Point:
-    """The point of least cost that is reached from ``point`` (Levenberg 1944, Marquardt 1963).
+    """The point of least cost reached from ``point`` (Levenberg 1944, Marquardt 1963).
 
     Parameters
     ----------
     point : object with a ``cost``
         The start.
     equations : callable
-        Point to normal equations J J' (p, p) and J e (p,); None where there is nothing to go on from.
+        Maps a point to its normal equations J J' (p, p) and J e (p,); None if the descent cannot continue there.
     moved : callable
-        (point, step of shape (p,)) to another point; None where the step is refused.
+        Maps (point, step of shape (p,)) to another point; None if the step is rejected.
     iterations : int
-        At most so many.
+        Largest number of iterations.
     enough : float
-        The iteration that takes off a smaller share of the cost is the last.
+        The descent ends after an iteration that lowers the cost by a smaller share than this.
     """
     damping = FIRST
     for _ in range(iterations):

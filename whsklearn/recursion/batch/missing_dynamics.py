@@ -1,7 +1,7 @@
-"""Find the poles that a chain lacks: a score test of its free-run error, over a grid of places in both blocks.
+"""Find the poles that a chain lacks: a score test of its free-run error, over a grid of locations in both blocks.
 
-A pole with a zero on top of it changes nothing.  How far the sum of squares would fall if the two were set free follows
-from the sensitivities at that place, before anything is refitted (the Lagrange multiplier test: Godfrey 1988,
+A pole that is cancelled by a zero changes nothing.  The sensitivities at that location give the decrease of the sum of
+squares if the two were free to move, before anything is refitted (the Lagrange multiplier test: Godfrey 1988,
 Misspecification Tests in Econometrics, ch. 1).  The test shows where a chain has too few poles or has them in the wrong
 place, so the chain can grow downhill; random starts would have to hit all poles at once.
 """
@@ -24,13 +24,13 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 REAL = (-0.95, -0.85, -0.6, -0.3, 0.3, 0.6, 0.85, 0.95, 0.99)
-RADII, ANGLES = (0.5, 0.75, 0.9, 0.96, 0.99), np.pi * (np.arange(16) + 0.5) / 16  # the refinement finds the exact place
-UNTOLD = 1e-5  # of the largest singular value; along smaller ones the record does not distinguish the parameters
-CHANCE = 0.01  # probability of such a promise at the best place if nothing is missing and the error is white
+RADII, ANGLES = (0.5, 0.75, 0.9, 0.96, 0.99), np.pi * (np.arange(16) + 0.5) / 16  # a fit finds the exact location
+UNTOLD = 1e-5  # of the largest singular value; along smaller ones the parameters cannot be distinguished
+CHANCE = 0.01  # probability of such a decrease at the best location if nothing is missing and the error is white
 
 
 class Promise(NamedTuple):
-    """How far the sum of squares would fall, to first order, and the chain with the pole and a zero on it."""
+    """Decrease of the sum of squares, to first order, and the chain with the pole and the zero that cancels it."""
 
     gain: float
     chain: FittedChain
@@ -44,7 +44,7 @@ def denominators() -> list[Array]:
 
 
 def missing_poles(fitted: Fitted, data: IOData, largest: int, kept: int) -> list[Promise]:
-    """The most promising places in each block, best first; none if the residual looks like noise.
+    """The most promising locations in each block, best first; none if the residual looks like noise.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def missing_poles(fitted: Fitted, data: IOData, largest: int, kept: int) -> list
     largest : int
         Largest number of poles of a block.
     kept : int
-        Number of places returned for each block.
+        Number of locations returned for each block.
     """
     chain = fitted.chain
     signals = run(chain, data)
@@ -81,7 +81,7 @@ def missing_poles(fitted: Fitted, data: IOData, largest: int, kept: int) -> list
 
 
 def with_pole(chain: FittedChain, block: int, a: Array) -> FittedChain:
-    """The same chain with the poles of ``a``, and zeros on top of them, in its first (0) or second (1) block."""
+    """The same chain with the poles of ``a``, and zeros that cancel them, in its first (0) or second (1) block."""
     if block == 0:
         return chain._replace(b1=np.array([np.convolve(b, a) for b in chain.b1]), a1=np.convolve(chain.a1, a))
     return chain._replace(b2=np.convolve(chain.b2, a), a2=np.convolve(chain.a2, a))

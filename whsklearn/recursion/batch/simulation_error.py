@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     Array = NDArray[np.float64]
 
 PLACE_AT = (4, 9, 17, 33)  # iterations after which knots are placed again for x; the cost changes only there
-DEARER = 1.05  # factor by which placing the knots again may raise the cost for the moment
+DEARER = 1.05  # factor by which placing the knots again may temporarily raise the cost
 SHARPNESS = 100.0  # of a smoothed sign, kappa rms(dx); at the end 1 sample in 80 is within its transition
 
 
@@ -66,7 +66,7 @@ class FittedChain(NamedTuple):
 
 
 class ChainSignals(NamedTuple):
-    """The signals of a run: x, v, y, the law's columns (k, n) and its slopes by x and by dx."""
+    """The signals of a run: x, v, y, the law's columns (k, n) and its slopes in x and in dx."""
 
     x: Array
     v: Array
@@ -122,7 +122,7 @@ def solve_law(chain: FittedChain, data: IOData) -> Fitted:
 
 
 def sensitivities(chain: FittedChain, data: IOData) -> tuple[Array, Array]:
-    """(y, its derivatives by b1, a1[1:], b2, a2[1:] and the weights, one row each)."""
+    """(y, its derivatives with respect to b1, a1[1:], b2, a2[1:] and the weights, one row each)."""
     s = run(chain, data)
     one = np.ones(1)
     inner = filter_rows(one, chain.a1, np.vstack([data.u, s.x]), data.bounds)
@@ -198,7 +198,7 @@ def refine(chain: FittedChain, data: IOData, iterations: int, *, free: bool = Tr
 
 
 def _with_unit_scale(information: Array) -> Array:
-    """The normal equations; a parameter about which the record says nothing gets a unit scale and does not move."""
+    """The normal equations; a parameter that has no effect on the record gets a unit scale and does not move."""
     diagonal = np.diag(information)
     information[np.diag_indices_from(information)] = np.where(diagonal > 0, diagonal, 1.0)
     return information
@@ -231,7 +231,7 @@ def orthonormal(columns: Array) -> Array:
 
 @njit(cache=True, error_model="numpy")
 def law_columns(codes, shapes, weights, x, bounds, kappa):
-    """Every term at weight one, then the slopes of the weighted law by x and by dx, shape (k + 2, n)."""
+    """Every term at unit weight, then the slopes of the weighted law in x and in dx, shape (k + 2, n)."""
     out = np.zeros((codes.size + 2, x.size))
     columns, by_x, by_dx = out[:-2], out[-2], out[-1]
     for e in range(bounds.size - 1):

@@ -25,7 +25,7 @@ SKIP = 300  # samples at the start of an experiment that do not count; a tenth o
 LINEAR, SHORT, LONG = 10_000, 5_000, 10_000  # samples for the linear model, the rungs of the halving, and its last rung
 KEPT = 8  # divisions of each order that are refined
 RUNGS = ((6, SHORT, 12), (14, SHORT, 3), (40, LONG, 1))  # iterations, samples, and how many candidates continue
-FINE_KNOTS, FINE_FROM = 20, 3_000  # a finer law if there are many samples
+FINE_KNOTS, FINE_FROM = 20, 3_000  # number of knots of a finer law, and the number of samples from which it is used
 HOLDOUT = 0.25
 
 
@@ -105,8 +105,8 @@ def halving(data: IOData, law: FrictionLaw, structure: SearchedOrders) -> Fitted
 def best_in_turn(pool: list[Fitted], kept: int) -> list[Fitted]:
     """The best of each way to divide the poles, then the second best of each, and so on.
 
-    After a few iterations, divisions with more poles in one block lead but promise little.  On one of 8 segments of the
-    benchmark none of the first 8 by cost ends at the noise floor, although 12 of all 30 do.
+    After a few iterations, divisions with more poles in one block are ahead but rarely end best.  On one of 8 segments
+    of the benchmark none of the first 8 by cost ends at the noise floor, although 12 of all 30 do.
     """
     ways: dict[tuple[int, int], list[Fitted]] = {}
     for f in sorted(pool, key=lambda f: f.cost):

@@ -1,4 +1,4 @@
-"""Choose between several fitted chains on data that none of them was fitted to."""
+"""Choose between several fitted chains on held-out data."""
 
 from __future__ import annotations
 
@@ -25,17 +25,17 @@ def squared_error(chain: FittedChain, data: IOData) -> float:
 
 
 def simplest(candidates: list[Fitted], later: IOData) -> Fitted:
-    """The first chain that cannot be distinguished from the best one on data that none of them was fitted to.
+    """The first chain that cannot be distinguished from the best one on held-out data.
 
-    The best one counts as different if its error there is less by 3 % or by two standard errors.  Any smaller error is
-    enough if its additional parameters gain more on the data of the fit than chance would (likelihood ratio).
+    The best one counts as different if its held-out error is lower by 3 % or by two standard errors.  Any lower error
+    is enough if its additional parameters gain more on the data of the fit than chance would (likelihood ratio).
 
     Parameters
     ----------
     candidates : list of Fitted
         Fits to the same data, the simplest first.
     later : IOData
-        The record, in which only the samples count that the fits have not seen.
+        The record, in which only the samples that the fits have not seen count.
     """
     with np.errstate(over="ignore", invalid="ignore"):
         squares = [((later.y - run(f.chain, later).y) * later.scale)[later.counts] ** 2 for f in candidates]

@@ -11,11 +11,11 @@ from whsklearn.recursion.batch.simulation_error import Fitted, refine
 if TYPE_CHECKING:
     from whsklearn.recursion.batch.best_linear import IOData
 
-# On random systems (benchmarks/drawn_laws.py), moves that help reduce the sum of squares by 5 % or more.  Moves with
-# less effect only bend the poles to cover what the law cannot describe, and on the benchmark would use up all rounds.
+# On random systems (benchmarks/drawn_laws.py), useful moves reduce the sum of squares by 5 % or more.  Moves with less
+# effect only shift the poles to compensate for a deficient law, and on the benchmark they would use up all rounds.
 ROUNDS, WORTH = 10, 0.02  # rounds at most, and the share of the sum of squares that a round must remove
 LARGEST = 8  # poles of a block
-PLACES = 2  # places at which a pole is tried in each block in a round
+PLACES = 2  # locations at which a pole is tried in each block in a round
 SHORT, TRIED, REFINED = 5_000, 14, 40  # samples and iterations of each trial, iterations of the best
 
 

@@ -1,14 +1,14 @@
-"""The second derivatives of dx by (a, b), from the gradients that have been computed already.
+"""The second derivatives of dx with respect to (a, b), from the gradients that have already been computed.
 
 With x = A/B u, each gradient G_k = d dx / d theta_k is a signal filtered by 1/B, and therefore
 
     d^2 dx / d theta_k d b_j = -F_k(t - j) - [theta_k is a b_i] F_j(t - i),        B(q) F_k = G_k,
 
-and all other second derivatives are zero, because dx is linear in a.  A sign that is passed on from page to
-page is evaluated at parameters that its own page did not know.  On 20,000 samples of Example 5.1 the
-estimate after the first page is 0.005 from the truth.  There the gradient alone misses dx by up to 8e-5,
-while the posterior knows it to 1e-4: the sign of one of 512 samples came out wrong, which cost 15 units of
-log density at the truth.
+and all other second derivatives are zero, because dx is linear in a.  They are needed because a sign that is
+passed on from page to page is evaluated at parameters estimated later than its own page.  On 20,000 samples of
+Example 5.1 the estimate after the first page is 0.005 from the truth.  There the error of dx from the gradient
+alone is up to 8e-5, while the posterior determines dx to 1e-4.  The sign of one of 512 samples came out wrong,
+which cost 15 units of log density at the truth.
 """
 
 from __future__ import annotations
@@ -50,10 +50,10 @@ def filter_gradients(gradient, restart, b, begin, stop, out):
 def curvature_steps(
     gradient: Array, restart: NDArray[np.bool_], experiment: NDArray[np.int64], b: Array, chosen: NDArray[np.intp]
 ) -> Generator[None, None, Array]:
-    """Second derivatives of dx by (a, b) at some samples, in parts.
+    """Second derivatives of dx with respect to (a, b) at some samples, in parts.
 
-    Nothing is known of F before the first sample, so in a page that does not begin at rest the curvature at the first
-    samples is too small.
+    F before the first sample is unknown and taken as zero, so in a page that does not begin at rest the curvature at
+    the first samples is too small.
 
     Parameters
     ----------

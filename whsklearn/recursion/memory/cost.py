@@ -1,7 +1,7 @@
-"""Re-run the samples kept in memory with given parameters: squared errors and their Gauss-Newton matrix.
+"""Re-run the samples in memory with given parameters: squared errors and their Gauss-Newton matrix.
 
 A re-run of thousands of samples may take longer than a control loop can wait, so it can be done in
-parts.  `Work` holds its progress and the number of samples it may still read.
+parts.  `Work` holds its progress and the number of samples that it may still read.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class Memory(NamedTuple):
     fill, history : int
         The number of samples to read, and the number that precede them.
     tail : int
-        The last ``tail - 1`` samples count only as far as the windows of p have used them.
+        The last ``tail - 1`` samples count only in part, as far as the windows of p samples have used them.
     weights : ndarray of shape (fill,)
         Weight of each sample: the user's, reduced by forgetting.
     """

@@ -1,6 +1,6 @@
-"""The output of L1 for a record, in one shared kernel: x by (1), its increment, and how certain its sign is.
+"""The output of L1 for a record, in one shared kernel: x from (1), its increment, and how certain its sign is.
 
-The starts, the scale of kappa, the rows of least squares behind a fixed L1 and the free run all begin with it.
+The starts, the scale of kappa, the least-squares rows for a fixed L1 and the free run all begin with it.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def first_block(theta: Array, dims: NDArray[np.int64], u: Array, restart: Bools,
     dims : ndarray of shape (5,)
     u : ndarray of shape (n, n_inputs)
     restart : ndarray of bool, shape (n,)
-        Where an experiment begins; nothing is known of its past.
+        Where an experiment begins; its past is unknown.
     spread : ndarray of shape (n_1, n_1) or (0, 0)
 
     Returns

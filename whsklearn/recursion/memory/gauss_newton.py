@@ -1,4 +1,4 @@
-"""Gauss-Newton over the samples kept in memory: a window re-run at full length.
+"""Gauss-Newton over the samples in memory: the window re-run, extended to the whole memory.
 
 A recursion keeps the information of early samples linearised at the parameters of that
 time.  Re-running the stored samples with the newest parameters corrects this, as the
@@ -54,7 +54,7 @@ def refine_part(
     It starts over if ``work.at[PHASE]`` and ``work.at[AT]`` are 0.  It returns True when it has finished; then
     ``work.at[COST]``, the Gauss-Newton matrix, the slope (``work.slope``) and the state are those of the result.
     """
-    # Plain tuples: Numba takes twice as long to unpack named ones, and such a call cost as much as reading 150 samples.
+    # Plain tuples: Numba takes twice as long to unpack named ones, and that call cost as much as reading 150 samples.
     plain = (work.at, tuple(work.segment), *work[2:])
     return bool(_refine_part(theta, law, kappa, tuple(memory), tuple(prior), iterations, information, state, plain))
 
@@ -110,7 +110,7 @@ def _refine_part(theta, law, kappa, memory, prior, iterations, information, stat
 
 @part
 def _judge(at, cost):
-    """Decide whether to accept a trial; set the damping and the phase, which is the end if little is gained."""
+    """Decide whether to accept a trial; set the damping and the next phase, which is the end if the gain is small."""
     at[PHASE] = PROPOSAL
     if cost < at[COST]:
         if 1.0 - cost / at[COST] < 1e-6:

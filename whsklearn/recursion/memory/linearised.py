@@ -5,9 +5,9 @@ With sign(dx) frozen at each sample the predictor is smooth in theta, so
     e(theta_0 + delta) = e_0 - J delta        and        M = [J e_0]' W [J e_0]
 
 hold all the information of a record, except at the samples whose dx is so small that other parameters
-could turn its sign.  Those samples are listed with all that is needed to turn them: dx, its gradient and
-curvature by (a, b), the frozen sign, the height of the law's jump, and the rows of [J e_0] that v(t) enters,
-t + 1 .. t + n_c (equation error: measured outputs carry nothing further).
+could flip its sign.  Those samples are listed with everything needed to flip them: dx, its gradient and
+curvature in (a, b), the frozen sign, the height of the law's jump, and the rows of [J e_0] that v(t) enters,
+t + 1 .. t + n_c (this is an equation error, so measured outputs propagate nothing further).
 """
 
 from __future__ import annotations
@@ -29,15 +29,15 @@ from whsklearn.recursion.rows.predictor import Law
 
 Array = NDArray[np.float64]
 
-CAPACITY = 512  # signs kept at most; on Example 5.1 the median is 20 to 130 at any length and the maximum 537
+CAPACITY = 512  # largest number of signs kept; on Example 5.1 the median is 20 to 130 at any length, the maximum 537
 IN_DOUBT = 7.0  # standard deviations of dx under the covariance with signs frozen, which is wider than the posterior
 JUMPING = frozenset((COULOMB, STRIBECK_EXP, POSITION_FRICTION))  # terms that jump where dx changes its sign
-NONE = -1  # in place of a row that a sign does not enter because another experiment has begun
+NONE = -1  # instead of a row that a sign does not enter because another experiment has begun
 SETTLED = 12.0  # beyond so many standard deviations a listed sign is frozen for good when a page is turned
 
 
 class Rows(NamedTuple):
-    """Values at each sample: [psi, e]; x and dx; the gradient of dx by (a, b)."""
+    """Values at each sample: [psi, e]; x and dx; the gradient of dx with respect to (a, b)."""
 
     psi: Array
     motion: Array
@@ -126,7 +126,7 @@ class Signs(NamedTuple):
         return self._replace(scale=self.scale * root, rows=self.rows * root)
 
     def doubt(self, covariance: Array) -> Array:
-        """|dx| in standard deviations, for a given covariance of (a, b)."""
+        """|dx| in standard deviations for a given covariance of (a, b)."""
         return np.abs(self.dx) / deviation(np.ascontiguousarray(self.gradient), np.ascontiguousarray(covariance))
 
 
@@ -137,7 +137,7 @@ def jumps(codes: NDArray[np.int64]) -> NDArray[np.bool_]:
 
 @njit(error_model="numpy", short=True)
 def deviation(gradient, covariance):
-    """Standard deviation of dx at every sample, from its gradient by (a, b)."""
+    """Standard deviation of dx at every sample, from its gradient with respect to (a, b)."""
     out = np.empty(gradient.shape[0])
     for t in range(gradient.shape[0]):
         variance = 1e-300
@@ -167,7 +167,7 @@ class Pass:
         dims, codes, shapes.
     memory : Memory
     work : Work
-        Must not hold a re-run that is under way.
+        Must not hold a re-run that is in progress.
     rows : Rows
         Empty, with as many samples as the memory.
 
@@ -194,7 +194,7 @@ class Pass:
     def read_segment(self) -> Generator[None, None, None]:
         """Read on to the end of a segment, in two parts; the values are NaN if the model has diverged."""
         work, memory, first, m = self._work, self.memory, self.done, self.memory.u.shape[1]
-        budget, work.at[BUDGET] = float(work.at[BUDGET]), 0.0  # to the end of a segment, whatever it costs
+        budget, work.at[BUDGET] = float(work.at[BUDGET]), 0.0  # read to the end of a segment, whatever it costs
         ended = refine_part(
             self.theta, self.law, np.inf, memory, self._nothing, 0, work.trial_information, work.trial_state, work
         )

@@ -1,8 +1,8 @@
 """The default method as a stream: several starts in parallel, and a memory of bounded length.
 
-State in, state out: `initial_state` makes the arrays, `run` takes them through samples,
-`consolidate` re-linearises the memory, and `answer` picks the model that gives the answer.  A run
-may be divided anywhere, because every schedule depends only on the number of samples seen.
+State in, state out: `initial_state` makes the arrays, `run` processes samples, `consolidate`
+re-linearises the memory, and `answer` selects the model to report.  A run may be divided anywhere,
+because every schedule depends only on the number of samples seen.
 
 With ``memory = 0`` this is the pure recursion.  With a memory, its first ``memory`` samples are
 re-run at instants that grow geometrically.  Poor starts are dropped there and fresh ones drawn,
@@ -88,7 +88,7 @@ def run(
 
     ``weight`` is the weight of each sample's squared error; by default all are one.
 
-    Returns the page re-run that is under way; passed in again with the next samples, it need not start over.
+    Returns the page re-run in progress; pass it in again with the next samples so that it need not start over.
     """
     state["forgetting"][1] = r.forgetting
     if r.memory:
@@ -128,7 +128,7 @@ def _first(marked: NDArray[np.bool_], start: int, stop: int) -> int:
 
 
 def consolidate(state: State, r: Settings, page: BackgroundRefit | None = None) -> None:
-    """Re-run the memory now, in place; a page whose re-run is under way is turned first."""
+    """Re-run the memory now, in place; a page whose re-run is in progress is turned first."""
     if state["fill"] >= r.memory:
         _the_refit(state, r, page, schedule(r, filling=False)[0]).take_over()
     refit_now(state, r)
@@ -142,7 +142,7 @@ def settled(state: State, r: Settings) -> State:
 
 
 def is_silent(state: State) -> bool:
-    """Whether no start has been tried yet, because the first re-run, which begins with P0, has not taken over."""
+    """Whether no start has been tried yet: the first re-run, which begins with P0, has not taken over."""
     return not state["prior_information"].any()
 
 
@@ -161,7 +161,7 @@ def _tend_memory(state: State, r: Settings, refit: BackgroundRefit | None, n_new
 
 
 def _the_refit(state: State, r: Settings, refit: BackgroundRefit | None, now: tuple[int, int]) -> BackgroundRefit:
-    """The re-run under way, or a new one."""
+    """The re-run in progress, or a new one."""
     return refit if refit is not None and refit.is_of(state, now[0]) else BackgroundRefit(state, r, *now)
 
 

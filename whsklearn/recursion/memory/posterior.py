@@ -1,8 +1,8 @@
 """Posterior of a stream: the samples in memory, and a summary of the earlier pages.
 
 When a page is turned, M is kept, linearised at the parameters of that time, together with the signs that
-are still in doubt.  Both can be moved to another theta_0, because e is linear while no sign turns and dx is
-of second order: M -> T' M T with T = [I; -delta'], dx += g' delta + delta' H delta / 2, g += H delta.
+are still in doubt.  Both can be moved to another theta_0, because e is linear while no sign flips and dx is
+expanded to second order: M -> T' M T with T = [I; -delta'], dx += g' delta + delta' H delta / 2, g += H delta.
 The posterior of a stream of any length therefore costs no more than that of its memory.  It is computed on
 request, not at every sample.
 """
@@ -37,19 +37,19 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 ROUNDS = 3  # linearisations of the memory at least; the second is at the mean of the first
-# Linearisations at most, while the mean still moves.  A record with 500 signs in doubt needed five; stopped earlier, it
-# had a mean that fitted worse than the start (benchmarks/accuracy.py --section systems, seed 35: ten times the error).
+# Most linearisations made while the mean still moves.  A record with 500 signs in doubt needed five; with fewer, its
+# mean fitted worse than the start (benchmarks/accuracy.py --section systems, seed 35: ten times the error).
 MOST_ROUNDS = 16
 # The mean counts as moving if it changes by more than this many standard deviations in a round; sampling alone changes
-# it by a tenth.  Along a pole that a zero nearly cancels it creeps: with 0.5 here, seed 21 of these systems ended ten
-# standard deviations off.
+# it by a tenth.  Along a pole that a zero nearly cancels it moves slowly: with 0.5 here, seed 21 of these systems ended
+# ten standard deviations off.
 MOVED = 0.25
 # The first rounds only find where to linearise, and a few sweeps are enough for that; with 500 signs in doubt they
 # were the most expensive ones.  Once a step is below this many standard deviations, rounds use all sweeps.
 NEAR = 0.5
 # After this many rounds a mean that still takes longer steps is accepted, after one more round with all sweeps.  Of
 # 250 random systems (benchmarks/accuracy.py --section systems, seeds 0 to 249) 248 finished within six rounds in all;
-# if the record does not determine the parameters, the mean wanders without end.
+# if the record does not determine the parameters, the mean never settles.
 MOST_ROUGH = 8
 PIECE = 512  # samples processed between two rows when a page is summarised
 WORSE = 1.02  # ratio of squared errors at the mean to those at theta_0 above which the linearisation is not valid
@@ -189,7 +189,7 @@ class Linearisation:
         return matrix, signs.take(kept).joined(in_one(self._listed(chosen))), count
 
     def _with_past(self, left: float, count: float) -> Generator[None, None, tuple[Array, Signs, float]]:
-        """M and the number of samples of past and memory together, and the signs of the past.
+        """M and the number of samples for past and memory together, and the signs of the past.
 
         The last of these signs enter the first rows of the memory.
         ``left`` is the weight of the past after forgetting, ``count`` the number of samples of the memory.
@@ -295,7 +295,7 @@ def posterior(state: State, r: Settings, s: int) -> Gaussian | None:
             break
         best = min(best, matrix[-1, -1])
         if found is not None and matrix[-1, -1] < WORSE * best:
-            answer = found  # the mean found with signs and slopes from elsewhere fits the record here as well
+            answer = found  # the mean, found with signs and slopes at another point, fits the record here as well
             if k >= ROUNDS and still:
                 break
         if k == MOST_ROUNDS or (k > MOST_ROUGH and not near):

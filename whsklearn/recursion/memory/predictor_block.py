@@ -20,7 +20,7 @@ from whsklearn.effects.terms import term
 
 Array = NDArray[np.float64]
 
-LENGTH = 128  # samples of a segment, so few that all its signals stay in the fastest cache
+LENGTH = 128  # samples of a segment, few enough for all its signals to stay in the fastest cache
 
 
 class Segment(NamedTuple):
@@ -29,8 +29,8 @@ class Segment(NamedTuple):
     Attributes
     ----------
     signals : ndarray of shape (n_inputs + 3 + 2 n_1 + K, past + LENGTH)
-        One row each: u, x, its gradients by (a, b), v, its gradients by (a, b, w), y.  The past comes first, oldest
-        sample first.
+        One row each: u, x, its gradients with respect to (a, b), v, its gradients with respect to (a, b, w), y.  The
+        past comes first, oldest sample first.
     psi : ndarray of shape (n + 1, LENGTH)
         d y_hat / d theta, and below it the prediction error.
     slopes : ndarray of shape (2, LENGTH)
@@ -63,7 +63,7 @@ def segment_steps(dims: NDArray[np.int64], n_inputs: int) -> Generator[None, Non
 
 @part
 def begin(signals, places, state, u, y, history):
-    """Fill in the past of every signal: of u and y from ``history``, of the others from the state of `predictor`."""
+    """Fill in the past of every signal: u and y from ``history``, the others from the state of `predictor`."""
     past, m = signals.shape[1] - LENGTH, u.shape[1]
     for i in range(min(past, history)):
         for k in range(m):
@@ -98,7 +98,7 @@ def move_on(signals, n):
 
 @part
 def delayed(signals, k, lag, n):
-    """Signal ``k`` of the ``n`` samples, ``lag`` samples before."""
+    """Signal ``k`` of the ``n`` samples, delayed by ``lag`` samples."""
     first = signals.shape[1] - LENGTH - lag
     return signals[k, first : first + n]
 
@@ -152,7 +152,7 @@ def predict_segment(theta, law, kappa, m, segment, n):
 
 @part
 def _filter_input(theta, dims, signals, m, n):
-    """Compute x of (1) and its gradients by a_2 .. and b_1 .. over ``n`` samples."""
+    """Compute x of (1) and its gradients with respect to a_2 .. and b_1 .. over ``n`` samples."""
     na, nb = dims[0], dims[1]
     b = theta[na - 1 : na - 1 + nb]
     # the first row is x = sum a_i u(t-i) - sum b_j x(t-j); the others are its gradients, from u(t-i) and -x(t-j) alone
@@ -211,7 +211,7 @@ def _apply_law(theta, law, kappa, signals, m, slopes, n):
 
 @part
 def _add_term(term_there, w, i, out):
-    """Store a term's value f at sample i, add w f to v, and add its slopes by x(t) and by x(t-1) to those of v."""
+    """Store a term's value f at sample i, add w f to v, and add its slopes in x(t) and in x(t-1) to those of v."""
     f, f_x, f_dx = term_there
     value, v, by_now, by_old = out
     value[i] = f

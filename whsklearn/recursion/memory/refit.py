@@ -30,26 +30,26 @@ Steps = Generator[None, None, "_Candidate | None"]
 LADDER = (1.0, 2.0, 4.0, 8.0, 20.0, 50.0, 100.0, 200.0, 400.0)
 ITERATIONS = 8
 EARLY_ITERATIONS = 5  # per rung while the memory fills and time is short; the next rung continues from there anyway
-REOPENING = 100.0  # forgetting may always widen P to this many times its widest direction at the last re-run
+REOPENING = 100.0  # forgetting may always inflate P to this many times its largest pivot at the last re-run
 LEAST = 1e-9
-FEWEST = 40.0  # samples: or as wide as P was when only so few were known
+FEWEST = 40.0  # or to what P was when only this many samples were known
 SLACK = 1.01  # factor on the error: on a staircase a better estimate may be one step higher
-INFERENCE = 20.0  # sharpness at which P is taken: intervals cover there (benchmarks/accuracy.py)
+INFERENCE = 20.0  # sharpness at which P is evaluated: the intervals have their coverage there (benchmarks/accuracy.py)
 LONG_INFERENCE = 150.0  # the same for a full memory; sharper costs coverage of L1, blunter costs accuracy
 LIVE = 2  # models updated at every sample; the others wait for the next re-run, which starts from their parameters
 KEPT_SHARE = 0.62  # share of the starts that continue after the first re-run; fewer at each later one
-FRESH_IN_STREAM = 2  # one fresh start for so many initial ones, at each re-run in the background
-# Where time is not short, fresh starts are drawn until so many have ended in the best minimum, at most as many as there
-# were at first.  With an eighth of those, whatever they found, 3 of 400 drawn systems kept a wrong minimum, whose free
-# run is a thousand times worse (benchmarks/accuracy.py, seeds 3000 to 3399); with two confirmed 1, and 1 of 200 more
-# (6600 to 6799), of which four leave none.
+FRESH_IN_STREAM = 2  # initial starts per fresh start, at each re-run in the background
+# If there is time, fresh starts are drawn until this many have ended in the best minimum, but no more than there were
+# initially.  With an eighth of the initial number, whatever they found, 3 of 400 random systems kept a wrong minimum,
+# whose free run is a thousand times worse (benchmarks/accuracy.py, seeds 3000 to 3399).  With two confirmations it was
+# 1 of these, and 1 of another 200 (6600 to 6799); with four it was none of the 200.
 CONFIRMED = 4
 SAMPLED = 128  # latest samples from which a start and the scale of dx are computed; there is no time for more
 WHOLE_ROW = 1e6  # samples re-run: more than the budget of any row
-COST_OF_BEGIN = 300  # samples re-run that the work before the first pass of a model counts for
+COST_OF_BEGIN = 300  # cost of the work before the first pass of a model, in samples re-run
 COST_OF_RUNG = 150  # the same for the other work on a rung, while the many starts of a stream are tried
-COST_OF_RARE_RUNG = 350  # the same later, when less of the code is in the cache and there is time to spare
-COST_OF_START = 900  # the same for drawing a start, which takes the time of two or three samples
+COST_OF_RARE_RUNG = 350  # the same later, when less of the code is cached and there is time to spare
+COST_OF_START = 900  # the same for drawing a start, which takes as long as two or three samples
 
 
 @dataclass
@@ -91,7 +91,7 @@ class Refit:
         self.given = {name: state[name] for name in ("origin", "prior_theta", "prior_information")}
 
     def prepare(self) -> Generator[None, None, None]:
-        """Compute what needs the whole memory once: the weights and their sum, that of the prior, and any motion.
+        """Compute what needs the whole memory once: the weights and their sum, the prior's weight, and any motion.
 
         Everything after this is done in small pieces too.  Code that runs once per page is no longer in a cache, and
         work that takes 20 us in a loop takes 100 us here.
@@ -113,7 +113,7 @@ class Refit:
     def search(self, thetas: Array) -> Generator[None, None, list[_Candidate]]:
         """Refine the models ``thetas`` and fresh ones; return the best ones, best first.
 
-        Nothing is searched for on an axis at rest.
+        There is no search on an axis at rest.
         """
         if not self.moved:
             return []
@@ -124,7 +124,7 @@ class Refit:
         begins = first_page and not self.state["prior_information"].any()
         yield
         bounded = bool(np.isfinite(self.limit))
-        self._is_hurried = bounded and begins  # every start must be tried, and no row is to spare
+        self._is_hurried = bounded and begins  # every start must be tried, and there is no time to spare
         count = r.n_starts if begins else self._fresh(bounded)
         scales = None
         if count:
@@ -142,7 +142,7 @@ class Refit:
             yield
             self._set_prior(scales)
             yield
-            # LAPACK is no longer in a cache: the first least squares would take 100 us, and this halves it
+            # LAPACK is no longer cached: the first least-squares solution would take 100 us, and this halves it
             np.linalg.solve(np.eye(1), np.ones(1))
             yield from self._row()
             np.linalg.eigh(np.eye(2))
@@ -161,8 +161,8 @@ class Refit:
             if work.at[SPENT] >= self.limit or not (bounded or begins or reached(found, carried) < CONFIRMED):
                 break
             yield
-            # two kinds in turn: all random, and least squares given a random L1; on 320 samples and more the latter
-            # end in the right minimum no more often, and a stream has no time to spare for them
+            # two kinds in turn: all random, and least squares given a random L1; on 320 samples or more the latter
+            # do not end in the right minimum more often, and a stream has no time to spare for them
             theta = yield from self._drawn(rng, scales, begins, i % 2 == 0 and (begins or not bounded))
             work.at[SPENT] += COST_OF_START
             found.append((yield from self.refine(0, theta, long_strides(climb) if bounded else climb)))
@@ -190,12 +190,12 @@ class Refit:
         return theta
 
     def _row(self) -> Generator[None, None, None]:
-        """End a piece of work; it was as much as one row allows."""
+        """End a piece of work that uses up the budget of one row."""
         self.work.at[BUDGET] -= WHOLE_ROW
         yield
 
     def _rows(self, steps: Generator[None, None, Array]) -> Generator[None, None, Array]:
-        """Do ``steps``; each piece is all the work that its row allows."""
+        """Do ``steps``; each piece uses up the budget of its row."""
         while True:
             try:
                 next(steps)
@@ -235,7 +235,7 @@ class Refit:
         """Turn P0 into information, relative to what each parameter can contribute to the output."""
         r = self.settings
         n1 = r.dims[0] - 1 + r.dims[1]
-        power = np.mean(self._y**2)  # not the variance, which is zero for an output that stands still
+        power = np.mean(self._y**2)  # not the variance, which is zero for a constant output
         information = np.full(r.size, power / r.p0)
         information[n1 : n1 + r.dims[4]] = power / scales**2 / r.p0
         self.given["prior_information"] = np.diag(information)[None]
@@ -245,7 +245,7 @@ class Refit:
         """Sharpen one model rung by rung; the result is the rung with the least error under the true sign.
 
         A search of the staircase itself, sample by sample, was tried.  It lowers the error on the
-        record and raises it on others (50 random systems: 1.6 times, against 1.2 for the rungs).
+        record and raises it on others (on 50 random systems by a factor of 1.6, against 1.2 for the rungs).
         """
         state, r, work = self.state, self.settings, self.work
         theta = theta.copy()
@@ -255,7 +255,7 @@ class Refit:
         left = self.left
         memory = memory_of(state, r, self.size, self.weights, self.given["origin"][parent], tail=r.p)
         prior = Prior(self.given["prior_theta"][parent], self.given["prior_information"][parent] * left)
-        scarce = bool(np.isfinite(self.limit))  # rows are: short work is done together with the reading of the memory
+        scarce = bool(np.isfinite(self.limit))  # then short work is done together with the reading of the memory
         if not scarce:
             yield
         if self._is_first and work.at[BUDGET] < WHOLE_ROW:  # not in a cache: one segment is enough for a row
@@ -293,8 +293,8 @@ class Refit:
         if not state["blocks"] and self.size < r.memory:
             yield from refined(INFERENCE / moves, 0, best.information, np.empty(n_state))
             return best
-        # A record this long shows the bias that tanh() near zero adds to the weights.  So they are fitted with the
-        # error of the true sign; only the slopes are those of a smooth one.  L1 stays on the step that it found.
+        # On a record this long the bias that tanh() near zero adds to the weights is noticeable.  So they are fitted
+        # with the error of the true sign; only the slopes are those of a smooth one.  L1 stays on the step it found.
         for step in range(3):
             information, before = np.zeros((n, n)), np.zeros(n_state)
             cost = yield from refined(-LONG_INFERENCE / moves, 0, information, before)
@@ -326,12 +326,12 @@ def consolidate(state: State, r: Settings) -> None:
 
 
 def climb_to(sharpest: float) -> list[float]:
-    """The rungs of the ladder up to ``sharpest``; no two are so close that the second would add nothing."""
+    """The rungs of the ladder up to ``sharpest``, without rungs so close that the second would add nothing."""
     return [k for k in LADDER if 1.5 * k < sharpest] + [sharpest]
 
 
 def long_strides(climb: list[float]) -> list[float]:
-    """The first rung, one between and the last, for starts that are tried while a stream runs.
+    """The first rung, one in between and the last, for starts that are tried while a stream runs.
 
     On 128 to 256 samples of Example 5.1 such starts reach the right minimum four times in 100,000 samples re-run;
     starts that take every rung reach it 2.6 times.
@@ -347,10 +347,10 @@ def reached(found: list[_Candidate | None], carried: int) -> int:
 
 
 def best_first(found: list[_Candidate | None]) -> list[_Candidate]:
-    """Candidates in order of their cost, without those that ended in the same minimum as a better one."""
+    """Candidates in order of cost, without those that ended in the same minimum as a better one."""
     kept: list[_Candidate] = []
     for c in sorted((c for c in found if c is not None), key=lambda c: c.cost):
-        if not kept or c.cost - kept[-1].cost > 1e-4 * kept[-1].cost:  # the last one kept is the nearest
+        if not kept or c.cost - kept[-1].cost > 1e-4 * kept[-1].cost:  # the last one kept is the closest in cost
             kept.append(c)
     return kept
 
@@ -368,7 +368,7 @@ def weights_of(state: State, fill: int) -> Array:
 def left_of(state: State, fill: int) -> Array:
     """Weight after forgetting of each of the first ``fill`` samples of the memory; zero for samples at standstill.
 
-    The factors are those in force when the samples arrived, so a re-run forgets as much as the recursion did.
+    The forgetting factors are those in use when the samples arrived, so a re-run forgets as much as the recursion did.
     """
     return in_one(left_steps(state, fill))
 
@@ -386,7 +386,7 @@ def left_steps(state: State, fill: int) -> Generator[None, None, Array]:
 
 @njit(error_model="numpy")
 def _multiply_back(left):
-    """Set each entry to the product from it to the last one; ``cumprod`` takes 50 us to start when rarely called."""
+    """Set each entry to the product from it to the last one; ``cumprod`` takes 50 us to start if rarely called."""
     for t in range(left.size - 2, -1, -1):
         left[t] *= left[t + 1]
 
@@ -406,7 +406,7 @@ def inference_sharpness(theta: Array, r: Settings, u: Array, restart: NDArray[np
 
 
 def left_of_prior(state: State, fill: int) -> float:
-    """Weight after forgetting of the information from before the memory; never so small that P is unbounded."""
+    """Weight after forgetting of the information from before the memory, bounded below so that P stays bounded."""
     return max(float(np.prod(state["memory_kept"][:fill])), LEAST)
 
 
@@ -420,7 +420,7 @@ def adopted(chosen: list[_Candidate], count: float, known: float) -> Generator[N
         live.append(factors_of_inverse(c.information))
         yield
     ud = np.array([live[min(i, len(live) - 1)] for i in range(len(chosen))])
-    # far from where it was learnt the model is a different one: P must not be wide open after an idle spell
+    # far from where it was learnt the linearised model is wrong, so P must not be too large after an idle period
     ceiling = float(max(REOPENING, known / FEWEST) * ud.diagonal(axis1=1, axis2=2).max())
     yield
     models = {"theta": np.array([c.theta for c in chosen]), "before": np.array([c.before for c in chosen])}

@@ -30,18 +30,18 @@ from whsklearn.recursion.memory.refit import (
 from whsklearn.recursion.memory.settings import Settings, State
 from whsklearn.recursion.rows.subinnovations import STILL, Models, Samples, Schedule, run_windows
 
-# Samples re-run for each new one while the memory fills, which take about 25 us.  All starts are tried on the first
+# Samples re-run for each new one while the memory fills, which takes about 25 us.  All starts are tried on the first
 # samples, and later as many fresh ones as the remaining passes allow.  With 400 only half of them were tried, and 27 of
-# 800 streams of Example 5.1 were in a wrong minimum at row 1,000; now none of 8,000 is (benchmarks/accuracy.py
+# 800 streams of Example 5.1 were in a wrong minimum at row 1,000; with 700 none of 8,000 is (benchmarks/accuracy.py
 # --section minima, from seed 1000).
 FILLING = 700
 PAGE = 128  # the same for each model after that; a page is then read and caught up with after a third of the half page
-COST_OF_WINDOW = 24  # samples re-run that one sample of the recursion counts for
+COST_OF_WINDOW = 24  # cost of one sample of the recursion, in samples re-run
 RESERVED = 60  # passes over the whole record that are reserved for the work after the search
 PIECES = 110  # pieces of work other than passes over samples, besides those for each start; each sample does one
 PIECES_A_MODEL = 16  # of a page, which begins with all models kept while the memory filled: 19 of 32 in 512 samples
-BATCH = 4  # samples that the new models take at once; starting costs as much as two, and no answer is needed sooner
-NOTED = 64  # at most one row in so many does no work here: the row in which the estimator saves its state
+BATCH = 4  # samples that the new models take at once; starting costs as much as two, and no result is needed sooner
+NOTED = 64  # at most one row in this many does no work here: the row in which the estimator saves its state
 FIRST_SPAN = 3.75  # the first re-run has to try every start; it takes over at five times its samples
 SPAN = 2.0  # ratio of the instants after that
 
@@ -63,7 +63,7 @@ def _filling(first: int, memory: int) -> list[tuple[int, int]]:
 
 
 def under_way(state: State, r: Settings) -> tuple[int, int] | None:
-    """Where the current re-run began and where it takes over; None if none is under way."""
+    """Where the current re-run began and where it takes over; None if there is none."""
     for begin, end in schedule(r, not state["blocks"]):
         if begin < state["fill"] <= end:
             return begin, end
@@ -113,7 +113,7 @@ class NextMemory:
 
 
 class BackgroundRefit:
-    """The re-run that is under way.
+    """The re-run in progress.
 
     Parameters
     ----------
@@ -207,7 +207,7 @@ class BackgroundRefit:
     def _rerun(self) -> Iterator[None]:
         """Refine each model, then compute for each what a page adds and its final state; yield when out of budget."""
         state, r, size = self.state, self.settings, self.size
-        yield  # the row that ends a page already waits for the new arrays
+        yield  # the row that ends a page already has to wait for the new arrays
         self._work = yield from work_steps(r.dims, r.n_inputs)
         self._begun = True
         yield
@@ -298,7 +298,7 @@ class BackgroundRefit:
         known = min(self._since, k, n + h)
         recent_u[:known] = state["memory_u"][h + n - known : h + n][::-1]
         recent_y[:known] = state["memory_y"][h + n - known : h + n][::-1]
-        weighted = min(known, n)  # the samples before the memory lie before every window
+        weighted = min(known, n)  # the samples before the memory are before every window
         weight[:weighted] = state["memory_weight"][n - weighted : n][::-1]
         self._recent = Samples(recent_u.ravel(), recent_y, weight)
 
@@ -309,7 +309,7 @@ class BackgroundRefit:
         rest = state["fill"] - n
         restart, kept = state["memory_restart"][n : n + rest], state["memory_kept"][n : n + rest]
         cost = self._cost_of_sample
-        if not self._caught_up:  # the first call finds its code in no cache, and reading takes twice as long
+        if not self._caught_up:  # the code of the first call is not cached, and reading takes twice as long
             self._work.at[BUDGET] *= 0.25
         while self._caught_up < rest and self._work.at[BUDGET] > 0:
             at = self._caught_up

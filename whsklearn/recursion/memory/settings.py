@@ -1,4 +1,4 @@
-"""The settings that stay constant along a stream of the default method."""
+"""The settings that stay constant during a stream of the default method."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from whsklearn.recursion.rows.predictor import parameter_count
 State = dict[str, Any]
 
 # Samples of the first re-run, on which a stream tries all of its starts.  On 64 samples of Example 5.1 one start in 23
-# ends in the right minimum, on 128 one in 6.  With 64, 12 of 5,000 streams were in a wrong minimum at row 1,000; now
-# none is (benchmarks/accuracy.py --section minima --first-seed 1000).
+# ends in the right minimum, on 128 one in 6.  With 64, 12 of 5,000 streams were in a wrong minimum at row 1,000; with
+# 128 none is (benchmarks/accuracy.py --section minima --first-seed 1000).
 FIRST_RERUN = 128
 
 
 @dataclass(frozen=True)
 class Settings:
-    """The settings that stay constant along a stream.
+    """The settings that stay constant during a stream.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ class Settings:
     n_inputs : int
         Columns of u.
     theta0 : ndarray of shape (n,), optional
-        One start that is given instead of drawn.
+        A given start, in addition to the random ones.
     """
 
     dims: NDArray[np.int64]

@@ -1,10 +1,10 @@
 """Log density of (a, b) for a law that jumps with sign(dx), over the few signs in doubt.
 
-Given phi = (a, b), the signs that turn are known, and the linear parameters r = (w, c, d) are projected out:
+Given phi = (a, b), it is known which signs flip, and the linear parameters r = (w, c, d) are projected out:
 
     log p(phi) = -(N - n_r)/2 log S(phi) - log|H(phi)|/2,    S = min_r sum of squares, H its curvature,
 
-both from M of `linearised` updated by the rows that the turned signs enter.
+both from M of `linearised` updated by the rows that the flipped signs enter.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ RADIUS = 0.999  # largest radius of the poles of L1
 
 
 class SignProblem(NamedTuple):
-    """Arguments of `log_density`: the signs of `linearised.Signs`, and each row that they enter, once.
+    """Arguments of `log_density`: the signs of `linearised.Signs`, and the rows that they enter, each row once.
 
     Attributes
     ----------
@@ -43,7 +43,7 @@ class SignProblem(NamedTuple):
     row : ndarray of shape (E, n_c)
         Indices of the rows that each sign enters; -1 for none.
     reach : ndarray of shape (E,)
-        How far (a, b) may move, measured by ``metric``, before a sign can turn; in rising order.
+        How far (a, b) may move, measured by ``metric``, before a sign can flip; in ascending order.
     metric : ndarray of shape (n_1, n_1)
         Defines the distance sqrt(delta' metric delta).
     """
@@ -82,14 +82,14 @@ def by_reach(p: SignProblem, covariance: Array) -> SignProblem:
     """The same problem with its signs in order of reach, so that most particles check only a few of 500.
 
     ``covariance`` is that of (a, b).  With its root L, a step delta of length r changes dx by at most
-    r (|L'g| + |L'H L| r / 2), so no sign that is skipped could have turned.
+    r (|L'g| + |L'H L| r / 2), so no sign that is skipped could have flipped.
     """
     root = np.linalg.cholesky(covariance)
     slope = np.sqrt(np.sum((p.gradient @ root) ** 2, axis=1))
     bend = np.sqrt(np.sum((root.T @ p.curvature @ root) ** 2, axis=(1, 2)))
     away = np.abs(p.dx)
     reach = 2.0 * away / np.maximum(slope + np.sqrt(slope**2 + 2.0 * bend * away), 1e-300)
-    reach[p.sign != np.sign(p.dx)] = 0.0  # already turned at the linearisation point
+    reach[p.sign != np.sign(p.dx)] = 0.0  # already flipped at the linearisation point
     order = np.argsort(reach, kind="stable")
     asked = {
         name: getattr(p, name)[order] for name in ("dx", "sign", "scale", "gradient", "curvature", "height", "row")
@@ -100,7 +100,7 @@ def by_reach(p: SignProblem, covariance: Array) -> SignProblem:
 
 @part
 def turn(delta, p, matrix, change, touched):
-    """M at (a, b) = theta_0 + delta: find the signs that turn, and change the rows that they enter."""
+    """M at (a, b) = theta_0 + delta: find the signs that flip, and change the rows that they enter."""
     n, n1, nw, nc = p.theta.size, p.gradient.shape[1], p.height.shape[1], p.row.shape[1]
     w, c = p.theta[n1 : n1 + nw], p.theta[n1 + nw : n1 + nw + nc - 1]
     for j in range(n + 1):

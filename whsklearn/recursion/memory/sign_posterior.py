@@ -1,6 +1,6 @@
 """Posterior of the parameters of a law that jumps with sign(dx), over the few signs in doubt.
 
-The likelihood is a staircase in (a, b), with a step wherever a sign turns, so neither its mode nor a
+The likelihood is a staircase in (a, b), with a step wherever a sign flips, so neither its mode nor a
 Gaussian around the mode describes it.  (a, b) is therefore sampled, with the other parameters projected
 out (`sign_density`), by tempered sequential Monte Carlo (Del Moral, Doucet, Jasra 2006, JRSS B 68(3))
 with differential-evolution moves (ter Braak 2006, Statistics and Computing 16).
@@ -26,7 +26,7 @@ WIDTH = 2.0  # spread of the first particles, in standard deviations with the si
 SWEEPS = 12  # moves of each particle at each temperature; with three, one of 100 streams stayed in a worse mode
 FINAL_SWEEPS = 60  # moves at the last temperature; the mean and the covariance are taken over all of them
 ROUGH_SWEEPS, ROUGH_FINAL_SWEEPS = 4, 8  # the same if only the location is needed
-MOST_TEMPERATURES = 30  # if the posterior is not reached by then, it is given up
+MOST_TEMPERATURES = 30  # if the posterior is not reached by then, sampling is abandoned
 STRIDES = (0.9, 0.4, 0.15)  # length of the moves, as multiples of the difference of two particles
 NONE = -1e300  # log density of a particle that has none, because its L1 is unstable
 
@@ -48,7 +48,7 @@ def frozen_steps(matrix: Array, theta: Array, count: float) -> Generator[None, N
     n = theta.size
     information = np.ascontiguousarray(matrix[:n, :n])
     yield
-    # with kernels that the re-run has already called; LAPACK, used by no other piece of a page, took 70 us to start
+    # uses kernels that the re-run has already called; LAPACK, which no other piece of a page uses, took 70 us to start
     ud = factors_of_inverse(information)
     yield
     inverse = np.array([times(ud, row) for row in np.eye(n)])
@@ -80,7 +80,7 @@ def sample(problem: SignProblem, start: Gaussian, rng: np.random.Generator, *, r
         root = np.linalg.cholesky(spread + 1e-12 * np.diag(np.diag(spread)))
         precision = np.asarray(np.linalg.inv(spread), dtype=np.float64)
         problem = by_reach(problem, spread)
-    except np.linalg.LinAlgError:  # all particles of the round before were in one plane
+    except np.linalg.LinAlgError:  # all particles of the previous round were in one plane
         return None
     centre = start.mean[:n1] - problem.theta[:n1]
     first = centre + rng.standard_normal((PARTICLES, n1)) @ root.T

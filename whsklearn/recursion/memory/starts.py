@@ -1,7 +1,7 @@
 """Starting points of a search: random stable blocks, and least squares for the parameters that are then linear.
 
 The prediction error has several minima.  A single start ends in the global one in about
-six of ten cases on the paper's example and in far fewer on some systems, so several
+six of ten cases on the paper's example and in far fewer cases on some systems, so several
 starts run in parallel (measured by benchmarks/accuracy.py).
 """
 
@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 
 def random_stable(order: int, rng: np.random.Generator) -> NDArray[np.float64]:
     """A stable denominator from uniform reflection coefficients (Levinson recursion)."""
-    b: list[float] = []  # arrays would take five times as long while a sample waits
+    b: list[float] = []  # arrays would take five times as long, and a sample is waiting
     for r in rng.uniform(-0.9, 0.9, order).tolist():
         b = [x + r * y for x, y in zip(b, b[::-1], strict=True)] + [r]
     return np.array(b)
@@ -71,7 +71,7 @@ def term_sizes_steps(
 
 
 def scales_from(sizes: list[Array], y: Array) -> Array:
-    """Weights at which each term, of the median of ``sizes``, has the size of the output."""
+    """Weights at which each term, with the median of its ``sizes``, has the size of the output."""
     typical = np.sort(np.array(sizes), axis=0)[len(sizes) // 2]  # the median of nine, faster than np.median
     return np.sqrt(np.mean(y**2)) / np.where(typical > 0.0, typical, 1.0)
 
@@ -110,7 +110,7 @@ def least_squares_steps(theta: Array, law: Law, rows: Array, y: Array) -> Genera
     """
     na, nb, nc, _, nw = (int(d) for d in law[0])
     n1 = na - 1 + nb
-    # one call; the normal equations would need five, and each call that is not in the cache costs 10 us
+    # one call; the normal equations would need five, and each call that is not cached costs 10 us
     solution = np.linalg.lstsq(rows, y, rcond=1e-10)[0]
     yield
     if not np.isfinite(solution).all():

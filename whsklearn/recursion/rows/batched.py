@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 __all__ = ["least_squares_of_many"]
 
-ABREAST = 48  # axes processed together, so few that their factors still fit into the fastest cache
+ABREAST = 48  # axes processed together; their factors just fit into the fastest cache
 TOGETHER = 4  # samples that are rearranged at a time
 
 
@@ -49,7 +49,7 @@ def least_squares_of_many(
     Raises
     ------
     ValueError
-        If the shapes do not fit, a value is not finite or a setting is out of range.
+        If the shapes do not match, a value is not finite or a setting is out of range.
 
     Examples
     --------
@@ -73,7 +73,7 @@ def least_squares_of_many(
     pieces = [slice(a, b) for a, b in itertools.pairwise(bounds)]  # numba releases the GIL in each
     with ThreadPoolExecutor(threads) as pool:
         list(pool.map(lambda s: _run_axes(X[s], y[s], theta[s], P[s], float(P0), float(forgetting)), pieces))
-    # a sample that is not a number makes the estimate not a number, so no check of all samples is needed beforehand
+    # a NaN in any sample makes the estimate NaN, so the samples need not be checked beforehand
     if not np.isfinite(theta).all() and not (np.isfinite(X).all() and np.isfinite(y).all()):
         raise ValueError("X or y holds NaN or infinite values; remove such samples.")
     return theta, P

@@ -3,7 +3,7 @@
 U is unit upper triangular and D diagonal and positive, so P stays symmetric and positive
 definite by construction (Bierman 1977, Factorization Methods for Discrete Sequential
 Estimation, ch. V).  Both live in one square array: D on the diagonal, the columns of U as
-rows below it, so that the inner loops run along memory.
+rows below it, so that the inner loops access memory contiguously.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def measurement_update(ud, phi, r, gain):
 
 @part
 def inflate(ud, factor, ceiling):
-    """P <- P * factor, by changing D only, as far as ``ceiling`` allows.
+    """P <- P * factor, by scaling D only, as far as ``ceiling`` allows.
 
     Without a ceiling, forgetting winds P up in directions that are not excited until it overflows.
     """

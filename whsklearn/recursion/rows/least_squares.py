@@ -93,9 +93,9 @@ def _learn_window(theta, ud, loss, recent, targets, since, forgetting, ceiling, 
             theta[k] += gain[k] * e
 
 
-# Numbers of one_row, stored in front of theta, U and D, loss, rows and targets.  SINCE is the last row that it learnt;
-# it is kept here because an interrupt can lose a function's return value.  BUSY is not 0 while another thread holds the
-# state.
+# Numbers of one_row, stored in front of theta, U and D, loss, rows and targets.  SINCE is the last row that was learnt;
+# it is stored here because an interrupt can lose a function's return value.  BUSY is not 0 while another thread holds
+# the state.
 SINCE, BUSY, FORGETTING, CEILING, WINDOW, VARIANCE, N_SETTINGS = range(7)
 
 

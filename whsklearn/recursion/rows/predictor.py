@@ -34,7 +34,7 @@ from whsklearn.effects.terms import directed_term, smooth_sign
 Array = NDArray[np.float64]
 Law = tuple[NDArray[np.int64], NDArray[np.int64], Array]  # dims, codes, shapes
 
-ROWS = 64  # rows of a line along a record before it is started again
+ROWS = 64  # rows of a line along a record before the line starts over
 
 
 class Past(NamedTuple):
@@ -72,8 +72,8 @@ def state_size(dims):
 def past_of(state, dims):
     """The flat state as `Past`, in the same memory.
 
-    The compiler knows that the indices of a table are positive.  It does not know this of indices computed within one
-    flat array, and checking them took half of the time of a sample.
+    The compiler knows that the indices of a table are positive.  It cannot know this for indices computed within one
+    flat array, and checking them took half the time of a sample.
     """
     nb, nc = dims[1], dims[2]
     n1, nx = dims[0] - 1 + nb, max(nb, 1)
@@ -112,12 +112,12 @@ def by_block(theta, dims):
 
 
 # Inlined into their callers: a call passes some forty numbers, which took a quarter of the time.  With max(at, 0) the
-# compiler knows that a row is not negative and need not check that at each number, which saves a tenth.
+# compiler knows that a row index is not negative and need not check it at each access, which saves a tenth.
 @njit(cache=False, error_model="numpy", forceinline=True)
 def predict(blocks, line, at, y_past, psi, psi_blocks):
     """y_hat of the sample whose past begins at row ``at``, from that past and y(t-1), ...; psi receives its gradient.
 
-    psi is passed by blocks too.
+    psi is passed block by block too.
     """
     at = max(at, 0)
     c, d = blocks[3], blocks[4]
@@ -191,7 +191,7 @@ def respond(blocks, codes, shapes, kappa, line, at):
 def record_errors(theta, dims, codes, shapes, kappa, u, y, restart, errors, jacobian):
     """Prediction errors over a record and, if ``jacobian`` has rows, psi for every sample.
 
-    ``restart[t]`` is True where an experiment begins; nothing is known of its past.
+    ``restart[t]`` is True where an experiment begins; its past is unknown.
     """
     n = parameter_count(dims)
     past = past_of(np.zeros(state_size(dims)), dims)

@@ -39,10 +39,10 @@ def relative_sharpness(seen, sharpest):
 def mark_still(repeats, recent_u, recent_y, known, kept, u, y, still):
     """Mark samples as MOVING, IDLE or STILL; ``repeats`` counts how often the last input and sample repeat.
 
-    A record that does not change by a bit for longer than a window is STILL: it repeats the same information, and
-    counting it as new samples would let the noise variance and P decay.  An axis whose input has been constant for
-    LONGEST_TRANSIENT samples is IDLE: it shows its noise, but does not excite the directions that forgetting would
-    open.  ``known`` counts samples under the forgetting factor ``kept``.
+    A record that is bitwise constant for longer than a window is STILL: it repeats the same information, and
+    counting it as new samples would make the noise variance and P decay.  An axis whose input has been constant for
+    LONGEST_TRANSIENT samples is IDLE: its noise is informative, but it does not excite the directions in which
+    forgetting would inflate P.  ``known`` is the number of samples, discounted by the forgetting factor ``kept``.
     """
     m = u.shape[1]
     for t in range(y.size):
@@ -259,7 +259,7 @@ def _run_model(model, line, samples, since, seen, schedule, law, p, frozen, stil
             if frozen:
                 for k in range(n):
                     e -= psi[k] * (theta[k] - start[k])
-            usable = abs(e) < LARGEST_SIGNAL  # False for NaN too: nothing is learnt from an interim model that diverges
+            usable = abs(e) < LARGEST_SIGNAL  # False for NaN as well: nothing is learnt while an interim model diverges
             for k in range(n):
                 usable &= abs(psi[k]) < LARGEST_SIGNAL
             if now == 0:
