@@ -1,8 +1,8 @@
-"""What a number means: p-values from records that a model makes itself, and whether two explanations differ.
+"""Significance: p-values from records that a model simulates itself, and whether two explanations differ.
 
-Every decision of the gap workflow asks one of two questions, *is there an effect* and *which one*, and answers both
-by comparison with records that the fitted model makes itself (`whsklearn.gap.search`). The functions here are the
-statistics of that comparison; they know arrays only.
+Every decision of the gap workflow answers one of two questions, *is there an effect* and *which one*, by comparison
+with records that the fitted model simulates itself (`whsklearn.gap.search`). The functions here are the statistics of
+that comparison; they work on arrays only.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from scipy.stats import f, gumbel_r, norm
 
 Array = NDArray[Any]
 
-# A gain of one superfluous number is half a chi-squared of one degree of freedom a unit of log likelihood, whose
-# largest of many has a Gumbel scale of 2: no spread over a scan is below that.
+# The gain of one superfluous number is chi-squared with one degree of freedom, and the largest of many such gains has a
+# Gumbel scale of 2: no spread over a scan is below that.
 LEAST_SCALE = 2.0
-CERTAIN = 20.0  # Gumbel scales below the centre from where p is one to all digits
-N_NULL = 15  # records that a model makes itself; they give the moments of a Gumbel law to within a quarter
-GATE = 0.1  # p-value below which effects are fitted, which takes seconds: above the usual levels, which keep the names
-VUONG_BLOCKS = 40  # a fortieth of a record: errors of neighbouring samples depend on each other, those of blocks hardly
+CERTAIN = 20.0  # Gumbel scales below the centre at which p is one to all digits
+N_NULL = 15  # records that a model simulates itself; they give the moments of a Gumbel law to within a quarter
+GATE = 0.1  # p-value below which effects are fitted, which takes seconds; the level at which they are named is lower
+VUONG_BLOCKS = 40  # per record: errors of neighbouring samples depend on each other, those of blocks hardly
 
 
 def n_effective(residual: Array, most: float = np.inf) -> float:
@@ -31,7 +31,7 @@ def n_effective(residual: Array, most: float = np.inf) -> float:
     ----------
     residual : ndarray of shape (n,)
     most : float
-        Such as 2 f_c T of a filter that the residual has passed.
+        For example 2 f_c T, after a filter with the cut-off f_c.
 
     References
     ----------
@@ -49,7 +49,7 @@ def n_effective(residual: Array, most: float = np.inf) -> float:
     total = float(power.sum())
     if total <= 0.0:
         return 1.0
-    # a periodogram has E P^2 = 2 S^2, and the real transform holds every second line: 2 * 2
+    # a periodogram has E P^2 = 2 S^2, and the real transform contains every second line: 2 * 2
     return float(np.clip(4.0 * total**2 / float(power @ power), 1.0, min(most, residual.size)))
 
 
@@ -59,13 +59,13 @@ def gain(before: float, after: float, n: float) -> float:
 
 
 def p_value(g: float, null: Array, families: int = 1, degrees: float = 0.0) -> float:
-    """Probability that the model's own records reach ``g``, times the number of families that were asked.
+    """Probability that the model's own records reach ``g``, times the number of families that were tried.
 
-    Over a scan of shapes, each null gain is the largest of many: a Gumbel law with their moments.  Columns of one
-    shape gain c chi-squared of noise, where c is one only if the noise has the colour that `n_effective` counts by (a
-    step that follows the direction meets less of slow noise).  Their own mean gain says c, and the ratio to it follows
-    Snedecor's F; where several columns meet noise of several sizes, with as many degrees of freedom as their spread
-    has (Satterthwaite 1946, Biometrics Bulletin 2(6), 110-114).
+    Over a scan of shapes, each null gain is the largest of many and follows a Gumbel law with the moments of the null
+    gains.  For columns of one shape, a gain from noise is c times chi-squared, where c is one only if the noise has the
+    colour that `n_effective` assumes (a step that follows the direction contains less of slow noise).  The mean null
+    gain gives c, and the ratio to it follows Snedecor's F.  If several columns see noise of different sizes, the
+    degrees of freedom are those of their spread (Satterthwaite 1946, Biometrics Bulletin 2(6), 110-114).
 
     Parameters
     ----------
@@ -74,9 +74,9 @@ def p_value(g: float, null: Array, families: int = 1, degrees: float = 0.0) -> f
     null : ndarray of shape (m,)
         Gains of the same scan in the model's own records.
     families : int
-        Families asked (Bonferroni).
+        Number of families tried (Bonferroni).
     degrees : float
-        Columns of one shape, half for one whose size has a sign; zero after a scan.
+        Number of columns of one shape, or half for a column whose size has a fixed sign; zero after a scan.
 
     References
     ----------
@@ -103,9 +103,9 @@ def p_value(g: float, null: Array, families: int = 1, degrees: float = 0.0) -> f
 
 
 def vuong(worse: Array, better: Array) -> float:
-    """How surely one set of errors is the smaller: mean over standard error of the difference of 40 block sums.
+    """How certainly one set of errors is the smaller: mean over standard error of the difference of 40 block sums.
 
-    Neither model need be right. A standard normal deviate where both are equally good.
+    Neither model need be right. If both are equally good, this is a standard normal deviate.
 
     Parameters
     ----------
@@ -135,10 +135,10 @@ N_LEADS = 30  # records of a rival: the moments of a Gumbel law to a sixth
 
 
 def rival_leads(before: Array, taken: Array, other: Array, n: float, rng: np.random.Generator) -> Array:
-    """Lead of the explanation taken in records that its rival makes, near the model that lacks both; shape (m,).
+    """Lead of the explanation taken in records simulated with its rival, near the model without either; shape (m,).
 
-    A record of the rival holds what the rival explains, and noise of the colour of what it leaves. To first order
-    either explanation fits such a record along what it explains of the real one.
+    A record of the rival contains what the rival explains, and noise with the colour of its residual. To first order,
+    either explanation fits such a record along what it explains in the real one.
 
     Parameters
     ----------
@@ -150,7 +150,7 @@ def rival_leads(before: Array, taken: Array, other: Array, n: float, rng: np.ran
 
     References
     ----------
-    Cox 1962 and Williams 1970, as of `separable`.
+    Cox 1962 and Williams 1970, see `separable`.
 
     Examples
     --------
@@ -174,17 +174,17 @@ def rival_leads(before: Array, taken: Array, other: Array, n: float, rng: np.ran
 def separable(lead: float, z: float, rival_leads: Array, alpha: float) -> bool:
     """Whether the better of two explanations is the right one, at the level ``alpha``.
 
-    All must hold: the lead is worth 2 ln(1 / alpha) by itself, block by block it is no accident (Vuong), and records
-    that the *rival* makes give no such lead (Cox).
+    Three conditions must hold: the lead is at least 2 ln(1 / alpha), it is significant over blocks (Vuong), and records
+    simulated with the *rival* give no such lead (Cox).
 
     Parameters
     ----------
     lead : float
-        Gain of the better less the gain of the rival.
+        Gain of the better minus the gain of the rival.
     z : float
         `vuong` of the two.
     rival_leads : ndarray of shape (m,)
-        The same lead in records made by the rival; empty where none were made.
+        The same lead in records simulated with the rival; empty if there are none.
     alpha : float
 
     References
@@ -219,15 +219,15 @@ def coloured(power: Array, n: int, rng: np.random.Generator) -> Array:
     return np.asarray(np.fft.irfft(size * (z[0] + 1j * z[1]), n))
 
 
-# Lines either side at the least: a constant, and a wave that fits once into a record, must stand out of a band to be
-# distinguished from slow noise.
+# Smallest number of lines on either side: a constant, or a wave with one period in the record, must stand out from its
+# band to be distinguished from slow noise.
 SLOWEST = 3
 
 
 def smoothed_power(x: Array) -> Array:
     """Periodogram of shape (n // 2 + 1,), each line the mean over a band of half its own frequency.
 
-    A tone is spread over its band, so that noise of this spectrum has none; what is slow stays slow.
+    A tone is spread over its band, so noise with this spectrum contains no tone; slow parts stay slow.
 
     Examples
     --------

@@ -14,18 +14,18 @@ SHORTEST_RECORD = 3.0
 FEWEST_SAMPLES = 300
 # Share of steps that may differ from the typical one by more than this share of it.
 UNEVEN, UNEVEN_STEP = 0.01, 0.5
-# s a sample: ten samples a period of 2 Hz.
+# s per sample: ten samples per period at 2 Hz.
 SLOWEST_SAMPLING = 0.05
 # Share of samples at which the position must change.
 MOVING = 0.002
 # Changes of the drive: a torque step has two.
 FEWEST_CHANGES = 4
-# Share of samples at an extreme that is worth a word; runs of at least so many samples count.
+# Share of samples at an extreme that is worth mentioning; runs of at least so many samples count.
 FLAT, FLAT_RUN = 0.02, 3
 # s over which a halt at an extreme is compared with the rest of the path.
 TURNING = 0.01
-# Multiple of the usual change of path (this quantile of it): a turn stays below 0.6 on eight pendulum logs and, by v
-# = a t, below 1; sines clipped at their median or at nine tenths reach 1.9 to 7.6 (blind records of
+# Multiple of the usual change of path (this quantile of it): a turn stays below 0.6 on eight pendulum logs and, because
+# v = a t, below 1; sines clipped at their median or at nine tenths reach 1.9 to 7.6 (blind records of
 # `benchmarks.blind_logs`).
 SHARPER, USUAL = 1.4, 0.99
 # Multiple of the 0.999 quantile of second differences; how many of them a record may have.
@@ -126,7 +126,7 @@ def _motion_problems(r: ServoRecord) -> list[DataProblem]:
     if changes < FEWEST_CHANGES:
         text = (
             f"The drive changes {changes} times in the whole record, at least {FEWEST_CHANGES} are expected. If "
-            "this is a step test, log a richer motion as well: a step cannot tell effects apart. If the drive is in "
+            "this is a step test, log a richer motion as well: a step cannot distinguish effects. If the drive is in "
             "another column, name that one."
         )
         return [DataProblem("data-no-drive", "The drive hardly changes", text)]
@@ -148,7 +148,7 @@ def _value_problems(r: ServoRecord) -> list[DataProblem]:
         text = f"The position is at its extreme for {100 * share:.0f} % of the record"
         text += (
             " and gets there at full speed: it is clipped in the log. Log with a wider range, or pass the part that "
-            "is not clipped." if cut else ": the axis rests there, or lies on a stop."
+            "is not clipped." if cut else ": the axis rests there or is against a stop."
         )  # fmt: skip
         title = "The position is clipped" if cut else "The position rests at its extreme"
         out.append(DataProblem("data-clipped-position" if cut else "data-rest-at-extreme", title, text, fatal=cut))
@@ -166,10 +166,10 @@ def _value_problems(r: ServoRecord) -> list[DataProblem]:
 def cut_at_speed(x: np.ndarray, dt: float) -> bool:
     """Whether most runs at an extreme begin and end at speed, as no real axis does.
 
-    A clipped reading goes into its run and comes out of it with the speed of the motion that was cut off.  An axis
-    that turns around or comes to rest changes its speed there no faster than it does elsewhere, and what it covers
-    in k samples before the halt or after it is within its usual change of path over k samples.  That is measured on
-    the record itself, so a coarse grid, friction or a stiff load move the bound as they move the path.
+    A clipped reading enters and leaves its run with the speed of the motion that was cut off.  An axis that turns
+    around or comes to rest changes its speed there no faster than elsewhere, and the distance that it covers in k
+    samples before or after the halt is within its usual change of path over k samples.  That is measured on the record
+    itself, so a coarse grid, friction or a stiff load change the bound just as they change the path.
     """
     k = max(2, round(TURNING / dt))
     if x.size < 10 * k:
@@ -188,7 +188,7 @@ def cut_at_speed(x: np.ndarray, dt: float) -> bool:
 
 
 def flat_share(x: np.ndarray) -> float:
-    """Share of samples that stand exactly at the largest or the smallest value, in runs of `FLAT_RUN` and more."""
+    """Share of samples exactly at the largest or the smallest value, in runs of at least `FLAT_RUN`."""
     total = 0
     for extreme in (x.max(), x.min()):
         at = x == extreme

@@ -2,7 +2,7 @@
 
 Every rival of a diagnosis is simulated under the reference with the noise of the log, and the finder runs on the
 simulated record.  A reference that is optimal for distinguishing two models (T-optimal, Atkinson and Fedorov 1975)
-named no more rivals than this multisine within the same limits (9 of 13 against 11); what helps is to know beforehand.
+named no more rivals than this multisine within the same limits (9 of 13 against 11).  What helps is to know in advance.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ from whsklearn.systems.servo_parts import PIDController, Sensor
 
 Array = NDArray[Any]
 
-BANDWIDTH = 4.0  # Hz, of the controller of the dry run: above the reference's 2.9 Hz, below what a log of 50 Hz carries
-RISE = 0.5  # s, in which the reference begins from rest
-BEYOND = (1.5, 2.25)  # times the limits at which a rival that stays unseen is tried again
-SHRINK = 0.8  # of a reference that needs too much drive
+BANDWIDTH = 4.0  # Hz, of the dry run's controller: above the reference's 2.9 Hz, within what a log at 50 Hz resolves
+RISE = 0.5  # s, over which the reference starts from rest
+BEYOND = (1.5, 2.25)  # multiples of the limits at which a rival that was not named is tried again
+SHRINK = 0.8  # factor on a reference that needs too much drive
 MOST_SHRINKING = 20  # 0.8 to the twentieth: a hundredth of the travel
 
 
@@ -52,7 +52,7 @@ class Design:
     named : dict
         Rival -> whether it would be named first, or beside its alias.
     factors : dict
-        Rival that stays unseen -> the factor on the limits at which it is named; None if no factor tried names it.
+        Rival that is not named -> the factor on the limits at which it would be; None if no factor that was tried does.
 
     References
     ----------
@@ -75,7 +75,7 @@ class Design:
     factors: dict[str, float | None]
 
     def advice(self, unit: str, by: float = 1.0) -> str:
-        """What the run would show, in words; drives in ``unit``, of which one is ``by`` in SI."""
+        """What the run would show, in words; drives in ``unit``, which is ``by`` in SI."""
         seen = [n.replace("_", " ") for n, yes in self.named.items() if yes]
         parts = [f"{' and '.join(seen)} would be named"] if seen else []
         for name, yes in self.named.items():
@@ -100,7 +100,7 @@ def closed_loop(axis: ServoAxis, noise: float) -> ServoAxis:
 
 
 def reference_within(axis: ServoAxis, limits: Limits, seed: int = 0) -> tuple[Array, Limits]:
-    """The library's rich reference, as large as the limits allow on this axis, and what it needs.
+    """The library's rich reference, as large as the limits allow on this axis, and the limits that it reaches.
 
     Raises
     ------
@@ -122,12 +122,12 @@ def reference_within(axis: ServoAxis, limits: Limits, seed: int = 0) -> tuple[Ar
             return path, Limits(float(np.abs(path).max()), speed, needs, limits.seconds)
         size *= SHRINK
     raise ValueError(
-        f"The axis needs {needs:.3g} of drive to move at all, and {limits.drive:.3g} are allowed; allow more drive."
+        f"The axis needs a drive of {needs:.3g} to move at all, the limit is {limits.drive:.3g}; allow more drive."
     )
 
 
 def is_named(axis: ServoAxis, rival: Effect, reference: Array, law: str, *, alpha: float, seed: int) -> bool:
-    """Whether the finder names a rival, or one of its aliases, in a run of the axis that has it."""
+    """Whether the finder names a rival, or one of its aliases, in a run of the axis with that rival."""
     log = make_servo_log([rival], axis=axis, reference=reference, random_state=seed)
     found = GapFinder("servo", law=law, alpha=alpha, max_effects=1, random_state=seed).fit(ServoRecord.from_frame(log))
     return bool(found.effects_) and found.effects_[0].name in accepted(rival.name)

@@ -1,8 +1,8 @@
 """The filter from innovations to missing torque, and whitening.
 
 Missing torque = J (p^2 + l1 p + l2) e (`whsklearn.systems.servo_observer`); the derivatives are those of a Gaussian,
-so the filter is smooth, symmetric (no phase) and has the width where encoder noise, which grows
-with the square of frequency, is still small against the drive.
+so the filter is smooth and symmetric (no phase), and passes the frequencies at which encoder noise, which grows
+with the square of frequency, is still small compared with the drive.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ Array = NDArray[Any]
 
 @dataclass(frozen=True)
 class ResidualFilter:
-    """The filter, its rate and the samples it is used on.
+    """The filter, its rate and the samples to which it is applied.
 
     Attributes
     ----------
@@ -63,14 +63,14 @@ class ResidualFilter:
 
     @property
     def half_width(self) -> int:
-        """Samples either side that an output draws on."""
+        """Samples on either side that an output depends on."""
         return self.taps.size // 2
 
 
 def residual_filter(
     dt: float, inertia: float, noise: float, torque: float, *, tracking: float, goal: float = 0.004
 ) -> ResidualFilter:
-    """The filter whose floor from white position noise is ``goal`` times the rms drive, within 4 and 40 Hz.
+    """The filter whose floor from white position noise is ``goal`` times the rms drive, between 4 and 40 Hz.
 
     Parameters
     ----------
@@ -113,7 +113,8 @@ def solve_whitening(covariance: Array, white: float) -> Array:
 def whiten(d: Array, ar: Array) -> Array:
     """``d`` filtered by the whitening polynomial, along the first axis.
 
-    Many columns go row by row: column by column a scan of thousands of orders spent a fifth of its time here.
+    Many columns are filtered row by row; column by column, a scan of thousands of orders spent a fifth of its time
+    here.
     """
     if d.ndim == 2:
         return moving_average(np.ascontiguousarray(d), ar.astype(d.dtype))

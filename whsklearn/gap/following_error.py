@@ -13,8 +13,8 @@ from whsklearn.gap.record import ServoRecord
 
 Array = NDArray[Any]
 
-# Share of the residual without a delay, below which the delay of a position servo's command is believed: a delay
-# trades against viscous friction (`benchmarks.real_axes --only so101`).
+# Share of the residual without a delay, below which a delay of a position servo's command is accepted: a delay trades
+# off against viscous friction (`benchmarks.real_axes --only so101`).
 WORTH_A_DELAY = 0.9
 LONGEST_DELAY = 0.4  # s between a command's stamp and its effect: a bus of hobby servos needs 0.06 to 0.2
 CUTOFF = 4.0  # Hz: commands of a position servo are slow
@@ -24,13 +24,13 @@ def following_error(record: ServoRecord) -> tuple[Array, float]:
     """(command minus position, rad; the delay, s, by which the command acts late), first samples repeated.
 
     Inside the servo, torque = gain (command - position), so the error is the drive in units of the loop's gain.  A
-    command that is stamped when it is sent acts later; the delay taken is the one at which inertia, viscous and dry
-    friction, a constant and gravity explain the error best.  Neither the delay nor a filter reaches across a hole.
+    command that is time-stamped when it is sent acts later.  The delay used is the one at which inertia, viscous and
+    dry friction, a constant and gravity explain the error best.  Neither the delay nor a filter reaches across a hole.
 
     Parameters
     ----------
     record : ServoRecord
-        Its reference is the command; its drive is not looked at.
+        Its reference is the command; its drive is not used.
 
     Examples
     --------
@@ -64,7 +64,7 @@ def following_error(record: ServoRecord) -> tuple[Array, float]:
 
 
 def late(x: Array, samples: int) -> Array:
-    """A signal some samples later, its first value before."""
+    """A signal delayed by some samples, with its first value repeated before it."""
     samples = min(samples, x.size)
     return np.concatenate([np.full(samples, x[0]), x[: x.size - samples]])
 
@@ -74,7 +74,7 @@ def _smooth_late(x: Array, samples: int, kernel: Array) -> Array:
 
 
 def _inner(all_of_it: Array, edge: int) -> Array:
-    """The samples of a segment that neither a filter nor a delay brings to its ends."""
+    """The samples of a segment that are not affected by its ends through a filter or a delay."""
     edge = min(edge, all_of_it.size // 4)
     n = np.arange(all_of_it.size)
     return (n >= edge) & (n < all_of_it.size - edge)

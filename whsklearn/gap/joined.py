@@ -1,4 +1,4 @@
-"""Several records of one axis as one with holes between: shared numbers, each record's own offset and timing."""
+"""Several records of one axis joined with holes between them: shared numbers, but own offset and timing for each."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ Array = NDArray[Any]
 LAW = ("viscous", "coulomb", "input_offset")
 UNEVEN = 0.01  # of a step by which two rates may differ and count as one
 HALF = 0.5  # samples
-APART = 1.0  # s between the end of a record and the next one's start, as good as any
+APART = 1.0  # s between the end of a record and the start of the next; the value does not matter
 
 
 def joined(records: Sequence[ServoRecord]) -> ServoRecord:
-    """One record of which each given one is a segment, brought to the offset and the age of drive of their mean.
+    """One record with each given one as a segment, whose drives are moved to their mean offset and mean age.
 
     Parameters
     ----------
     records : sequence of ServoRecord
-        Of one axis, in the order of time.
+        Records of one axis, in the order of time.
 
     Returns
     -------
@@ -39,7 +39,7 @@ def joined(records: Sequence[ServoRecord]) -> ServoRecord:
     Raises
     ------
     ValueError
-        If there is none, one of them cannot be used, or kinds of drive and motion or sampling rates differ.
+        If there is none, if one cannot be used, or if sampling rates or kinds of drive and motion differ.
 
     Examples
     --------
@@ -91,8 +91,8 @@ def alike(records: Sequence[ServoRecord]) -> list[ServoRecord]:
 
 
 def later(drive: Array, shift: float, dt: float) -> Array:
-    """A drive that many seconds older, by the record's own samples in between; its ends are held."""
-    if abs(shift) < HALF * dt:  # what the timing of a model takes up; interpolation would only smooth
+    """A drive delayed by ``shift`` seconds, interpolated between samples; its ends are held."""
+    if abs(shift) < HALF * dt:  # the timing of a model absorbs it; interpolation would only smooth
         return drive
     t = np.arange(drive.size) * dt
     return np.asarray(np.interp(t + shift, t, drive))

@@ -1,9 +1,9 @@
-"""Least squares with bounds: Levenberg-Marquardt on a residual whose derivatives are differences.
+"""Least squares with bounds: Levenberg-Marquardt on a residual whose derivatives are finite differences.
 
 Why not SciPy: a residual is a simulation of the whole record, and nearly all of the time goes into the differences of
-the Jacobian. SciPy's ``trf`` has no way to carry a Jacobian along from step to step, so on the fits of a diagnosis it
-evaluates 2.2 times as many residuals and takes 2.3 times as long for the same sum of squares (a ratio of 1.0000 in the
-median; `python -m benchmarks.least_squares`).
+the Jacobian. SciPy's ``trf`` cannot update a Jacobian from step to step, so on the fits of a diagnosis it evaluates
+2.2 times as many residuals and takes 2.3 times as long for the same sum of squares (a ratio of 1.0000 in the median;
+`python -m benchmarks.least_squares`).
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[Any]
-THREADS = 2  # columns of a Jacobian side by side: kernels run without the interpreter's lock
-# Dampings tried from one point, each eight times the last: up to 1e5 of the curvature. Where a valley bends sharply
-# (play, whose sides touch at one sample or the next), six of them ended two fits of 26 at 2,300 times the least sum
-# of squares (benchmarks/least_squares.py).
+THREADS = 2  # columns of a Jacobian computed in parallel: kernels run without the interpreter's lock
+# Dampings tried from one point, each eight times the last: up to 1e5 of the curvature. If a valley of the cost bends
+# sharply (play, whose sides touch at one sample or the next), six dampings ended two fits of 26 at 2,300 times the
+# least sum of squares (benchmarks/least_squares.py).
 TRIES = 10
-UNSEEN = 1e-3  # of the differences' steps: a move so short changes nothing that they can see
-MOST_CARRIED = 3  # steps in a row over which derivatives are carried along before they are recomputed
-# Drop of the sum of squares over what the derivatives foretold, for them to be carried along: where a valley bends they
-# are not.
+UNSEEN = 1e-3  # of the differences' steps: a shorter move changes nothing that they can resolve
+MOST_CARRIED = 3  # steps in a row in which derivatives are updated before they are recomputed
+# Actual over predicted drop of the sum of squares within which derivatives are updated; where a valley bends, they are
+# recomputed.
 AS_FORETOLD = (0.7, 1.3)
 
 
@@ -50,7 +50,7 @@ class Fit:
 
 
 def jacobian(residual: Callable[[Array], Array], x: Array, r: Array, steps: Array, high: Array) -> Array:
-    """Forward differences, backward at an upper bound; two at a time, since the compiled passes let go of the GIL."""
+    """Forward differences, backward at an upper bound; two at a time, because the compiled passes release the GIL."""
 
     def column(j: int) -> Array:
         h = steps[j] if x[j] + steps[j] <= high[j] else -steps[j]
@@ -74,12 +74,12 @@ def least_squares(
 ) -> Fit:
     """Minimise the sum of squares of ``residual`` within bounds (Levenberg 1944, Marquardt 1963).
 
-    It ends where an iteration takes off less than ``tolerance`` of the sum of squares: names are decided by percents of
-    it. ``slopes`` gives the derivatives where differences of the residual would be too rough.
+    It ends when an iteration reduces the sum of squares by less than ``tolerance``, because names are decided by
+    percents of it. ``slopes`` gives the derivatives if differences of the residual would be too rough.
 
-    Differences cost one residual a number. After a step that took off what they foretold they are carried along by
-    Broyden's update (1965, Math. Comp. 19, 577-593), J + (r' - r - J s) s'D / (s'D s) with D the columns' powers; no
-    fit ends on derivatives that were carried along but at its ``max_iterations``, to which such steps do not count.
+    Differences cost one residual per number. After a step that reduced the sum of squares as predicted, they are
+    updated by Broyden's formula (1965, Math. Comp. 19, 577-593), J + (r' - r - J s) s'D / (s'D s) with D the columns'
+    powers. A fit ends with updated derivatives only at its ``max_iterations``, which does not count such steps.
     """
     low, high = bounds
     x = np.clip(x0, low, high)
@@ -129,9 +129,9 @@ def least_squares(
 
 
 def carried_along(jac: Array, move: Array, change: Array) -> Array:
-    """Derivatives that give the ``change`` of the residual over the last ``move``, and else what they gave before.
+    """Derivatives updated so that the last ``move`` gives the ``change`` of the residual.
 
-    Of all such it is the nearest in columns of unit length (Broyden 1965).
+    Of all such matrices it is the nearest to the previous one, in columns of unit length (Broyden 1965).
     """
     weighted = np.sum(jac**2, axis=0) * move
     return jac + np.outer(change - jac @ move, weighted / max(float(weighted @ move), 1e-300))
@@ -141,7 +141,7 @@ def gain_of(residual: Array, base: Array, columns: Array) -> tuple[float, Array]
     """Drop of the sum of squares when ``columns`` join the ``base`` ones, and their coefficients."""
     q, _ = np.linalg.qr(base)
     z = columns - q @ (q.T @ columns)
-    # A column that the base holds already leaves rounding noise, and its weight would be noise over noise.
+    # A column in the span of the base leaves only rounding noise, and its weight would be noise over noise.
     z[:, np.linalg.norm(z, axis=0) <= 1e-9 * np.linalg.norm(columns, axis=0)] = 0.0
     r = residual - q @ (q.T @ residual)
     coefficients, *_ = np.linalg.lstsq(z, -r, rcond=1e-9)

@@ -1,13 +1,13 @@
 """Where the gap lies: its share by time, position, velocity, reversal, drive and frequency.
 
 The p-value is that of the between-bin share of power under circular shifts of the gap against the
-axis, which keep the dependence within each (Politis and Romano 1992).  A shift leaves a trend over
-time a trend, so along time whole blocks change places instead.  The p-values are adjusted over the
-axes after Benjamini and Hochberg 1995.
+axis, which keep the dependence within each (Politis and Romano 1992).  A shifted trend over time is
+still a trend, so along time whole blocks are permuted instead.  The p-values are adjusted over the
+axes by the method of Benjamini and Hochberg 1995.
 
-Constants of the base model that drift are looked for by recursive least squares with forgetting (`RLSRegressor`), as
-Young's state-dependent parameters are (Young 2011, Recursive Estimation and Time-Series Analysis, ch. 11): where
-something is missing, the nearest constant moves with the signal that the missing effect depends on.  All of it tells
+Constants of the base model that drift are found by recursive least squares with forgetting (`RLSRegressor`), like
+Young's state-dependent parameters (Young 2011, Recursive Estimation and Time-Series Analysis, ch. 11): where something
+is missing, the most similar constant changes with the signal on which the missing effect depends.  All of this shows
 where to look and names nothing.
 """
 
@@ -26,13 +26,13 @@ from whsklearn.gap.record import rms
 Array = NDArray[Any]
 NOWHERE = "The gap follows none of the signals that were examined."
 N_BINS = 20  # of equally many samples along each signal
-N_SHIFTS = 199  # the least p-value is 1 / 200, a twentieth of it over ten signals
-N_BLOCKS = 30  # that change places along time
+N_SHIFTS = 199  # the smallest p-value is 1 / 200, or a twentieth after the adjustment over ten signals
+N_BLOCKS = 30  # permuted along time
 # Level of the p-value of a place or a drift, and the share of the gap (beyond the share of samples) that is worth a
-# sentence: what a report says of places and constants. No name depends on it.
+# sentence in the report. No name depends on it.
 LEVEL, WORTH_A_WORD = 0.02, 0.1
 TIME_CONSTANT = 1.0  # s, of forgetting
-SETTLED = 3.0  # time constants before the path counts
+SETTLED = 3.0  # time constants before the estimates count
 
 
 def locate(axes: dict[str, tuple[Array, str]], gap: Array, rng: np.random.Generator) -> list[Place]:
@@ -81,7 +81,7 @@ def _one_axis(name: str, x: Array, unit: str, gap: Array, rng: np.random.Generat
 
 
 def _rearranged(n: int, along_time: bool, n_blocks: int, rng: np.random.Generator) -> Iterator[NDArray[np.intp]]:
-    """Orders of the samples that leave short segments whole and keep nothing of what they stood beside."""
+    """Permutations of the samples that keep short segments whole but not their neighbours."""
     least = max(1, n // 50)
     for _ in range(N_SHIFTS):
         if along_time:
@@ -134,7 +134,7 @@ def _statistic(bins: Array, count: Array, gap: Array, power: Array, n: int) -> f
 
 
 def _densest(power: Array, count: Array) -> tuple[int, int]:
-    """The run of bins with the largest share of power beyond its share of samples."""
+    """The consecutive bins with the largest share of power beyond their share of samples."""
     excess = power / power.sum() - count / count.sum()
     best, start, total, where = -1.0, 0, 0.0, (0, power.size - 1)
     for i, e in enumerate(excess):
@@ -155,19 +155,19 @@ def spectrum(gap: Array, rate: float) -> tuple[Array, Array]:
 
 
 def order_spectrum(gap: Array, angle: Array, orders: Array) -> Array:
-    """Amplitude of the gap at every order of the angle (periods a turn); orders are an even step apart, two or more."""
+    """Amplitude of the gap at every order of the angle (periods per turn); two or more orders, evenly spaced."""
     out = np.empty(orders.size)
     wave, turn = np.exp(-1j * orders[0] * angle), np.exp(-1j * (orders[1] - orders[0]) * angle)
     for i in range(orders.size):
         out[i] = 2 * np.abs(gap @ wave) / gap.size
-        wave *= turn  # from one order to the next: an exponential for each of a thousand took a fifth of a second
+        wave *= turn  # from one order to the next: a thousand exponentials took a fifth of a second
     return out
 
 
 def spectra(before: Array, after: Array, step: float, angle: Array, orders: Array, first: int = 0) -> dict[str, Any]:
     """Two gaps sampled every ``step`` seconds and their spectra by frequency and by order, as the page draws them.
 
-    The samples up to ``first`` stay out of the spectra by frequency.
+    The spectra by frequency exclude the samples up to ``first``.
     """
     (f, a0), (_, a1) = (spectrum(gap[first:], 1.0 / step) for gap in (before, after))
     return {
@@ -205,9 +205,9 @@ def sentence(places: list[Place]) -> str:
 
 
 def paths(g: Gap) -> tuple[dict[str, tuple[float, Array, float]], slice, float]:
-    """(name -> (constant, its change along the record, share of the gap that this takes up), samples, seconds each).
+    """(name -> (constant, its change along the record, share of the gap that the change explains), samples, step in s).
 
-    One constant at a time is freed, on the missing torque and the motion that the observer tracked: viscous and dry
+    One constant at a time is freed, for the missing torque along the motion that the observer tracked.  Viscous and dry
     friction together cannot be separated within a second, and smoothed derivatives would bias them.
     """
     from whsklearn.estimators.rls import RLSRegressor
@@ -218,7 +218,7 @@ def paths(g: Gap) -> tuple[dict[str, tuple[float, Array, float]], slice, float]:
     for name, (value, x) in columns.items():
         scale = rms(x) + 1e-300
         rows = np.ascontiguousarray((x / scale)[:, None])
-        # a prior worth one sample of the usual size keeps the constant where the axis shows nothing of it
+        # a prior worth one sample of the usual size holds the constant while the axis does not excite it
         recursion = RLSRegressor(forgetting=float(np.exp(-step / TIME_CONSTANT)), P0=1.0)
         change = np.empty(gap.size)
         for i in range(gap.size):
@@ -230,7 +230,7 @@ def paths(g: Gap) -> tuple[dict[str, tuple[float, Array, float]], slice, float]:
 
 
 def drift(g: Gap, rng: np.random.Generator) -> list[dict]:
-    """For every constant: its mean, how far it moves, and the signal that it follows most; the most drifting first."""
+    """For every constant: its mean, its drift, and the signal that it follows most; the largest drift first."""
     constants, at, step = paths(g)
     if not constants:
         return []
@@ -259,6 +259,6 @@ def drift_sentence(rows: list[dict]) -> str:
     r = telling[0]
     name = r["name"].replace("_", " ")
     return (
-        f"Identified with a memory of {TIME_CONSTANT:.0f} s, {name} drifts: it moves by "
+        f"Identified with a memory of {TIME_CONSTANT:.0f} s, {name} drifts: it changes by "
         f"{100 * r['spread']:.1f} % of itself, {100 * r['share']:.0f} % of that with {r['follows']}."
     )

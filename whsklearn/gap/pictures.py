@@ -14,12 +14,12 @@ from whsklearn.logs.units import respelled
 
 BEFORE, AFTER, MEASURED, FLOOR = "#c2552d", "#1b7f4d", "#1c2530", "#8a97a5"
 WINDOW = 2.0  # s shown of the overlay
-A_PERIOD = 24  # bins over one period of the fastest wave: its crest is within a hundredth of its size
-DRAWN = 3000  # pieces of a series of which the extremes are drawn: two a pixel of a wide screen
+A_PERIOD = 24  # bins over one period of the fastest wave: its crest is accurate to a hundredth of its size
+DRAWN = 3000  # pieces of a series whose extremes are drawn: two per pixel of a wide screen
 
 
 def titled(name: str, unit: str) -> str:
-    """Name and unit of an axis, the name alone where the log has no unit."""
+    """Name and unit of an axis; the name alone if the log has no unit."""
     return f"{name} ({unit})" if unit else name
 
 
@@ -28,7 +28,7 @@ def draw(d: Diagnosis) -> list[tuple[str, str, str]]:
     out = []
     chain = "window" in d.pictures  # runs freely, in samples
     worst = (
-        "The worst held-out part, run freely."
+        "The worst held-out part, in a free run."
         if chain
         else f"The held-out part of {width_of(d):.3g} s that is worst, restarted every {d.horizon:g} s."
     )
@@ -38,24 +38,24 @@ def draw(d: Diagnosis) -> list[tuple[str, str, str]]:
         ("The gap over time", "What the model lacks, before and after.", _over_time),
         (
             "The gap where it is densest",
-            "Mean of the gap by bin with its standard error, the part that the repair removes, and the residual.",
+            "Mean of the gap per bin with its standard error, the part that the repair removes, and the residual.",
             _where,
         ),
-        ("Learned torque", "What has no name: the curve that was learned, with two standard deviations.", _learned),
+        ("Learned torque", "The part without a name: the learned curve, with two standard deviations.", _learned),
         (
             "Candidates",
-            "What each explains to first order by itself; hollow bars are no more than chance.",
+            "What each candidate explains by itself, to first order; hollow bars are no more than chance.",
             _candidates,
         ),
         ("Frequency", "Amplitude spectrum of the gap.", _spectrum),
-        ("Map over one turn", "The sum of all orders of a family by the angle in the turn.", _map),
-        ("Order", f"Amplitude by periods {turn}: a line here is tied to it, not to time.", _orders),
+        ("Map over one turn", "The sum of all orders of a family over the angle in the turn.", _map),
+        ("Order", f"Amplitude over periods {turn}: a line here is tied to the position, not to time.", _orders),
     ):
         image = _paint(painter, d)
         if image:
             out.append((title, caption, image))
     for joint in d.pictures.get("joints", {}):
-        caption = "Drive of the joint behind the filter, what the model lacks of it before and after."
+        caption = "Filtered drive of the joint, and the part that the model lacks, before and after."
         out.append((f"Joint {joint}", caption, _paint(_of_joint(joint), d)))
     return out
 
@@ -76,7 +76,7 @@ def pictures_in(pictures: dict[str, Any], gap: str, own: Mapping[str, str]) -> d
 
 
 def width_of(d: Diagnosis) -> float:
-    """Seconds of the overlay: `WINDOW`, or ten restarts where these are short."""
+    """Seconds of the overlay: `WINDOW`, or ten restarts if these are short."""
     return min(WINDOW, 10.0 * d.horizon) if d.horizon else WINDOW
 
 
@@ -103,9 +103,9 @@ def _paint(painter: Callable[[Any, Diagnosis], bool], d: Diagnosis) -> str:
 
 
 def thinned(*series: Any) -> list[Any]:
-    """Series over one axis at the least and the largest value of each piece, so that a long record stays drawable.
+    """Series at the smallest and the largest value of each piece, so that a long record can still be drawn.
 
-    The first is the axis, the second leads; further ones are taken at the same samples.
+    The first series is the axis. The extremes are those of the second; further ones are taken at the same samples.
 
     Examples
     --------
@@ -204,7 +204,7 @@ def _where(axes: Any, d: Diagnosis) -> bool:
 
 
 def waves_of(d: Diagnosis, place: Any) -> list[float]:
-    """Periods a unit of the place's signal of the named waves: orders over a turn of the position, hertz over time."""
+    """Periods of the named waves per unit of the place's signal: orders over a turn of position, hertz over time."""
     if place.signal == "time":
         return [
             float(e.effect.frequency) for e in d.effects if e.effect.place == "time" and "frequency" in vars(e.effect)
@@ -219,8 +219,8 @@ def waves_of(d: Diagnosis, place: Any) -> list[float]:
 def bins_of(x: Any, waves: list[float]) -> tuple[Any, float]:
     """(edges of the bins of a signal, period that it is folded into or 0): as fine as the fastest wave needs.
 
-    A wave is folded into its period, several into the one that they share, if the signal passes through it at least
-    twice; otherwise the whole travel is drawn. Without a wave the bins hold equally many samples.
+    A wave is folded into its period, and several waves into the one that they share, if the signal covers that period
+    at least twice; otherwise the whole travel is drawn. Without a wave the bins contain equally many samples.
 
     Examples
     --------
@@ -232,7 +232,7 @@ def bins_of(x: Any, waves: list[float]) -> tuple[Any, float]:
     if not waves:
         return np.unique(np.quantile(x, np.linspace(0.0, 1.0, 61))), 0.0
     slow, fast = min(waves), max(waves)
-    # the slowest wave whose multiples they all are, to the precision of a fit
+    # the slowest wave of which all are multiples, to the precision of a fit
     shared = [k for k in range(1, 25) if all(abs(w * k / slow - round(w * k / slow)) < 0.01 for w in waves)]
     period = shared[0] / slow if shared else np.inf
     travel = float(np.ptp(x))
@@ -245,7 +245,7 @@ def bins_of(x: Any, waves: list[float]) -> tuple[Any, float]:
 
 
 def _shown_axis(d: Diagnosis) -> Any:
-    """The axis of the named effect's place, or else the most informative one."""
+    """The axis of the named effect's place; otherwise the most informative one."""
     wanted = {
         "position": ("angle in the turn", "position", "x"), "friction": ("velocity", "dx"), "drive": ("drive", "input"),
         "transmission": ("reversal",), "time": ("time",), "sensor": ("angle in the turn", "position", "output"),

@@ -13,7 +13,7 @@ from whsklearn.gap.plants import Base, make_plant
 from whsklearn.gap.record import rms
 from whsklearn.logs.overlap import shared_run
 
-# Share of the floor, or of the gap before, below which a difference is rounding and no gap.
+# Share of the floor, or of the gap before, below which a difference is a rounding error and not a gap.
 NO_GAP = 1e-3
 
 
@@ -33,7 +33,7 @@ class FreeRun:
 def free_run_error(plant: Any, model: Any, horizon: float, *beside: Any) -> FreeRun:
     """NMSE, mean error and RMSE of the free run on held-out samples that also compare it with other models ``beside``.
 
-    A run that diverges counts as the reach.
+    The errors of a run that diverges are limited to ten times the range of the output.
     """
     y, held = plant.measured(*beside)
     y_hat = plant.simulate(model, horizon)
@@ -45,9 +45,9 @@ def free_run_error(plant: Any, model: Any, horizon: float, *beside: Any) -> Free
 def closure(before: float, after: float, floor: float, spread: float = np.inf) -> float:
     """Share of the gap that is closed, 1 - (after - floor) / (before - floor), within -1 and 1.
 
-    ``spread`` is the error of no model at all, the record's deviation from its mean.  A base model that diverges is
-    beyond it and no yardstick: beside it any repair would close the whole gap.  So the gap counts from there, and a
-    repaired model that is no better than none has closed nothing.
+    ``spread`` is the error without a model, the standard deviation of the record.  The error of a base model that
+    diverges is larger and would let any repair close the whole gap.  The gap is therefore counted from ``spread``, and
+    a repaired model that is no better than none has closed nothing.
 
     Examples
     --------
@@ -71,13 +71,13 @@ def closure(before: float, after: float, floor: float, spread: float = np.inf) -
 def prove(
     plant: Any, base: Any, model: Any, rng: np.random.Generator, given: tuple[Any, Any] | None = None
 ) -> list[dict[str, Any]]:
-    """One row a horizon: errors before and after, the floor and the closure.
+    """One row per horizon: errors before and after, the floor and the closure.
 
-    The floor of a horizon is the error of the repaired model against a record that it made itself, restarted by the
-    same rule: what noise in the restarts alone gives.  Both runs of the log go through the same restarts, so an error
-    below this floor is luck of the noise and the floor is never printed above it.  ``given`` is the record as it was
-    given and its base model, where the plant has repaired a reading (`whsklearn.gap.plant.Reading`): the error before
-    is of that.
+    The floor of a horizon is the error of the repaired model against a record that it simulated itself, restarted by
+    the same rule: the error due to noise in the restarts alone.  Both runs of the log use the same restarts, so an
+    error below this floor is a chance result of the noise, and the floor is never printed above it.  ``given`` is the
+    record as it was given and its base model, if the plant has repaired a reading (`whsklearn.gap.plant.Reading`); the
+    error before is then computed from these.
     """
     other = plant.made(model, rng)
     y, held = plant.measured(base, model)
@@ -114,7 +114,7 @@ def on_second_record(finder: Any, log: Any, **columns: str | None) -> list[dict[
     Raises
     ------
     ValueError
-        If the record cannot be used, holds samples of the one that was fitted, or there is no model to carry over.
+        If the record cannot be used or contains samples of the fitted one, or if there is no model to transfer.
     """
     found = getattr(finder, "found_", None)
     if found is None:
@@ -124,7 +124,7 @@ def on_second_record(finder: Any, log: Any, **columns: str | None) -> list[dict[
     fatal = [p for p in plant.check() if p.fatal]
     if fatal:
         raise ValueError(f"The second record cannot be used: {fatal[0].explanation}")
-    here = plant.base(np.random.default_rng(finder.random_state))  # sets the plant up; its numbers are not used
+    here = plant.base(np.random.default_rng(finder.random_state))  # sets up the plant; its numbers are not used
     fitted = finder.plant_
     if plant.units != fitted.units:
         raise ValueError(

@@ -1,4 +1,4 @@
-"""The report: ``gap.json`` for programs, ``gap.html`` for a person, ``repaired.json`` (or, of a
+"""The report: ``gap.json`` for programs, ``gap.html`` for a person, ``repaired.json`` (or, for a
 MuJoCo model, ``repaired.xml``) with the repaired model, ``run.json`` with date and duration.
 """
 
@@ -23,16 +23,17 @@ COLOURS = {
     "data_problem": "#b83232",
 }
 SILENCE = {
-    "no_gap": "The base model, with its numbers refitted, explains the log to within noise and the tolerance. That is "
-    "said of this record only: effects marked not testable would not have shown.",
-    "unknown": "More is left than noise, and functions of the motion without a name explain a part of it that chance "
-    "does not. No effect of the catalogue could be shown to be it, and the nearest neighbour gets no name.",
-    "coloured_noise": "More is left than encoder noise, but no function of motion, drive or time explains more of it "
-    "than chance would: disturbances, or noise with a colour of its own. No name is given.",
-    "not_testable": "Nothing is seen, but most effects of the catalogue could not have been seen either: the axis "
-    "moves too little or too uniformly.",
-    "ambiguous": "Two or more effects explain this record about as well. The next experiment would distinguish them.",
-    "partial": "What was added explains only a part of the gap. Something else is missing too.",
+    "no_gap": "The base model, with its numbers refitted, explains the log to within noise and the tolerance. This "
+    "holds for this record only: effects marked not testable would not have shown.",
+    "unknown": "The residual is larger than noise, and functions of the motion without a name explain more of it than "
+    "chance would. No effect of the catalogue could be shown to be the cause, and the most similar one is not named.",
+    "coloured_noise": "The residual is larger than encoder noise, but no function of motion, drive or time explains "
+    "more of it than chance would. The cause is a disturbance or coloured noise. No effect is named.",
+    "not_testable": "No gap was found, but most effects of the catalogue could not have been detected in this record: "
+    "the axis moves too little or too uniformly.",
+    "ambiguous": "Two or more effects explain this record about equally well. The next experiment would distinguish "
+    "them.",
+    "partial": "The effects that were added explain only a part of the gap. Something else is missing too.",
 }
 NO_PICTURES = (
     "The report has no pictures, because matplotlib is not installed; pip install 'whsklearn[plot]' and write it again."
@@ -42,9 +43,9 @@ NO_PICTURES = (
 def write_report(diagnosis: Diagnosis, folder: str | os.PathLike[str], model: Any = None) -> Path:
     """Write the files to ``folder`` (created if it does not exist) and return the path of the page.
 
-    All is rendered before the first byte is written, every file takes its name in one step, and what an earlier report
-    left of a repaired model goes: an interruption leaves no page beside the numbers of another log.  Without matplotlib
-    the page has no pictures, and a warning says so.
+    Everything is rendered before the first byte is written, every file is replaced atomically, and the repaired model
+    of an earlier report is deleted, so an interruption leaves no page beside the numbers of another log.  Without
+    matplotlib the page has no pictures, and a warning says so.
     """
     target = Path(folder)
     if diagnosis.pictures and not can_draw():
@@ -79,14 +80,14 @@ def can_draw() -> bool:
 
 
 def significant(value: Any) -> str:
-    """Four significant digits; text as it is."""
+    """Four significant digits; text is unchanged."""
     if isinstance(value, str) or value is None:
         return str(value)
     return f"{value:.4g}"
 
 
 def probability(p: float) -> str:
-    """A p-value; small ones as a bound, since their size rests on the tail of a fitted law.
+    """A p-value; small ones as a bound, because they depend on the tail of a fitted distribution.
 
     Examples
     --------
@@ -123,9 +124,9 @@ def as_model(system: Any, units: tuple[str, str] = ("Nm", "rad")) -> AxisModel |
     Parameters
     ----------
     system : object
-        What a finder handed back as ``model_``.
+        The ``model_`` of a finder.
     units : tuple of str
-        Of drive (or input) and position (or output), as logged; empty where the log states none.
+        Of drive (or input) and position (or output), as logged; empty if the log states none.
 
     Examples
     --------

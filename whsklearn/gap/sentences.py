@@ -6,7 +6,7 @@ from typing import Any
 
 from whsklearn.gap.localisation import NOWHERE
 
-# Multiple of the floor: what no uncertainty of a floor explains, so that a page does not call it noise.
+# Multiple of the floor that the floor's uncertainty cannot explain, so that the report does not call it noise.
 ABOVE_NOISE = 2.0
 
 MENU = {
@@ -17,7 +17,8 @@ MENU = {
         "input_delay actuator_lag": "Add a fast multisine (to a third of the sampling rate) at small amplitude, 20 s.",
         "quadratic_drag stribeck": "Run constant speeds from very slow to top speed, both ways, 60 s.",
         "backlash presliding_hysteresis": "Run one sine at three amplitudes, the smallest below 1 degree, 30 s.",
-        "cogging disturbance_tone": "Cross the full turn at two constant speeds, 30 s: orders stay, hertz move.",
+        "cogging disturbance_tone": "Cross the full turn at two constant speeds, 30 s: the frequency of cogging "
+        "changes with the speed, that of a tone does not.",
         "cable_spring gravity_imbalance": "Travel at least half a turn at slow speed, 30 s.",
     }.items()
 }
@@ -40,7 +41,7 @@ def article_list(names: list[str]) -> str:
 
 
 def numbers(named: Any) -> str:
-    """The parameters with units, in short form; of a family of waves, how many more there are."""
+    """The parameters with units, in short form; for a family of waves, also the number of further ones."""
     out = []
     for name, value, _, unit in named.told:
         if isinstance(value, str):
@@ -98,8 +99,8 @@ def summary(d: Any, plant: Any) -> str:
         return opening + d.shortfall
     if d.verdict == "unknown":
         small = "It is no larger than noise, but it is not noise: " if percent(before) == percent(floor) else ""
-        follows = "something follows the motion, and no effect of the catalogue could be shown to be it. "
-        where = "No single signal tells where it lies." if d.where_sentence == NOWHERE else d.where_sentence
+        follows = "something follows the motion, and no effect of the catalogue could be shown to be the cause. "
+        where = "No single signal shows where it lies." if d.where_sentence == NOWHERE else d.where_sentence
         told = small + follows if small else follows.capitalize()
         return opening + told + (learned(d) + left if d.learned else where)
     if d.verdict == "coloured_noise":
@@ -109,9 +110,9 @@ def summary(d: Any, plant: Any) -> str:
             "is named."
         )
     if d.verdict == "not_testable":
-        return opening + "No gap is seen, but this record could not have shown most effects."
+        return opening + "No gap was found, but most effects could not have been detected in this record."
     if before > ABOVE_NOISE * floor:
-        return opening + "That is more than noise and less than the tolerance: too little to look for a name."
+        return opening + "That is more than noise but less than the tolerance: too little to name an effect."
     return opening + "The model explains the log to the noise floor: nothing is missing that this record could show."
 
 

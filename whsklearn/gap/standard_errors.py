@@ -20,7 +20,7 @@ N_DRAWS = 64  # of the numbers, each a model: their spread is known to 9 %
 def covariance(fit: Linearised) -> Array:
     """s^2 (J'J)^-1 of the fitted residual, with columns scaled to unit length; shape (p, p).
 
-    A number that moves no residual (a change whose time lies between two fitted parts) gets no variance,
+    A number on which the residual does not depend (a change whose time lies between two fitted parts) gets no variance,
     nor does one whose derivative overflows (a negligible inertia, to which a spring was fitted).
     """
     if fit.covariance is not None:
@@ -31,14 +31,14 @@ def covariance(fit: Linearised) -> Array:
     unit = jacobian / scale
     inverse = np.linalg.pinv(unit.T @ unit, rcond=1e-10) / np.outer(scale, scale)
     out: Array = inverse * float(fit.residual @ fit.residual) / max(fit.residual.size - fit.x.size, 1)
-    return out if np.all(np.isfinite(out)) else np.zeros_like(out)  # a residual that overflows tells no error
+    return out if np.all(np.isfinite(out)) else np.zeros_like(out)  # a residual that overflows gives no error
 
 
 def labelled_errors(fit: Linearised, index: int) -> dict[str, float]:
     """Standard errors of one term's labelled numbers.
 
-    The covariance of the free numbers is carried to labels such as amplitude and phase by drawing.  Numbers that
-    the draws do not move have none.
+    The covariance of the free numbers is propagated to labels such as amplitude and phase by random draws.  Numbers
+    that do not change between draws have no error.
     """
     return errors_of(fit, lambda model: model.terms[index].effect.labelled())
 
@@ -55,7 +55,7 @@ def errors_of(fit: Linearised, read: Callable[[Any], Mapping[str, float | str]])
             labels = read(fit.rebuild(z))
         except (ValueError, OverflowError):
             continue
-        if not labels.keys() >= draws.keys():  # a draw at a bound may have fewer numbers to tell
+        if not labels.keys() >= draws.keys():  # a draw at a bound may have fewer numbers
             continue
         for k, seen in draws.items():
             gap = float(labels[k]) - centre[k]
@@ -71,9 +71,8 @@ _UNITS = re.compile(r"\b(Nm|N|kg)\b")
 def with_drive_error(diagnosis: Diagnosis, relative: float) -> None:
     """Widen the standard errors of a diagnosis by the relative standard deviation of the drive's scale.
 
-    A scale that is off by a share puts inertia, friction and amplitudes off by the same share, and leaves orders,
-    phases, delays and speeds as they are; the two errors are independent, so their variances add (JCGM 100:2008,
-    eq. 10).
+    A relative error of the scale causes the same relative error in inertia, friction and amplitudes, and none in
+    orders, phases, delays and speeds.  The two errors are independent, so their variances add (JCGM 100:2008, eq. 10).
 
     Parameters
     ----------

@@ -1,8 +1,8 @@
 """To first order, what every family of effects would explain in a record and in the model's own records.
 
 Near a fitted model everything is linear: the residual is a vector, the model's own parameters span a subspace, and an
-effect of given shape adds one column or a few.  So one scan answers both questions for a record and for any number of
-null records at once: project the plane out, and see how much of each vector the columns take.
+effect of given shape adds one column or a few.  So one scan serves a record and any number of null records at once:
+project the subspace out, and compute how much of each vector the columns explain.
 """
 
 from __future__ import annotations
@@ -18,9 +18,10 @@ from whsklearn.gap.calibration import p_value
 
 Array = NDArray[Any]
 
-# Share of a column that must be left beside the model's own: below it, rounding is all that is seen.
+# Share of a column that must remain outside the span of the model's own: below it, only rounding errors are seen.
 VISIBLE = 1e-3
-# Of the power of two columns, added to the diagonal: a wave over less than a period is a line and a parabola.
+# Share of the power of two columns that is added to the diagonal: a wave over less than a period is a line and a
+# parabola.
 RIDGE = 1e-5
 ROUNDING = 1e-14  # of the power of columns, far below what is `VISIBLE` of them
 ALL = slice(None)
@@ -28,27 +29,27 @@ ALL = slice(None)
 
 @dataclass(frozen=True)
 class Family:
-    """One candidate with all shapes in which it is looked for.
+    """One candidate with all shapes that are tried.
 
     Attributes
     ----------
     name : str
         Canonical name of the effect; empty for the nameless basis.
     blocks : callable
-        (tangent) -> triples of (shapes, columns, shares): s shapes, their columns of shape (n, s, k), and by how much
-        each makes the whole smaller than it was, shape (s,) (one, where nothing is taken off the drive).
+        (tangent) -> triples of (shapes, columns, shares): s shapes, their columns of shape (n, s, k), and the factor by
+        which each reduces the whole, shape (s,) (one if it takes nothing off the drive).
     start : callable
-        (shape, sizes of shape (k,)) -> what a refit starts from.
+        (shape, sizes of shape (k,)) -> the start of a refit.
     n_numbers : int
         Free numbers, shape included.
     positive : bool
         Whether its one size must be positive.
     offset : bool
-        Whether the columns are not scaled: the effect has no size of its own, it is there or it is not.
+        Whether the columns are not scaled, because the effect has no size: it is present or absent.
     rows : slice
-        On which the columns lie; they are zero elsewhere.
+        Rows on which the columns are not zero.
     place : frozenset of str
-        Where the effect acts; effects without a place in common are no rivals.  Empty: everywhere.
+        Where the effect acts; effects without a common place are not rivals.  If empty, it acts everywhere.
     """
 
     name: str
@@ -71,16 +72,16 @@ class Look:
     gain : float
         g = n ln(RSS without / RSS with) of the record.
     null : ndarray of shape (m,)
-        The same of the model's own records, each at its own best shape.
+        The same for the model's own records, each at its own best shape.
     start : object
-        What a refit starts from.
+        The start of a refit.
     n_numbers : int
     size : float
         Rms of what it explains, in the unit of the residual.
     visible : float
-        Share of its columns that is left beside the model's own numbers.
+        Share of its columns outside the span of the model's own.
     p_value : float
-        That chance reaches the gain, the number of families taken into account.
+        Probability that chance reaches the gain, corrected for the number of families.
     place : frozenset of str
         Of its family.
     degrees : float
@@ -109,23 +110,23 @@ class Look:
 
 @dataclass
 class Tangent:
-    """What a model leaves of a record, and of records of its own, beside its own columns.
+    """The residuals of a model in a record and in records of its own, with its own columns projected out.
 
     Parameters
     ----------
     left : ndarray of shape (n,)
-        What the fitted model leaves of the record.
+        Residual of the fitted model in the record.
     null : ndarray of shape (m, n)
-        What it leaves of records that it made itself.
+        Its residuals in records that it simulated itself.
     columns : ndarray of shape (n, p)
         Derivatives by its own numbers.
     n : float
         Independent samples among the n.
     weight : ndarray of shape (n,), optional
-        Of every sample; zero where one is excluded.
+        Of every sample; zero if it is excluded.
     known : ndarray of shape (r, p), optional
-        Times the model's own numbers it is zero with the variance of a weighted sample: what another record knows of
-        them.  They then take less than everything that lies in their span, as in any generalised least squares.
+        Rows from another record: their product with the model's own numbers is zero with the variance of a weighted
+        sample.  The numbers then explain less than everything in their span, as in any generalised least squares.
     """
 
     left: Array
@@ -153,16 +154,16 @@ class Tangent:
         return x if self.weight is None else x * self.weight[rows].reshape(-1, *([1] * (x.ndim - 1)))
 
     def taken(self, family: Family, columns: Array) -> tuple[Array, Array, Array]:
-        """What columns of s shapes take of every row.
+        """The power that columns of s shapes explain in every row.
 
         Returns
         -------
         power : ndarray of shape (s, 1 + m)
-            That goes.
+            Explained power.
         sizes : ndarray of shape (s, k)
             Least-squares sizes in the record.
         visible : ndarray of shape (s,)
-            Share of the columns beside the plane.
+            Share of the columns outside the subspace.
         """
         n, s, k = columns.shape
         z = self._weighted(columns, family.rows)
@@ -187,7 +188,7 @@ class Tangent:
         return np.clip(power, 0.0, (1.0 - 1e-12) * self.power), sizes[:, :, 0], visible
 
     def look(self, family: Family) -> Look | None:
-        """The family at its best shape; None where it has no shape to look at."""
+        """The family at its best shape; None if it has no shape that the record can show."""
         best = np.full(self.rows.shape[1], 0.0)
         found: tuple[Any, Array] | None = None
         seen, n_shapes, degrees = 0.0, 0, 0.0
@@ -216,17 +217,17 @@ class Tangent:
 
 
 def with_p_values(looks: list[Look], least: float = 0.0) -> list[Look]:
-    """The looks with their p-values, of as many families as were asked, the best score first.
+    """The looks with their p-values, corrected for the number of families, the best score first.
 
     Parameters
     ----------
     looks : list of Look
     least : float
-        Size below which an effect is not worth naming, in the unit of `Look.size`; not asked of nameless functions.
-        The hypothesis that is tested is then an effect of at most this size, not of none: own records of a model hold
-        what a model can know, so that with enough samples anything is significant, a hundredth of a percent of the
-        drive too.  Of the gain of an effect of size s, which grows with its square, what goes beyond the largest of
-        the hypothesis is g (1 - least / s)^2.
+        Size below which an effect is not worth naming, in the unit of `Look.size`; not used for nameless functions.
+        The null hypothesis is then an effect of at most this size, not of size zero.  A model's own records contain
+        only what the model describes, so with enough samples anything becomes significant, even a hundredth of a
+        percent of the drive.  The gain of an effect of size s grows with its square; the part beyond the largest effect
+        of the hypothesis is g (1 - least / s)^2.
 
     References
     ----------
@@ -236,7 +237,7 @@ def with_p_values(looks: list[Look], least: float = 0.0) -> list[Look]:
 
 
 def chance(look: Look, null: Array, families: int, least: float) -> float:
-    """The p-value of a look among so many families by these null gains; see `with_p_values`."""
-    asked = least if look.name else 0.0  # nameless functions answer whether anything at all follows the motion
+    """The p-value of a look among so many families from these null gains; see `with_p_values`."""
+    asked = least if look.name else 0.0  # nameless functions show whether anything at all follows the motion
     beyond = max(0.0, 1.0 - asked / look.size) ** 2 if asked > 0.0 and look.size > 0.0 else 1.0
     return p_value(look.gain * beyond, null, families, look.degrees) if beyond > 0.0 else 1.0
