@@ -81,7 +81,7 @@ def axis():
         ),
         (lambda q, u: (q[7000:8000], u[7000:8000]), "leave .* independent rows"),
         (lambda q, u: (u, q), "check that X is the position and y the drive"),
-        (lambda q, u: (-q, u), "gives inertia -0.05.* both with the same positive sense"),
+        (lambda q, u: (-q, u), "fitted inertia is -0.05.* both with the same positive direction"),
         (lambda q, u: (np.rad2deg(20 * q) % 360.0, u), r"leaps by 360, .* np.unwrap\(position, period=360\)"),
         (lambda q, u: (20 * q % (2 * np.pi), u), "leaps by 6.28319"),
     ],
@@ -141,7 +141,7 @@ def test_shuffled_samples_are_told_once(record, monkeypatch):
     monkeypatch.setattr(_checked, "TOLD", set())
     for folds in (KFold(3), TimeSeriesSplit(3)):
         cross_val_score(model, X, y, cv=folds)
-    with pytest.warns(UserWarning, match="not in their order") as told:
+    with pytest.warns(UserWarning, match="not in time order") as told:
         cross_val_score(model, X, y, cv=KFold(3, shuffle=True, random_state=0))
     assert len(told) == 1
     monkeypatch.setattr(_checked, "TOLD", set())

@@ -77,7 +77,7 @@ def test_a_list_that_does_not_fit_is_refused_in_one_sentence(records):
         model.fit(Xs, ys[:2])
     with pytest.raises(ValueError, match="as a list of as many arrays"):
         model.fit(Xs, np.concatenate(ys))
-    with pytest.raises(ValueError, match="groups is given too"):
+    with pytest.raises(ValueError, match="groups is not allowed"):
         model.fit(Xs, ys, groups=np.zeros(220))
     with pytest.raises(ValueError, match=r"have \[1, 2\] columns"):
         model.fit([Xs[0], np.zeros((90, 2))], ys[:2])

@@ -66,7 +66,7 @@ def test_rows_given_up_are_taken_again_and_none_is_lost(tmp_path, monkeypatch):
     monkeypatch.setattr(stream_loop.StreamMonitor, "feed", slow)
     first = run(log, "--out", out, "--checkpoint-every", "0")
     assert first.exit_code == 0
-    assert "given up" in first.stderr
+    assert "abandoned" in first.stderr
     monkeypatch.setattr(stream_loop.StreamMonitor, "feed", feed)
     assert run(log, "--out", out).exit_code == 0
     assert out.read_text() == whole.read_text()

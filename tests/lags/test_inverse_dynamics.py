@@ -106,7 +106,7 @@ def test_what_cannot_be_is_told():
         lags.rows(X, np.zeros_like(y))
     with pytest.raises(ValueError, match="not finite"):
         lags.rows(X, np.where(np.arange(len(y)) == 5, np.nan, y))
-    with pytest.raises(ValueError, match="one torque a position"):
+    with pytest.raises(ValueError, match="one torque per position"):
         lags.rows(X, y[:-1])
     with pytest.raises(ValueError, match="3 columns"):
         lags.fit(np.zeros((50, 3)))

@@ -1,4 +1,4 @@
-"""Warnings about a record or a setting, in one sentence each; None where there is nothing to say."""
+"""Warnings about a record or a setting, in one sentence each; None if there is nothing to warn about."""
 
 from __future__ import annotations
 
@@ -10,45 +10,47 @@ from whsklearn.logs.mend import turn_in
 
 Array = NDArray[np.float64]
 
-# A static system in white noise leaves nothing that the past explains: by chance 6/n, so 10 % at the fewest samples.
-# A delay of one sample gives 100 %, Example 5.1 at 7.5 dB 30 to 42 % (40 seeds, tests/estimators/test_records.py).
+# The past explains nothing of the residual of a static system in white noise, except by chance: a share of 6/n, or 10 %
+# at the fewest samples.  With a delay of one sample the share is 100 %, for Example 5.1 at 7.5 dB 30 to 42 % (40 seeds,
+# tests/estimators/test_records.py).
 PAST, FEWEST, DYNAMIC = 3, 60, 0.2
 
-# A constant of a fifth of what a linear filter of the input leaves makes the free run of Example 5.1 three times worse,
-# one of three fifths a hundred times (tests/estimators/test_advice.py); by chance it is 1/sqrt(n) of it, or a
-# twentieth at the fewest samples, and up to twice that where the residual varies slowly.
+# A constant of a fifth of the residual of a linear filter makes the free run of Example 5.1 three times worse, one of
+# three fifths a hundred times (tests/estimators/test_advice.py).  By chance it is 1/sqrt(n) of the residual, or a
+# twentieth at the fewest samples, and up to twice that if the residual varies slowly.
 WORTH_A_CONSTANT, FEWEST_FOR_A_CONSTANT, TAPS = 0.2, 400, 8
-# Mean over deviation up to which an input counts as having no offset; of another one an odd law may make a constant.
+# Ratio of mean to standard deviation up to which an input counts as centred; otherwise an odd law may cause a constant.
 CENTRED = 0.1
 
 
-# Rms of the output between which the pure recursion of Example 5.1 at 20 dB keeps an R2 of 0.96 and more (two seeds);
-# at 100 times its size it is 0.64 to 0.78, at a hundredth 0.71. Of the input 0.95 and more from 1e-3 to 1e3.
+# Between these rms values of the output, the pure recursion of Example 5.1 at 20 dB has an R2 of 0.96 or more (two
+# seeds); at 100 times the original output it is 0.64 to 0.78, at a hundredth 0.71.  For the input it is 0.95 or more
+# from 1e-3 to 1e3.
 LEAST_OUTPUT, MOST_OUTPUT, LEAST_INPUT, MOST_INPUT = 0.05, 10.0, 5e-4, 2e3
-FEWEST_ROWS = 10  # a parameter, below which a fit follows the noise
+FEWEST_ROWS = 10  # per parameter; below this a fit follows the noise
 INSEPARABLE = 0.999  # correlation of two weights: the variance of each is then 500 times that of their sum
 SURE = 3.0  # standard errors by which a weight must have the wrong sign
-ENERGY_TAKING = ("viscous", "coulomb", "quadratic_drag")  # weights that physics has above zero
-SHUFFLED = 0.05  # share of samples whose predecessor is not the one before: a fold leaves one hole or two
+ENERGY_TAKING = ("viscous", "coulomb", "quadratic_drag")  # dissipative terms, whose weights must be positive
+SHUFFLED = 0.05  # share of samples that do not follow the previous one; an ordinary fold has only one or two holes
 
 
 def of_few_samples(n: int, n_parameters: int) -> str | None:
-    """As many parameters as samples."""
+    """The warning for a record with no more samples than parameters."""
     if n > n_parameters:
         return None
-    return f"The record has {n} samples for {n_parameters} parameters, expected more; give a longer one."
+    return f"The record has {n} samples for {n_parameters} parameters, expected more samples; give a longer record."
 
 
 def of_a_signal_at_rest(X: Array, y: Array) -> str | None:
     """The warning for a record that shows no dynamics."""
     for name, values, what in (("input", X, "excite the axis"), ("output", y, "check its column")):
         if np.ptp(values, axis=0).max() == 0.0:
-            return f"The {name} is constant, expected one that moves; the dynamics cannot be seen, {what}."
+            return f"The {name} is constant, so the record does not show the dynamics; {what}."
     return None
 
 
 def of_a_constant(law: FrictionLaw, X: Array, y: Array) -> str | None:
-    """The warning for an output with a constant offset, where all terms of the law are odd and no parameter is one."""
+    """The warning for an output with a constant offset that no parameter describes, because all terms are odd."""
     n = len(y) - TAPS
     if n < FEWEST_FOR_A_CONSTANT or not _is_odd(law):
         return None
@@ -64,12 +66,12 @@ def of_a_constant(law: FrictionLaw, X: Array, y: Array) -> str | None:
         return None
     return (
         f"The output is offset by {constant:.3g} from what the input explains, and neither the law nor the model has a "
-        "constant; subtract it (TransformedTargetRegressor of scikit-learn does), or add offset to the law's names."
+        "constant; subtract it (for example with scikit-learn's TransformedTargetRegressor), or add offset to the law."
     )
 
 
 def of_several_inputs(name: str, n_inputs: int) -> str | None:
-    """The warning that columns are taken as inputs, because no structure was given."""
+    """The warning that columns are treated as inputs, because no structure was given."""
     if n_inputs == 1:
         return None
     return (
@@ -85,12 +87,12 @@ def of_a_dynamic_record(name: str, X: Array, y: Array, restart: NDArray[np.bool_
         return None
     return (
         f"X has one column and lags was not given: {name} fits y = theta x, and the samples before explain "
-        f"{100 * share:.0f} % of what that leaves; give lags=WienerHammersteinLags() for a dynamic system."
+        f"{100 * share:.0f} % of its residual; give lags=WienerHammersteinLags() for a dynamic system."
     )
 
 
 def told_by_past(u: Array, y: Array, restart: NDArray[np.bool_]) -> float:
-    """Share of the residual of y = theta u that its own and u's last three values explain; 0 if too short."""
+    """Share of the residual of y = theta u explained by its own last three values and those of u; 0 if too short."""
     late = np.convolve(restart, np.ones(PAST + 1), "full")[: len(u)] == 0
     if np.count_nonzero(late) < FEWEST:
         return 0.0
@@ -103,7 +105,7 @@ def told_by_past(u: Array, y: Array, restart: NDArray[np.bool_]) -> float:
 
 
 def of_scale(X: Array, y: Array) -> str | None:
-    """The warning for signals whose scale a recursion that starts with theta and P near one cannot reach."""
+    """The warning for signals whose scale is too far from one for a recursion that starts with theta and P near one."""
     for name, values, least, most in (("y", y, LEAST_OUTPUT, MOST_OUTPUT), ("X", X, LEAST_INPUT, MOST_INPUT)):
         size = float(np.sqrt(np.mean(values * values)))
         if size > 0.0 and not least <= size <= most:
@@ -126,38 +128,38 @@ def of_an_axis(names: list[str], theta: Array, covariance: Array, n_rows: int, p
     covariance : ndarray of shape (n_columns, n_columns)
         Covariance of the weights.
     n_rows : int
-        Number of independent rows that the filters leave.
+        Number of independent rows after the filters.
     path : ndarray of shape (n,)
         The signal that was given as the position.
     """
     if n_rows < FEWEST_ROWS * len(theta):
         return (
             f"The filters leave {n_rows} independent rows for {len(theta)} parameters, expected "
-            f"{FEWEST_ROWS * len(theta)} or more; give a longer record, or one that moves faster."
+            f"{FEWEST_ROWS * len(theta)} or more; give a longer record, or one with faster motion."
         )
     turn = turn_in(path, "as logged")
     if turn is not None:
         return (
-            f"The position leaps by {turn:.6g}, an angle that is wrapped; give np.unwrap(position, period={turn:.6g}), "
-            "or read the log with load_log, which does it."
+            f"The position leaps by {turn:.6g}, so the angle is wrapped; give np.unwrap(position, period={turn:.6g}), "
+            "or read the log with load_log, which unwraps it."
         )
     errors = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     if (pair := _inseparable(names, covariance, errors)) is not None:
         return (
-            f"{pair[0]} and {pair[1]} cannot be separated in this record, and only their sum is known; give one in "
-            "which the axis moves in both directions and at several speeds."
+            f"{pair[0]} and {pair[1]} cannot be separated in this record, and only their sum is known; give a record "
+            "in which the axis moves in both directions and at several speeds."
         )
     for name, value, error in zip(names, theta, errors, strict=True):
         known = not error > 0.0 or abs(value) > SURE * error
         if value < 0.0 and known and (name == "inertia" or name in ENERGY_TAKING):
             return (
-                f"The fit gives {name} {value:.3g}, and no axis has it below zero: X is the position and y the drive "
-                "(not the other way round), both with the same positive sense."
+                f"The fitted {name} is {value:.3g}, but it cannot be negative: X must be the position and y the drive "
+                "(not the other way round), both with the same positive direction."
             )
     if names[0] == "inertia" and errors[0] > 0.0 and abs(theta[0]) < SURE * errors[0]:
         return (
             f"The inertia, {theta[0]:.3g} with a standard error of {errors[0]:.2g}, cannot be distinguished from "
-            "zero; check that X is the position and y the drive, or give a record that accelerates more."
+            "zero; check that X is the position and y the drive, or give a record with more acceleration."
         )
     return None
 
@@ -188,7 +190,7 @@ def of_the_order(numbers: NDArray[np.int64] | None) -> str | None:
     if np.mean(steps != np.median(steps)) <= SHUFFLED:
         return None
     return (
-        "The samples are not in their order (a shuffled split?), and a dynamic model needs the one before each; use "
+        "The samples are not in time order (a shuffled split?), but a dynamic model needs consecutive samples; use "
         "whsklearn.validation.time_series_split(estimator), or one_experiment_out for several records."
     )
 

@@ -22,7 +22,7 @@ TOLD: set[str] = set()  # warnings that are given once per process
 
 
 class CheckedModel(KeptModel):
-    """A model that rejects invalid input with one sentence, unchanged, and warns about unsuitable input."""
+    """A model that rejects invalid input with one sentence and stays unchanged, and warns about unsuitable input."""
 
     _finds_constant = False  # whether the model can have a constant besides those of its law
 
@@ -59,8 +59,8 @@ class CheckedModel(KeptModel):
         needed = self._lags.max_lag + 1 if self._is_wiener_hammerstein else 1
         if n < needed:
             raise ValueError(
-                f"Found {n} sample{'s' if n != 1 else ''} (n_samples={n}), expected at least {needed}, as many as the "
-                "lags reach back and one more; give a longer record."
+                f"Found {n} sample{'s' if n != 1 else ''} (n_samples={n}), expected at least {needed}, one more "
+                "than the lags reach back; give a longer record."
             )
         n_parameters = int(self._structure().slices()[-1].stop) if self._is_wiener_hammerstein else 0
         warn(_advice.of_few_samples(n, n_parameters), stacklevel=5)
@@ -82,7 +82,7 @@ class CheckedModel(KeptModel):
             warn(said, stacklevel + 1)
 
     def _warn_of_structure(self, X: Array, y: Array, restart: NDArray[np.bool_], stacklevel: int = 3) -> None:
-        """Say which structure is used where ``lags`` was not given, because its default differs between estimators."""
+        """Say which structure is used if ``lags`` was not given, because its default differs between estimators."""
         if self.lags is not None:
             return
         name = type(self).__name__
@@ -93,7 +93,7 @@ class CheckedModel(KeptModel):
         warn(said, stacklevel + 1)
 
     def _draw_seed(self) -> int:
-        """One whole number from ``random_state``; 0 where nothing is drawn."""
+        """A whole number from ``random_state``; 0 if nothing is drawn."""
         if not self._is_wiener_hammerstein or getattr(self, "gradient", "full") != "full":
             return 0
         return int(check_random_state(getattr(self, "random_state", None)).randint(2**31 - 1))

@@ -22,7 +22,7 @@ class FittedModel(BaseEstimator):
     """A fitted model: its structure, its parameters with standard errors, and a text summary of both.
 
     A subclass learns in ``fit`` and leaves ``state_``, a dict of arrays, from which
-    `_natural`, `_theta` and `_covariance` read the answer.
+    `_natural`, `_theta` and `_covariance` read the estimate.
     """
 
     lags: Any
@@ -82,7 +82,7 @@ class FittedModel(BaseEstimator):
         return jacobian @ self._covariance() @ jacobian.T
 
     def _noise_variance(self) -> float:
-        """Variance of the error that was minimised; NaN where it is not known."""
+        """Variance of the error that was minimised; NaN if it is not known."""
         return float("nan")
 
     # -- what was learned ----------------------------------------------------------------
@@ -125,7 +125,7 @@ class FittedModel(BaseEstimator):
         if self._states_errors and not np.isfinite(values).all():
             warnings.warn(
                 "Some standard errors are NaN, because the samples so far do not determine them: there was too little "
-                "motion for the parameters; give a longer record of an axis that moves.",
+                "motion for these parameters; give a longer record of a moving axis.",
                 UserWarning,
                 stacklevel=3,
             )

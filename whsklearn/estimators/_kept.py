@@ -66,7 +66,7 @@ class KeptModel(FittedModel):
             If the state is of another kind of estimator, or its orders differ.
         """
         if not isinstance(state, dict) or not {"n_features_in", "state"} <= state.keys():
-            raise ValueError("This is no state of an estimator; give what get_state() returned.")
+            raise ValueError("This is not a state of an estimator; give what get_state() returned.")
         with self._alone(), self._unchanged_if_refused():
             self._keep_lags()
             if type(state["n_features_in"]) is not int or state["n_features_in"] < 1:
@@ -80,7 +80,7 @@ class KeptModel(FittedModel):
             try:
                 self._check_state(state["state"])
             except (TypeError, KeyError, IndexError, AttributeError, ArithmeticError, MemoryError):
-                raise ValueError("This state holds values that no estimator has; pass one from get_state().") from None
+                raise ValueError("This state holds invalid values; give what get_state() returned.") from None
             self.state_ = copy.deepcopy(state["state"])
         return self
 
@@ -93,7 +93,7 @@ class KeptModel(FittedModel):
                 raise ValueError(f"This state has NaN in {name}, expected numbers; go back to an earlier one.")
             whole = isinstance(value, int) or (isinstance(value, np.ndarray) and value.dtype.kind in "iu")
             if whole and np.any(np.abs(value) >= LARGEST_COUNT):
-                raise ValueError(f"This state has {np.max(np.abs(value))} in {name}, a count that no stream reaches.")
+                raise ValueError(f"This state has {np.max(np.abs(value))} in {name}, an impossible count.")
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write parameters and state to a file, atomically and without pickle."""
@@ -144,7 +144,7 @@ class KeptModel(FittedModel):
             )
         if hasattr(lags, "advance") and lags.advance() != 0 and not self._takes_direct_paths:
             raise ValueError(
-                f"delays is {lags.delays!r}, and {type(self).__name__} knows one sample in each block; leave it at "
+                f"delays is {lags.delays!r}, but {type(self).__name__} needs one sample in each block; leave it at "
                 '(1, 1), or fit PEMRegressor(lags, criterion="simulation").'
             )
         self.lags_ = clone(lags)

@@ -2,7 +2,7 @@
 
 natural : [a_2 .. , b_1 .. , weights, c_2 .. , d_1 ..], what the exact gradient works on
 paper   : theta of (6), products with the key term's weight g
-named   : a dict of ``a``, ``b``, ``c``, ``d`` and one weight a term of the law
+named   : a dict of ``a``, ``b``, ``c``, ``d`` and one weight per term of the law
 """
 
 from __future__ import annotations
@@ -124,7 +124,7 @@ def inside(denominator: Array) -> Array:
 
 
 def linear_blocks(natural: Array, s: Structure, delays: tuple[int, int], dt: float) -> tuple[Any, Any]:
-    """(L1, L2) as `scipy.signal.dlti`; L1 is a tuple of systems where there are several inputs."""
+    """(L1, L2) as `scipy.signal.dlti`; L1 is a tuple of systems if there are several inputs."""
     if isinstance(dt, bool) or not isinstance(dt, (int, float, np.number)) or not 0.0 < dt < math.inf:
         raise ValueError(f"dt is {dt!r}, expected a positive number, the sampling interval in seconds.")
     a, b, _, c, d = (natural[i] for i in s.slices())
@@ -182,7 +182,7 @@ def predictions(
     natural: Array, s: Structure, u: Array, y: Array, restart: NDArray[np.bool_], horizon: int,
     covariance: Array | None = None,
 ) -> Array:  # fmt: skip
-    """Y_hat(t | t - horizon): outputs up to t - horizon are known; horizon 0 means that none is."""
+    """Y_hat(t | t - horizon): outputs up to t - horizon are known; horizon 0 means that none are."""
     if s.advance:
         # Both delays commute with the static law, so a chain with a lead is the same chain with its output shifted.
         u, y, restart, back = shifted(u, y, restart, s.advance)
@@ -274,12 +274,12 @@ def _ahead(v, d, y, restart, horizon):
     return out
 
 
-DRAWS = 100  # a standard deviation from so many draws is known to 7 %
+DRAWS = 100  # a standard deviation from this many draws is accurate to 7 %
 SEED = 0  # the same draws for every call, so that predicting twice gives the same
 
 
 def rows_spread(rows: Array, covariance: Array, noise_variance: float) -> Array:
-    """sqrt(phi' P phi + sigma^2) of each row, shape (n,); infinite where sigma or P is not known."""
+    """sqrt(phi' P phi + sigma^2) of each row, shape (n,); infinite if sigma or P is not known."""
     variance = np.einsum("ti,ij,tj->t", rows, covariance, rows) + noise_variance
     return _known(np.sqrt(np.maximum(variance, 0.0)))
 
@@ -296,7 +296,7 @@ def draws(natural: Array, covariance: Array, s: Structure, u: Array, restart: ND
     root = scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
     shifts = np.random.default_rng(SEED).standard_normal((DRAWS, natural.size)) @ root.T
     mean, squares = np.zeros(len(u)), np.zeros(len(u))
-    for k, shift in enumerate(shifts, start=1):  # Welford 1962: a run at a time, whatever the record's length
+    for k, shift in enumerate(shifts, start=1):  # Welford 1962: one run in memory at a time
         y = np.clip(np.nan_to_num(free_run(natural + shift, s, u, restart), nan=1e30), -1e30, 1e30)
         away = y - mean
         mean += away / k

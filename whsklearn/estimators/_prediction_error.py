@@ -21,7 +21,7 @@ INFERENCE = 20.0  # sharpness at which the covariance is taken, see `PEMRegresso
 
 
 class PredictionError:
-    """Residuals and Jacobian of one record, as scipy.optimize.least_squares takes them."""
+    """Residuals and Jacobian of one record, in the form that scipy.optimize.least_squares expects."""
 
     def __init__(
         self, s: wh.Structure, u: Array, y: Array, restart: NDArray[np.bool_], rng: np.random.Generator,

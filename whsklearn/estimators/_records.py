@@ -64,7 +64,7 @@ def joined(
     X: ArrayLike, y: ArrayLike | None = None, groups: ArrayLike | None = None, sample_weight: ArrayLike | None = None,
     first: int = 0,
 ) -> Given:  # fmt: skip
-    """Records of a list one after the other, each an experiment of its own; anything else as it is.
+    """Join the records of a list, each an experiment of its own; return anything else unchanged.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ def joined(
     if not is_list_of_records(X):
         return Given(X, y, groups, sample_weight)
     if groups is not None:
-        raise ValueError("X is a list of records, and groups is given too; each record is an experiment: leave it out.")
+        raise ValueError("X is a list of records, each an experiment of its own, so groups is not allowed; remove it.")
     records: Any = X
     lengths = tuple(len(x) for x in records)
     parts = {}
@@ -110,12 +110,12 @@ def _stacked(X: Any) -> Any:
         return concat(list(X), ignore_index=True)
     widths = {np.shape(x)[1] for x in X}
     if len(widths) > 1:
-        raise ValueError(f"The records have {sorted(widths)} columns, expected one number; pick the same inputs.")
+        raise ValueError(f"The records have {sorted(widths)} columns, expected the same number; give the same inputs.")
     return np.concatenate([np.asarray(x) for x in X])
 
 
 def checked_weights(sample_weight: ArrayLike | None, n: int, *, some: bool) -> Array | None:
-    """Weights as a float array; None if all are one. Invalid weights are an error.
+    """Weights as a float array; None if all are one.
 
     Parameters
     ----------
@@ -137,11 +137,11 @@ def checked_weights(sample_weight: ArrayLike | None, n: int, *, some: bool) -> A
         weights = np.array(np.nan)
     weights = np.full(n, float(weights)) if weights.ndim == 0 else weights
     if weights.shape != (n,):
-        raise ValueError(f"sample_weight has shape {weights.shape}, expected ({n},): a weight a sample.")
+        raise ValueError(f"sample_weight has shape {weights.shape}, expected ({n},): one weight per sample.")
     if not np.isfinite(weights).all() or (weights < 0).any() or (weights > 1e12).any():
-        raise ValueError("sample_weight holds numbers that are no weights, expected 0 to 1e12; correct those samples.")
+        raise ValueError("sample_weight holds invalid weights, expected 0 to 1e12; correct those samples.")
     if some and n and not weights.any():
-        raise ValueError("sample_weight is zero for every sample, expected at least one above zero; weight some.")
+        raise ValueError("sample_weight is zero for every sample; give at least one sample a weight above zero.")
     return None if (weights == 1.0).all() else np.ascontiguousarray(weights)
 
 

@@ -1,4 +1,4 @@
-"""The scikit-learn interface of the recursions: `fit`, `partial_fit` and the choice of a stream."""
+"""The scikit-learn interface to the recursions: `fit`, `partial_fit` and the choice of a stream."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ PER_MODEL = (
     "theta", "ud", "before", "loss", "motion", "sharpness", "origin", "page_theta", "prior_theta", "prior_information",
 )  # fmt: skip
 DEFAULT_P0 = 1e6
-PURE_P0 = 1.0  # the pure recursion steps from the first sample on, from starts that are no estimate
+PURE_P0 = 1.0  # the pure recursion updates from the first sample on, from arbitrary starts
 
 
 class RecursiveRegressor(AxisRegressor):
@@ -42,7 +42,7 @@ class RecursiveRegressor(AxisRegressor):
 
     p: int = 1
     _stream: AnyStream | None = None  # where rows go without further checks
-    _asked: FullStream | None = None  # what tells of a state that came without a stream; it keeps its last answer
+    _asked: FullStream | None = None  # reads a state that came without a stream; it caches its last result
 
     def fit(
         self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None, sample_weight: ArrayLike | None = None
@@ -182,7 +182,7 @@ class RecursiveRegressor(AxisRegressor):
         if self._is_wiener_hammerstein and not first and stream is None:
             self._keep_lags()
             self._check_state(self.state_)
-        if first and len(X) >= FIRST_RERUN:  # the axis may well be at rest in the first rows of a stream
+        if first and len(X) >= FIRST_RERUN:  # the axis may be at rest in the first rows of a stream
             self._warn_of_record(X, y, stacklevel=6)
         rows, targets = X, y
         if not self._is_wiener_hammerstein and self.lags is not None:
@@ -226,7 +226,7 @@ class RecursiveRegressor(AxisRegressor):
             If ``samples`` is not a positive number.
         """
         if not 0 < samples < np.inf:
-            raise ValueError(f"samples is {samples!r}, expected a positive number, of samples that the past may count.")
+            raise ValueError(f"samples is {samples!r}, expected a positive number, the weight of the past in samples.")
         check_is_fitted(self, "state_")
         with self._alone():
             state = copied(self.state_)
@@ -290,12 +290,12 @@ class RecursiveRegressor(AxisRegressor):
                 self._lags.key_term()
 
     def _weights(self, sample_weight: ArrayLike | None, n: int, *, some: bool) -> Array | None:
-        """Weights of samples; None where all are one."""
+        """Weights of the samples; None if all are one."""
         weights = checked_weights(sample_weight, n, some=some)
         if weights is not None and self.lags is not None and not self._is_wiener_hammerstein:
             raise ValueError(
-                f"sample_weight is given, and {type(self.lags).__name__} filters samples into fewer rows; leave it "
-                "out, or weigh the rows of lags.rows(X, y) with lags=None."
+                f"sample_weight is given, and {type(self.lags).__name__} filters samples into fewer rows; omit "
+                "it, or weight the rows of lags.rows(X, y) with lags=None."
             )
         return weights
 
@@ -308,11 +308,11 @@ class RecursiveRegressor(AxisRegressor):
         if theta0.ndim == 0:
             theta0 = np.full(n, float(theta0))
         if theta0.shape != (n,) or not np.isfinite(theta0).all():
-            raise ValueError(f"theta0 has shape {theta0.shape}, expected ({n},) finite numbers, one a parameter.")
+            raise ValueError(f"theta0 has shape {theta0.shape}, expected ({n},) finite numbers, one per parameter.")
         return theta0
 
     def _make_stream(self, n_columns: int, seed: int) -> AnyStream:
-        """The stream that the parameters ask for."""
+        """The stream for the current parameters."""
         p0 = getattr(self, "P0", None)
         forgetting = float(getattr(self, "forgetting", 1.0))
         p = int(self.p)
@@ -346,7 +346,7 @@ class RecursiveRegressor(AxisRegressor):
         seed: int,
         groups: ArrayLike | None,
     ) -> None:
-        """Make a state the estimator's own."""
+        """Make a state the estimator's current one."""
         state["seed"] = seed
         if groups is not None:
             state["group"] = str(np.asarray(groups)[-1])
@@ -379,7 +379,7 @@ class RecursiveRegressor(AxisRegressor):
             self.__dict__.pop(name, None)
 
     def _kept_out(self) -> RowsStream | None:
-        """The stream of rows, closed until its ``let_go`` to all without the lock; None for other streams."""
+        """The stream of rows, closed to callers without the lock until its ``let_go``; None for other streams."""
         stream = self._stream
         if type(stream) is not RowsStream:
             return None
@@ -449,7 +449,7 @@ class RecursiveRegressor(AxisRegressor):
             raise ValueError(f"The state's memory cannot hold {state['fill']} samples; go back to an earlier one.")
 
     def _check_size(self, state: dict[str, Any]) -> None:
-        """Refuse settings that ask for far more numbers than the state holds, before memory is allocated for them."""
+        """Reject settings that need far more numbers than the state holds, before memory is allocated for them."""
         held = sum(np.size(value) for value in state.values())
         n, memory, n_starts = self.n_features_in_, 0, 1
         if self._is_wiener_hammerstein:

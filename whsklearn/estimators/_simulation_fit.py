@@ -23,7 +23,7 @@ BATCHES = 60  # batches of the scores, for a covariance that does not assume a w
 
 
 class SimulationFit(NamedTuple):
-    """Orders, law and delays found, the natural vector, its covariance, the (weighted) sum of squares and sigma^2."""
+    """Resulting orders, law and delays, natural vector, its covariance, (weighted) sum of squares and sigma^2."""
 
     lags: dict[str, Any]
     natural: Array
@@ -51,7 +51,7 @@ def law_of(lags: WienerHammersteinLags | None) -> FrictionLaw:
     return as_law("cubic_spline" if lags is None else lags.law)
 
 
-@threadpool_limits.wrap(limits=1, user_api="blas")  # two take twice the CPU and sum in another order
+@threadpool_limits.wrap(limits=1, user_api="blas")  # two threads take twice the CPU and sum in another order
 def from_record(
     lags: WienerHammersteinLags | None,
     u: Array,
@@ -71,7 +71,7 @@ def from_record(
     start : ndarray or None
         A natural vector to start from; None divides the best linear model into blocks.
     weights : ndarray of shape (n,), optional
-        Of the squared errors.
+        Weights of the squared errors.
     """
     law = law_of(lags)
     delays = (0, 0) if lags is None else tuple(int(d) for d in lags.delays)

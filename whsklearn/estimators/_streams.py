@@ -54,9 +54,9 @@ class RowsStream:
         self.variance = float(p) if counted_once else 1.0
         self.gradient = gradient
         self.undo = Undo()
-        self._packed = np.zeros(N_SETTINGS)  # all that `step` hands over, of which the state then holds views
+        self._packed = np.zeros(N_SETTINGS)  # all arguments of `step`; the state then holds views of it
         self._packed[SINCE] = -1.0
-        self._of: State = {}  # the state that it is of
+        self._of: State = {}  # the state to which it belongs
         self._theta = theta0
 
     def initial(self) -> State:
@@ -75,7 +75,7 @@ class RowsStream:
     def run(self, state: State, u: Array, y: Array, restart: NDArray[np.bool_], weight: Array | None = None) -> None:
         """One update per row; an experiment's first window does not reach into the previous experiment."""
         seen = len(y)
-        self._packed[SINCE] = -1.0  # what `step` learned last is no longer the latest
+        self._packed[SINCE] = -1.0  # the last row of `step` is no longer the latest
         if weight is not None:
             u, y, restart = _weighted(u, y, restart, weight)
         for piece in pieces(restart):
@@ -110,7 +110,7 @@ class RowsStream:
         if since < 0:
             return False
         state["seen"] += 1
-        state["since"] = since  # the last: from now on `one_row` takes a row of another thread
+        state["since"] = since  # set last: from now on `one_row` accepts a row of another thread
         return True
 
     def pack(self, state: State) -> None:
@@ -127,13 +127,13 @@ class RowsStream:
         self._of, self._theta = state, state["theta"]
 
     def hold(self, state: State) -> None:
-        """Keep `step` out until `let_go`, after waiting for a row that another thread is just learning."""
+        """Block `step` until `let_go`, after waiting for a row that another thread is learning."""
         self._packed[BUSY] = 1.0
         while state is self._of and self._packed[SINCE] not in (-1.0, state["since"]):
             time.sleep(0.0)
 
     def let_go(self, state: State) -> None:
-        """Let `step` in again, with the present state only: no thread may learn on a state that was replaced."""
+        """Admit `step` again, for the current state only: no thread may learn on a state that was replaced."""
         if state is not self._of:
             self._of = {}
         self._packed[BUSY] = 0.0
@@ -146,7 +146,7 @@ class RowsStream:
         _forget_past(state, samples, self.ceiling)
 
     def theta(self, state: State) -> Array:
-        """One weight a column."""
+        """One weight per column."""
         return state["theta"].copy()
 
     def covariance(self, state: State) -> Array:
@@ -181,7 +181,7 @@ class PublishedStream:
         }
 
     def run(self, state: State, u: Array, y: Array, restart: NDArray[np.bool_], weight: Array | None = None) -> None:
-        """One window a sample."""
+        """One window per sample."""
         weight = np.ones(len(y)) if weight is None else weight
         s = self.structure
         model = Published(*(state[name] for name in Published._fields))
@@ -224,15 +224,15 @@ class FullStream:
     def __init__(self, structure: Structure, settings: multistart.Settings):
         self.structure, self.settings = structure, settings
         self.undo = Undo()
-        self._page: BackgroundRefit | None = None  # in progress; can restart at any time, so it is no state
-        self._known: tuple[bytes, Gaussian] | None = None  # the answer last asked for, and of which state
+        self._page: BackgroundRefit | None = None  # in progress; can restart at any time, so not part of the state
+        self._known: tuple[bytes, Gaussian] | None = None  # the last estimate computed, and the state it belongs to
 
     def initial(self) -> State:
         """The state of `multistart`."""
         return multistart.initial_state(self.settings)
 
     def run(self, state: State, u: Array, y: Array, restart: NDArray[np.bool_], weight: Array | None = None) -> None:
-        """One window per sample and start; the memory is re-run at its own instants."""
+        """One window per sample and start; the memory is re-run at its scheduled instants."""
         if self.undo.noted and self._page is not None:
             self._page.put_off()
         self._page = multistart.run(state, self.settings, u, y, restart, self._page, weight)
@@ -244,7 +244,7 @@ class FullStream:
             self._page = None
 
     def forget_past(self, state: State, samples: float) -> None:
-        """P widens, and what the memory holds weighs less when it is re-run."""
+        """P widens, and the samples in memory have less weight when they are re-run."""
         multistart.forget_past(state, samples)
 
     def estimate(self, state: State) -> Gaussian:
@@ -260,11 +260,11 @@ class FullStream:
         """The posterior if signs may be in doubt, otherwise the model that gives the answer and its P."""
         r = self.settings
         if r.memory and multistart.is_silent(state) and state["fill"] > r.size:
-            state = multistart.settled(state, r)  # made at once for the answer, which is then that of `fit`
+            state = multistart.settled(state, r)  # re-run now, so that the estimate equals that of `fit`
         s = multistart.answer(state)
-        # Where samples have been forgotten the recursion's own estimate is kept.  A page that is turned was linearised
-        # where the parameters were then; after a long rest under forgetting that is far off: 4,000 samples of motion
-        # took the posterior mean to an error of 0.47 and this answer to 0.05 (benchmarks/endurance.py, rest).
+        # If samples have been forgotten, the recursion's own estimate is kept.  A turned page was linearised at the
+        # parameters of that time.  After a long rest under forgetting these are far off: after 4,000 samples of motion
+        # the error of the posterior mean was 0.47, that of this estimate 0.05 (benchmarks/endurance.py, rest).
         whole = bool(np.all(state["memory_kept"][: state["fill"]] == 1.0)) if r.memory else False
         certain = whole and has_posterior(r) and not multistart.is_silent(state)
         found = posterior(state, r, s) if certain else None

@@ -3,7 +3,7 @@
 A stream holds settings only.  Everything learned is in its state, a plain dict of numbers and arrays, so that it can
 be copied, saved, compared and put back.
 
-Arrays change in place, and copying them before every row would cost more than the row.  So a copy is taken now
+Arrays change in place, and copying them before every row would cost more than the row.  So a copy is made now
 and then, and the few rows since are noted.  After an exception these rows are learned again on a copy of that copy.
 The recursion is deterministic, so the result is bit for bit the state before the call.
 """
@@ -29,7 +29,7 @@ class Learner(Protocol):
         """The state before any sample."""
 
     def run(self, state: State, u: Array, y: Array, restart: NDArray[np.bool_], weight: Array | None = None) -> None:
-        """Learn from samples, in place; ``weight`` weighs their squared errors."""
+        """Learn from samples, in place; ``weight`` weights their squared errors."""
 
     def settle(self, state: State) -> None:
         """Run the record once more, in place, if the stream keeps one."""

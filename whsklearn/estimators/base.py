@@ -41,7 +41,7 @@ class AxisRegressor(RegressorMixin, CheckedModel):
         """Free run: the output from X alone, starting at rest before the first sample.
 
         If the law jumps with sign(dx), the sign is uncertain at samples where dx is small: parameters that the record
-        cannot tell apart give different signs.  The *expected* output is the mean over these parameters, in which
+        does not distinguish give different signs.  The *expected* output is the mean over these parameters, in which
         sign(dx) becomes erf(dx / (sqrt(2) sd)).  It has the least mean squared error (on Example 5.1, N = 1,000,
         7.5 dB, about two thirds of the simulation's, benchmarks/accuracy.py).  The *simulation* uses `parameters_`,
         with one sign at each sample.  When the parameters are known well, as after 20,000 clean samples, it is right
@@ -98,7 +98,7 @@ class AxisRegressor(RegressorMixin, CheckedModel):
         if not self._is_wiener_hammerstein:
             rows: Array = u if self.lags is None else np.asarray(self.lags_.transform(u, groups=groups))
             if with_std and self._answers_several:
-                raise ValueError("return_std is for one output; take parameter_standard_errors_ of an arm instead.")
+                raise ValueError("return_std is for one output; use parameter_standard_errors_ for an arm instead.")
             if with_std:
                 std = rows_spread(rows, self._covariance(), self._noise_variance())
             return rows @ self._theta(), std
@@ -123,8 +123,8 @@ class AxisRegressor(RegressorMixin, CheckedModel):
     def wrong_signs(self, X: ArrayLike, groups: ArrayLike | None = None) -> Array:
         """How many signs of dx a simulation of `parameters_` is expected to get wrong in each experiment of X.
 
-        This is the sum over the samples of min(p, 1 - p), where p is the probability that dx is positive given what is
-        known of L1.  It is zero for a law without sign(dx) and for an estimator that has no covariance.  `predict`
+        This is the sum over the samples of min(p, 1 - p), where p is the probability that dx is positive, given the
+        posterior of L1.  It is zero for a law without sign(dx) and for an estimator that has no covariance.  `predict`
         gives the simulation below 0.7 (ln 2), and the expected output from there on.
 
         Parameters
@@ -166,7 +166,7 @@ class AxisRegressor(RegressorMixin, CheckedModel):
         given = joined(X, y, groups, sample_weight)
         y_hat = self.predict(given.X, given.groups)
         r2 = float(r2_score(given.y, y_hat, sample_weight=given.sample_weight))
-        if fold_of_a_search() is None:  # which tries what may be bad
+        if fold_of_a_search() is None:  # a search also tries bad settings, so it is not warned
             warn(_advice.of_a_free_run(r2), stacklevel=3)
         return r2
 
@@ -193,8 +193,8 @@ class AxisRegressor(RegressorMixin, CheckedModel):
         Returns
         -------
         ndarray of shape (n,)
-            For given rows, which hold no past output of their own, the same as `predict`; of an arm shape
-            (n, n_joints), and where its lags are causal a row is of ``lags_.delay_`` samples earlier.
+            For given rows, which hold no past output of their own, the same as `predict`.  For an arm the shape is
+            (n, n_joints), and with causal lags a row belongs to the sample ``lags_.delay_`` samples earlier.
 
         Raises
         ------
@@ -217,7 +217,7 @@ class AxisRegressor(RegressorMixin, CheckedModel):
             )
         known = writeable(np.asarray(known, dtype=np.float64))
         check_lengths(u, known)
-        if self._answers_several:  # whose columns may hold the drive
+        if self._answers_several:  # its columns may depend on the drive
             return given.apart(self.lags_.transform(u, known, groups) @ self._theta())
         if not self._is_wiener_hammerstein:
             return given.apart(np.asarray(self.predict(X, groups)))

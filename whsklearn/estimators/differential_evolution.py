@@ -23,8 +23,8 @@ class DifferentialEvolutionRegressor(PEMRegressor):
     n_generations : int, default=200
         Largest number of generations.
     bound : float, default=3.0
-        Entries of a and c and the law's weights are sought within +-bound. Denominators are
-        searched by reflection coefficients, so that every candidate is stable.
+        Entries of a and c and the law's weights are searched within +-bound. Denominators are
+        parametrised by reflection coefficients, so that every candidate is stable.
     random_state : int, RandomState or None
         Draws the population.
 

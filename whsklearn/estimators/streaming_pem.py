@@ -35,7 +35,7 @@ class StreamingPEMRegressor(ChainRegressor):
 
         |e_block(theta)|^2 + (theta - theta_0)' R (theta - theta_0)
 
-    is lowered in three Gauss-Newton steps, after which R grows by J'J of the block.  How the samples are
+    is minimised in three Gauss-Newton steps, after which R grows by J'J of the block.  How the samples are
     divided into chunks makes no difference.
 
     Parameters
@@ -108,7 +108,7 @@ class StreamingPEMRegressor(ChainRegressor):
             for name in ("state_", "_early"):
                 self.__dict__.pop(name, None)
             self._learn(joined(X, y, groups, sample_weight), some=True)
-            if self.state_["lags"] is None:  # shorter than a start: fitted now, as whoever calls fit expects
+            if self.state_["lags"] is None:  # shorter than a start: fit now, as a caller of fit expects
                 self._early = {**self._started(self.state_), "of": self.state_["y"]}
         return self
 
@@ -134,7 +134,7 @@ class StreamingPEMRegressor(ChainRegressor):
         return self
 
     def _learn(self, given: Given, *, some: bool) -> None:
-        """Check and learn; at least one weight is above zero if ``some`` says so."""
+        """Check and learn; with ``some``, at least one weight must be above zero."""
         first = not hasattr(self, "state_")
         if first:
             self._keep_lags()
@@ -212,9 +212,7 @@ class StreamingPEMRegressor(ChainRegressor):
         restart[0] = True
         model = PEMRegressor(self.lags, criterion="simulation", n_starts=4, random_state=0)
         with warnings.catch_warnings():
-            warnings.simplefilter(
-                "ignore", UserWarning
-            )  # a stream may well begin at rest; that is not a mistake of the user
+            warnings.simplefilter("ignore", UserWarning)  # a stream may begin at rest; that is not the user's mistake
             model.fit(state["u"], state["y"], groups=np.cumsum(restart), sample_weight=state["weight"])
         found = model.state_
         return {"theta": found["theta"], "lags": found["lags"], "spread": found["covariance"], "noise": found["noise"]}
@@ -252,7 +250,7 @@ class StreamingPEMRegressor(ChainRegressor):
         if self.state_["lags"] is None:
             raise ValueError(
                 f"There is no running estimate before {self.n_start} samples, and {self.state_['seen']} were learned; "
-                "wait, or leave settle at True, which fits what there is."
+                "wait, or use settle=True, which fits the samples so far."
             )
         return super()._running()
 

@@ -1,4 +1,4 @@
-"""Small helpers of the inverse dynamics: terms, their columns, the next piece of a stream, checks, runs of groups."""
+"""Helpers for the inverse dynamics: terms and their columns, pieces of a stream, checks, and slices by group."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from whsklearn.filtering.streams import causal_delay, causal_motion
 
 Array = NDArray[np.float64]
 
-# Effects whose columns hold the drive.
+# Effects whose columns depend on the drive.
 DRIVEN = ("load_friction", "dead_zone", "saturation", "input_delay", "actuator_lag", "torque_ripple")
 
 
 def effect_terms(law: Any, effects: str | Iterable[str | Effect]) -> tuple[Effect, ...]:
-    """Terms of the law and effects as instances that have columns."""
+    """Terms of the law and effects as instances; raises for an effect without columns."""
     friction = as_law(law).terms if law is None or isinstance(law, (str, FrictionLaw)) else tuple(law)
     names = [n.strip() for n in effects.split(",") if n.strip()] if isinstance(effects, str) else list(effects)
     terms = (*friction, *(get_effect(e)() if isinstance(e, str) else e for e in names))
@@ -29,7 +29,7 @@ def effect_terms(law: Any, effects: str | Iterable[str | Effect]) -> tuple[Effec
         if not isinstance(term, Effect):
             raise ValueError(f"{term!r} is no effect; expected a catalogue name or an instance such as Coulomb().")
         if term.column_kind == "none":
-            raise ValueError(f"{term.name} has no columns, it can only be simulated; remove it from law and effects.")
+            raise ValueError(f"{term.name} has no columns and can only be simulated; remove it from law and effects.")
     return terms
 
 
@@ -44,7 +44,7 @@ def column_names(terms: tuple[Effect, ...]) -> list[str]:
 
 
 def sized_effects(terms: tuple[Effect, ...], weights: Array) -> tuple[Effect, ...]:
-    """The terms with the sizes and phases that follow from the weights of their columns."""
+    """The terms with the magnitudes and phases that follow from the weights of their columns."""
     found, at = [], 0
     for term in terms:
         n = len(term.coefficients)
@@ -96,7 +96,7 @@ def checked_torque(y: ArrayLike, n: int) -> Array:
     """The target as an array; raises an error that explains what is wrong."""
     torque = np.asarray(y, dtype=float).ravel()
     if len(torque) != n:
-        raise ValueError(f"y has {len(torque)} values and X {n} rows; give one torque a position.")
+        raise ValueError(f"y has {len(torque)} values and X {n} rows; give one torque per position.")
     if not np.isfinite(torque).all():
         raise ValueError("y holds values that are not finite; fill or cut those rows first.")
     if not torque.any():
@@ -111,7 +111,7 @@ def runs(groups: ArrayLike | None, n: int) -> Iterator[slice]:
         return
     labels = np.asarray(groups)
     if len(labels) != n:
-        raise ValueError(f"groups has {len(labels)} labels and X {n} rows; give one a row.")
+        raise ValueError(f"groups has {len(labels)} labels and X {n} rows; give one label per row.")
     edges = [0, *(np.flatnonzero(labels[1:] != labels[:-1]) + 1).tolist(), n]
     for start, stop in itertools.pairwise(edges):
         yield slice(start, stop)

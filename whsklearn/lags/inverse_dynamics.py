@@ -1,8 +1,8 @@
 """From the log of an axis to a linear regression: torque = J a + sum of effects.
 
-The columns are acceleration, the terms of the friction law and the effects of the catalogue,
-all computed from the position; their weights are the axis's physical parameters, so every
-estimator that takes rows identifies the axis.
+The columns are the acceleration, the terms of the friction law and the effects of the catalogue,
+all computed from the position.  Their weights are the physical parameters of the axis, so every
+estimator that takes rows can identify it.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ Array = NDArray[np.float64]
 
 __all__ = ["InverseDynamicsLags"]
 
-SHORTEST = 64  # samples below which a record says nothing about its noise
+SHORTEST = 64  # samples below which the noise cannot be estimated from the record
 
 
 class InverseDynamicsLags(MotionStream, TransformerMixin, BaseEstimator):
@@ -53,8 +53,8 @@ class InverseDynamicsLags(MotionStream, TransformerMixin, BaseEstimator):
     cutoff : float, optional
         Cut-off of the filter on the position, in Hz. For records, the default is the highest at which encoder noise
         makes up 1e-6 of the acceleration's variance, or what the motion needs (`motion_cutoff`). Torque and all
-        columns then pass the same filter, so that only what lies above it is lost. For streams, which start without
-        a record to choose from, the default is a tenth of the sampling rate.
+        columns then pass the same filter, so that only frequencies above it are lost. For streams, which start
+        without a record to choose from, the default is a tenth of the sampling rate.
     order : int, default=4
         Order of the zero-phase Butterworth filter.
     decimate : int, optional
@@ -62,12 +62,12 @@ class InverseDynamicsLags(MotionStream, TransformerMixin, BaseEstimator):
         all rows are kept if ``cutoff`` is given. Otherwise two rows per period of the cut-off are kept, as many as
         are independent after the filter; with more, the standard errors of the fit would be too small.
     border : int, default=0
-        Rows that `rows` drops at the start of each record, where the filter has no past. If ``cutoff`` is not given,
-        a period of the cut-off is also dropped at both ends.
+        Number of rows that `rows` drops at the start of each record, where the filter has no past. If ``cutoff`` is
+        not given, one period of the cut-off is also dropped at both ends.
     standstill : float, optional
         Speed below which `rows` drops rows. At rest, friction equals whatever drive is applied, and the sign of a
-        noisy velocity is random, which shifts Coulomb friction into viscous friction. The default is five times the
-        noise of the velocity for a record, and 0 for a stream or where a hysteresis models the standstill.
+        noisy velocity is random, which biases Coulomb friction towards viscous friction. The default is five times
+        the noise of the velocity for a record, and 0 for a stream or if a hysteresis models the standstill.
     causal : bool, default=False
         False is for whole records and adds no delay. True is for streams and fits a polynomial
         over a moving window. Row t then holds the values from ``delay_`` samples earlier, and
@@ -158,7 +158,7 @@ class InverseDynamicsLags(MotionStream, TransformerMixin, BaseEstimator):
         """
         n_columns = check_array(X, dtype=np.float64).shape[1]
         if n_columns > 2:
-            raise ValueError(f"X has {n_columns} columns, expected position, or position and drive; pick those.")
+            raise ValueError(f"X has {n_columns} columns, expected position, or position and drive; select those.")
         self._settle()
         paths = validated(self, X, reset=True)[:, 0]
         if self._is_automatic:
@@ -254,7 +254,7 @@ class InverseDynamicsLags(MotionStream, TransformerMixin, BaseEstimator):
 
     @property
     def independent_share(self) -> float:
-        """Share of the `rows` that are independent after the filter: two per period of its cut-off."""
+        """Share of `rows` that are independent after the filter: two per period of its cut-off."""
         check_is_fitted(self, "terms_")
         apart = self.sample_rate / (2.0 * self.cutoff_)
         kept = self.decimate or (max(round(apart), 1) if self._is_automatic else 1)
@@ -271,17 +271,17 @@ class InverseDynamicsLags(MotionStream, TransformerMixin, BaseEstimator):
         Raises
         ------
         ValueError
-            If the inertia is not above zero, which is impossible for an axis.
+            If the inertia is not positive, which is impossible for an axis.
         """
         check_is_fitted(self, "terms_")
         theta = np.asarray(theta, dtype=float).ravel()
         expected = len(self.get_feature_names_out())
         if len(theta) != expected:
-            raise ValueError(f"theta has {len(theta)} weights, expected {expected}, one a column.")
+            raise ValueError(f"theta has {len(theta)} weights, expected {expected}, one per column.")
         if theta[0] <= 0:
             raise ValueError(
-                f"The fitted inertia is {theta[0]:.3g}, expected a number above zero; check units and the sense of "
-                "drive and position, or give a record that accelerates more."
+                f"The fitted inertia is {theta[0]:.3g}, expected a number above zero; check the units and signs of "
+                "drive and position, or give a record with more acceleration."
             )
         return float(theta[0]), sized_effects(self.terms_, theta[1:])
 
@@ -302,12 +302,12 @@ class InverseDynamicsLags(MotionStream, TransformerMixin, BaseEstimator):
         return self.cutoff is None and not self.causal
 
     def _choose_cutoff(self, path: Array) -> None:
-        """Set the cut-off that suits the record; a record that is too short or at rest does not change it."""
+        """Set the cut-off for the record; a record that is too short or at rest does not change it."""
         if len(path) > SHORTEST and np.ptp(path) > 0.0:
             self.cutoff_ = motion_cutoff(path, self.sample_rate, self.order)
 
     def _settle(self) -> None:
-        """Terms, filter and delay from the parameters."""
+        """Set up terms, filter and delay from the parameters."""
         if not self.sample_rate > 0:
             raise ValueError(f"sample_rate is {self.sample_rate}, expected a frequency above zero, in Hz.")
         terms = effect_terms(self.law, self.effects)
@@ -321,7 +321,7 @@ class InverseDynamicsLags(MotionStream, TransformerMixin, BaseEstimator):
         self._stream = AT_START
 
     def _fresh(self, X: ArrayLike, y: ArrayLike | None, groups: ArrayLike | None) -> Array:
-        """Fit, and columns from a clean start."""
+        """Fit, then compute columns from a clean start."""
         X = validated(self.fit(X, y), X)
         drive = self._drive(X, y)
         target = drive if y is None else np.asarray(y, dtype=float).ravel()
@@ -329,7 +329,7 @@ class InverseDynamicsLags(MotionStream, TransformerMixin, BaseEstimator):
         return phi
 
     def _drive(self, X: Array, y: ArrayLike | None) -> Array:
-        """Drive for the columns that need it: X's second column, or y, or zeros where none does."""
+        """Drive for the columns that need it: the second column of X, or y, or zeros if no column needs it."""
         if X.shape[1] == 2:
             return X[:, 1]
         if y is not None:
@@ -359,8 +359,8 @@ class InverseDynamicsLags(MotionStream, TransformerMixin, BaseEstimator):
         if not self._is_automatic:
             moved, smooth = motion(path, rate, self.cutoff_, order), zero_phase(drive, rate, self.cutoff_, order)
             return stack_columns(self.terms_, moved, smooth, time)
-        # The value of the law passes the filter, not only its argument; otherwise a reversal would be blurred in the
-        # torque only. So position and speed come from a wider filter, and acceleration from the one its noise allows.
+        # The value of the law is filtered, not only its argument; otherwise a reversal would be blurred in the torque
+        # only. So position and speed come from a wider filter, and acceleration from the one that its noise allows.
         wider = min(2.0 * self.cutoff_, 0.1 * rate)
         moved, smooth = motion(path, rate, wider, order), zero_phase(drive, rate, wider, order)
         phi = zero_phase(stack_columns(self.terms_, moved, smooth, time), rate, self.cutoff_, order)

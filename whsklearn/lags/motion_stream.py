@@ -1,4 +1,4 @@
-"""The streaming methods of the inverse dynamics, and the state that they carry from piece to piece."""
+"""Streaming methods of the inverse dynamics, and the state that they carry from piece to piece."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class MotionStream:
         X = self._next_piece(X)
         target = np.asarray(y, dtype=float).ravel()
         if len(target) != len(X) or not np.isfinite(target).all():
-            raise ValueError(f"y is not {len(X)} finite torques; give one a row of X.")
+            raise ValueError(f"y must be {len(X)} finite torques; give one for each row of X.")
         memory = self._stream.path
         phi, late, warm = self._go_on(X, self._drive(X, target), target, groups)
         keep = ~warm

@@ -1,4 +1,4 @@
-"""From the log of an arm to a linear regression: drives = columns times (link numbers, motor inertia, effects).
+"""From the log of an arm to a linear regression: drives = columns times (link parameters, motor inertia, effects).
 
 A row is one joint at one instant.  Its columns are the rigid-body regressor and, for every axis, the acceleration (for
 the motor's inertia) and the effects of the catalogue.  Columns that no motion can separate from others are merged
@@ -39,16 +39,16 @@ if TYPE_CHECKING:
 
 __all__ = ["RigidBodyLags"]
 
-FINE = 5.0  # cut-offs of the columns: motion is read with a filter so much wider, so that signs and products stay sharp
-WIDEST = 0.2  # of the sampling rate, for that filter: beyond it the central difference is no derivative
-ROWS = 10.0  # rows a weight, at least, in a record: a lower cut-off would leave fewer
-EDGE = (
-    3  # periods of the cut-off left out at each end: without noise the filter's end leaves 12, 3, 0.7, 0.1 % a half one
-)
-# Instants of drawn motion by which columns are found to be merged: the same for every law below 39 terms a joint,
-# so that two laws of one robot keep the same numbers of its links.
+FINE = 5.0  # the motion passes a filter this many times wider than the columns, so that signs and products stay sharp
+WIDEST = 0.2  # of the sampling rate, for that filter: beyond it the central difference is not a derivative
+ROWS = 10.0  # least number of rows per weight in a record: a lower cut-off would leave fewer
+# Periods of the cut-off omitted at each end.  Without noise, the filter's end causes an error of 12, 3, 0.7 and 0.1 %
+# in successive half periods.
+EDGE = 3
+# Instants of random motion that show which columns to merge: the same for every law below 39 terms per joint,
+# so that two laws of one robot keep the same parameters of its links.
 DRAWN = 200
-NOISY = 5.0  # times the velocity's noise: a joint whose rms speed is less does not move
+NOISY = 5.0  # times the velocity's noise: a joint with a lower rms speed counts as not moving
 
 
 class ArmRowState(NamedTuple):
@@ -101,9 +101,9 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         is the median of what the joints' noise allows (`motion_cutoff`), but high enough to leave ten rows per weight.
         For streams it is a tenth of the sampling rate, on positions only.
     slow : float, default=0.08
-        Share of a joint's rms speed below which its rows are dropped (records only), because near rest friction is
-        whatever the drive asks for.  In MuJoCo, with nothing hidden, this reduced the error from between 0.6 and 6 %
-        to between 0.1 and 0.7 %.
+        Share of a joint's rms speed below which its rows are dropped (records only), because near rest friction
+        equals whatever drive is applied.  In MuJoCo, with nothing hidden, this reduced the error from between 0.6 and
+        6 % to between 0.1 and 0.7 %.
     weights : array-like of shape (n_joints,), optional
         Weights of the joints' errors, 1 / standard deviation.  For records, the default follows from the residual of
         each joint's rows when they are fitted alone; for streams it is 1.
@@ -116,7 +116,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
     ----------
     arm_ : Arm
     base_ : BaseParameters
-        Which columns are kept, and what is merged into each.
+        The columns that are kept, and those that are merged into each.
     cutoff_ : float
         In Hz.
     weights_ : ndarray of shape (n_joints,)
@@ -124,13 +124,13 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
     delay_, warmup_ : int
         Samples by which a row of a stream lags, and rows of zeros at its beginning; 0 for records.
     every_ : int
-        Samples from one row to the next: two rows in a period of the cut-off, as more are no more independent.
+        Samples from one row to the next: two rows per period of the cut-off, because more would not be independent.
 
     Notes
     -----
     X holds the positions (n, n_joints), or positions and measured drives (n, 2 n_joints) if an effect such as
     ``load_friction`` is a function of the drive. y holds the drives (n, n_joints); units are rad and Nm, or m and N
-    for a joint that slides.
+    for a prismatic joint.
 
     References
     ----------
@@ -180,7 +180,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
 
     @classmethod
     def of_arm(cls, arm: Arm, sample_rate: float, law: Any = None, **settings: Any) -> Self:
-        """The columns of an arm whose effects are its law: those at its joints and an offset, or ``law`` where given.
+        """Columns with an arm's own effects as the law: those at its joints and an offset, or ``law`` if given.
 
         Parameters
         ----------
@@ -221,7 +221,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         if width not in (n, 2 * n):
             raise ValueError(
                 f"X has {width} columns, expected a position for each of {', '.join(self.arm_.joints)}, in that order"
-                f"{', and their drives after them' if n > 1 else ''}; pick those, or name fewer joints of the robot."
+                f"{', and their drives after them' if n > 1 else ''}; select those, or name fewer joints of the robot."
             )
         X = np.asarray(validate_data(self, X, dtype=np.float64, reset=True))
         if self.cutoff is None and not self.causal:
@@ -265,7 +265,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         -------
         phi : ndarray of shape (m, n_columns)
         target : ndarray of shape (m,)
-            Joint by joint at each instant, without the ends of the filter and without slow joints.
+            Joint by joint at each instant, without the filter's ends and without slow joints.
 
         Raises
         ------
@@ -301,7 +301,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         return np.concatenate(phis), np.concatenate(lates), np.concatenate(keeps)
 
     def _view(self, X: ArrayLike, y: ArrayLike) -> Seen:
-        """One record behind the filters: its rows before they are weighted, and the motion that they are made of.
+        """One record behind the filters: its unweighted rows, and the motion from which they are computed.
 
         Parameters
         ----------
@@ -314,7 +314,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         return self._seen(X, self._drive(X, target), target)
 
     def _filtered(self, signals: Array) -> Array:
-        """Signals (n, ...) of a record as the columns are filtered."""
+        """Signals (n, ...) of a record, filtered like the columns."""
         flat = zero_phase(signals.reshape(len(signals), -1), self.sample_rate, self.cutoff_)
         return flat.reshape(signals.shape)
 
@@ -346,8 +346,8 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         if not hasattr(self, "base_"):
             self.fit(X)
             if any(isinstance(t, PreslidingHysteresis) or t.column_kind == "first_order" for t in self._all_terms()):
-                raise ValueError("An effect needs the whole record; leave hysteresis and delays out of a stream.")
-        X = np.asarray(X, dtype=float)  # a whole validation takes as long as all else that a sample needs
+                raise ValueError("An effect needs the whole record; remove hysteresis and delays for a stream.")
+        X = np.asarray(X, dtype=float)  # full validation would double the time of a sample
         if X.ndim != 2 or X.shape[1] != self.n_features_in_ or not np.isfinite(X).all():
             raise ValueError(f"X has shape {X.shape}, expected (n, {self.n_features_in_}) finite numbers.")
         target = self._checked_drives(y, len(X), moving=False)
@@ -409,15 +409,16 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         return np.array(self.base_.names, dtype=object)
 
     def interpret(self, theta: ArrayLike, covariance: ArrayLike | None = None, *, physical: bool = True) -> Arm:
-        """The arm with these weights: physical links close to the file's, motor inertias and effects of all axes.
+        """The arm with these weights: physically consistent links close to the file's, motor inertias and effects.
 
         Parameters
         ----------
         theta : array-like of shape (n_columns,)
         covariance : array-like of shape (n_columns, n_columns), optional
-            Weighs the deviations when links are made physical.
+            Weights the deviations when links are made physically consistent.
         physical : bool, default=True
-            False keeps exactly these weights, whether or not a real body can have such numbers; the motion is the same.
+            False keeps exactly these weights, whether or not a real body can have such parameters; the motion is the
+            same.
         """
         check_is_fitted(self, "base_")
         theta = np.asarray(theta, dtype=float)
@@ -449,7 +450,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         Parameters
         ----------
         arm : Arm
-            With the same joints; only effects with the shapes set here count.
+            An arm with the same joints; only effects with the shapes set here count.
         """
         check_is_fitted(self, "base_")
         sums = [arm.sum_armature.get(a, 0.0) for a in self._axes if a not in arm.joints]
@@ -462,9 +463,9 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         return self.base_.mapping @ np.concatenate(parts)
 
     def _beside(self, arm: Arm, theta: Array, covariance: ArrayLike | None) -> Array:
-        """Weights that are expected beside the links of ``arm``: an offset that a lighter link leaves, and so on.
+        """Expected values of the other weights given the links of ``arm``, such as an offset if a link is lighter.
 
-        Friction below zero would drive the arm: it is set to zero, and what is expected beside that follows.
+        Negative friction would drive the arm, so it is set to zero, and the remaining weights follow from that.
         """
         full = np.zeros(self.base_.mapping.shape[1])
         full[: (N_BODY + 1) * arm.n_joints] = np.concatenate([arm.inertial.ravel(), arm.armature])
@@ -485,11 +486,11 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
     # -- inside -----------------------------------------------------------------------------
 
     def __deepcopy__(self, memo: Any) -> Self:
-        """A shallow one, at each row of a stream: all that is held is replaced, never changed in place."""
+        """A shallow copy, made at each row of a stream: everything held is replaced, never changed in place."""
         return copy.copy(self)
 
     def _settle(self) -> None:
-        """Arm, axes, columns, filter and delay from the parameters."""
+        """Set up arm, axes, columns, filter and delay from the parameters."""
         if not self.sample_rate > 0:
             raise ValueError(f"sample_rate is {self.sample_rate}, expected a frequency above zero, in Hz.")
         if self.robot is None:
@@ -510,7 +511,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         self.warmup_ = 2 * self.delay_
         given = np.ones(n) if self.weights is None else np.asarray(self.weights, dtype=float)
         if given.shape != (n,) or not (given > 0).all():
-            raise ValueError(f"weights has shape {given.shape}, expected ({n},) numbers above zero, one a joint.")
+            raise ValueError(f"weights has shape {given.shape}, expected ({n},) numbers above zero, one per joint.")
         self.weights_, self._stream = given, self._at_start()
 
     def _set_cutoff(self, hertz: float) -> None:
@@ -523,7 +524,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         return ArmRowState(np.empty((0, self.arm_.n_joints)), np.empty((0, self.arm_.n_joints)), 0)
 
     def _structural_base(self) -> BaseParameters:
-        """The base parameters: which columns no motion at all can separate from those before them."""
+        """The base parameters: which columns no motion can separate from those before them."""
         names = [*self.arm_.number_names, *(f"{j}.armature" for j in self._axes)]
         names += [f"{a}.{n}" for group in self._groups for a in group for n in column_names(self._axes[a][1])]
         q, v, a = self.arm_.drawn_motion(max(4 * len(names) // self.arm_.n_joints, DRAWN))
@@ -534,7 +535,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         return base_parameters(columns.reshape(-1, len(names)), names, groups)
 
     def _all_columns(self, moved: Motion, drive: Array, time: Array) -> Array:
-        """All columns (n, n_joints, all), merged ones too: links, motors' inertia by axis, effects by group of axes."""
+        """All columns (n, n_joints, all), before merging: links, motor inertia by axis, effects by group of axes."""
         n, length = self.arm_.n_joints, len(time)
         directions = np.array([d for d, _ in self._axes.values()])
         motors = directions.T * (moved.acceleration @ directions.T)[:, None, :]
@@ -576,7 +577,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         return self._columns(moved, zero_phase(drive, rate, self._fine), np.arange(len(X)) / rate), moved
 
     def _seen(self, X: Array, drive: Array, target: Array) -> Seen:
-        """Rows of one record, two in a period of the cut-off, without the filter's ends; and where joints are fast."""
+        """Rows of one record, two per period of the cut-off, without the filter's ends; and where joints are fast."""
         columns, moved = self._columns_along(X, drive)
         period = max(int(self.sample_rate / self.cutoff_), 1)
         keep = np.abs(moved.velocity) >= self._limits(X, moved.velocity)
@@ -601,7 +602,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         return np.where(still, np.inf, self.slow * speeds)
 
     def _weights(self, phi: Array, target: Array, keep: NDArray[np.bool_]) -> Array:
-        """1 / standard deviation of the residual of each joint's rows, fitted alone; or the weights as given."""
+        """1 / standard deviation of the residual of each joint's rows, fitted alone; or the given weights."""
         if self.weights is not None or self.causal:
             return self.weights_
         out = np.ones(self.arm_.n_joints)
@@ -622,7 +623,8 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
     ) -> tuple[Array, Array, ArmRowState]:
         """Columns and delayed drives of the next piece of a stream, and the stream after it.
 
-        All samples, with zeros in the warm-up; or the samples that give rows (`every_`), without it.
+        Either all samples, with zeros in the warm-up, or only the samples that give rows (`every_`), without the
+        warm-up.
         """
         n = self.arm_.n_joints
         target = drive if target is None else target
@@ -649,7 +651,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         return float(min(max(float(np.median(moving)), fewest), 0.1 * self.sample_rate))
 
     def _drive(self, X: Array, y: ArrayLike | None) -> Array:
-        """Drives for the columns that need them: behind the positions in X, or y, or zeros where none does."""
+        """Drives for the columns that need them: the last columns of X, or y, or zeros if no column needs them."""
         n = self.arm_.n_joints
         if X.shape[1] == 2 * n:
             return X[:, n:]
@@ -657,7 +659,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
             return np.asarray(y, dtype=float).reshape(len(X), n)
         needing = {t.name for t in self._all_terms() if t.name in DRIVEN}
         if needing:
-            raise ValueError(f"{', '.join(sorted(needing))} is a function of the drive; give X the drives too.")
+            raise ValueError(f"{', '.join(sorted(needing))} is a function of the drive; add the drives to X.")
         return np.zeros((len(X), n))
 
     def _checked_drives(self, y: ArrayLike, length: int, *, moving: bool = True) -> Array:
@@ -672,7 +674,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
             raise ValueError("y holds values that are not finite; fill or cut those rows first.")
         if moving and not target.any(axis=0).all():
             name = self.arm_.joints[int(np.argmin(target.any(axis=0)))]
-            raise ValueError(f"The drive of {name} is zero throughout; check its column, or leave the joint out.")
+            raise ValueError(f"The drive of {name} is zero throughout; check its column, or omit the joint.")
         return target
 
 
@@ -695,7 +697,7 @@ def axes_of(arm: Arm, law: Any, effects: Any) -> dict[str, tuple[Array, tuple[An
 
 
 def groups_of(axes: Mapping[str, tuple[Array, tuple[Any, ...]]]) -> list[list[str]]:
-    """Groups of axes with the same effects, none of which has a memory, so that one call serves each group."""
+    """Groups of axes with the same memoryless effects, so that one call computes each group."""
     out: list[list[str]] = []
     for name, (_, terms) in axes.items():
         alike = [g for g in out if axes[g[0]][1] == terms]

@@ -32,7 +32,7 @@ class WienerHammersteinLags(TransformerMixin, BaseEstimator):
     law : str, FrictionLaw or sequence of effects, optional
         The static block; None is (4).
     delays : pair of int, default=(1, 1)
-        Samples before L1 and L2 respond; one each by default, as in the paper.  0 is a direct path, which is
+        Samples before L1 and L2 respond; one each by default, as in the paper.  0 is a direct path, which is only
         available in a fit of the simulation error (``PEMRegressor(criterion="simulation")``).
     theta : array-like of shape (n_parameters,), optional
         Parameters of the auxiliary model, in the paper's order; by default 0.01 for all,
@@ -149,8 +149,8 @@ class WienerHammersteinLags(TransformerMixin, BaseEstimator):
         self.dims()
         if self.advance() != 0:
             raise ValueError(
-                f"delays is {self.delays!r}, and the regressors of (6) are those of one sample in each block; leave "
-                'it at (1, 1), or fit PEMRegressor(criterion="simulation").'
+                f"delays is {self.delays!r}, but the regressors of (6) assume one sample in each block; leave it "
+                'at (1, 1), or fit PEMRegressor(criterion="simulation").'
             )
         self.key_term()
         with in_one_sentence(X):
@@ -169,18 +169,18 @@ class WienerHammersteinLags(TransformerMixin, BaseEstimator):
         y : array-like of shape (n,)
             Output; not needed where ``n_d`` is 0.
         groups : array-like of shape (n,), optional
-            Experiments; the past is forgotten where one begins.
+            Experiment of each sample; the past is forgotten where one begins.
 
         Returns
         -------
         ndarray of shape (n, n_parameters)
-            As many rows as samples; the first ``max_lag`` rows hold zeros for what lies before the start.
+            As many rows as samples; the first ``max_lag`` rows hold zeros for samples before the start.
         """
         check_is_fitted(self, "n_features_in_")
         return self._rows(X, y, groups, {})
 
     def fit_transform(self, X: ArrayLike, y: ArrayLike | None = None, groups: ArrayLike | None = None) -> Any:
-        """Start clean, and keep the state for `partial_fit_transform`.
+        """Start from a clean state, and keep the state for `partial_fit_transform`.
 
         Parameters
         ----------
@@ -198,7 +198,7 @@ class WienerHammersteinLags(TransformerMixin, BaseEstimator):
         return rows
 
     def partial_fit_transform(self, X: ArrayLike, y: ArrayLike | None = None, groups: ArrayLike | None = None) -> Any:
-        """Continue where the last call ended.
+        """Rows that continue where the last call ended.
 
         Parameters
         ----------
@@ -241,7 +241,7 @@ class WienerHammersteinLags(TransformerMixin, BaseEstimator):
         if m != self.n_features_in_:
             raise ValueError(
                 f"X has {m} features, but WienerHammersteinLags is expecting {self.n_features_in_} features as input; "
-                "pick the same inputs as in fit."
+                "select the same inputs as in fit."
             )
         if y is None:
             if self.n_d:
@@ -259,7 +259,7 @@ class WienerHammersteinLags(TransformerMixin, BaseEstimator):
         n = self.n_parameters + (m - 1) * self.n_a
         theta = np.full(n, 0.01) if self.theta is None else np.asarray(self.theta, dtype=float)
         if theta.shape != (n,):
-            raise ValueError(f"theta has shape {theta.shape}, expected ({n},): an entry a column.")
+            raise ValueError(f"theta has shape {theta.shape}, expected ({n},): one entry per column.")
         state = carried.get("state", np.zeros(auxiliary_size(dims))).copy()
         past_u = carried.get("u", np.zeros((self.n_a + 1) * m)).copy()
         past_y = carried.get("y", np.zeros(max(self.n_d, 1))).copy()
