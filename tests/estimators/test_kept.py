@@ -28,3 +28,15 @@ def test_a_file_of_another_estimator_is_refused(fitted, tmp_path):
     fitted["PEM"].save(tmp_path / "model.whs")
     with pytest.raises(ValueError, match="state of a PEMRegressor"):
         RMILSRegressor.load(tmp_path / "model.whs")
+
+
+@pytest.mark.parametrize("count", [2**63, -1, 4.5, "many", None])
+@pytest.mark.parametrize("name", list(MODELS))
+def test_a_count_of_samples_that_is_none_is_refused_and_changes_nothing(fitted, record, name, count):
+    model = fitted[name]
+    before = model.predict(record[0])
+    state = model.get_state()
+    state["state"]["seen"] = count
+    with pytest.raises(ValueError, match="count"):
+        model.set_state(state)
+    np.testing.assert_array_equal(model.predict(record[0]), before)

@@ -88,6 +88,9 @@ class KeptModel(FittedModel):
         """Raise if a state cannot belong to this estimator."""
         if not isinstance(state, dict) or "theta" not in state:
             raise ValueError("This state holds no theta; give what get_state() of the same estimator returned.")
+        seen = state.get("seen", 0)
+        if type(seen) is not int or seen < 0:
+            raise ValueError(f"The state has seen {seen!r}, expected a count; go back to an earlier one.")
         for name, value in state.items():
             if isinstance(value, np.ndarray) and value.dtype.kind == "f" and np.isnan(value).any() and name in LEARNT:
                 raise ValueError(f"This state has NaN in {name}, expected numbers; go back to an earlier one.")

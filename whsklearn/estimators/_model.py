@@ -46,9 +46,9 @@ class Structure(NamedTuple):
 
     def slices(self) -> tuple[slice, slice, slice, slice, slice]:
         """Positions of a[1:], b, weights, c[1:] and d in the natural vector."""
-        na, nb, nc, nd, nw = (int(i) for i in self.dims)
-        ends = np.cumsum([0, na - 1, nb, nw, nc - 1, nd])
-        return tuple(slice(int(s), int(e)) for s, e in itertools.pairwise(ends))  # type: ignore[return-value]
+        na, nb, nc, nd, nw = self.dims.tolist()
+        ends = itertools.accumulate([0, na - 1, nb, nw, nc - 1, nd])
+        return tuple(itertools.starmap(slice, itertools.pairwise(ends)))  # type: ignore[return-value]
 
 
 def paper_vector(natural: Array, s: Structure) -> Array:
@@ -210,31 +210,41 @@ def _before_l2(
     values = law_values(s.law.codes, s.law.shapes, x, dx, math.inf)
     for weight, value, jumping in zip(w, values, jumps(s.law.codes), strict=True):
         v += weight * (value * certainty if jumping else value)
-    v = np.clip(v, -LARGEST, LARGEST)
-    out = np.zeros(x.size)
-    begins = np.flatnonzero(restart)
-    for m, weight in enumerate(np.append(1.0, c), start=1):
-        late = np.append(np.zeros(min(m, v.size)), v[:-m])
-        for begin in begins:
-            late[begin : begin + m] = 0.0
-        out += weight * late
+    out = _numerator(v, c, restart)
     return out, np.where(dx == 0.0, 0.0, 0.5 * (1.0 - certainty))  # at rest the sign does not matter
 
 
-def shifted(
-    u: Array, y: Array, restart: NDArray[np.bool_], advance: int
-) -> tuple[Array, Array, NDArray[np.bool_], NDArray[np.int64]]:
+@njit(error_model="numpy", short=True)
+def shifted(u, y, restart, advance):
     """Experiments with y (u, if negative) delayed by ``advance`` samples, and the new positions of their samples."""
-    begins = np.append(np.flatnonzero(restart), len(u))
-    lengths = np.diff(begins) + abs(advance)
-    starts_at = np.append(0, np.cumsum(lengths)[:-1])
-    n = int(lengths.sum())
-    to = np.arange(len(u)) + np.repeat(starts_at - begins[:-1], np.diff(begins))
-    u_new, y_new, restart_new = np.zeros((n, u.shape[1])), np.zeros(n), np.zeros(n, dtype=bool)
-    u_new[to + max(-advance, 0)] = u
-    y_new[to + max(advance, 0)] = y
-    restart_new[starts_at] = True
-    return u_new, y_new, restart_new, to + max(advance, 0)
+    more, late = abs(advance), max(advance, 0)
+    n = restart.size + more * restart.sum()
+    u_new, y_new, restart_new = np.zeros((n, u.shape[1])), np.zeros(n), np.zeros(n, dtype=np.bool_)
+    to = np.empty(restart.size, dtype=np.int64)
+    by = -more
+    for t in range(restart.size):
+        if restart[t]:
+            by += more
+            restart_new[t + by] = True
+        to[t] = t + by + late
+        u_new[to[t] - advance] = u[t]
+        y_new[to[t]] = y[t]
+    return u_new, y_new, restart_new, to
+
+
+@njit(error_model="numpy", short=True)
+def _numerator(v, c, restart):
+    """The sum of v(t) and c_m v(t-m-1), in which each experiment begins at rest."""
+    out = np.zeros(v.size)
+    since = 0
+    for t in range(v.size):
+        if restart[t]:
+            since = 0
+        out[t] = min(max(v[t - 1], -LARGEST), LARGEST) if since > 0 else 0.0
+        for k in range(min(c.size, since - 1)):
+            out[t] += c[k] * min(max(v[t - 2 - k], -LARGEST), LARGEST)
+        since += 1
+    return out
 
 
 @njit(error_model="numpy", short=True)

@@ -250,4 +250,6 @@ class AxisRegressor(RegressorMixin, CheckedModel):
 
 def _finite(y_hat: Array) -> Array:
     """Make predictions finite: interim estimates may be far off, but the estimator returns numbers only."""
+    if (np.abs(y_hat) <= 1e30).all():
+        return y_hat
     return np.clip(np.nan_to_num(y_hat, nan=0.0, posinf=1e30, neginf=-1e30), -1e30, 1e30)

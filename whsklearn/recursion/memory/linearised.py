@@ -132,7 +132,7 @@ class Signs(NamedTuple):
 
 def jumps(codes: NDArray[np.int64]) -> NDArray[np.bool_]:
     """Which terms of a law jump where dx changes its sign."""
-    return np.isin(codes, tuple(JUMPING))
+    return np.array([code in JUMPING for code in codes.tolist()], dtype=np.bool_)
 
 
 @njit(error_model="numpy", short=True)
