@@ -1,4 +1,4 @@
-"""Models out: MJCF, URDF, Isaac Lab, C99, Structured Text, FMI 2.0, scipy.signal, python-control.
+"""Model export: MJCF, URDF, Isaac Lab, C99, Structured Text, FMI 2.0, scipy.signal, python-control.
 
 What a format cannot hold comes back as a list of `Loss`, each with its size, and stands as a comment in the file.
 """
