@@ -68,5 +68,5 @@ def test_a_stream_goes_on_from_its_state():
     other = clone(lags).set_state(lags.get_state())
     for a, b in zip(lags.partial_rows(X[300:], y[300:]), other.partial_rows(X[300:], y[300:]), strict=True):
         assert np.array_equal(a, b)
-    with pytest.raises(ValueError, match="no state of an InverseDynamicsLags"):
+    with pytest.raises(ValueError, match="not a state of InverseDynamicsLags"):
         lags.set_state({"seen": 3})

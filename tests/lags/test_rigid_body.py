@@ -200,7 +200,7 @@ def test_a_record_is_no_stream_and_its_state_no_others():
     lags = RigidBodyLags(ARM)
     with pytest.raises(ValueError, match="causal=True"):
         lags.partial_rows(np.zeros((2, 3)), np.zeros((2, 3)))
-    with pytest.raises(ValueError, match="no state"):
+    with pytest.raises(ValueError, match="not a state"):
         lags.set_state({})
     assert clone(lags).robot is not None
 

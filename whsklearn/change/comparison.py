@@ -113,7 +113,7 @@ def compare_parameters(
     if not (old.shape == new.shape == variances[0].shape == variances[1].shape == (len(names),)):
         raise ValueError(
             f"compare_parameters: {len(names)} names, estimates of shapes {old.shape} and {new.shape}, variances of "
-            f"shapes {variances[0].shape} and {variances[1].shape}; give one of each a parameter."
+            f"shapes {variances[0].shape} and {variances[1].shape}; give one of each per parameter."
         )
     total = variances[0] + variances[1]
     if not np.all(total >= 0) or not 0 < level < 1:

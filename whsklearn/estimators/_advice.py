@@ -75,7 +75,7 @@ def of_several_inputs(name: str, n_inputs: int) -> str | None:
     if n_inputs == 1:
         return None
     return (
-        f"X has {n_inputs} columns and lags was not given: {name} takes them for {n_inputs} inputs of one "
+        f"X has {n_inputs} columns and lags was not given: {name} treats them as {n_inputs} inputs of one "
         "Wiener-Hammerstein chain; give lags=WienerHammersteinLags() if they are, or fit RLSRegressor if they are "
         "regressors."
     )
@@ -110,7 +110,7 @@ def of_scale(X: Array, y: Array) -> str | None:
         size = float(np.sqrt(np.mean(values * values)))
         if size > 0.0 and not least <= size <= most:
             return (
-                f"The rms of {name} is {size:.3g}, and without memory the recursion begins with parameters of about "
+                f"The rms of {name} is {size:.3g}, but without memory the recursion starts with parameters of about "
                 f"one: divide {name} by {size:.0e}, or give memory=4096, which finds the scale by itself."
             )
     return None

@@ -1,6 +1,6 @@
 """An identified Wiener-Hammerstein model: its parameters in three forms, its free run, its predictions.
 
-natural : [a_2 .. , b_1 .. , weights, c_2 .. , d_1 ..], what the exact gradient works on
+natural : [a_2 .. , b_1 .. , weights, c_2 .. , d_1 ..], the form that the exact gradient uses
 paper   : theta of (6), products with the key term's weight g
 named   : a dict of ``a``, ``b``, ``c``, ``d`` and one weight per term of the law
 """

@@ -374,7 +374,7 @@ class RecursiveRegressor(AxisRegressor):
         return stream
 
     def _drop_stream(self) -> None:
-        """Drop what was made for the old parameters or the old state."""
+        """Discard everything that was built for the old parameters or the old state."""
         for name in _NO_STATE:
             self.__dict__.pop(name, None)
 
@@ -439,7 +439,7 @@ class RecursiveRegressor(AxisRegressor):
                 got = np.shape(state.get(name, 0))
                 raise ValueError(
                     f"The state of this {type(self).__name__} has {name} of shape {got}, and its "
-                    f"parameters ask for {expected}; use the parameters it was begun with, or call fit."
+                    f"parameters need {expected}; use the parameters it was begun with, or call fit."
                 )
             if isinstance(value, int) and (type(state[name]) is not int or state[name] < 0):
                 raise ValueError(f"The state has {name} {state[name]!r}, expected a count; go back to an earlier one.")
@@ -463,7 +463,7 @@ class RecursiveRegressor(AxisRegressor):
         asked = n * n * n_starts + memory + self.p
         if asked > 100 * held + 1000:
             raise ValueError(
-                f"This state holds {held} numbers, and its parameters ask for {asked} or more; use the parameters "
+                f"This state holds {held} numbers, and its parameters need {asked} or more; use the parameters "
                 "it was begun with."
             )
 

@@ -307,7 +307,7 @@ def _weighted(u: Array, y: Array, restart: NDArray[np.bool_], weight: Array) -> 
 
 
 def _forget_past(state: State, samples: float, ceiling: float) -> None:
-    """Strongly forget, once, what a single recursion knows."""
+    """Let a single recursion strongly forget its past, once."""
     left = min(1.0, samples / max(float(state["loss"][1]), 1e-300))
     state["loss"] *= left
     state["power"] *= left

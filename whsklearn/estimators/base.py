@@ -30,7 +30,7 @@ FEW_SIGNS = math.log(2.0)
 class AxisRegressor(RegressorMixin, CheckedModel):
     """Base of the estimators: ``predict`` is the free run, ``score`` is its R2.
 
-    Its settings and what was learned are `FittedModel`'s, state and files `KeptModel`'s, checks `CheckedModel`'s.
+    `FittedModel` holds its settings and learned attributes, `KeptModel` its state and files, `CheckedModel` its checks.
     """
 
     _default_output = "simulation"  # of `predict`
@@ -45,9 +45,9 @@ class AxisRegressor(RegressorMixin, CheckedModel):
         sign(dx) becomes erf(dx / (sqrt(2) sd)).  It has the least mean squared error (on Example 5.1, N = 1,000,
         7.5 dB, about two thirds of the simulation's, benchmarks/accuracy.py).  The *simulation* uses `parameters_`,
         with one sign at each sample.  When the parameters are known well, as after 20,000 clean samples, it is right
-        to the last sample on most records, and it is what a simulator or an export will compute.  `wrong_signs` tells
-        how many signs of a record the simulation is expected to get wrong.  If these are fewer than 0.7 (ln 2), it is
-        more likely than not that all signs are right, and the simulation is the default.
+        to the last sample on most records, and it is what a simulator or an export will compute.  `wrong_signs` gives
+        the number of signs of a record that the simulation is expected to get wrong.  If this is less than 0.7 (ln 2),
+        it is more likely than not that all signs are right, and the simulation is the default.
 
         Parameters
         ----------
@@ -60,7 +60,7 @@ class AxisRegressor(RegressorMixin, CheckedModel):
             parameters, as the recursive ones with ``gradient="full"`` do, and 0.7 signs or more of the experiment are
             expected to be wrong.  Otherwise it is the simulation of `parameters_`.  The two differ only for a law with
             sign(dx).  Signs are counted over the whole experiment, so the default may differ between a record and its
-            first half; name the output where both must be alike.
+            first half; choose the output explicitly if both must be alike.
         return_std : bool, default=False
             Whether to return the standard deviation of the measured output about the free run too.  It includes the
             uncertainty of the parameters (the spread of the free runs of 100 draws from their Gaussian) and the

@@ -186,7 +186,7 @@ class PEMRegressor(ChainRegressor):
             raise ValueError(
                 f"X has {X.shape[1]} inputs, and orders are searched for one; give lags=WienerHammersteinLags(...)."
             )
-        # The best linear approximation says nothing about a law in dx, or about how several inputs share L1.
+        # The best linear approximation does not show a law in dx, or how several inputs share L1.
         free = not many and scale_free(law_of(self.lags))
         start = None if free else self._fit_prediction(X, y, restart, weights)["theta"]
         fit = from_record(self.lags, X, y, restart, start, weights)

@@ -82,7 +82,7 @@ class MotionStream:
             If the state is of another kind.
         """
         if not isinstance(state, dict) or not {"n_features_in", "cutoff", *RowState._fields} <= state.keys():
-            raise ValueError("This is no state of an InverseDynamicsLags; give what get_state() returned.")
+            raise ValueError("This is not a state of InverseDynamicsLags; give what get_state() returned.")
         path, drive, torque = (np.array(state[name], dtype=float) for name in ("path", "drive", "torque"))
         self._settle()
         self.n_features_in_ = int(state["n_features_in"])

@@ -386,7 +386,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
             not isinstance(state, dict)
             or not {"n_features_in", "cutoff", "weights", *ArmRowState._fields} <= state.keys()
         ):
-            raise ValueError("This is no state of RigidBodyLags; give what get_state() returned.")
+            raise ValueError("This is not a state of RigidBodyLags; give what get_state() returned.")
         self._settle()
         self.n_features_in_ = int(state["n_features_in"])
         self._set_cutoff(float(state["cutoff"]))
@@ -587,7 +587,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         return Seen(self._filtered(columns)[kept], self._filtered(target)[kept], keep[kept], moved, kept)
 
     def _limits(self, X: Array, velocity: Array) -> Array:
-        """Speed of each joint below which its rows are excluded, (n_joints,); infinite where it does not move."""
+        """Speed of each joint below which its rows are excluded, (n_joints,); infinite if it does not move."""
         speeds = np.sqrt(np.mean(velocity**2, axis=0))
         noise = np.array([velocity_noise(x, self.sample_rate, self._fine) for x in X[:, : self.arm_.n_joints].T])
         still = speeds <= NOISY * noise

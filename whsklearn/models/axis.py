@@ -66,7 +66,7 @@ class AxisModel(IdentifiedModel):
             raise ValueError(f"hold is {self.hold!r}, expected one of: {', '.join(HOLDS)}.")
         if self.logged == "output":
             raise ValueError(
-                "logged is 'output', but the output of an axis is its velocity or its position; say which."
+                "logged is 'output', but the output of an axis is its velocity or its position; say which of the two."
             )
         self.system()  # raises if the axis cannot be simulated
 

@@ -113,7 +113,7 @@ class IdentifiedModel:
         except ValueError:
             raise ValueError(
                 f"The {column} of the log is in {unit}, that of the model in {known}, and one cannot be converted to "
-                f"the other; give a log of the same quantity, or say the unit with --unit {_ROLES[column]}=UNIT."
+                f"the other; give a log of the same quantity, or state the unit with --unit {_ROLES[column]}=UNIT."
             ) from None
 
     def simulate(self, u: ArrayLike, *, start: float = 0.0) -> NDArray[np.float64]:

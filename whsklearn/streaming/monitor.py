@@ -384,7 +384,7 @@ class StreamMonitor:
             self.emit(self._record("alarm", row) | said | named)
 
     def _by_output(self, values: list[Any]) -> Any:
-        """A value by the name of its output, or the value itself where there is one output."""
+        """Values by the names of their outputs, or the value itself if there is only one output."""
         return values[0] if len(values) == 1 else dict(zip(self.options.outputs, values, strict=True))
 
     def _count_anew(self) -> None:
@@ -444,7 +444,7 @@ class StreamMonitor:
         return [said[k] for k, was in enumerate(self.carried.poor) if poor[k] and not was]
 
     def _judged(self) -> tuple[list[bool], list[str]]:
-        """Whether each output is predicted worse than by its mean, and the sentence that says so."""
+        """Whether each output is predicted worse than by its mean, and the message for it."""
         c, poor, said = self.carried, list(self.carried.poor), [""] * len(self.options.outputs)
         if c.counted < 2 or c.adapting or c.rows - c.counted < TAKEN_OVER:  # settling after the start or an alarm
             return poor, said

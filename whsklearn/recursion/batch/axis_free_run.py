@@ -6,7 +6,7 @@ w_1 sin e + w_2 cos e, or of a spring, w_1 e + w_2 e^2 + w_3 e^3, with e = q - c
 The steps are those of `whsklearn.systems._servo_step`: half a drift, a kick, half a drift (second order), linearly
 implicit in the velocity.  Dry friction is a proximal step, so standstill is exact: while the drive cannot overcome it,
 v = 0 and all earlier errors are forgotten.  It has its own kernel for speed: with 8 parameters, 25,000 samples with all
-sensitivities take 2.6 ms.  Finite differences with the servo's kernel, which knows every effect, take 100 ms.
+sensitivities take 2.6 ms.  Finite differences with the servo's kernel, which has every effect, take 100 ms.
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 LARGEST = 1e30  # bound of x, so that a diverging free run stays finite
-KNOWN = np.zeros((0, 0))  # stands for the covariance of a block whose parameters are exact
+KNOWN = np.zeros((0, 0))  # the covariance of a block whose parameters are exact
 
 
 def increment_rms(theta: Array, dims: NDArray[np.int64], u: Array, restart: Bools) -> float:

@@ -33,7 +33,7 @@ CAPACITY = 512  # largest number of signs kept; on Example 5.1 the median is 20 
 IN_DOUBT = 7.0  # standard deviations of dx under the covariance with signs frozen, which is wider than the posterior
 JUMPING = frozenset((COULOMB, STRIBECK_EXP, POSITION_FRICTION))  # terms that jump where dx changes its sign
 NONE = -1  # instead of a row that a sign does not enter because another experiment has begun
-SETTLED = 12.0  # beyond so many standard deviations a listed sign is frozen for good when a page is turned
+SETTLED = 12.0  # beyond this many standard deviations a listed sign is frozen permanently when a page is turned
 
 
 class Rows(NamedTuple):

@@ -208,7 +208,7 @@ def _remember(state: State, r: Settings, samples: Samples, still: NDArray[np.uin
 
 
 def forget_past(state: State, samples: float) -> None:
-    """Reduce the weight of what is known to ``samples`` samples at most, in P and in the memory."""
+    """Reduce the weight of the past to at most ``samples`` samples, in P and in the memory."""
     left = min(1.0, samples / max(float(state["known"][0]), 1e-300))
     state["known"] *= left
     state["oblivion"] *= left

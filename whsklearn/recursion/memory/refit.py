@@ -93,7 +93,7 @@ class Refit:
     def prepare(self) -> Generator[None, None, None]:
         """Compute what needs the whole memory once: the weights and their sum, the prior's weight, and any motion.
 
-        Everything after this is done in small pieces too.  Code that runs once per page is no longer in a cache, and
+        Everything after this is done in small pieces too.  Code that runs once per page is no longer cached, and
         work that takes 20 us in a loop takes 100 us here.
         """
         state, size = self.state, self.size

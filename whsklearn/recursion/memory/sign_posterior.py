@@ -39,7 +39,7 @@ class Gaussian(NamedTuple):
 
 
 def frozen(matrix: Array, theta: Array, count: float) -> Gaussian | None:
-    """Least squares with the signs as they are; None if nothing is known about the noise yet."""
+    """Least squares with the signs as they are; None if the noise variance is not known yet."""
     return in_one(frozen_steps(matrix, theta, count))
 
 

@@ -60,8 +60,8 @@ def factors_of_inverse(information):
     """U and D of P = information^-1, for a symmetric positive semidefinite matrix of any scaling.
 
     information = L L' gives P = L^-T L^-1, whose first factor is upper triangular: it is U sqrt(D).  The pivots of the
-    matrix, scaled to a diagonal of one, are at least LEAST_PIVOT.  A parameter about which the record says nothing is
-    therefore uncertain, but its variance is finite.
+    matrix, scaled to a diagonal of one, are at least LEAST_PIVOT.  A parameter that has no effect on the record
+    is therefore uncertain, but its variance is finite.
     """
     n = information.shape[0]
     low, inverse, scale = np.zeros((n, n)), np.zeros((n, n)), np.empty(n)

@@ -38,7 +38,7 @@ ROWS = 64  # rows of a line along a record before the line starts over
 
 
 class Past(NamedTuple):
-    """The required past, newest first; a line has rows in front of it for the samples to come (`with_room`).
+    """The required past, newest first; a line has room for new samples in front of it (`with_room`).
 
     Attributes
     ----------
