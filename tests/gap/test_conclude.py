@@ -73,10 +73,16 @@ def test_where_own_records_are_exact_the_errors_are_the_run_and_what_is_shown_is
 class Runs:
     """A plant whose models are their terms; ``closes`` says what a model's free run closes at every horizon."""
 
-    headline = 2.0
+    headline, exact = 2.0, False
 
-    def __init__(self, closes, refitted=lambda m: m):
-        self.closes, self.to_simulate = closes, refitted
+    def __init__(self, closes, refitted=lambda m: m, objected=""):
+        self.closes, self.to_simulate, self.objected = closes, refitted, objected
+
+    def objection(self, model, grown):
+        return "at a limit" if grown[-1] in self.objected else ""
+
+    def looks(self, model, rng):
+        return []
 
     def contributes(self, base, model):
         return False
@@ -89,10 +95,14 @@ class Terms(str):
     """A model: a letter a term."""
 
     __slots__ = ()
+    n_base = 0
 
     @property
     def terms(self):
         return tuple(self)
+
+    def with_terms(self, terms):
+        return Terms("".join(terms))
 
     def without(self, index):
         return Terms(self[:index] + self[index + 1 :])
@@ -123,6 +133,12 @@ def test_the_last_effects_go_until_the_run_closes(closing):
 def test_numbers_as_found_stand_in_where_those_refitted_along_the_run_are_worse(closing):
     plant = Runs(lambda m: (0.9, 0.9) if m == "ab" else (-0.1, -0.1), refitted=lambda m: Terms(m.upper()))
     assert closing(plant)[1].model == "ab"
+
+
+def test_an_effect_beside_others_that_ends_at_a_limit_goes_and_one_alone_stays(closing):
+    _, found = closing(Runs(lambda m: (0.9, 0.9), objected="b"), "abc")
+    assert (found.model, found.taken) == ("ac", ["a", "c"])
+    assert closing(Runs(lambda m: (0.9, 0.9), objected="a"), "a")[1].taken == ["a"]
 
 
 def test_a_run_that_is_useless_at_one_horizon_is_told_at_a_shorter_one(closing):
