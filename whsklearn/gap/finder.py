@@ -66,7 +66,7 @@ class GapFinder(BaseEstimator):
 
     References
     ----------
-    Davison and Hinkley 1997, Bootstrap Methods and their Application, ch. 4, for records that a model makes itself;
+    Davison and Hinkley 1997, Bootstrap Methods and their Application, ch. 4, for records simulated with the model;
     Vuong 1989, Econometrica 57(2), 307-333, and Cox 1962, JRSS B 24(2), 406-424, for which of two effects it is; Ljung
     1999, System Identification, 2nd ed., ch. 16, for held-out samples.
 

@@ -9,7 +9,7 @@ How to write a plant
 1. A frozen model class with ``terms`` (base model's first), ``n_base``, ``without(index)`` and ``with_terms``; each
    term has ``name`` and ``effect`` (the library's own `whsklearn.effects.Effect`).
 2. ``base``, ``errors`` and ``settled``: the model, its residual, and the model with all numbers fitted.
-3. ``looks``: every candidate to first order, in the record and in records that the model makes itself
+3. ``looks``: every candidate to first order, in the record and in records that the model simulates
    (`whsklearn.gap.tangent.Tangent` does both at once); ``refine`` fits one of them, ``objection`` gives a physical
    objection to it.  ``n_effective`` is the number of independent samples on which the last looks are based.
 4. ``made`` and ``simulate``: a record that the model simulates, and the free run for the proof.

@@ -129,7 +129,7 @@ def on_second_record(finder: Any, log: Any, **columns: str | None) -> list[dict[
     if plant.units != fitted.units:
         raise ValueError(
             f"The second record has its drive in {plant.logged[0]} and its position in {plant.logged[1]}, the first in "
-            f"{fitted.logged[0]} and {fitted.logged[1]}, and one cannot be brought to the other; give a record of the "
+            f"{fitted.logged[0]} and {fitted.logged[1]}, which cannot be converted; give a record of the "
             "same quantities."
         )
     signals = [np.column_stack([p.record.drive, p.record.position]) for p in (fitted, plant)]

@@ -1,7 +1,7 @@
 """One record of an arm filtered by `RigidBodyLags`: rows ordered by joint, and the residual of a model there.
 
-The fit is linear in all sizes and weights every joint by its residual.  The effect of chance is taken from records that
-the fitted arm makes itself: the drives that it needs along the measured motion, read through the same encoders and
+The fit is linear in all sizes and weights every joint by its residual.  The effect of chance is taken from records
+simulated with the fitted arm: the drives that it needs along the measured motion, read through the same encoders and
 filters, plus noise with the colour of the unexplained part, joint by joint.
 """
 

@@ -408,8 +408,8 @@ class ChainPlant(PlantDefaults):
         return [
             *([passed] if holes else []),
             *([long] if self.record is not self.everything else []),
-            "All errors are those of the free run, whitened by an autoregression of the residual. The null is "
-            "taken from records that the model made itself.",
+            "All errors are those of the free run, whitened by an autoregression of the residual. Null "
+            "distributions come from records simulated with the model.",
             "Errors before and after exclude samples on the wrong side of a sign (beyond six robust deviations, and "
             "while L2 remembers it): no fit can avoid a few of them, and they would make up most of the mean square.",
             f"For the proof all numbers are fitted to the first {100 * FITTED:.0f} % of the record; the rest judges "

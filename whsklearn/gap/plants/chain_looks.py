@@ -1,7 +1,7 @@
 """The look at a chain: every candidate at every shape as a column of the free run, in the record and in own records.
 
 A column is the change of the whitened free run by a small effect (by one of its actual size if the size is a shape),
-under a sign soft enough to have a slope.  The null rows are the residuals of records that the model made itself, after
+under a sign soft enough to have a slope.  The null rows are the residuals of records that the model simulated, after
 a refit like that of the record.  These null worlds are exact, because a chain is simulated from its input alone.
 """
 
@@ -161,7 +161,7 @@ class Seen:
 
 
 def own_errors(s: Record, m: ChainModel, rng: np.random.Generator) -> Array:
-    """Residuals of records that the model made itself, refitted at the same sharpness; shape (m, n)."""
+    """Residuals of records simulated with the model, refitted at the same sharpness; shape (m, n)."""
     rows = []
     for _ in range(N_NULL):
         other = cm.made(s, m, rng)

@@ -120,7 +120,7 @@ class SimulatorPlant(PlantDefaults):
 
     @property
     def shapes(self) -> dict[str, list[Any]]:
-        """Every effect that the simulator accepts, at every shape worth a look."""
+        """Every effect that the simulator accepts, at every shape worth trying."""
         if self._shapes is None:
             given = getattr(self.given_model, "effects_to_try", None)
             shapes = {} if given is not None else catalogue(self.record, self.motion.signals, self.further_shapes)

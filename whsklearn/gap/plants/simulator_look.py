@@ -1,4 +1,4 @@
-"""The measured motion for the columns of effects, and every shape of an effect that is worth a look.
+"""The measured motion for the columns of effects, and every shape of an effect that is worth trying.
 
 The error is a missing torque over J, integrated twice, plus the response of friction, springs and controller to it.  So
 e'' is regressed on e, e' and the motion (the simulator's own numbers may be wrong) and on one effect at a time, along
@@ -117,7 +117,7 @@ def columns_of(effect: Effect, signals: Any) -> Array:
 
 
 def ladder(cls: type[Effect], record: Any, signals: Any) -> Iterator[Effect]:
-    """One effect at every shape that is worth a look in this record; a user's own effect at its own starts."""
+    """One effect at every shape that is worth trying in this record; a user's own effect at its own starts."""
     torque = rms(record.drive) or 1.0
     if cls.evaluate is not None:
         yield from from_starts(cls, record, signals)
@@ -188,7 +188,7 @@ def _grid(field: str, unit: str, record: Any, signals: Any) -> Array:
 
 
 def catalogue(record: Any, signals: Any, further: tuple[type[Effect], ...] = ()) -> dict[str, list[Effect]]:
-    """Every effect of the catalogue with columns, at every shape worth a look, and ``further`` shapes."""
+    """Every effect of the catalogue with columns, at every shape worth trying, and ``further`` shapes."""
     out: dict[str, list[Effect]] = {}
     for name in effect_names():
         cls = get_effect(name)

@@ -401,7 +401,7 @@ def refine(plant: Any, model: SimulatorModel, look: Look) -> SimulatorModel:
 
 
 def grown(plant: Any, model: SimulatorModel, start: Any) -> SimulatorModel:
-    """A start brought to its size, then all its numbers fitted.
+    """A start whose size is fitted first, then all its numbers together.
 
     The fit begins from the simulator's refitted numbers or from those that it had when given, whichever is better with
     the effect: a refit without it may have changed them greatly to compensate.
