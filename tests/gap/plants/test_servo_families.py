@@ -11,6 +11,7 @@ from whsklearn.gap.plants import servo_families, servo_own
 from whsklearn.gap.plants.servo_candidates import catalogue
 from whsklearn.gap.plants.servo_start import start_of
 from whsklearn.gap.record import ServoRecord
+from whsklearn.gap.tangent import chance
 
 
 def looks_at(effects):
@@ -19,6 +20,14 @@ def looks_at(effects):
     own, _ = servo_own.own(view, model, np.random.default_rng(0))
     view.artefact = own.mean
     return view, servo_families.looks(view, view.fit(model), own, 0.0)
+
+
+def test_a_dominant_effect_is_judged_beside_itself_and_a_weak_one_beside_the_whole_gap():
+    _, looks = looks_at([InputOffset(0.3), Cogging(0.05, 9.0)])
+    by = {k.name: k for k in reversed(looks) if k.name}
+    common = {name: chance(k, k.null, len(looks), 0.0) for name, k in by.items()}
+    assert by["input_offset"].p_value < 1e-3 * common["input_offset"]
+    assert by["cogging"].p_value == common["cogging"]
 
 
 def test_every_effect_that_a_torque_can_show_is_asked_for_or_needs_another_first():
