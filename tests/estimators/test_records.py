@@ -88,9 +88,9 @@ def test_a_list_that_does_not_fit_is_refused_in_one_sentence(records):
     [
         (np.ones(3), "has shape"),
         (np.ones((4, 1)), "has shape"),
-        ([1.0, -1.0, 1.0, 1.0], "no weights"),
-        ([1.0, np.nan, 1.0, 1.0], "no weights"),
-        (["a", "b", "c", "d"], "no weights|has shape"),
+        ([1.0, -1.0, 1.0, 1.0], "invalid weights"),
+        ([1.0, np.nan, 1.0, 1.0], "invalid weights"),
+        (["a", "b", "c", "d"], "invalid weights|has shape"),
         (np.zeros(4), "zero for every sample"),
     ],
 )

@@ -214,21 +214,17 @@ def _before_l2(
     return out, np.where(dx == 0.0, 0.0, 0.5 * (1.0 - certainty))  # at rest the sign does not matter
 
 
-@njit(error_model="numpy", short=True)
-def shifted(u, y, restart, advance):
+def shifted(
+    u: Array, y: Array, restart: NDArray[np.bool_], advance: int
+) -> tuple[Array, Array, NDArray[np.bool_], NDArray[np.intp]]:
     """Experiments with y (u, if negative) delayed by ``advance`` samples, and the new positions of their samples."""
     more, late = abs(advance), max(advance, 0)
-    n = restart.size + more * restart.sum()
+    n = restart.size + more * int(restart.sum())
     u_new, y_new, restart_new = np.zeros((n, u.shape[1])), np.zeros(n), np.zeros(n, dtype=np.bool_)
-    to = np.empty(restart.size, dtype=np.int64)
-    by = -more
-    for t in range(restart.size):
-        if restart[t]:
-            by += more
-            restart_new[t + by] = True
-        to[t] = t + by + late
-        u_new[to[t] - advance] = u[t]
-        y_new[to[t]] = y[t]
+    at = np.arange(restart.size) + more * (np.cumsum(restart) - 1)
+    to = at + late
+    restart_new[at[restart]] = True
+    u_new[to - advance], y_new[to] = u, y
     return u_new, y_new, restart_new, to
 
 

@@ -54,9 +54,12 @@ def dialect_of(lines: list[str]) -> Dialect | None:
 def split(line: str, separator: str) -> list[str]:
     """Cells of a line, without quotes and blanks around them."""
     text = line.strip("\r\n")
-    cells = (
-        text.split() if separator == r"\s+" else re.split(re.escape(separator) + r'(?=(?:[^"]*"[^"]*")*[^"]*$)', text)
-    )
+    if separator == r"\s+":
+        cells = text.split()
+    elif '"' in text:
+        cells = re.split(re.escape(separator) + r'(?=(?:[^"]*"[^"]*")*[^"]*$)', text)
+    else:  # the look-ahead above takes the square of a line's length
+        cells = text.split(separator)
     return [plain(c) for c in cells]
 
 
