@@ -242,3 +242,22 @@ def smoothed_power(x: Array) -> Array:
     low, high = np.maximum(line - half, 0), np.minimum(line + half + 1, power.size)
     total = np.concatenate([[0.0], np.cumsum(power)])
     return (total[high] - total[low]) / (high - low)
+
+
+def null_rows(rest: Array, apart: Array, count: int, rng: np.random.Generator, share: float = 1.0) -> Array:
+    """Residuals by chance with the colour of ``rest``, shape (count, n): encoder noise, and what else is in it as noise.
+
+    Parameters
+    ----------
+    rest : ndarray of shape (n,)
+        Residual of the record without artefacts.
+    apart : ndarray of shape (k, n)
+        Encoder noise in the residuals of k records simulated with the model, taken in turn.
+    count : int
+    rng : Generator
+    share : float
+        Share of the samples that count; ``rest`` is zero at the others.
+    """
+    noise = np.mean([smoothed_power(a) for a in apart], axis=0)
+    excess = np.maximum(smoothed_power(rest) - noise, 0.0) / share
+    return np.array([apart[i % len(apart)] + coloured(excess, rest.size, rng) for i in range(count)])

@@ -143,22 +143,20 @@ def _closing(plant: Any, found: Found, rng: np.random.Generator, given: Any) -> 
                 found.model, rows = proofs[-1]
                 if (i := _unsound(plant, found)) is None:
                     return rows
-                proofs.clear()
                 found.model = plant.settled(fitted.without(found.model.n_base + i))
                 del found.taken[i]
                 found.remainder = plant.looks(found.model, rng)
                 break
-        if not proofs:
-            continue
-        # restarts may make a run useless at one horizon that still shows the torque at a shorter one
-        for model, rows in proofs:
-            shorter = [r["horizon"] for r in rows if r["horizon"] < plant.headline and r["closure"] > 0.0]
-            if shorter:
-                found.model, plant.headline = model, max(shorter)
-                return rows
-        found.model = plant.settled(fitted.without(len(fitted.terms) - 1))
-        del found.taken[-1]
-        found.remainder = found.steps[min(len(found.taken), len(found.steps) - 1)].looks
+        else:
+            # restarts may make a run useless at one horizon that still shows the torque at a shorter one
+            for model, rows in proofs:
+                shorter = [r["horizon"] for r in rows if r["horizon"] < plant.headline and r["closure"] > 0.0]
+                if shorter:
+                    found.model, plant.headline = model, max(shorter)
+                    return rows
+            found.model = plant.settled(fitted.without(len(fitted.terms) - 1))
+            del found.taken[-1]
+            found.remainder = found.steps[min(len(found.taken), len(found.steps) - 1)].looks
     found.model = found.base
     return prove(plant, found.base, found.base, rng, given)
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from whsklearn.effects import Scales
 from whsklearn.filtering import Motion, zero_phase
 from whsklearn.filtering.encoder import encoder_noise
-from whsklearn.gap.calibration import coloured, n_effective, smoothed_power
+from whsklearn.gap.calibration import N_NULL, coloured, n_effective, null_rows, smoothed_power
 from whsklearn.gap.plants.arm_terms import AtJoint, JointInertia, JointTerm, Load, Weight
 from whsklearn.gap.plants.servo_candidates import ColumnSignals
 from whsklearn.gap.plants.servo_inverse import later, reaching
@@ -32,7 +32,6 @@ from whsklearn.systems.arm_files import STANDARD_GRAVITY, body_numbers
 Array = NDArray[Any]
 
 N_RECORDS = 5  # of the arm's own, as for an axis (`servo_own`)
-N_NULL = 15  # null rows from which the effect of chance is taken
 LATEST = 2.0  # samples: up to this age of a drive it is bookkeeping, beyond it a delay
 OLDEST = 0.06  # s: largest age of a drive in any logger
 # At rest, dry friction may have any value between both signs, and the model uses one of them: it is off by up to twice
@@ -387,11 +386,8 @@ class ArmView:
         n = 0.0
         for j in range(self.n_joints):
             share = max(float(self.keep[:, j].mean()), 1e-9)
-            power = smoothed_power(rest[:, j])
-            seen = np.mean([smoothed_power(a[:, j]) for a in apart], axis=0)
-            excess = np.maximum(power - seen, 0.0) / share
-            null[:, :, j] = [apart[i % N_RECORDS, :, j] + coloured(excess, self.n_rows, rng) for i in range(N_NULL)]
-            spread = coloured(power, self.n_rows, np.random.default_rng(0))
+            null[:, :, j] = null_rows(rest[:, j], apart[:, :, j], N_NULL, rng, share)
+            spread = coloured(smoothed_power(rest[:, j]), self.n_rows, np.random.default_rng(0))
             if self.keep[:, j].any():
                 n += share * n_effective(spread, self.n_rows)
         if self.known is not None:

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from whsklearn.effects import codes as k
 from whsklearn.effects.quantity import ONE_PERIOD
 from whsklearn.filtering.gaussian import CUTOFF_SIGMA
-from whsklearn.gap.calibration import coloured, gain, n_effective, smoothed_power
+from whsklearn.gap.calibration import coloured, gain, n_effective, null_rows, smoothed_power
 from whsklearn.gap.least_squares import least_squares
 from whsklearn.gap.plants import inverse_dynamics as ols
 from whsklearn.gap.plants import servo_evidence as rules
@@ -34,7 +34,7 @@ from whsklearn.gap.plants import servo_two_mass as two_mass
 from whsklearn.gap.plants.servo_candidates import TWO_MASS, Candidate, usable
 from whsklearn.gap.plants.servo_inverse import later, reaching
 from whsklearn.gap.plants.servo_model import AxisModel, Term
-from whsklearn.gap.plants.servo_own import N_NULL, Own, null_of
+from whsklearn.gap.plants.servo_own import N_NULL, Own
 from whsklearn.gap.search import HALF
 from whsklearn.gap.tangent import Family, Look, Tangent, chance, with_p_values
 
@@ -118,7 +118,7 @@ def looks(view: Any, model: AxisModel, own: Own, least: float, beside: AxisModel
         if f is None or look.size**2 < HALF * view.rms(left) ** 2:
             return look
         rest = view.gap(view.fit(model.with_terms((*model.terms, look.start))))
-        other = dataclasses.replace(timed, null=null_of(rest, own.apart, np.random.default_rng(0))).look(f)
+        other = dataclasses.replace(timed, null=null_rows(rest, own.apart, N_NULL, np.random.default_rng(0))).look(f)
         return look if other is None else dataclasses.replace(look, p_value=chance(look, other.null, len(found), least))
 
     return [beside_itself(k) for k in found]

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn.filtering.gaussian import CUTOFF_SIGMA, gaussian_derivatives
-from whsklearn.gap.calibration import coloured, n_effective, smoothed_power
+from whsklearn.gap.calibration import coloured, n_effective, null_rows, smoothed_power
 from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants.servo_candidates import ColumnSignals as Motion
 from whsklearn.gap.plants.servo_model import AxisModel
@@ -136,13 +136,7 @@ def own(view: Any, model: AxisModel, rng: np.random.Generator) -> tuple[Own, Axi
     rest = left - mean
     # n is that of the smoothed spectrum
     n = n_effective(coloured(smoothed_power(rest), rest.size, np.random.default_rng(0)), view.n_effective)
-    return Own(mean, null_of(rest, apart, rng), float(np.sqrt(np.mean(apart**2))), n, apart), corrected
-
-
-def null_of(rest: Array, apart: Array, rng: np.random.Generator) -> Array:
-    """Residuals by chance with the colour of ``rest``, shape (m, n): encoder noise, and what else is in it as noise."""
-    excess = np.maximum(smoothed_power(rest) - np.mean([smoothed_power(a) for a in apart], axis=0), 0.0)
-    return np.array([apart[k % len(apart)] + coloured(excess, rest.size, rng) for k in range(N_NULL)])
+    return Own(mean, null_rows(rest, apart, N_NULL, rng), float(np.sqrt(np.mean(apart**2))), n, apart), corrected
 
 
 def floor_of(view: Any, model: AxisModel) -> float:
