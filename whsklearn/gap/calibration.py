@@ -245,7 +245,7 @@ def smoothed_power(x: Array) -> Array:
 
 
 def null_rows(rest: Array, apart: Array, count: int, rng: np.random.Generator, share: float = 1.0) -> Array:
-    """Residuals by chance with the colour of ``rest``, shape (count, n): encoder noise, and what else is in it as noise.
+    """Residuals by chance with the colour of ``rest``, shape (count, n): encoder noise plus coloured noise.
 
     Parameters
     ----------
