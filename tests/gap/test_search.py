@@ -173,6 +173,21 @@ def test_an_effect_that_settles_at_more_than_was_left_before_is_taken_back_and_t
     assert len(found.steps) == 1
 
 
+def test_after_one_that_settles_at_more_the_next_best_is_taken():
+    class Unsettled(Columns):
+        def settled(self, model):  # the strongest turns sour as soon as the other numbers move
+            self.sour = "a" in {t.name for t in model.terms}
+            return model
+
+        def errors(self, model):
+            sour = getattr(self, "sour", False) and "a" in {t.name for t in model.terms}
+            return super().errors(model) * (30.0 if sour else 1.0)
+
+    found = run(Unsettled({"a": 0.4, "c": 0.2}, names="abc", forbidden=("twin",)))
+    assert [t.name for t in found.taken] == ["c"]
+    assert {f.name for f in found.steps[0].fitted if "all numbers fitted" in f.reason} == {"a"}
+
+
 def test_what_nameless_functions_show_together_shows_the_names_that_explain_a_share_of_it():
     def look(name, p, size):
         return Look(name, 10.0, np.zeros(3), size=size, p_value=p)

@@ -219,10 +219,11 @@ def verdict_of(plant: Any, found: Found, alpha: float, run: dict[str, float]) ->
             blind = len(_unseen(plant, found, alpha)) > HALF * len(asked)
             return "not_testable" if asked and blind else "no_gap"
         return "unknown" if nameless > least else "coloured_noise"
-    missing = max(before**2 - floor**2, 1e-300)
-    share = (before**2 - after**2) / missing
+    share = (before**2 - after**2) / max(before**2 - floor**2, 1e-300)
     # the drive's error shows little of free swings: there the looks along the run measure what an effect explains
-    if max(share, sum((t.size * plant.scale) ** 2 for t in found.taken) / missing) < LEAST_SHARE:
+    explained = max(before**2 - after**2, sum((t.size * plant.scale) ** 2 for t in found.taken))
+    # of what follows the motion: coloured noise, such as the torque of other joints, could be no part of any name
+    if explained < LEAST_SHARE * (explained + nameless**2):
         return "unknown"
     # exact records: the errors are already those of a free run, and the held-out ones need only be no larger
     if (share if plant.exact else min(share, run["closure"])) < HALF:

@@ -164,21 +164,22 @@ class Search:
         names = {t.name for t in found.taken}
         left = self.plant.rms(self.plant.errors(found.model))
         fitted = [] if len(names) >= self.max_effects else self.fitted(found.model, looks)
-        taken = self._chosen(fitted, looks)
-        step = Step(len(found.steps) + 1, left, self.plant.n_effective, looks, fitted, taken)
+        step = Step(len(found.steps) + 1, left, self.plant.n_effective, looks, fitted, None)
         found.steps.append(step)
-        if taken is not None:
+        while (taken := self._chosen(step.fitted, looks)) is not None:
             more = [taken]
             if taken.name in names:  # it beat all others twice: the rest of its family need not
                 for grown in self.plant.family(taken.model):
                     more.append(self._named(more[-1].model, taken.look, grown))
             model = self.plant.settled(more[-1].model)
             if taken.name in names or self.plant.rms(self.plant.errors(model)) < left:
-                found.model, found.taken = model, found.taken + more
-            else:  # with all numbers fitted, the residual is no smaller than without the effect
-                step.taken = None
-                found.model = self.plant.settled(found.model)
-                found.remainder = self.plant.looks(found.model, self.rng)
+                step.taken, found.model, found.taken = taken, model, found.taken + more
+                break
+            found.model = self.plant.settled(found.model)
+            failed = "with all numbers fitted, the residual is no smaller than without it"
+            step.fitted = [replace(f, reason=failed) if f.look is taken.look else f for f in step.fitted]
+        if taken is None and step.fitted is not fitted:
+            found.remainder = self.plant.looks(found.model, self.rng)
         if self.on_round is not None:
             self.on_round(step)
         return step.taken is not None
