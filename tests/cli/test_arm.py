@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 from click.testing import CliRunner
 
-from whsklearn.cli.arm import gains_of, guessed_columns, joint_columns
+from whsklearn.cli.arm_log import gains_of, guessed_columns, joint_columns
 from whsklearn.cli.export import main as export
 from whsklearn.cli.gap import main as gap
 from whsklearn.cli.identify import main as identify
@@ -87,6 +87,7 @@ def test_columns_may_be_named_and_drives_be_currents(folder):
         ("bare.csv", [], "name all joints with --joints"),
         ("arm.csv", ["--joints", "yaw"], "expected NAME:POSITION,DRIVE"),
         ("arm.csv", ["--joints", "elbow:a,b"], "no joint 'elbow'"),
+        ("arm.csv", ["--joints", "yaw:a,b;pitch:a,c"], "gives column 'a' twice"),
         ("arm.csv", ["--gains", "yaw:x"], "NM_PER_AMPERE"),
     ],
 )
@@ -156,6 +157,44 @@ def test_a_name_or_a_number_tells_whose_column_it_is():
     }
     assert joint_columns(" a: q , i ;") == {"a": ("q", "i")}
     assert gains_of("a:1.5;b:2+-0.1") == {"a": (1.5, 0.0), "b": (2.0, 0.1)}
+
+
+@pytest.mark.parametrize(
+    ("families", "position", "drive"),
+    [
+        ("target_q_# actual_q_# actual_qd_# target_moment_# actual_current_#", "actual_q_0", "actual_current_0"),
+        ("q# dq# q_d# tau_J# tau_J_d# dtau_J# tau_ext_hat_filtered#", "q0", "tau_J0"),
+        ("position[#] velocity[#] effort[#]", "position[0]", "effort[0]"),
+        ("/joint_states.position.# /joint_states.effort.#", "/joint_states.position.0", "/joint_states.effort.0"),
+        ("arm2_J#_Pos arm2_J#_Vel arm2_J#_Trq", "arm2_J0_Pos", "arm2_J0_Trq"),
+    ],
+)
+@pytest.mark.parametrize("first", [0, 1])
+def test_columns_of_other_makers_are_taken_in_the_robots_order(families, position, drive, first):
+    names = ["time", *(f.replace("#", str(first + k)) for f in families.split() for k in (2, 0, 1))]
+    found = guessed_columns(["a_joint", "b_joint", "c_joint"], names)
+    for k, joint in enumerate("abc"):
+        place = str(first + k)
+        assert found[f"{joint}_joint"] == (position.replace("0", place), drive.replace("0", place))
+
+
+@pytest.mark.parametrize("names", ["motor_pos_0 motor_pos_1 link_pos_0 link_pos_1 tau_0 tau_1", "q_1 q_3 tau_1 tau_3"])
+def test_columns_that_may_be_of_several_kinds_or_joints_are_not_guessed(names):
+    with pytest.raises(ValueError, match="name all joints with --joints"):
+        guessed_columns(["a", "b"], names.split())
+
+
+def test_identify_uses_every_trajectory_of_a_log_with_pauses(folder, tmp_path):
+    out, _ = folder
+    parts = [make_arm_log(duration=6.0, random_state=k) for k in (3, 4)]
+    parts[1]["time_s"] += 20.0
+    pd.concat(parts).to_csv(tmp_path / "two.csv", index=False)
+    done = run(identify, tmp_path / "two.csv", "--robot", out / "arm.xml", "--out", tmp_path, "--no-track")
+    assert done.exit_code == 0, done.output
+    both, once = (load_model(f / "model.json") for f in (tmp_path, out / "model"))
+    assert both.standard_errors["pitch.mx"] < 2.0 * once.standard_errors["pitch.mx"]
+    assert abs(both.parameters["pitch.mx"] - 0.18) < 5 * both.standard_errors["pitch.mx"]
+    assert all(j["missing"] < 0.02 for j in json.loads((tmp_path / "identify.json").read_text())["joints"])
 
 
 def test_gap_names_what_a_joint_lacks(folder):

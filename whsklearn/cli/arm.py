@@ -1,19 +1,19 @@
-"""Arms on the command line: which columns are which joint's, and what identify and simulate do with them."""
+"""Arms on the command line: what gap, identify, stream and simulate do with their logs."""
 
 from __future__ import annotations
 
 import json
 import math
-import re
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
+from whsklearn.cli.arm_log import checked_gains, columns_of, gains_of, read_arm, robot_of, to_si
 from whsklearn.cli.job import say_where, table, tracker_for, wrapped, writable_file, writable_folder
-from whsklearn.cli.records import longest, note, read
+from whsklearn.cli.records import long_segments, longest, note
 
 if TYPE_CHECKING:
     from sklearn.utils import Bunch
@@ -22,157 +22,9 @@ if TYPE_CHECKING:
     from whsklearn.systems import Arm
 
 WINDOW = 0.5  # s of a free run in `simulate`: an arm from its drives alone falls away within seconds
-PER_JOINT = ("LOG009", "LOG019")  # a joint at rest, unknown units: told once, of the whole arm
 AT_FIRST = 200  # rows of a stream's file that tell its rate
 A_ROW = 1.0  # P(0) of a stream: the file's numbers weigh as much as one row, and first rows do not throw them away
 LONGEST_STEP = 2.5  # samples: a longer one begins a new experiment, as no derivative reaches across it
-POSITIONS, DRIVES = ("position", "angle", "pos"), ("torque", "effort", "force", "tau", "current")
-
-
-def joint_columns(text: str) -> dict[str, tuple[str, str]]:
-    """Columns of position and drive by joint, from ``shoulder:q1,i1;elbow:q2,i2``.
-
-    Examples
-    --------
-    >>> joint_columns("shoulder:q1,i1;elbow:q2,i2")
-    {'shoulder': ('q1', 'i1'), 'elbow': ('q2', 'i2')}
-    """
-    out = {}
-    for part in filter(None, (p.strip() for p in text.split(";"))):
-        name, colon, columns = part.partition(":")
-        pair = [c.strip() for c in columns.split(",")]
-        if not (name.strip() and colon and len(pair) == 2 and all(pair)):
-            raise ValueError(f"--joints holds {part!r}; expected NAME:POSITION,DRIVE for each joint, separated by ;")
-        if name.strip() in out:
-            raise ValueError(f"--joints names {name.strip()!r} twice; give each joint once.")
-        out[name.strip()] = (pair[0], pair[1])
-    return out
-
-
-def guessed_columns(joints: Sequence[str], names: Sequence[str]) -> dict[str, tuple[str, str]]:
-    """The same without `--joints`: columns that name the joint, or are numbered as the robot's joints are.
-
-    Raises
-    ------
-    ValueError
-        If a joint has not exactly one column of each kind.
-    """
-
-    def of(k: int, joint: str, words: Sequence[str]) -> str:
-        kind = [c for c in names if any(w in c.lower() for w in words)]
-        named = [c for c in kind if c.lower().startswith(f"{joint.lower()}_")]
-        numbered = [c for c in kind if re.search(rf"(?<!\d){k + 1}(?!\d)", c)]
-        found = named or numbered
-        if len(found) != 1:
-            raise ValueError(
-                f"The log has {len(found)} columns that may be the {words[0]} of {joint}; name all joints with "
-                f'--joints "{joint}:POSITION,DRIVE;..."; it has: {", ".join(names[:30])}.'
-            )
-        return found[0]
-
-    return {joint: (of(k, joint, POSITIONS), of(k, joint, DRIVES)) for k, joint in enumerate(joints)}
-
-
-def gains_of(text: str) -> dict[str, tuple[float, float]]:
-    """Nm per unit of the logged drive and its standard error by joint, from ``shoulder:11.2;elbow:9.8+-0.3``.
-
-    Examples
-    --------
-    >>> gains_of("shoulder:11.2;elbow:9.8+-0.3")
-    {'shoulder': (11.2, 0.0), 'elbow': (9.8, 0.3)}
-    """
-    out = {}
-    for part in filter(None, (p.strip() for p in text.split(";"))):
-        name, _, value = part.partition(":")
-        gain, _, error = value.replace("±", "+-").partition("+-")
-        try:
-            out[name.strip()] = float(gain), float(error or 0.0)
-        except ValueError:
-            raise ValueError(
-                f"--gains holds {part!r}; expected NAME:NM_PER_AMPERE for each joint, separated by ;"
-            ) from None
-    return out
-
-
-def columns_of(options: Mapping[str, Any], arm: Arm, names: Sequence[str]) -> dict[str, tuple[str, str]]:
-    """Columns of position and drive of every joint: those of ``--joints``, or found by their names."""
-    given = joint_columns(options["joints"]) if options.get("joints") else guessed_columns(arm.joints, names)
-    if missing := [j for j in arm.joints if j not in given]:
-        raise ValueError(
-            f"--joints names no columns for {missing[0]!r}; the robot's joints are {', '.join(arm.joints)}."
-        )
-    return given
-
-
-def checked_gains(options: Mapping[str, Any], arm: Arm) -> dict[str, tuple[float, float]]:
-    """The gains of ``--gains``, all of them of joints of the robot."""
-    gains = gains_of(options["gains"]) if options.get("gains") else {}
-    if unknown := [j for j in gains if j not in arm.joints]:
-        raise ValueError(f"--gains names {unknown[0]!r}; the robot's joints are {', '.join(arm.joints)}.")
-    return gains
-
-
-def to_si(joint: str, slides: bool, position: str, drive: str, gains: Mapping[str, Any]) -> tuple[float, float]:
-    """By what positions and drives of a joint in these units are multiplied to be rad and Nm, or m and N.
-
-    Examples
-    --------
-    >>> [round(x, 4) for x in to_si("hip", False, "deg", "mA", {"hip": (11.0, 0.2)})]
-    [0.0175, 0.011]
-    """
-    from whsklearn.logs.units import UNSTATED, factor_between
-
-    place, force = ("m", "N") if slides else ("rad", "Nm")
-    if joint in gains:
-        return factor_between(position, place), gains[joint][0] * factor_between(drive, "A")
-    if drive not in UNSTATED and drive.endswith("A"):
-        raise ValueError(f'The drive of {joint} is in {drive}; give --gains "{joint}:NM_PER_AMPERE;...".')
-    return factor_between(position, place), factor_between(drive, force)
-
-
-def read_arm(path: str, options: Mapping[str, Any], arm: Arm) -> Bunch:
-    """Time (n,), position and drive (n, n_joints) of a log in rad, m, Nm and N, and its rate, by the robot's joints."""
-    import numpy as np
-    from sklearn.utils import Bunch
-
-    from whsklearn.logs import open_source
-    from whsklearn.logs.roles import guess
-    from whsklearn.logs.units import UNSTATED
-
-    source = open_source(path)
-    time = options["time_column"] or (None if options.get("rate") or source.clocked else guess(source, "time"))
-    given = columns_of(options, arm, source.names)
-    gains = checked_gains(options, arm)
-    positions, drives, log = [], [], None
-    unstated: list[str] = []
-    for joint, slides in zip(arm.joints, arm.slides, strict=True):
-        position, drive = given[joint]
-        log = longest(read(path, options, PER_JOINT, time=time, position=position, drive=drive))
-        unstated += [c for c, role in ((position, "position"), (drive, "drive")) if log.units[role] in UNSTATED]
-        far, by = to_si(joint, bool(slides), log.units["position"], log.units["drive"], gains)
-        positions.append(far * log.y)
-        drives.append(by * log.X[:, 0])
-        if len(positions[-1]) != len(positions[0]):
-            raise ValueError(
-                f"The columns of {joint} have holes where those of other joints have samples; cut the log there."
-            )
-    assert log is not None
-    if unstated:
-        note(
-            f"No unit is known of {', '.join(unstated)}; taken are rad and Nm (m and N). State it in the column's name."
-        )
-    if log.units["time"] == "samples":
-        raise ValueError("The log has no time; name its column with --time, or its rate with --rate.")
-    return Bunch(
-        time=log.time, position=np.column_stack(positions), drive=np.column_stack(drives), rate=log.sample_rate
-    )
-
-
-def robot_of(options: Mapping[str, Any]) -> Arm:
-    """The robot, its joints those that ``--joints`` names where it does."""
-    from whsklearn.models import as_arm
-
-    return as_arm(options["robot"], list(joint_columns(options["joints"])) if options.get("joints") else None)
 
 
 def base_of(options: Mapping[str, Any]) -> Any:
@@ -192,8 +44,6 @@ def gap_log(options: dict[str, Any]) -> Bunch:
     With a known load, the drive gains that it tells are put in the place of ``--gains``; with an unknown one the log is
     the loaded one, and what the other knows of the arm is put into the options.
     """
-    from sklearn.utils import Bunch
-
     arm = robot_of(options)
     if options["load"] and not options["loaded"]:
         raise ValueError("--load is the mass of a known load; give the log with it as --loaded.")
@@ -202,13 +52,12 @@ def gap_log(options: dict[str, Any]) -> Bunch:
         note(f"Gains by the known load: {options['gains']}")
     log = read_arm(options["log_file"], options, arm)
     if options["loaded"] and not options["load"]:
-        options["known"] = identified(log, arm).model
+        options["known"] = identified(long_segments(log), arm).model
         log = read_arm(options["loaded"], options, arm)
+    log = longest(log)
     errors = [e / g for g, e in gains_of(options["gains"] or "").values() if g]
-    return Bunch(
-        name=Path(options["log_file"]).name, time=log.time, X=log.drive, y=log.position, sample_rate=log.rate,
-        units={"drive": "Nm", "position": "rad"}, columns={}, notes=(), drive_error=max(errors, default=0.0),
-    )  # fmt: skip
+    log.update(units={"drive": "Nm", "position": "rad"}, columns={}, drive_error=max(errors, default=0.0))
+    return log
 
 
 def gains_by_load(options: dict[str, Any], arm: Arm) -> str:
@@ -227,9 +76,9 @@ def gains_by_load(options: dict[str, Any], arm: Arm) -> str:
             f"--load is {options['load']!r}; expected KG or KG:X,Y,Z, such as 2.8 or 2.8:0,0,0.1."
         ) from None
     raw = options | {"gains": ";".join(f"{j}:1" for j in arm.joints)}
-    pair = [read_arm(options[name], raw, arm) for name in ("log_file", "loaded")]
-    lags = RigidBodyLags(arm, pair[0].rate)
-    empty, loaded = ((log.position, log.drive) for log in pair)
+    pair = [longest(read_arm(options[name], raw, arm)) for name in ("log_file", "loaded")]
+    lags = RigidBodyLags(arm, pair[0].sample_rate)
+    empty, loaded = ((log.y, log.X) for log in pair)
     found = gains_from_load(lags, empty, loaded, joint=arm.joints[-1], numbers=numbers)
     if untold := [j for j, (g, _) in found.items() if g != g]:
         note(f"The load does not change the drive of {', '.join(untold)}; each keeps its own unit.")
@@ -242,7 +91,7 @@ def identified(log: Bunch, arm: Arm) -> ArmFit:
 
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always", UserWarning)
-        found = identify_arm(log.position, log.drive, dt=1.0 / log.rate, robot=arm)
+        found = identify_arm(log.y, log.X, dt=1.0 / log.sample_rate, robot=arm, groups=log.groups)
     for text in dict.fromkeys(str(w.message) for w in said if w.category is UserWarning):
         note(text)
     return found
@@ -254,7 +103,7 @@ def identify(options: dict[str, Any]) -> None:
     from whsklearn.models import save_model
 
     arm = robot_of(options)
-    log = read_arm(options["train"], options, arm)
+    log = long_segments(read_arm(options["train"], options, arm))
     folder = writable_folder(options["out"])
     tracker = tracker_for("identify", options["track"], data=Path(options["train"]).stem)
     found = identified(log, arm)
@@ -380,22 +229,21 @@ def simulate(options: dict[str, Any], model: Any) -> None:
     from whsklearn.logs.files import atomic_write
 
     out, arm = writable_file(options["out"]), model.arm
-    log = read_arm(options["log_file"], options, arm)
-    if abs(log.rate * model.dt - 1.0) > 0.01:
-        note(f"The model was fitted at {1 / model.dt:.6g} Hz, the log has {log.rate:.6g} Hz; the log's rate is taken.")
-    smooth = [motion(x, log.rate, 0.1 * log.rate) for x in log.position.T]
+    log = longest(read_arm(options["log_file"], options, arm))
+    rate, ours = log.sample_rate, 1.0 / model.dt
+    if abs(rate / ours - 1.0) > 0.01:
+        note(f"The model was fitted at {ours:.6g} Hz, the log has {rate:.6g} Hz; the log's rate is taken.")
+    smooth = [motion(x, rate, 0.1 * rate) for x in log.y.T]
     begin = {k: np.column_stack([getattr(m, k) for m in smooth]) for k in ("position", "velocity")}
-    run = arm.simulate_drive(log.drive, sample_rate=log.rate, resync=WINDOW, **begin)
+    run = arm.simulate_drive(log.X, sample_rate=rate, resync=WINDOW, **begin)
     columns: dict[str, Any] = {"time": log.time}
     rows = []
     for j, (name, slides) in enumerate(zip(arm.joints, arm.slides, strict=True)):
         # the first run begins where the filter of the velocity has no past, and is not judged
-        error = (log.position[:, j] - run.position[:, j])[round(WINDOW * log.rate) :]
-        columns |= {f"{name}_drive": log.drive[:, j], f"{name}_simulated": run.position[:, j]}
-        columns |= {f"{name}_measured": log.position[:, j]}
-        rows.append(
-            [name, float(np.sqrt(np.mean(error**2))), float(np.std(log.position[:, j])), "m" if slides else "rad"]
-        )
+        error = (log.y[:, j] - run.position[:, j])[round(WINDOW * rate) :]
+        columns |= {f"{name}_drive": log.X[:, j], f"{name}_simulated": run.position[:, j]}
+        columns |= {f"{name}_measured": log.y[:, j]}
+        rows.append([name, float(np.sqrt(np.mean(error**2))), float(np.std(log.y[:, j])), "m" if slides else "rad"])
     atomic_write(out, pd.DataFrame(columns).to_csv(index=False).encode())
     click.echo(table(["joint", "rms error", "rms motion", "unit"], rows, title=f"Free runs of {WINDOW} s"))
     click.echo(f"\nWritten: {out}")

@@ -12,10 +12,19 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from whsklearn.cli.arm import read_arm, robot_of
+from whsklearn.cli.arm_log import read_arm, robot_of
 from whsklearn.cli.gap import as_record, read_log
 from whsklearn.cli.job import UNUSABLE, job, say_where, table, tracker_for, wrapped, writable_folder
-from whsklearn.cli.records import TWICE, liveliest, long_segments, note, note_assumed, reading_options, refuse_shared
+from whsklearn.cli.records import (
+    TWICE,
+    liveliest,
+    long_segments,
+    longest,
+    note,
+    note_assumed,
+    reading_options,
+    refuse_shared,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -91,8 +100,8 @@ def comparison_of(options: dict[str, Any], files: tuple[str, ...], labels: list[
         records = [as_record(options | AN_AXIS, log)[0] for log in logs]
         return lambda: compare_records(records, labels, alpha=options["alpha"], random_state=options["seed"])
     arm = robot_of(options)
-    logs = [read_arm(file, options, arm) for file in files]
-    arms = [ArmLog(log.rate, log.position, log.drive) for log in logs]
+    logs = [longest(read_arm(file, options, arm)) for file in files]
+    arms = [ArmLog(log.sample_rate, log.y, log.X) for log in logs]
     return lambda: compare_arms(arms, arm, labels, alpha=options["alpha"])
 
 

@@ -214,14 +214,14 @@ def long_segments(log: Bunch, shortest: float = SHORTEST_SEGMENT) -> Bunch:
     rows, n = int(counts[kept].sum()), int(counts.max())
     if rows < FEWEST_SAMPLES or rows / log.sample_rate < SHORTEST_RECORD:
         raise LogError(
-            f"{log.name}: {counts.size - 1} holes cut its {log.y.size} samples into {counts.size} segments. The "
+            f"{log.name}: {counts.size - 1} holes cut its {len(log.y)} samples into {counts.size} segments. The "
             f"longest has {n} samples over {(n - 1) / log.sample_rate:.3g} s, where {FEWEST_SAMPLES} samples and "
             f"{SHORTEST_RECORD:g} s are needed. Log at a lower rate, or over a line that loses no samples."
         )
     part = log if kept.all() else _cut(log, kept[log.groups])
     if not kept.all():
         text = (
-            f"{rows} of {log.y.size} samples are used: {np.count_nonzero(~kept)} of {counts.size} segments are shorter "
+            f"{rows} of {len(log.y)} samples are used: {np.count_nonzero(~kept)} of {counts.size} segments are shorter "
             f"than {shortest:g} s."
         )
         note(text)
@@ -261,7 +261,7 @@ def longest(log: Bunch) -> Bunch:
         return log
     part = _cut(log, log.groups == np.argmax(counts))
     text = (
-        f"{part.y.size} of {log.y.size} samples, the longest of {counts.size} segments from "
+        f"{len(part.y)} of {len(log.y)} samples, the longest of {counts.size} segments from "
         f"{part.time[0]:.6g} to {part.time[-1]:.6g} s, are used."
     )
     note(text)

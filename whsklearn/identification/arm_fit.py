@@ -82,7 +82,9 @@ class ArmFit:
 
 
 @threadpool_limits.wrap(limits=1, user_api="blas")  # two take twice the CPU and sum in another order
-def identify_arm(position: ArrayLike, drive: ArrayLike, *, dt: float, robot: Any, **settings: Any) -> ArmFit:
+def identify_arm(
+    position: ArrayLike, drive: ArrayLike, *, dt: float, robot: Any, groups: ArrayLike | None = None, **settings: Any
+) -> ArmFit:
     """Fit an arm to a record of all its joints.
 
     Parameters
@@ -92,6 +94,8 @@ def identify_arm(position: ArrayLike, drive: ArrayLike, *, dt: float, robot: Any
     dt : float
         Sampling time (s).
     robot : Arm, or path of a URDF, MJCF or model file
+    groups : array-like of shape (n,), optional
+        Marks experiments, each filtered on its own.
     **settings
         Of `RigidBodyLags`: ``law``, ``effects``, ``cutoff``, ``slow``.  If neither ``law`` nor ``effects`` is given,
         friction that grows with the torque is added at the joints that show it: a payload found beside numbers
@@ -104,15 +108,17 @@ def identify_arm(position: ArrayLike, drive: ArrayLike, *, dt: float, robot: Any
     """
     q, torque = np.asarray(position, dtype=float), np.asarray(drive, dtype=float)
     lags = RigidBodyLags(robot, sample_rate=1.0 / dt, **settings)
-    phi, target, keep = lags.joint_rows(q, torque)
-    if not settings.keys() & {"law", "effects"} and (growing := _load_frictions(lags, q, torque, phi, target, keep)):
+    rows = lags.joint_rows(q, torque, groups)
+    if not settings.keys() & {"law", "effects"} and (growing := _load_frictions(lags, q, torque, groups, *rows)):
         lags.set_params(effects=_offsets(lags.arm_.joints, growing))
-        phi, target, keep = lags.joint_rows(q, torque)
+        rows = lags.joint_rows(q, torque, groups)
+    phi, target, keep = rows
     for text in (*suspicions(lags.arm_, q, torque), *swapped(lags.arm_.joints, phi, target, keep)):
         warnings.warn(text, UserWarning, stacklevel=3)
     weights = lags.weights_ = lags._weights(phi, target, keep)
     names = lags.base_.names
-    phi, moving = with_ages(phi, keep, lags._rate(q, torque, fitted(phi, target, keep, weights)[0]))
+    predicted = lags._predicted(q, torque, fitted(phi, target, keep, weights)[0], groups)
+    phi, moving = with_ages(phi, keep, lags._rate(predicted, groups))
     theta, covariance = _with_blocks(phi, target, keep, weights)
     ages = dict(zip([lags.arm_.joints[int(j)] for j in moving], theta[len(names) :].tolist(), strict=True))
     theta, covariance = theta[: len(names)], covariance[: len(names), : len(names)]
@@ -125,29 +131,32 @@ def identify_arm(position: ArrayLike, drive: ArrayLike, *, dt: float, robot: Any
     joint_names = arm.joints
     return ArmFit(
         model, lags, dict(zip(joint_names, held_out(phi, target, keep, weights).tolist(), strict=True)),
-        {j: one_axis(lags, k, q, torque) for k, j in enumerate(joint_names)}, nominal_numbers(lags), covariance, ages,
+        {j: one_axis(lags, k, q, torque, groups) for k, j in enumerate(joint_names)}, nominal_numbers(lags),
+        covariance, ages,
     )  # fmt: skip
 
 
 def _load_frictions(
-    lags: RigidBodyLags, q: Array, torque: Array, phi: Array, target: Array, keep: NDArray[np.bool_]
-) -> list[str]:
+    lags: RigidBodyLags, q: Array, torque: Array, groups: ArrayLike | None, phi: Array, target: Array,
+    keep: NDArray[np.bool_],
+) -> list[str]:  # fmt: skip
     """Joints whose friction surely grows with their torque, and whose held-out error is smaller with it.
 
     It has to be sure with the torque of the fit without it, too: of a measured drive that is little but friction,
     c |u| sign(v) is the drive itself with its noise, and explains all of it.
     """
     theta, _ = fitted(phi, target, keep, lags._weights(phi, target, keep))
-    predicted, rate = lags._columns_along(q, torque)[0] @ theta, lags._rate(q, torque, theta)
+    predicted = lags._predicted(q, torque, theta, groups)
+    rate = lags._rate(predicted, groups)
     before = with_ages(phi, keep, rate)[0], target, keep
     growing, asked = list(lags.arm_.joints), 0
     while growing and len(growing) != asked:  # until all that are fitted together are sure
         asked = len(growing)
-        own = clone(lags).set_params(effects=_offsets(lags.arm_.joints, growing), cutoff=lags.cutoff_).fit(q)
+        own = clone(lags).set_params(effects=_offsets(lags.arm_.joints, growing), cutoff=lags.cutoff_)
         for drive in (predicted, torque):
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", UserWarning)  # joints at rest were told of already
-                phi = own._seen(q, drive, torque).phi
+                phi = own.joint_rows(np.hstack([q, drive]), torque, groups)[0]
             weights = own._weights(phi, target, keep)
             rows = with_ages(phi, keep, rate)[0], target, keep
             at = {name: i for i, name in enumerate(own.base_.names)}
@@ -394,13 +403,13 @@ def held_out(
     return np.asarray(np.sqrt(left / np.where(whole > 0.0, whole, np.nan)))
 
 
-def one_axis(lags: RigidBodyLags, joint: int, q: Array, torque: Array) -> float:
+def one_axis(lags: RigidBodyLags, joint: int, q: Array, torque: Array, groups: ArrayLike | None = None) -> float:
     """`held_out` of one joint as an axis of its own, behind the same filter; NaN where it does not move."""
     arm = lags.arm_
     alone = Arm([arm.joints[joint]], [-1], [False], [np.eye(3)], [[0, 0, 0]], [[0, 0, 1]], gravity=(0, 0, 0))
     own = RigidBodyLags(alone, lags.sample_rate, law=lags.law, cutoff=lags.cutoff_, slow=lags.slow)
     try:
-        rows = own.joint_rows(q[:, [joint]], torque[:, [joint]])
+        rows = own.joint_rows(q[:, [joint]], torque[:, [joint]], groups)
     except ValueError:
         return float("nan")
     return float(held_out(*rows, own._weights(*rows))[0])

@@ -225,7 +225,7 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
             )
         X = np.asarray(validate_data(self, X, dtype=np.float64, reset=True))
         if self.cutoff is None and not self.causal:
-            self._set_cutoff(self._cutoff_of(X[:, :n]))
+            self._set_cutoff(self._cutoff_of(X[:, :n], len(X)))
         return self
 
     def transform(self, X: ArrayLike, y: ArrayLike | None = None, groups: ArrayLike | None = None) -> Array:
@@ -286,32 +286,35 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         X, y, groups
             As for `rows`.
         """
+        if not self.causal:
+            phis, targets, keeps = zip(*(seen[:3] for seen in self._views(X, y, groups)), strict=True)
+            return np.concatenate(phis), np.concatenate(targets), np.concatenate(keeps)
         X = np.asarray(check_array(X, dtype=np.float64))
         self.fit(X)
         target = self._checked_drives(y, len(X))
-        drive = self._drive(X, target)
-        out = []
-        for s in runs(groups, len(X)):
-            if self.causal:
-                phi, late, _ = self._advance(self._at_start(), X[s], drive[s], target[s], rows=True)
-                out.append((phi, late, np.ones(late.shape, dtype=bool)))
-            else:
-                out.append(self._seen(X[s], drive[s], target[s])[:3])
-        phis, lates, keeps = zip(*out, strict=True)
-        return np.concatenate(phis), np.concatenate(lates), np.concatenate(keeps)
+        drive, start = self._drive(X, target), self._at_start()
+        pieces = [self._advance(start, X[s], drive[s], target[s], rows=True)[:2] for s in runs(groups, len(X))]
+        phi, late = (np.concatenate(parts) for parts in zip(*pieces, strict=True))
+        return phi, late, np.ones(late.shape, dtype=bool)
 
-    def _view(self, X: ArrayLike, y: ArrayLike) -> Seen:
-        """One record behind the filters: its unweighted rows, and the motion from which they are computed.
+    def _views(self, X: ArrayLike, y: ArrayLike, groups: ArrayLike | None = None) -> list[Seen]:
+        """Experiments behind the filters: their unweighted rows, and the motion from which they are computed.
 
         Parameters
         ----------
-        X, y
+        X, y, groups
             As for `rows`.
         """
         X = np.asarray(check_array(X, dtype=np.float64))
         self.fit(X)
         target = self._checked_drives(y, len(X))
-        return self._seen(X, self._drive(X, target), target)
+        drive, pieces = self._drive(X, target), list(runs(groups, len(X)))
+        longest = X[max(pieces, key=lambda s: s.stop - s.start)][:, : self.arm_.n_joints]
+        if len(pieces) > 1 and self.cutoff is None:
+            self._set_cutoff(self._cutoff_of(longest, len(X)))
+        along = [self._columns_along(X[s], drive[s]) for s in pieces]
+        limits = self._limits(longest, np.concatenate([moved.velocity for _, moved in along]))
+        return [self._seen(*one, target[s], limits) for one, s in zip(along, pieces, strict=True)]
 
     def _filtered(self, signals: Array) -> Array:
         """Signals (n, ...) of a record, filtered like the columns."""
@@ -554,11 +557,14 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
             return np.zeros((0, self.arm_.n_joints, self.base_.kept.size))
         return self._all_columns(moved, drive, time)[:, :, self.base_.kept]
 
-    def _rate(self, X: Array, drive: Array, theta: Array) -> Array:
-        """Change of each joint's drive per second of age for these weights, at the rows of `joint_rows`."""
-        columns, _ = self._columns_along(X, drive)
-        torque = self._filtered(columns @ theta)
-        return np.asarray(central_difference(torque, self.sample_rate)[self._rows_of(len(X))])
+    def _predicted(self, X: Array, drive: Array, theta: Array, groups: ArrayLike | None = None) -> Array:
+        """Drives for these weights before the filter, (n, n_joints)."""
+        return np.concatenate([self._columns_along(X[s], drive[s])[0] @ theta for s in runs(groups, len(X))])
+
+    def _rate(self, torque: Array, groups: ArrayLike | None = None) -> Array:
+        """Change of each joint's predicted drive per second of age, at the rows of `joint_rows`."""
+        smooth = ((self._filtered(torque[s]), s.stop - s.start) for s in runs(groups, len(torque)))
+        return np.concatenate([central_difference(x, self.sample_rate)[self._rows_of(n)] for x, n in smooth])
 
     def _rows_of(self, length: int) -> NDArray[np.int64]:
         """Indices of the samples that give rows: two per period of the cut-off, without the ends of the filter."""
@@ -576,20 +582,22 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         moved, rate = self._moved(X), self.sample_rate
         return self._columns(moved, zero_phase(drive, rate, self._fine), np.arange(len(X)) / rate), moved
 
-    def _seen(self, X: Array, drive: Array, target: Array) -> Seen:
+    def _seen(self, columns: Array, moved: Motion, target: Array, limits: Array) -> Seen:
         """Rows of one record, two per period of the cut-off, without the filter's ends; and where joints are fast."""
-        columns, moved = self._columns_along(X, drive)
         period = max(int(self.sample_rate / self.cutoff_), 1)
-        keep = np.abs(moved.velocity) >= self._limits(X, moved.velocity)
+        keep = np.abs(moved.velocity) >= limits
         if self.slow:
             keep = minimum_filter1d(keep.astype(np.uint8), period + 1, axis=0).astype(bool)
-        kept = self._rows_of(len(X))
+        kept = self._rows_of(len(target))
         return Seen(self._filtered(columns)[kept], self._filtered(target)[kept], keep[kept], moved, kept)
 
     def _limits(self, X: Array, velocity: Array) -> Array:
-        """Speed of each joint below which its rows are excluded, (n_joints,); infinite if it does not move."""
+        """Speed of each joint below which its rows are excluded, (n_joints,); infinite if it does not move.
+
+        ``velocity`` is that of all experiments, and ``X`` the positions of one, for the noise of their encoders.
+        """
         speeds = np.sqrt(np.mean(velocity**2, axis=0))
-        noise = np.array([velocity_noise(x, self.sample_rate, self._fine) for x in X[:, : self.arm_.n_joints].T])
+        noise = np.array([velocity_noise(x, self.sample_rate, self._fine) for x in X.T])
         still = speeds <= NOISY * noise
         if still.all():
             raise ValueError("No joint moves more than its encoder's noise; record a motion, or check the columns.")
@@ -641,12 +649,12 @@ class RigidBodyLags(TransformerMixin, BaseEstimator):
         phi[count[at] < self.warmup_] = 0.0
         return phi, drives, after
 
-    def _cutoff_of(self, paths: Array) -> float:
+    def _cutoff_of(self, paths: Array, length: int) -> float:
         """The median of the cut-offs that the joints' noise allows, but high enough to leave enough rows."""
         moving = [motion_cutoff(x, self.sample_rate) for x in paths.T if len(x) > 64 and np.ptp(x) > 0.0]
         if not moving:
             return self.cutoff_
-        seconds = len(paths) / self.sample_rate
+        seconds = length / self.sample_rate
         fewest = ROWS * len(self.base_.kept) / (2.0 * self.arm_.n_joints * seconds)
         return float(min(max(float(np.median(moving)), fewest), 0.1 * self.sample_rate))
 

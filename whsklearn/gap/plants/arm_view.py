@@ -99,7 +99,7 @@ class ArmView:
 
     def __init__(self, lags: RigidBodyLags, position: Array, drive: Array, known: Known | None = None):
         self.lags, self.position, self.drive, self.known = lags, position, drive, known
-        self.phi, self.target, self.keep, self.moved, self.kept = lags._view(position, drive)
+        self.phi, self.target, self.keep, self.moved, self.kept = lags._views(position, drive)[0]
         self.arm, self.dt = lags.arm_, 1.0 / lags.sample_rate
         self.n_rows, self.n_joints = self.target.shape
         self.time = np.arange(len(position)) * self.dt

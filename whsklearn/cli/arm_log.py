@@ -1,0 +1,240 @@
+"""The log of an arm on the command line: which columns are which joint's, their units, and the reading."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from whsklearn.cli.records import note, read
+
+if TYPE_CHECKING:
+    from sklearn.utils import Bunch
+
+    from whsklearn.systems import Arm
+
+PER_JOINT = ("LOG009", "LOG019")  # a joint at rest, unknown units: told once, of the whole arm
+# Words of a column's name, the surest last.  A measured current comes before a torque that the controller asks for,
+# because what is asked for may be a model's.
+DRIVES = ("current", "currents", "iq", "i", "strom"), (
+    "torque", "torques", "trq", "tau", "moment", "moments", "effort", "efforts", "force", "forces", "drehmoment",
+    "kraft",
+)  # fmt: skip
+POSITIONS = (("position", "positions", "pos", "angle", "angles", "theta", "q", "winkel", "lage"),)
+ASKED = {"target", "desired", "des", "d", "reference", "ref", "command", "commanded", "cmd", "setpoint", "goal", "soll"}
+NEITHER = {
+    "velocity", "velocities", "vel", "speed", "dot", "acceleration", "acc", "error", "ext", "external", "hat", "limit",
+    "residual", "tcp", "ee", "tool", "wrench", "cartesian", "window", "temperature", "mode",
+}  # fmt: skip
+
+
+def joint_columns(text: str) -> dict[str, tuple[str, str]]:
+    """Columns of position and drive by joint, from ``shoulder:q1,i1;elbow:q2,i2``.
+
+    Examples
+    --------
+    >>> joint_columns("shoulder:q1,i1;elbow:q2,i2")
+    {'shoulder': ('q1', 'i1'), 'elbow': ('q2', 'i2')}
+    """
+    out = {}
+    for part in filter(None, (p.strip() for p in text.split(";"))):
+        name, colon, columns = part.partition(":")
+        pair = [c.strip() for c in columns.split(",")]
+        if not (name.strip() and colon and len(pair) == 2 and all(pair)):
+            raise ValueError(f"--joints holds {part!r}; expected NAME:POSITION,DRIVE for each joint, separated by ;")
+        if name.strip() in out:
+            raise ValueError(f"--joints names {name.strip()!r} twice; give each joint once.")
+        out[name.strip()] = (pair[0], pair[1])
+    if twice := [c for pair in out.values() for c in pair if sum(p.count(c) for p in out.values()) > 1]:
+        raise ValueError(f"--joints gives column {twice[0]!r} twice; give each joint its own position and drive.")
+    return out
+
+
+def guessed_columns(joints: Sequence[str], names: Sequence[str]) -> dict[str, tuple[str, str]]:
+    """The same without `--joints`: columns that name the joint, or are numbered as the robot's joints are.
+
+    Raises
+    ------
+    ValueError
+        If a joint has not exactly one column of each kind.
+
+    Examples
+    --------
+    >>> guessed_columns(["hip", "knee"], ["t", "actual_q_0", "actual_q_1", "actual_qd_0", "actual_qd_1", "I0", "I1"])
+    {'hip': ('actual_q_0', 'I0'), 'knee': ('actual_q_1', 'I1')}
+    """
+    kinds = [_one_kind(joints, names, ranks, kind) for ranks, kind in ((POSITIONS, "position"), (DRIVES, "drive"))]
+    return {joint: (kinds[0][joint], kinds[1][joint]) for joint in joints}
+
+
+def _one_kind(joints: Sequence[str], names: Sequence[str], ranks: Sequence[Sequence[str]], kind: str) -> dict[str, str]:
+    """The column of this kind of every joint: of the surest words by which every joint has one."""
+    found: dict[tuple[bool, int, bool], dict[str, list[str]]] = {}
+    series: dict[tuple[bool, int, tuple[str, ...]], list[tuple[int, str]]] = {}
+    for column in names:
+        owner = _owner(joints, column)
+        words = words_and_numbers(re.sub(_named(owner), " ", column, flags=re.IGNORECASE) if owner else column)
+        rank = max((r for r, known in enumerate(ranks) if set(known) & set(words)), default=None)
+        if rank is None or NEITHER & set(words):
+            continue
+        measured = not ASKED & set(words)
+        if owner:
+            found.setdefault((measured, rank, True), {}).setdefault(owner, []).append(column)
+            continue
+        for k in (k for k, word in enumerate(words) if word.isdigit()):
+            stem = (*words[:k], "#", *words[k + 1 :])
+            series.setdefault((measured, rank, stem), []).append((int(words[k]), column))
+    for (measured, rank, _), numbered in series.items():
+        numbers, columns = zip(*sorted(numbered), strict=True)
+        if len(numbers) >= len(joints) and numbers in (tuple(range(len(numbers))), tuple(range(1, len(numbers) + 1))):
+            for joint, column in zip(joints, columns, strict=False):
+                found.setdefault((measured, rank, False), {}).setdefault(joint, []).append(column)
+    count = 0
+    for key in sorted(found, reverse=True):
+        of = found[key]
+        missing = [j for j in joints if len(of.get(j, ())) != 1]
+        if not missing:
+            return {j: of[j][0] for j in joints}
+        if (count := max(map(len, of.values()))) > 1 or key[2]:
+            joints, count = missing, len(of.get(missing[0], ()))
+            break
+    raise ValueError(
+        f"The log has {count} columns that may be the {kind} of {joints[0]}; name all joints with "
+        f'--joints "{joints[0]}:POSITION,DRIVE;..."; it has: {", ".join(names[:30])}.'
+    )
+
+
+def _owner(joints: Sequence[str], column: str) -> str:
+    """The joint whose name is in that of the column, the longest one if several are; empty if there is none."""
+    at = {j: found.start() for j in joints if (found := re.search(_named(j), column, re.IGNORECASE))}
+    return max(at, key=lambda j: (len(j), -at[j]), default="")
+
+
+def _named(joint: str) -> str:
+    """A pattern of the joint's name as a word."""
+    return rf"(?<![a-z0-9]){re.escape(joint)}(?![a-z0-9])"
+
+
+def words_and_numbers(column: str) -> list[str]:
+    """The words of a column's name and the numbers in it, each on its own.
+
+    Examples
+    --------
+    >>> words_and_numbers("tau_J0"), words_and_numbers("joint.2/i_q [A]")
+    (['tau', 'j', '0'], ['joint', '2', 'iq', 'a'])
+    """
+    spelled = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", column).lower()
+    spelled = re.sub(r"(?<![a-z0-9])i_q(?![a-z])", "iq", spelled)
+    return re.findall(r"[a-z]+|\d+", spelled)
+
+
+def gains_of(text: str) -> dict[str, tuple[float, float]]:
+    """Nm per unit of the logged drive and its standard error by joint, from ``shoulder:11.2;elbow:9.8+-0.3``.
+
+    Examples
+    --------
+    >>> gains_of("shoulder:11.2;elbow:9.8+-0.3")
+    {'shoulder': (11.2, 0.0), 'elbow': (9.8, 0.3)}
+    """
+    out = {}
+    for part in filter(None, (p.strip() for p in text.split(";"))):
+        name, _, value = part.partition(":")
+        gain, _, error = value.replace("±", "+-").partition("+-")
+        try:
+            out[name.strip()] = float(gain), float(error or 0.0)
+        except ValueError:
+            raise ValueError(
+                f"--gains holds {part!r}; expected NAME:NM_PER_AMPERE for each joint, separated by ;"
+            ) from None
+    return out
+
+
+def columns_of(options: Mapping[str, Any], arm: Arm, names: Sequence[str]) -> dict[str, tuple[str, str]]:
+    """Columns of position and drive of every joint: those of ``--joints``, or found by their names."""
+    given = joint_columns(options["joints"]) if options.get("joints") else guessed_columns(arm.joints, names)
+    if missing := [j for j in arm.joints if j not in given]:
+        raise ValueError(
+            f"--joints names no columns for {missing[0]!r}; the robot's joints are {', '.join(arm.joints)}."
+        )
+    return given
+
+
+def checked_gains(options: Mapping[str, Any], arm: Arm) -> dict[str, tuple[float, float]]:
+    """The gains of ``--gains``, all of them of joints of the robot."""
+    gains = gains_of(options["gains"]) if options.get("gains") else {}
+    if unknown := [j for j in gains if j not in arm.joints]:
+        raise ValueError(f"--gains names {unknown[0]!r}; the robot's joints are {', '.join(arm.joints)}.")
+    return gains
+
+
+def to_si(joint: str, slides: bool, position: str, drive: str, gains: Mapping[str, Any]) -> tuple[float, float]:
+    """By what positions and drives of a joint in these units are multiplied to be rad and Nm, or m and N.
+
+    Examples
+    --------
+    >>> [round(x, 4) for x in to_si("hip", False, "deg", "mA", {"hip": (11.0, 0.2)})]
+    [0.0175, 0.011]
+    """
+    from whsklearn.logs.units import UNSTATED, factor_between
+
+    place, force = ("m", "N") if slides else ("rad", "Nm")
+    if joint in gains:
+        return factor_between(position, place), gains[joint][0] * factor_between(drive, "A")
+    if drive not in UNSTATED and drive.endswith("A"):
+        raise ValueError(f'The drive of {joint} is in {drive}; give --gains "{joint}:NM_PER_AMPERE;...".')
+    return factor_between(position, place), factor_between(drive, force)
+
+
+def read_arm(path: str, options: Mapping[str, Any], arm: Arm) -> Bunch:
+    """A log by the robot's joints, in rad, m, Nm and N.
+
+    As other logs are: ``time`` (n,), ``X`` and ``y`` (n, n_joints), the drives and positions, ``groups`` (n,), the
+    segment of each row, and ``sample_rate``.
+    """
+    import numpy as np
+    from sklearn.utils import Bunch
+
+    from whsklearn.logs import open_source
+    from whsklearn.logs.roles import guess
+    from whsklearn.logs.units import UNSTATED
+
+    source = open_source(path)
+    time = options["time_column"] or (None if options.get("rate") or source.clocked else guess(source, "time"))
+    given = columns_of(options, arm, source.names)
+    gains = checked_gains(options, arm)
+    positions, drives, first = [], [], None
+    unstated: list[str] = []
+    quiet = PER_JOINT
+    for joint, slides in zip(arm.joints, arm.slides, strict=True):
+        position, drive = given[joint]
+        log = read(path, options, quiet, time=time, position=position, drive=drive)
+        quiet = (*quiet, *log.report.codes)
+        unstated += [position] * (log.units["position"] in UNSTATED)
+        unstated += [drive] * (log.units["drive"] in UNSTATED and joint not in gains)
+        far, by = to_si(joint, bool(slides), log.units["position"], log.units["drive"], gains)
+        positions.append(far * log.y)
+        drives.append(by * log.X[:, 0])
+        first = first or log
+        if not np.array_equal(log.time, first.time):
+            raise ValueError(
+                f"The columns of {joint} have holes where those of other joints have samples; cut the log there."
+            )
+    assert first is not None
+    if not options.get("joints") and not all(_owner([j], c) for j, pair in given.items() for c in pair):
+        note(f"Columns in the robot's order: {'; '.join(f'{j}: {q} and {u}' for j, (q, u) in given.items())}.")
+    if unstated:
+        which = ", ".join(unstated[:4]) + (f" and {len(unstated) - 4} more" if len(unstated) > 4 else "")
+        note(f"No unit is known of {which}; taken are rad and Nm (m and N). State it in the column's name.")
+    if first.units["time"] == "samples":
+        raise ValueError("The log has no time; name its column with --time, or its rate with --rate.")
+    return Bunch(
+        name=first.name, time=first.time, X=np.column_stack(drives), y=np.column_stack(positions), groups=first.groups,
+        sample_rate=first.sample_rate, notes=(),
+    )  # fmt: skip
+
+
+def robot_of(options: Mapping[str, Any]) -> Arm:
+    """The robot, its joints those that ``--joints`` names where it does."""
+    from whsklearn.models import as_arm
+
+    return as_arm(options["robot"], list(joint_columns(options["joints"])) if options.get("joints") else None)
