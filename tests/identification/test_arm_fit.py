@@ -47,6 +47,17 @@ def test_the_model_is_physical_and_gives_the_drives(found):
     assert (error.std(axis=0) < 0.03 * target.std(axis=0)).all()
 
 
+def test_friction_along_two_joints_is_found_where_it_is_and_nowhere_else(found):
+    arm = drawn_arm(3, 5, slides=0.0, branch=0.0, gravity=(0, 0, -9.81))
+    arm = arm.with_effects({joint: (Viscous(0.5), Coulomb(0.5)) for joint in arm.joints})
+    a, b, c = arm.joints
+    hidden = arm.with_effects({f"{b}-{c}": (Viscous(0.8), Coulomb(1.0))})
+    q, torque = make_arm_log(hidden, return_arrays=True, duration=12.0)
+    effects = identify_arm(q, torque, dt=DT, robot=arm).lags.effects
+    assert set(effects) == {a, b, c, f"{b}-{c}"}
+    assert found.lags.effects == "input_offset"
+
+
 def test_an_effect_that_is_not_in_the_model_is_missing_at_its_joint_alone():
     q, torque = make_arm_log(effects={"pitch": [Cogging(0.3, 6.0)]}, duration=20.0, return_arrays=True)
     missing = identify_arm(q, torque, dt=DT, robot=ARM).missing
@@ -102,6 +113,13 @@ def test_weights_of_an_arm_and_the_arm_of_weights_are_inverse():
 )
 def test_what_looks_wrong_is_told_in_a_sentence(q, torque, said):
     assert any(said in text for text in suspicions(ARM, q, torque))
+
+
+def test_experiments_are_filtered_on_their_own():
+    other, drive = make_arm_log(duration=6.0, random_state=8, return_arrays=True)
+    groups = np.repeat([0, 1], [len(Q), len(other)])
+    found = identify_arm(np.vstack([Q, other]), np.vstack([TORQUE, drive]), dt=DT, robot=ARM, groups=groups)
+    assert max(found.missing.values()) < 0.02  # the jump between them is no motion
 
 
 def test_a_log_as_it_should_be_raises_no_suspicion():

@@ -10,7 +10,7 @@ import numpy as np
 from sklearn.base import clone
 from threadpoolctl import threadpool_limits
 
-from whsklearn.effects import InputOffset, LoadFriction
+from whsklearn.effects import Coulomb, InputOffset, LoadFriction, Viscous
 from whsklearn.estimators.rls import RLSRegressor
 from whsklearn.lags.rigid_body import RigidBodyLags
 from whsklearn.models.arm import ArmModel
@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 # nothing had changed, numbers differ by 0.9 standard errors (rms), by 1.9 if errors count as white, with one of 37 by
 # more than five (`benchmarks.blind_arms --numbers`).
 N_LEFT_OUT = 20
-# Standard errors above zero at which friction is said to grow with the torque: Student's t over 20 blocks is beyond it
-# once in 25,000 joints that have none.
+# Standard errors above zero at which friction is said to grow with the torque, or to act along two joints: Student's t
+# over 20 blocks is beyond it once in 25,000 joints that have none.
 GROWS = 5.0
 SAME = 1e-9  # of the largest singular value: below it, columns are combinations of each other
 DIGITS = 4  # of a model's numbers that tells no errors
@@ -98,8 +98,9 @@ def identify_arm(
         Marks experiments, each filtered on its own.
     **settings
         Of `RigidBodyLags`: ``law``, ``effects``, ``cutoff``, ``slow``.  If neither ``law`` nor ``effects`` is given,
-        friction that grows with the torque is added at the joints that show it: a payload found beside numbers
-        without it would be charged with it.
+        friction that grows with the torque is added at the joints that show it, and friction along the sum or
+        difference of two neighbours that one gear turns: a payload found beside numbers without them would be charged
+        with them.
 
     Raises
     ------
@@ -109,9 +110,11 @@ def identify_arm(
     q, torque = np.asarray(position, dtype=float), np.asarray(drive, dtype=float)
     lags = RigidBodyLags(robot, sample_rate=1.0 / dt, **settings)
     rows = lags.joint_rows(q, torque, groups)
-    if not settings.keys() & {"law", "effects"} and (growing := _load_frictions(lags, q, torque, groups, *rows)):
-        lags.set_params(effects=_offsets(lags.arm_.joints, growing))
-        rows = lags.joint_rows(q, torque, groups)
+    if not settings.keys() & {"law", "effects"}:
+        effects = _frictions(lags, q, torque, groups, rows)
+        if any(row != (InputOffset(),) for row in effects.values()):
+            lags.set_params(effects=effects)
+            rows = lags.joint_rows(q, torque, groups)
     phi, target, keep = rows
     for text in (*suspicions(lags.arm_, q, torque), *swapped(lags.arm_.joints, phi, target, keep)):
         warnings.warn(text, UserWarning, stacklevel=3)
@@ -136,46 +139,68 @@ def identify_arm(
     )  # fmt: skip
 
 
-def _load_frictions(
-    lags: RigidBodyLags, q: Array, torque: Array, groups: ArrayLike | None, phi: Array, target: Array,
-    keep: NDArray[np.bool_],
-) -> list[str]:  # fmt: skip
-    """Joints whose friction surely grows with their torque, and whose held-out error is smaller with it.
+def _frictions(
+    lags: RigidBodyLags, q: Array, torque: Array, groups: ArrayLike | None, rows: tuple[Array, Array, NDArray[np.bool_]]
+) -> dict[str, tuple[Effect, ...]]:
+    """Offsets, and friction that the record surely shows: along sums of neighbours, and growing with the torque."""
+    arm = lags.arm_
+    law: tuple[Effect, ...] = (Viscous(), Coulomb())
+    effects: dict[str, tuple[Effect, ...]] = {j: (InputOffset(),) for j in arm.joints}
+    pairs = [(int(p), k) for k, p in enumerate(arm.parents) if p >= 0 and arm.slides[p] == arm.slides[k]]
+    families: list[dict[str, tuple[Effect, ...]]] = [
+        *({f"{arm.joints[p]}{sign}{arm.joints[k]}": law for p, k in pairs} for sign in "+-"),
+        {j: (LoadFriction(),) for j in arm.joints},
+    ]
+    for more in families:
+        if shown := _shown(lags, effects, more, q, torque, groups, rows):
+            effects |= {axis: (*effects.get(axis, ()), *more[axis]) for axis in shown}
+            lags = clone(lags).set_params(effects=effects, cutoff=lags.cutoff_)
+            rows = lags.joint_rows(q, torque, groups)
+    return effects
 
-    It has to be sure with the torque of the fit without it, too: of a measured drive that is little but friction,
-    c |u| sign(v) is the drive itself with its noise, and explains all of it.
+
+def _shown(
+    lags: RigidBodyLags, effects: dict[str, tuple[Effect, ...]], more: dict[str, tuple[Effect, ...]], q: Array,
+    torque: Array, groups: ArrayLike | None, rows: tuple[Array, Array, NDArray[np.bool_]],
+) -> list[str]:  # fmt: skip
+    """Axes at which all of these effects are surely above zero, and whose held-out error is smaller with them.
+
+    What is a function of the drive has to be sure with the torque of the fit without it, too: of a measured drive that
+    is little but friction, c |u| sign(v) is the drive itself with its noise, and explains all of it.
     """
-    theta, _ = fitted(phi, target, keep, lags._weights(phi, target, keep))
-    predicted = lags._predicted(q, torque, theta, groups)
+    phi, target, keep = rows
+    predicted = lags._predicted(q, torque, fitted(*rows, lags._weights(*rows))[0], groups)
     rate = lags._rate(predicted, groups)
     before = with_ages(phi, keep, rate)[0], target, keep
-    growing, asked = list(lags.arm_.joints), 0
+    driven = any(isinstance(e, LoadFriction) for row in more.values() for e in row)
+    growing, asked = list(more), 0
     while growing and len(growing) != asked:  # until all that are fitted together are sure
         asked = len(growing)
-        own = clone(lags).set_params(effects=_offsets(lags.arm_.joints, growing), cutoff=lags.cutoff_)
-        for drive in (predicted, torque):
+        beside = effects | {a: (*effects.get(a, ()), *more[a]) for a in growing}
+        own = clone(lags).set_params(effects=beside, cutoff=lags.cutoff_)
+        for drive in (predicted, torque) if driven else (torque,):
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", UserWarning)  # joints at rest were told of already
                 phi = own.joint_rows(np.hstack([q, drive]), torque, groups)[0]
             weights = own._weights(phi, target, keep)
-            rows = with_ages(phi, keep, rate)[0], target, keep
-            at = {name: i for i, name in enumerate(own.base_.names)}
-            at = {j: at[name] for j in growing if (name := f"{j}.{LoadFriction.name}") in at}
-            theta, white = fitted(*rows, weights)
-            growing = [j for j, i in at.items() if theta[i] > GROWS * np.sqrt(white[i, i])]
+            with_them = with_ages(phi, keep, rate)[0], target, keep
+            column = {name: i for i, name in enumerate(own.base_.names)}
+            at = {a: [column.get(f"{a}.{e.name}", -1) for e in more[a]] for a in growing}
+            theta, white = fitted(*with_them, weights)
+            growing = [a for a, i in at.items() if min(i) >= 0 and _sure(theta, white, i)]
             if len(growing) < asked:  # errors by blocks are no smaller, and cost more
                 break
-            covariance = _with_blocks(*rows, weights)[1]
-            less = dict(zip(lags.arm_.joints, held_out(*rows, weights) < held_out(*before, weights), strict=True))
-            growing = [j for j, i in at.items() if less[j] and theta[i] > GROWS * np.sqrt(covariance[i, i])]
+            covariance = _with_blocks(*with_them, weights)[1]
+            less = held_out(*with_them, weights) < held_out(*before, weights)
+            growing = [a for a, i in at.items() if less[own._axes[a][0] != 0.0].all() and _sure(theta, covariance, i)]
             if len(growing) < asked:
                 break
     return growing
 
 
-def _offsets(joints: Sequence[str], growing: Sequence[str]) -> dict[str, tuple[Effect, ...]]:
-    """An offset of every joint, and friction that grows with the torque at some."""
-    return {j: (InputOffset(), LoadFriction()) if j in growing else (InputOffset(),) for j in joints}
+def _sure(theta: Array, covariance: Array, columns: list[int]) -> bool:
+    """Whether these numbers are all above zero by `GROWS` standard errors."""
+    return bool(np.all(theta[columns] > GROWS * np.sqrt(np.diag(covariance)[columns])))
 
 
 def with_ages(phi: Array, keep: NDArray[np.bool_], rate: Array) -> tuple[Array, NDArray[np.int64]]:

@@ -58,6 +58,9 @@ CANCELS = 20.0
 # smaller part may stay without a name (`whsklearn.gap.conclude.STILL`).  MuJoCo's dry friction is soft, and adding a
 # distance of some mrad explains 3 % (`python -m benchmarks.blind_arms --kinds coulomb`).
 BEYOND = 0.04
+# The same as long as it is less than what stays without a name: of a model that is no better than that, a shape is not
+# to be told.  Above a quarter (6 % of the power) the elementary law is no longer most of the effect.
+DOUBTFUL = 0.25
 SUBSTEPS = 4  # fine steps per sample in a proof
 SOME = 200  # positions at which the mass matrix is checked for being positive definite
 
@@ -158,7 +161,7 @@ class ArmPlant(PlantDefaults):
         kinds = candidates(view.arm, there, frozen=self.known is not None, weight=view.weights_of_links.shape[2])
         limits: list[AtJoint] = []
         rest: list[AtJoint] = []
-        for k in kinds:
+        for k in (k for k in kinds if k.cls is not Load or view.weighs(k)):
             (limits if k.transforms and not k.delays else rest).append(k)
         pairs = [(f, self.tangent.look(f)) for f in (*families(view, rest), *nameless(view))]
         looks = [self._sized(look) for _, look in pairs if look is not None]
@@ -261,7 +264,8 @@ class ArmPlant(PlantDefaults):
             if c.cls.elementary and c.n_slots == 1:
                 plain = view.fit(model.with_term(JointTerm(replace(t.kind, cls=c.cls, catalogued=c), (0.0,))))
                 beyond, most = (self.size(*map(self.errors, pair)) for pair in ((plain, grown), (model, plain)))
-                if beyond < BEYOND * most:
+                stays = float(self._shares(self.errors(grown))[view.arm.joints.index(t.joint)])
+                if beyond < max(BEYOND * most, min(stays, DOUBTFUL * most)):
                     return f"{c.name.replace('_', ' ')} explains as much with fewer numbers"
         asked = view.by_joint(view.contribution(t))  # all joints carry a mass, and gravity is always large
         closed = view.by_joint(view.left(view.fit(model))) ** 2 - view.by_joint(view.left(grown)) ** 2

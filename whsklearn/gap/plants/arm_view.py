@@ -25,6 +25,7 @@ from whsklearn.gap.plants.servo_candidates import ColumnSignals
 from whsklearn.gap.plants.servo_inverse import later, reaching
 from whsklearn.gap.record import MAD, lattice, rms
 from whsklearn.identification.arm_fit import Known, held_out
+from whsklearn.identification.payload import MASS
 from whsklearn.lags.rigid_body import RigidBodyLags
 from whsklearn.systems._arm_kernels import N_BODY
 from whsklearn.systems.arm_files import STANDARD_GRAVITY, body_numbers
@@ -189,6 +190,11 @@ class ArmView:
         """Columns of the ten numbers of a body at a link, (rows, 10)."""
         at = N_BODY * self.arm.index(kind.joint)
         return (self.phi @ self.lags.base_.mapping[:, at : at + N_BODY]).reshape(-1, N_BODY)
+
+    def weighs(self, kind: AtJoint) -> bool:
+        """Whether a drive tells mass or moments of a body at a link: at a vertical axis only its inertia acts."""
+        power = np.linalg.norm(self.body(kind), axis=0)
+        return bool(power[:MASS].max() > SEEN * power.max())
 
     def lost(self, kind: AtJoint, shape: tuple[float, ...]) -> Array:
         """The part of a joint's drive that an effect removes, shape (n,).
