@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag
+from scipy.linalg import block_diag, solve
 
 from whsklearn.effects import LearnedTorque
 from whsklearn.effects.equations import hill
@@ -145,6 +145,18 @@ def learn(view: Any, model: AxisModel) -> Learned | None:
     return Learned(with_curves(view, model, found, heights), curves)
 
 
+class Normal(NamedTuple):
+    """Normal equations: Z'Z and Z'y of the record, (Z, y) of its blocks, and Z'Z and Z'y of each.
+
+    They are formed once for all penalties, and only solved again: forming them took most of the time.
+    """
+
+    gram: Array
+    right: Array
+    blocks: list[tuple[Array, Array]]
+    parts: list[tuple[Array, Array]]
+
+
 class CurveProblem:
     """Penalised least squares of one record: friction and effects of the base model, and the curves found so far."""
 
@@ -158,7 +170,7 @@ class CurveProblem:
         self.base, self.positive = x[view.at, 1:], positive[1:]
         self.seen = thinned(view, view.motion if torque is None else view.motion._replace(drive=torque))
         nothing = np.zeros((0, 0))
-        self.error = curves[-1].error if curves else self.cross_validated(self.base, self._penalty(nothing))
+        self.error = curves[-1].error if curves else self.cross_validated(self.normal(self.base), self._penalty(nothing))
 
     def _penalty(self, new: Array) -> Array:
         """Quadratic form of [base, earlier curves, heights of the new curve]."""
@@ -169,30 +181,35 @@ class CurveProblem:
         """Columns of the base, the earlier curves and the new hills, side by side."""
         return np.column_stack([self.base, *(c.columns for c in self.curves), new])
 
-    def solved(self, z: Array, penalty: Array) -> tuple[Array, NDArray[np.bool_]]:
+    def normal(self, z: Array) -> Normal:
+        """Normal equations of [columns] on the target: of the whole record and of every block of it."""
+        blocks = [(z[part], self.target[part]) for part in np.array_split(np.arange(self.target.size), N_BLOCKS)]
+        gram, right = z.T @ z, z.T @ self.target
+        return Normal(gram, right, blocks, [(zb.T @ zb, zb.T @ yb) for zb, yb in blocks])
+
+    def solved(self, normal: Normal, penalty: Array) -> tuple[Array, NDArray[np.bool_]]:
         """Weights of all columns; columns that must be positive but are not are dropped."""
-        free = np.ones(z.shape[1], dtype=bool)
-        gram, right = z.T @ z + penalty, z.T @ self.target
-        numbers = np.zeros(z.shape[1])
+        gram = normal.gram + penalty
+        free = np.diag(gram) > 0.0
+        numbers = np.zeros(free.size)
         for _ in range(self.positive.size):
             numbers[:] = 0.0
-            numbers[free] = np.linalg.lstsq(gram[np.ix_(free, free)], right[free], rcond=None)[0]
+            numbers[free] = solve(gram[np.ix_(free, free)], normal.right[free], assume_a="pos")
             bad = np.flatnonzero((numbers[: self.positive.size] < 0.0) & self.positive)
             if not bad.size:
                 break
             free[bad[np.argmin(numbers[bad])]] = False
         return numbers, free
 
-    def cross_validated(self, z: Array, penalty: Array) -> float:
+    def cross_validated(self, normal: Normal, penalty: Array) -> float:
         """Sum of squares of every block predicted from the others."""
-        _, free = self.solved(z, penalty)
-        z, penalty = z[:, free], penalty[np.ix_(free, free)]
-        gram, right = z.T @ z + penalty, z.T @ self.target
-        total = 0.0
-        for part in np.array_split(np.arange(self.target.size), N_BLOCKS):
-            zb, yb = z[part], self.target[part]
-            # a hill that only this block reaches cannot be determined by the others
-            left = yb - zb @ np.linalg.lstsq(gram - zb.T @ zb, right - zb.T @ yb, rcond=None)[0]
+        _, free = self.solved(normal, penalty)
+        at = np.ix_(free, free)
+        gram, total = normal.gram[at] + penalty[at], 0.0
+        for (zb, yb), (gram_b, right_b) in zip(normal.blocks, normal.parts, strict=True):
+            # a hill that only this block reaches cannot be determined by the others: its penalty keeps it at zero
+            numbers = solve(gram - gram_b[at], (normal.right - right_b)[free], assume_a="pos")
+            left = yb - zb[:, free] @ numbers
             total += float(left @ left)
         return total
 
@@ -224,12 +241,13 @@ class CurveProblem:
         k, power = centres.size, self.target.size * float(np.mean(seen**2))
         rough, z = second_differences(k, bool(form.period)), self.columns(new)
         penalties = [power * (weight * rough + RIDGE * np.eye(k)) for weight in PENALTIES]
-        errors = [self.cross_validated(z, self._penalty(p)) for p in penalties]
+        normal = self.normal(z)
+        errors = [self.cross_validated(normal, self._penalty(p)) for p in penalties]
         own = penalties[int(np.argmin(errors))]
         penalty = self._penalty(own)
-        numbers, free = self.solved(z, penalty)
+        numbers, free = self.solved(normal, penalty)
         left = self.target - z @ numbers
-        inverse = np.linalg.pinv((z.T @ z + penalty)[np.ix_(free, free)])[-k:, -k:]
+        inverse = np.linalg.pinv((normal.gram + penalty)[np.ix_(free, free)])[-k:, -k:]
         variance = float(left @ left) / max(self.view.n_effective - z.shape[1], 1.0)
         covariance = variance * inverse * self.target.size / self.view.n_effective
         return Fit(form, centres, width, new, own, numbers, covariance, min(errors), self.inertia, self.timing)
