@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from whsklearn._numba import njit, part
+from whsklearn._numba import borrowed, njit, part
 from whsklearn.effects import codes
 from whsklearn.effects.equations import N_STATES, quantized, smooth_sign
 from whsklearn.systems._servo_drive import chain_of, effective, held, hold_weights
@@ -119,19 +119,31 @@ def run(out, plant, controller, signals, how, initial):
     of motor and load.  In open loop row 0 of ``out`` is the drive as logged.
     """
     effects, p, ends = arranged(plant.codes, plant.p)
+    chain = chain_of(plant)
+    weights = hold_weights(chain.delay / how.sample_time, how.substeps, how.linear)
+    z = np.zeros((max(effects.size, 1), N_STATES + 1))
+    _run(out, plant, effects, p, ends, z, chain, weights, controller, signals, how, initial)
+
+
+@part
+def _run(out, plant, effects, p, ends, z, chain, weights, controller, signals, how, initial):
+    """The pass itself, on borrowed arrays whose owners live in `run`."""
+    out, effects, p, z = borrowed(out), borrowed(effects), borrowed(p), borrowed(z)
+    reference, noise, disturbance, measured = signals
+    reference, noise = borrowed(reference), borrowed(noise)
+    disturbance, measured = borrowed(disturbance), borrowed(measured)
+    first, weight = borrowed(weights[0]), borrowed(weights[1])
+    u = borrowed(out[DRIVE])
     own = plant.own
-    body, chain = body_of(plant), chain_of(plant)
+    body = body_of(plant)
     lattice, folded = lattice_of(plant)
     on_load = plant.parts[ON_LOAD] > 0.0
     n, dt, substeps = out.shape[1], how.sample_time, how.substeps
     h = dt / substeps
     closed, every, gain = how.closed, how.every, plant.parts[GAIN]
     gain_1, gain_2 = how.gains
-    first, weight = hold_weights(chain.delay / dt, substeps, how.linear)
     observed = gain_1 > 0.0 or gain_2 > 0.0
-    z = np.zeros((max(effects.size, 1), N_STATES + 1))
     memory = np.zeros(3)
-    u, measured, noise, disturbance = out[DRIVE], signals.measured, signals.noise, signals.disturbance
     before = 0.0 if how.closed else u[0]
     lag = second = before
     state = (initial[0], initial[1], initial[2], initial[3])
@@ -145,7 +157,7 @@ def run(out, plant, controller, signals, how, initial):
         if lattice > 0.0:
             y = quantized(lattice, y)
         if closed:
-            u[k] = gain * control(controller, memory, signals.reference, k, y, dt)
+            u[k] = gain * control(controller, memory, reference, k, y, dt)
         out[MEASURED, k] = y
         out[POSITION, k], out[VELOCITY, k] = state[0], state[1]
         out[LOAD, k], out[LOAD_VELOCITY, k] = state[2], state[3]
