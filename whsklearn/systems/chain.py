@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from whsklearn._numba import njit
+from whsklearn._numba import borrowed, njit, part
 from whsklearn.effects import codes as k
 from whsklearn.effects.base import Effect
 from whsklearn.effects.equations import N_STATES
@@ -72,23 +72,28 @@ def run(theta, chain, ports, u, y, noise, free, x, v, y_hat):
     the readings y.  theta = [a[1:], b, weights of the law, c[1:], d].  ``ports`` is None without effects: Numba then
     leaves their branches out, which makes the pass twice as fast.
     """
+    if ports is None:
+        _pass(theta, chain, None, u, y, noise, free, x, v, y_hat, u, x, y_hat if free else y, None)
+    else:
+        # the input that drives L1, x before the transmission, y before the sensor
+        ue, raw, q = np.empty(u.size), np.empty(u.size), np.empty(u.size)
+        memory = np.zeros((ports.codes.size, N_STATES))
+        _pass(theta, chain, ports, u, y, noise, free, x, v, y_hat, ue, raw, q, memory)
+
+
+@part
+def _pass(theta, chain, ports, u, y, noise, free, x, v, y_hat, ue, raw, q, memory):
+    """The pass of `run`, on borrowed arrays whose owners live there."""
     na, nb, nc, nd, nw = chain.dims[0], chain.dims[1], chain.dims[2], chain.dims[3], chain.dims[4]
     b0, w0 = na - 1, na - 1 + nb
     c0 = w0 + nw
     d0 = c0 + nc - 1
     n = u.size
-    law, shapes, kappa, dt = chain.law, chain.shapes, chain.kappa, chain.dt
-    if ports is None:
-        ue, raw, q = u, x, (y_hat if free else y)
-    else:
-        # out of the tuple once: inside the loop each access would count references
-        codes, rows, own = ports.codes, ports.rows, ports.own
-        ue, raw, q = (
-            np.empty(n),
-            np.empty(n),
-            np.empty(n),
-        )  # driven input; x before the transmission; y before the sensor
-        memory = np.zeros((codes.size, N_STATES))
+    law, shapes, kappa, dt = borrowed(chain.law), borrowed(chain.shapes), chain.kappa, chain.dt
+    theta, u, y, noise = borrowed(theta), borrowed(u), borrowed(y), borrowed(noise)
+    x, v, y_hat, ue, raw, q = borrowed(x), borrowed(v), borrowed(y_hat), borrowed(ue), borrowed(raw), borrowed(q)
+    if ports is not None:
+        codes, rows, memory, own = borrowed(ports.codes), borrowed(ports.rows), borrowed(memory), ports.own
         # a port without an effect is passed by: its call would cost more than the rest of the sample
         drive, between, sensor, law_port = occupied(codes)
     dx_old = ahead = before = 0.0  # x(t) without u_eff(t-1), and x(t-1)
