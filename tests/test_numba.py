@@ -16,6 +16,7 @@ import numba
 import numpy as np
 import pytest
 from numba.core import event
+from numba.extending import intrinsic
 
 import whsklearn
 from whsklearn import _numba
@@ -188,6 +189,37 @@ def test_loops_of_a_short_kernel_are_left_as_written(tmp_path, monkeypatch):
     assert x.tobytes() == y.tobytes()
     several = [" x double>" in code for kernel in (long, short) for code in kernel.inspect_llvm().values()]
     assert several == [True, False]
+
+
+@intrinsic
+def _owner(_context, array):
+    """Address of what counts an array's references."""
+
+    def made(context, builder, _signature, arguments):
+        struct = context.make_array(array)(context, builder, value=arguments[0])
+        return builder.ptrtoint(struct.meminfo, context.get_value_type(numba.types.intp))
+
+    return numba.types.intp(array), made
+
+
+def test_a_borrowed_array_is_the_array_and_nobody_counts_its_references(tmp_path, monkeypatch):
+    monkeypatch.setattr(_numba._settings, "CACHE_DIR", str(tmp_path))
+
+    @_numba.njit(error_model="numpy")
+    def doubled(x):
+        view = _numba.borrowed(x)
+        for i in range(view.size):
+            view[i] *= 2.0
+        return _owner(x), _owner(view)
+
+    x = np.arange(12.0).reshape(3, 4)
+    references = sys.getrefcount(x)
+    owned, borrowed = doubled(x[:, 1])
+    assert x[:, 1].tolist() == [2.0, 10.0, 18.0]  # strides and memory are the array's own
+    assert x[:, 0].tolist() == [0.0, 4.0, 8.0]
+    assert owned != 0
+    assert borrowed == 0
+    assert sys.getrefcount(x) == references
 
 
 def test_where_numba_is_another_parts_are_compiled_in_its_own_way(monkeypatch):

@@ -170,7 +170,9 @@ class CurveProblem:
         self.base, self.positive = x[view.at, 1:], positive[1:]
         self.seen = thinned(view, view.motion if torque is None else view.motion._replace(drive=torque))
         nothing = np.zeros((0, 0))
-        self.error = curves[-1].error if curves else self.cross_validated(self.normal(self.base), self._penalty(nothing))
+        self.error = (
+            curves[-1].error if curves else self.cross_validated(self.normal(self.base), self._penalty(nothing))
+        )
 
     def _penalty(self, new: Array) -> Array:
         """Quadratic form of [base, earlier curves, heights of the new curve]."""
