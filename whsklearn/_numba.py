@@ -496,5 +496,5 @@ def _unowned(_context: Any, array: Any) -> Any:
 
 
 @overload(borrowed, jit_options={"forceinline": True})
-def _borrowed(array):
+def _borrowed(array):  # noqa: ARG001  # by its type the compiler chooses
     return lambda array: _unowned(array)  # type: ignore[call-arg]  # the compiler gives the context
