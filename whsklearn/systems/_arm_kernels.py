@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from whsklearn._numba import njit, part
+from whsklearn._numba import borrowed, njit, part
 
 N_BODY = 10  # numbers of a link
 N_MOTION = 9  # of a frame: angular velocity, angular acceleration, acceleration
@@ -147,11 +147,15 @@ def link_row(row, w, m):
 @njit(nogil=True, error_model="numpy")
 def fill_regressor(out, links, q, v, a):
     """``out`` (n_samples, n, 10 n), zeros before: factors of all links' numbers; q, v, a (n_samples, n)."""
-    n = links.parent.size
-    work = room(n)
+    _regressor(out, links, q, v, a, room(links.parent.size))
+
+
+@part
+def _regressor(out, links, q, v, a, work):
+    out, links, q, v, a, work = borrowed((out, links, q, v, a, work))
     for t in range(q.shape[0]):
         move(links, q[t], v[t], a[t], work)
-        for k in range(n):
+        for k in range(links.parent.size):
             j = k
             while j >= 0:
                 link_row(out[t, j, N_BODY * k : N_BODY * k + N_BODY], work.jacobian[k, j], work.motion[k])
@@ -192,7 +196,12 @@ def weigh(links, inertial, work, mass):
 @njit(nogil=True, error_model="numpy")
 def fill_torque(out, links, inertial, q, v, a):
     """``out`` (n_samples, n), zeros before: drives that the links need along q, v, a (n_samples, n)."""
-    work = room(links.parent.size)
+    _torque(out, links, inertial, q, v, a, room(links.parent.size))
+
+
+@part
+def _torque(out, links, inertial, q, v, a, work):
+    out, links, inertial, q, v, a, work = borrowed((out, links, inertial, q, v, a, work))
     for t in range(q.shape[0]):
         move(links, q[t], v[t], a[t], work)
         pay(links, inertial, work, out[t])
@@ -202,7 +211,12 @@ def fill_torque(out, links, inertial, q, v, a):
 def fill_mass(out, links, inertial, q):
     """``out`` (n_samples, n, n): mass matrices at q (n_samples, n)."""
     n = links.parent.size
-    work, rest = room(n), np.zeros(n)
+    _mass(out, links, inertial, q, np.zeros(n), room(n))
+
+
+@part
+def _mass(out, links, inertial, q, rest, work):
+    out, links, inertial, q, rest, work = borrowed((out, links, inertial, q, rest, work))
     for t in range(q.shape[0]):
         move(links, q[t], rest, rest, work)
         weigh(links, inertial, work, out[t])

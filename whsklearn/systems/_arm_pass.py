@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from whsklearn._numba import njit, part
+from whsklearn._numba import borrowed, njit, part
 from whsklearn.effects.equations import AHEAD, N_STATES, quantized, smooth_sign
 from whsklearn.systems._arm_kernels import move, pay, room, weigh
 from whsklearn.systems._servo_drive import DriveStage, chain_of, effective, held, hold_weights
@@ -158,7 +158,6 @@ def run(out, links, inertial, axes, course, state):
     In open loop row 0 of ``out`` is the drive as logged.
     """
     n, dt, substeps = links.parent.size, course.sample_time, course.substeps
-    h = dt / substeps
     space = room(n), np.zeros(n), np.zeros(n), np.zeros((n, n))
     m = axes.armature.size
     ends = np.zeros((m, 6), dtype=np.int64)
@@ -180,6 +179,17 @@ def run(out, links, inertial, axes, course, state):
         ends[j, 0], ends[j, 1], ends[j, 2], ends[j, 3], ends[j, 4], ends[j, 5] = e
         axes.codes[axes.first[j] : axes.first[j] + codes.size] = codes
         axes.p[axes.first[j] : axes.first[j] + codes.size] = p
+    prepared = ends, chain, lag, memory, lattice, u, first, weight, z
+    _pass(out, links, inertial, axes, course, state, space, prepared)
+
+
+@part
+def _pass(out, links, inertial, axes, course, state, space, prepared):
+    """The pass itself, on borrowed arrays whose owners live in `run`."""
+    out, links, inertial, axes, course, state, space = borrowed((out, links, inertial, axes, course, state, space))
+    ends, chain, lag, memory, lattice, u, first, weight, z = borrowed(prepared)
+    n, dt, substeps = links.parent.size, course.sample_time, course.substeps
+    h = dt / substeps
     for k in range(out.shape[2]):
         t = k * dt
         if course.every > 0 and k % course.every == 0:

@@ -122,18 +122,16 @@ def run(out, plant, controller, signals, how, initial):
     chain = chain_of(plant)
     weights = hold_weights(chain.delay / how.sample_time, how.substeps, how.linear)
     z = np.zeros((max(effects.size, 1), N_STATES + 1))
-    _run(out, plant, effects, p, ends, z, chain, weights, controller, signals, how, initial)
+    _pass(out, plant, effects, p, ends, z, chain, weights, controller, signals, how, initial)
 
 
 @part
-def _run(out, plant, effects, p, ends, z, chain, weights, controller, signals, how, initial):
+def _pass(out, plant, effects, p, ends, z, chain, weights, controller, signals, how, initial):
     """The pass itself, on borrowed arrays whose owners live in `run`."""
-    out, effects, p, z = borrowed(out), borrowed(effects), borrowed(p), borrowed(z)
-    reference, noise, disturbance, measured = signals
-    reference, noise = borrowed(reference), borrowed(noise)
-    disturbance, measured = borrowed(disturbance), borrowed(measured)
-    first, weight = borrowed(weights[0]), borrowed(weights[1])
-    u = borrowed(out[DRIVE])
+    out, effects, p, z = borrowed((out, effects, p, z))
+    reference, noise, disturbance, measured = borrowed(signals)
+    first, weight = borrowed(weights)
+    u = out[DRIVE]
     own = plant.own
     body = body_of(plant)
     lattice, folded = lattice_of(plant)

@@ -84,14 +84,13 @@ def run(theta, chain, ports, u, y, noise, free, x, v, y_hat):
 @part
 def _pass(theta, chain, ports, u, y, noise, free, x, v, y_hat, ue, raw, q, memory):
     """The pass of `run`, on borrowed arrays whose owners live there."""
-    na, nb, nc, nd, nw = chain.dims[0], chain.dims[1], chain.dims[2], chain.dims[3], chain.dims[4]
+    theta, u, y, noise, x, v, y_hat, ue, raw, q = borrowed((theta, u, y, noise, x, v, y_hat, ue, raw, q))
+    dims, law, shapes, kappa, dt = borrowed(chain)
+    na, nb, nc, nd, nw = dims[0], dims[1], dims[2], dims[3], dims[4]
     b0, w0 = na - 1, na - 1 + nb
     c0 = w0 + nw
     d0 = c0 + nc - 1
     n = u.size
-    law, shapes, kappa, dt = borrowed(chain.law), borrowed(chain.shapes), chain.kappa, chain.dt
-    theta, u, y, noise = borrowed(theta), borrowed(u), borrowed(y), borrowed(noise)
-    x, v, y_hat, ue, raw, q = borrowed(x), borrowed(v), borrowed(y_hat), borrowed(ue), borrowed(raw), borrowed(q)
     if ports is not None:
         codes, rows, memory, own = borrowed(ports.codes), borrowed(ports.rows), borrowed(memory), ports.own
         # a port without an effect is passed by: its call would cost more than the rest of the sample
