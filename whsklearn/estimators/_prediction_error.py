@@ -9,7 +9,7 @@ from whsklearn.effects import FrictionLaw, Power, Viscous
 from whsklearn.effects.terms import CONSTANT, HINGE, NATURAL_SPLINE, POWER
 from whsklearn.estimators import _model as wh
 from whsklearn.recursion.memory.first_block import increment_rms
-from whsklearn.recursion.memory.starts import least_squares_start, random_start, term_scales
+from whsklearn.recursion.memory.starts import least_squares_start, random_start, regressors, term_scales
 from whsklearn.recursion.rows.predictor import record_errors
 from whsklearn.systems.stability import is_stable
 
@@ -37,9 +37,15 @@ class PredictionError:
     def start(self, i: int, rng: np.random.Generator) -> Array:
         """The i-th start: the best linear approximation, then two kinds in turn."""
         if i == 0:
-            return least_squares_start(self.best_linear(rng), self.kernel, self.u, self.y, self.restart)
+            return self.with_least_squares(self.best_linear(rng))
         theta = random_start(tuple(self.structure.dims), rng, self.scales)
-        return least_squares_start(theta, self.kernel, self.u, self.y, self.restart) if i % 2 else theta
+        return self.with_least_squares(theta) if i % 2 else theta
+
+    def with_least_squares(self, theta: Array) -> Array:
+        """The start with the L1 of ``theta``; all else is linear then."""
+        return least_squares_start(
+            theta, self.kernel, regressors(theta, self.kernel, self.u, self.y, self.restart), self.y
+        )
 
     def best_linear(self, rng: np.random.Generator) -> Array:
         """A start whose blocks are those of the best linear approximation."""

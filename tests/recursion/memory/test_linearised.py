@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from tests.recursion.reruns import replay
 from whsklearn import WienerHammersteinSystem
 from whsklearn.datasets import make_wiener_hammerstein
 from whsklearn.recursion.memory.cost import Memory, new_work
-from whsklearn.recursion.memory.linearised import Pass, deviation, empty_rows, jumps, listed
-from whsklearn.recursion.memory.steps import in_one
+from whsklearn.recursion.memory.linearised import Pass, curvature, deviation, empty_rows, filtered, jumps, listed
 from whsklearn.recursion.rows.predictor import record_errors, state_size
 
 EXAMPLE = WienerHammersteinSystem.example()
@@ -31,9 +31,9 @@ def record():
 
 
 def linearised(record, theta):
-    memory = Pass(theta, LAW, record, new_work(DIMS, 1), in_one(empty_rows(N, theta.size, 3)))
+    memory = Pass(theta, LAW, record, new_work(DIMS, 1), empty_rows(N, theta.size, 3))
     while memory.done < N:
-        in_one(memory.read_segment())
+        memory.read_segment()
     return memory.rows
 
 
@@ -60,9 +60,9 @@ def test_it_goes_on_from_a_state_as_if_it_had_read_what_came_before(record):
     state, work = np.zeros(state_size(DIMS)), np.zeros((9, 9))
     replay(TRUTH, LAW, np.inf, record._replace(fill=cut), work, np.zeros(9), state)
     rest = Memory(state, record.u[cut:], record.y[cut:], record.restart[cut:], N - cut, HISTORY, 1, np.ones(N - cut))
-    later = Pass(TRUTH, LAW, rest, new_work(DIMS, 1), in_one(empty_rows(N - cut, TRUTH.size, 3)))
+    later = Pass(TRUTH, LAW, rest, new_work(DIMS, 1), empty_rows(N - cut, TRUTH.size, 3))
     while later.done < N - cut:
-        in_one(later.read_segment())
+        later.read_segment()
     for whole, part in zip(system, later.rows, strict=True):
         np.testing.assert_allclose(part, whole[cut:], atol=1e-12)
 
@@ -118,3 +118,42 @@ def test_deviation_is_the_root_of_the_quadratic_form():
     covariance = np.array([[1.0, 0.5], [0.5, 2.0]])
     expected = np.sqrt(np.diag(g @ covariance @ g.T))
     np.testing.assert_allclose(deviation(g, covariance), expected)
+
+
+LONG, CUT = 1300, 700
+
+
+def gradients(a, b, u):
+    """d dx / d(a, b) of two experiments."""
+
+    def one(u):
+        x = lfilter(np.append(0.0, np.append(1.0, a)), np.append(1.0, b), u)
+        held = [lfilter([1.0], np.append(1.0, b), np.append(np.zeros(k), u)[: u.size]) for k in range(2, 2 + a.size)]
+        held += [-lfilter([1.0], np.append(1.0, b), np.append(np.zeros(k), x)[: x.size]) for k in range(1, 1 + b.size)]
+        return np.diff(np.array(held), prepend=0.0, axis=1).T
+
+    return np.vstack([one(u[:CUT]), one(u[CUT:])])
+
+
+def test_curvatures_are_the_slopes_of_the_gradients():
+    u = np.random.default_rng(0).standard_normal(LONG)
+    a, b = np.array([0.7, -0.2]), np.array([-1.1, 0.5, -0.1])
+    gradient = gradients(a, b, u)
+    restart = np.zeros(LONG, dtype=bool)
+    restart[[0, CUT]] = True
+    chosen = np.array([0, 1, 5, 511, 512, 513, 699, 700, 701, 1299])
+    law = np.array([3, 3, 1, 0, 1]), LAW[1], LAW[2]
+    bent = curvature(filtered(gradient, restart, law, np.concatenate([a, b])), np.cumsum(restart), law, chosen)
+    for k in range(5):
+        step = 1e-6 * np.eye(5)[k]
+        slope = (gradients(a + step[:2], b + step[2:], u) - gradients(a - step[:2], b - step[2:], u))[chosen] / 2e-6
+        np.testing.assert_allclose(bent[:, :, k], slope, atol=1e-6)
+    np.testing.assert_array_equal(bent, bent.transpose(0, 2, 1))
+
+
+def test_without_a_denominator_nothing_is_bent():
+    law = np.array([3, 0, 1, 0, 1]), LAW[1], LAW[2]
+    f = filtered(np.ones((9, 2)), np.zeros(9, dtype=bool), law, np.ones(2))
+    bent = curvature(f, np.zeros(9, dtype=int), law, np.arange(3))
+    assert bent.shape == (3, 2, 2)
+    assert not bent.any()

@@ -8,7 +8,13 @@ import pytest
 from whsklearn import WienerHammersteinSystem
 from whsklearn.datasets import make_wiener_hammerstein
 from whsklearn.effects.law import polynomial_law
-from whsklearn.recursion.memory.starts import least_squares_start, random_stable, random_start, term_scales
+from whsklearn.recursion.memory.starts import (
+    least_squares_start,
+    random_stable,
+    random_start,
+    regressors,
+    term_scales,
+)
 from whsklearn.systems.stability import is_stable
 
 ORDERS = (2, 2, 2, 2, 3)
@@ -39,7 +45,7 @@ def test_least_squares_around_the_true_l1_is_the_truth():
     law = np.array([2, 1, 2, 2, 3], dtype=np.int64), system.law.codes, system.law.shapes
     wrong = truth.copy()
     wrong[2:] = 7.0
-    found = least_squares_start(wrong, law, X, y, np.arange(300) == 0)
+    found = least_squares_start(wrong, law, regressors(wrong, law, X, y, np.arange(300) == 0), y)
     np.testing.assert_allclose(found, truth, rtol=1e-8)
 
 

@@ -4,11 +4,13 @@ Why a memory: a recursion linearises every row once, at parameters that may be p
 has a sign, the estimate never recovers from that.  Re-running the samples at the current parameters costs a bounded
 number of passes over the memory per row, and ends in the minimum that a batch fit finds (`benchmarks/accuracy.py`).
 
-Mathematics: `cost` (squared errors of the samples in memory and their Gauss-Newton matrix), `gauss_newton` (one model
-to its minimum), `starts` (where models begin), `refit` (which models continue), `linearised`, `sign_density`,
-`sign_posterior` and `posterior` (the posterior of the parameters, including the signs of dx that are in doubt).
+Mathematics, each a state in and a state out: `cost` (squared errors of the samples in memory and their Gauss-Newton
+matrix), `gauss_newton` (one model to its minimum), `starts` (where models begin), `refit` (which models continue),
+`linearised`, `sign_density`, `sign_posterior` and `posterior` (the posterior of the parameters, including the signs of
+dx that are in doubt).
 
 Scheduling: only `schedule` decides when a re-run begins, how much of it each row may do, and when its result takes
-over.  Work that takes longer than a row is written as a generator (`steps`) that yields where the next row may
-interrupt it; its result does not depend on where it was interrupted.  `multistart` combines both into a stream.
+over.  Work that takes longer than a row is a generator there, and nowhere else: it calls the mathematics piece by piece
+and yields where the next row may interrupt it, and its result does not depend on where it was interrupted.
+`multistart` combines both into a stream.
 """

@@ -6,7 +6,6 @@ parts.  `Work` holds its progress and the number of samples that it may still re
 
 from __future__ import annotations
 
-from collections.abc import Generator
 from typing import NamedTuple
 
 import numpy as np
@@ -21,10 +20,9 @@ from whsklearn.recursion.memory.predictor_block import (
     forget,
     keep,
     move_on,
+    new_segment,
     predict_segment,
-    segment_steps,
 )
-from whsklearn.recursion.memory.steps import in_one
 from whsklearn.recursion.rows.predictor import parameter_count, state_size
 
 Array = NDArray[np.float64]
@@ -95,17 +93,12 @@ class Work(NamedTuple):
 
 def new_work(dims: NDArray[np.int64], n_inputs: int) -> Work:
     """Work that has not started and has no budget."""
-    return in_one(work_steps(dims, n_inputs))
-
-
-def work_steps(dims: NDArray[np.int64], n_inputs: int) -> Generator[None, None, Work]:
-    """`new_work` in parts."""
-    segment = yield from segment_steps(dims, n_inputs)
-    yield
-    n, weighted = int(parameter_count(dims)), np.zeros((3, LENGTH))
-    yield
+    n = int(parameter_count(dims))
     slopes = np.zeros(n), np.zeros(n), np.zeros(n)
-    return Work(np.zeros(SIZE), segment, weighted, *slopes, np.zeros((n, n)), np.zeros(int(state_size(dims))))
+    return Work(
+        np.zeros(SIZE), new_segment(dims, n_inputs), np.zeros((3, LENGTH)), *slopes, np.zeros((n, n)),
+        np.zeros(int(state_size(dims))),
+    )  # fmt: skip
 
 
 @part

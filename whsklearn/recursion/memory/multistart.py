@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 
 from whsklearn.recursion.memory.posterior import initial_past
 from whsklearn.recursion.memory.refit import LIVE
-from whsklearn.recursion.memory.refit import consolidate as refit_now
-from whsklearn.recursion.memory.schedule import BackgroundRefit, schedule, under_way
+from whsklearn.recursion.memory.schedule import BackgroundRefit, refit_now, schedule, under_way
 from whsklearn.recursion.memory.settings import Settings, State
 from whsklearn.recursion.memory.starts import random_start
 from whsklearn.recursion.rows.covariance import WIND_UP, inflate

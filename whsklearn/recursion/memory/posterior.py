@@ -9,28 +9,26 @@ request, not at every sample.
 
 from __future__ import annotations
 
-from collections.abc import Generator
-
 import numpy as np
 from numpy.typing import NDArray
 
-from whsklearn.recursion.memory.cost import Work, new_work
+from whsklearn.recursion.memory.cost import Memory, Work, new_work
 from whsklearn.recursion.memory.linearised import (
     CAPACITY,
     IN_DOUBT,
     JUMPING,
     SETTLED,
     Pass,
+    Rows,
     Signs,
     deviation,
     empty_rows,
-    listed_steps,
+    listed,
 )
 from whsklearn.recursion.memory.refit import count_of, left_of_prior, memory_of, weights_of
 from whsklearn.recursion.memory.settings import Settings, State
 from whsklearn.recursion.memory.sign_density import posed
-from whsklearn.recursion.memory.sign_posterior import Gaussian, frozen, frozen_steps, sample
-from whsklearn.recursion.memory.steps import in_one
+from whsklearn.recursion.memory.sign_posterior import Gaussian, frozen, sample
 from whsklearn.recursion.rows.predictor import state_size
 
 Array = NDArray[np.float64]
@@ -51,7 +49,6 @@ NEAR = 0.5
 # 250 random systems (benchmarks/accuracy.py --section systems, seeds 0 to 249) 248 finished within six rounds in all;
 # if the record does not determine the parameters, the mean never settles.
 MOST_ROUGH = 8
-PIECE = 512  # samples processed between two rows when a page is summarised
 WORSE = 1.02  # ratio of squared errors at the mean to those at theta_0 above which the linearisation is not valid
 
 
@@ -76,22 +73,14 @@ def initial_past(r: Settings) -> State:
 
 def packed(signs: Signs, state: State) -> State:
     """The signs in the form in which the state stores them."""
-    return in_one(packed_steps(signs, state))
-
-
-def packed_steps(signs: Signs, state: State) -> Generator[None, None, State]:
-    """`packed` in parts."""
     out = {"signs": np.zeros_like(state["signs"]), "signs_at": np.full_like(state["signs_at"], -1)}
     n, at = signs.dx.size, 3
-    yield
     for k, column in enumerate(signs[:at]):
         out["signs"][:n, k] = column
-    yield
     for block in (signs.gradient, signs.curvature, signs.height, signs.rows):
         width = int(np.prod(block.shape[1:]))
         out["signs"][:n, at : at + width] = block.reshape(n, width)
         at += width
-        yield
     out["signs_at"][:n] = signs.at
     return _read_only(out)
 
@@ -140,6 +129,9 @@ def origin_at(origin: Array, dims: NDArray[np.int64], delta: Array) -> Array:
 class Linearisation:
     """The first samples in memory linearised at ``theta``, together with the summary of all earlier samples.
 
+    Every method takes what the ones before returned, so that a stream may do one of them between two samples
+    (`whsklearn.recursion.memory.schedule`).
+
     Parameters
     ----------
     state : dict
@@ -150,32 +142,31 @@ class Linearisation:
     theta : ndarray of shape (n,)
     weights : ndarray
         Weight of each sample after forgetting; as many samples are read as there are weights.
+    work : Work
+        Must belong to a re-run that has finished.
     """
 
-    def __init__(self, state: State, r: Settings, s: int, theta: Array, weights: Array):
-        self.state, self.settings, self.model, self.theta, self.stop = state, r, s, theta, weights.size
+    def __init__(self, state: State, r: Settings, s: int, theta: Array, weights: Array, work: Work):
+        self.state, self.settings, self.model, self.theta, self.weights = state, r, s, theta, weights
+        self.stop, self.first = weights.size, state["seen"] - state["fill"]
         origin = origin_at(state["past_origin"], r.dims, theta - state["past_theta"])
-        self.record = memory_of(state, r, self.stop, weights, origin, tail=1)
-        self.weights = weights
+        self.record: Memory = memory_of(state, r, self.stop, weights, origin, tail=1)
         self.matrix = np.zeros((theta.size + 1, theta.size + 1))
+        self.rows: Rows = empty_rows(self.stop, theta.size, int(r.dims[0] - 1 + r.dims[1]))
+        self._pass = Pass(theta, r.law, self.record, work, self.rows)
 
-    def begin(self, work: Work) -> Generator[None, None, None]:
-        """Allocate the arrays, in parts; ``work`` must belong to a re-run that has finished."""
-        rows = yield from empty_rows(self.stop, self.theta.size, int(self.settings.dims[0] - 1 + self.settings.dims[1]))
-        yield
-        self._pass = Pass(self.theta, self.settings.law, self.record, work, rows)
-        self.rows = rows
+    @property
+    def is_read(self) -> bool:
+        """Whether all samples have been read."""
+        return self._pass.done >= self.stop
 
-    def read(self) -> Generator[None, None, None]:
-        """Read all samples, in parts."""
-        while self._pass.done < self.stop:
-            begin = self._pass.done
-            yield from self._pass.read_segment()
-            yield
-            psi = self.rows.psi[begin : self._pass.done]
-            psi *= np.sqrt(self.weights[begin : self._pass.done, None])
-            self.matrix += psi.T @ psi
-            yield
+    def read_segment(self) -> None:
+        """Read on to the end of a segment."""
+        begin = self._pass.done
+        self._pass.read_segment()
+        psi = self.rows.psi[begin : self._pass.done]
+        psi *= np.sqrt(self.weights[begin : self._pass.done, None])
+        self.matrix += psi.T @ psi
 
     def joined(self, about: Gaussian | None = None) -> tuple[Array, Signs, float]:
         """M, the signs in doubt and the number of samples, for the past and the memory together.
@@ -183,95 +174,66 @@ class Linearisation:
         Whether a sign is in doubt is judged by the covariance ``about``, or else by that with the signs frozen.
         """
         left, n = left_of_prior(self.state, self.stop), count_of(self.state, self.stop)
-        matrix, signs, count = in_one(self._with_past(left, n))
+        matrix, count = self.with_past(left, n)
+        old = self.met(self.past_signs(left))
         about = about or frozen(matrix, self.theta, count)
-        kept, chosen = in_one(self._chosen(signs, self._doubtful(about), about))
-        return matrix, signs.take(kept).joined(in_one(self._listed(chosen))), count
+        kept, chosen = self.in_doubt(old, self.doubt(about), about)
+        new = listed(self.rows, self.record, chosen, self.settings.law, self.theta, self.weights, self.first)
+        return matrix, old.take(kept).joined(new), count
 
-    def _with_past(self, left: float, count: float) -> Generator[None, None, tuple[Array, Signs, float]]:
-        """M and the number of samples for past and memory together, and the signs of the past.
+    def with_past(self, left: float, count: float) -> tuple[Array, float]:
+        """M and the number of samples for past and memory together.
 
-        The last of these signs enter the first rows of the memory.
         ``left`` is the weight of the past after forgetting, ``count`` the number of samples of the memory.
         """
-        state, r, n = self.state, self.settings, self.theta.size
-        signs = unpacked(state, r)
-        yield
-        if state["past_count"][0] > 0.0:
-            delta = self.theta - state["past_theta"]
-            matrix = self.matrix + left * moved(state["past_matrix"], delta)
-            yield
-            signs = signs.weighted(left)
-            yield
-            signs = yield from signs.shifted_steps(delta)
-            yield
-            begins = self.record.restart[: self.stop]
-            signs = signs.met(self.rows.psi, begins, state["seen"] - state["fill"])
-            return matrix, signs, count + left * float(state["past_count"][0])
+        state, n = self.state, self.theta.size
+        if self._has_past:
+            matrix = moved(state["past_matrix"], self.theta - state["past_theta"])
+            return self.matrix + left * matrix, count + left * float(state["past_count"][0])
         # P0, as the information that the re-run of the memory uses
         matrix = np.zeros((n + 1, n + 1))
         matrix[:n, :n] = left * state["prior_information"][self.model]
-        return self.matrix + moved(matrix, self.theta - state["prior_theta"][self.model]), signs, count
+        return self.matrix + moved(matrix, self.theta - state["prior_theta"][self.model]), count
 
-    def _doubtful(self, about: Gaussian | None) -> Array:
-        """|dx| of every sample in standard deviations; infinite where the sign is certain."""
-        return in_one(self._doubtful_steps(about))
+    @property
+    def _has_past(self) -> bool:
+        return bool(self.state["past_count"][0] > 0.0)
 
-    def _doubtful_steps(self, about: Gaussian | None) -> Generator[None, None, Array]:
-        """`_doubtful` in parts."""
+    def past_signs(self, left: float) -> Signs:
+        """The signs of earlier pages, weighted by ``left``."""
+        signs = unpacked(self.state, self.settings)
+        return signs.weighted(left) if self._has_past else signs
+
+    def met(self, signs: Signs) -> Signs:
+        """The signs of the past at ``theta``; the last of them enter the first rows of the memory."""
+        if not self._has_past:
+            return signs
+        signs = signs.shifted(self.theta - self.state["past_theta"])
+        return signs.met(self.rows.psi, self.record.restart[: self.stop], self.first)
+
+    def doubt(self, about: Gaussian | None) -> Array:
+        """|dx| of every sample in standard deviations; infinite if nothing is known of them."""
         if about is None:
             return np.full(self.stop, np.inf)
         n1 = self.rows.gradient.shape[1]
-        covariance, doubt = np.ascontiguousarray(about.covariance[:n1, :n1]), np.empty(self.stop)
-        for begin in range(0, self.stop, PIECE):
-            piece = slice(begin, begin + PIECE)
-            dx = self.rows.motion[piece, 1]
-            value = np.abs(dx) / deviation(self.rows.gradient[piece], covariance)
-            value[(self.weights[piece] == 0.0) | (dx == 0.0) | (value >= IN_DOUBT)] = np.inf
-            doubt[piece] = value
-            yield
-        return doubt
+        spread = np.ascontiguousarray(about.covariance[:n1, :n1])
+        return np.abs(self.rows.motion[:, 1]) / deviation(self.rows.gradient, spread)
 
-    def _chosen(
-        self, old: Signs, doubt: Array, about: Gaussian | None
-    ) -> Generator[None, None, tuple[Indices, Indices]]:
+    def in_doubt(self, old: Signs, doubt: Array, about: Gaussian | None) -> tuple[Indices, Indices]:
         """Choose the most doubtful of the unsettled signs of the past and of the signs of the memory in doubt."""
         n1 = self.rows.gradient.shape[1]
         before = np.zeros(old.dx.size) if about is None else old.doubt(about.covariance[:n1, :n1])
-        yield
-        kept, chosen = np.flatnonzero(before < SETTLED), np.flatnonzero(doubt < IN_DOUBT)
-        yield
+        counts = (self.weights != 0.0) & (self.rows.motion[:, 1] != 0.0)
+        kept, chosen = np.flatnonzero(before < SETTLED), np.flatnonzero((doubt < IN_DOUBT) & counts)
         if kept.size + chosen.size > CAPACITY:
             bar = np.sort(np.concatenate([before[kept], doubt[chosen]]))[CAPACITY]
             kept, chosen = kept[before[kept] < bar], chosen[doubt[chosen] < bar]
         return kept, chosen
 
-    def _listed(self, chosen: Indices) -> Generator[None, None, Signs]:
-        """The chosen signs of the memory."""
-        first = self.state["seen"] - self.state["fill"]
-        return (
-            yield from listed_steps(self.rows, self.record, chosen, self.settings.law, self.theta, self.weights, first)
-        )
-
-    def left_behind(self, left: float, n: float) -> Generator[None, None, State]:
-        """The summary of a page for later ones, as the state stores it; in parts, since it is made between samples."""
-        matrix, old, count = yield from self._with_past(left, n)
-        yield
-        about = yield from frozen_steps(matrix, self.theta, count)
-        yield
-        doubt = yield from self._doubtful_steps(about)
-        kept, chosen = yield from self._chosen(old, doubt, about)
-        yield
-        old = yield from old.take_steps(kept)
-        yield
-        new = yield from self._listed(chosen)
-        yield
-        signs = old.joined(new)
-        yield
-        kept_signs = yield from packed_steps(signs, self.state)
-        yield
+    def left_behind(self, matrix: Array, count: float) -> State:
+        """The summary of a page for later ones, without its signs (`packed`), as the state stores it."""
         past = {"past_matrix": matrix, "past_theta": self.theta.copy(), "past_count": np.array([count])}
-        return past | kept_signs | {"past_origin": self._pass.end.copy()}
+        return past | {"past_origin": self._pass.end.copy()}
 
 
 def posterior(state: State, r: Settings, s: int) -> Gaussian | None:
@@ -287,9 +249,10 @@ def posterior(state: State, r: Settings, s: int) -> Gaussian | None:
     for k in range(MOST_ROUNDS + 1):
         if not np.isfinite(theta).all():
             break
-        memory = Linearisation(state, r, s, theta.copy(), weights_of(state, state["fill"]))
-        in_one(memory.begin(new_work(r.dims, r.n_inputs)))
-        in_one(memory.read())
+        work = new_work(r.dims, r.n_inputs)
+        memory = Linearisation(state, r, s, theta.copy(), weights_of(state, state["fill"]), work)
+        while not memory.is_read:
+            memory.read_segment()
         matrix, signs, count = memory.joined(found)
         if not np.isfinite(matrix).all():
             break

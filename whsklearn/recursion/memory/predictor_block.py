@@ -7,7 +7,6 @@ once.  Each signal is a row that begins with its past, oldest first: as many sam
 
 from __future__ import annotations
 
-from collections.abc import Generator
 from typing import NamedTuple
 
 import numpy as np
@@ -45,19 +44,16 @@ class Segment(NamedTuple):
     places: NDArray[np.int64]
 
 
-def segment_steps(dims: NDArray[np.int64], n_inputs: int) -> Generator[None, None, Segment]:
-    """A segment with nothing before it, in parts."""
+def new_segment(dims: NDArray[np.int64], n_inputs: int) -> Segment:
+    """A segment with nothing before it."""
     na, nb, nc, nd, nw = dims.tolist()
     n1, past = na - 1 + nb, max(na // n_inputs, nb, nc, nd, 1)
     rows, columns = [], []
     for first, lags, n in ((n_inputs, max(nb, 1), n1), (n_inputs + 1 + n1, nc, n1 + nw)):
         rows += [first] * lags + [first + 1 + k for _ in range(lags) for k in range(n)]
         columns += [past - 1 - j for j in range(lags)] + [past - 1 - j for j in range(lags) for _ in range(n)]
-    yield
     places = np.array([rows, columns])
-    yield
     signals = np.zeros((n_inputs + 3 + 2 * n1 + nw, past + LENGTH))
-    yield
     return Segment(signals, np.zeros((n1 + nw + nc - 1 + nd + 1, LENGTH)), np.zeros((2, LENGTH)), places)
 
 

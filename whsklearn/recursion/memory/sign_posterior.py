@@ -8,7 +8,6 @@ with differential-evolution moves (ter Braak 2006, Statistics and Computing 16).
 
 from __future__ import annotations
 
-from collections.abc import Generator
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +15,6 @@ from numpy.typing import NDArray
 
 from whsklearn._numba import njit, part
 from whsklearn.recursion.memory.sign_density import SignProblem, by_reach, log_density
-from whsklearn.recursion.memory.steps import in_one
 from whsklearn.recursion.rows.covariance import factors_of_inverse, times
 
 Array = NDArray[np.float64]
@@ -40,19 +38,10 @@ class Gaussian(NamedTuple):
 
 def frozen(matrix: Array, theta: Array, count: float) -> Gaussian | None:
     """Least squares with the signs as they are; None if the noise variance is not known yet."""
-    return in_one(frozen_steps(matrix, theta, count))
-
-
-def frozen_steps(matrix: Array, theta: Array, count: float) -> Generator[None, None, Gaussian | None]:
-    """`frozen` in parts."""
     n = theta.size
-    information = np.ascontiguousarray(matrix[:n, :n])
-    yield
     # uses kernels that the re-run has already called; LAPACK, which no other piece of a page uses, took 70 us to start
-    ud = factors_of_inverse(information)
-    yield
+    ud = factors_of_inverse(np.ascontiguousarray(matrix[:n, :n]))
     inverse = np.array([times(ud, row) for row in np.eye(n)])
-    yield
     step = inverse @ matrix[:n, n]
     squares = max(matrix[n, n] - step @ matrix[:n, n], 1e-14 * matrix[n, n])
     if count <= n or not squares > 0.0 or not np.isfinite(step).all():

@@ -7,18 +7,17 @@ starts run in parallel (measured by benchmarks/accuracy.py).
 
 from __future__ import annotations
 
-from collections.abc import Generator
-
 import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn._numba import njit
 from whsklearn.effects.terms import law_values
 from whsklearn.recursion.memory.first_block import KNOWN, first_block
-from whsklearn.recursion.memory.steps import in_one
 from whsklearn.recursion.rows.predictor import Law
 
 Array = NDArray[np.float64]
+
+N_SIZES = 9  # random L1 behind which a term's size is measured; an odd number has a median
 
 
 def random_stable(order: int, rng: np.random.Generator) -> NDArray[np.float64]:
@@ -31,17 +30,9 @@ def random_stable(order: int, rng: np.random.Generator) -> NDArray[np.float64]:
 
 def random_start(dims: tuple[int, ...], rng: np.random.Generator, scales: Array | None = None) -> Array:
     """theta with stable blocks; the weights are of the order of ``scales``, or of one if the scales are unknown."""
-    return in_one(random_start_steps(dims, rng, scales))
-
-
-def random_start_steps(
-    dims: tuple[int, ...], rng: np.random.Generator, scales: Array | None = None
-) -> Generator[None, None, Array]:
-    """`random_start` in two parts."""
     na, nb, nc, nd, nw = dims
     weights = rng.normal(0.0, 0.5, nw)
     a, b = rng.normal(0.0, 1.5, na - 1), random_stable(nb, rng)
-    yield
     w = weights if scales is None else weights * scales
     return np.concatenate([a, b, w, rng.normal(0.0, 0.5, nc - 1), random_stable(nd, rng)])
 
@@ -51,21 +42,12 @@ def term_scales(law: Law, u: Array, y: Array, restart: NDArray[np.bool_], rng: n
 
     They make starts and priors independent of the units of the log.
     """
-    return scales_from([term_sizes(law, u, restart, rng) for _ in range(9)], y)
+    return scales_from([term_sizes(law, u, restart, rng) for _ in range(N_SIZES)], y)
 
 
 def term_sizes(law: Law, u: Array, restart: NDArray[np.bool_], rng: np.random.Generator) -> Array:
     """Root mean square of each term behind one random L1."""
-    return in_one(term_sizes_steps(law, u, restart, rng))
-
-
-def term_sizes_steps(
-    law: Law, u: Array, restart: NDArray[np.bool_], rng: np.random.Generator
-) -> Generator[None, None, Array]:
-    """`term_sizes` in two parts."""
-    dims = tuple(int(d) for d in law[0])
-    start = random_start(dims, rng)
-    yield
+    start = random_start(tuple(int(d) for d in law[0]), rng)
     x, dx = first_block(start, law[0], u, restart, KNOWN)[0]
     return np.sqrt(np.mean(law_values(law[1], law[2], x, dx, np.inf) ** 2, axis=1))
 
@@ -102,8 +84,8 @@ def lagged(f, y, restart, nc, nd):
     return rows
 
 
-def least_squares_steps(theta: Array, law: Law, rows: Array, y: Array) -> Generator[None, None, Array]:
-    """Keep L1 of ``theta`` and compute the weights, c and d by least squares on its `regressors`; in two parts.
+def least_squares_start(theta: Array, law: Law, rows: Array, y: Array) -> Array:
+    """Keep L1 of ``theta`` and compute the weights, c and d by least squares on its `regressors`.
 
     With L1 fixed, y is linear in the products c_m w_k and in d.  The products form a matrix
     of rank one, so its first singular vectors give c and w (Bai 1998, Automatica 34(3)).
@@ -112,7 +94,6 @@ def least_squares_steps(theta: Array, law: Law, rows: Array, y: Array) -> Genera
     n1 = na - 1 + nb
     # one call; the normal equations would need five, and each call that is not cached costs 10 us
     solution = np.linalg.lstsq(rows, y, rcond=1e-10)[0]
-    yield
     if not np.isfinite(solution).all():
         return theta
     products = solution[: nc * nw].reshape(nc, nw)
@@ -124,8 +105,3 @@ def least_squares_steps(theta: Array, law: Law, rows: Array, y: Array) -> Genera
     out[n1 + nw : n1 + nw + nc - 1] = c[1:] / first
     out[n1 + nw + nc - 1 :] = solution[nc * nw :]
     return out
-
-
-def least_squares_start(theta: Array, law: Law, u: Array, y: Array, restart: NDArray[np.bool_]) -> Array:
-    """`least_squares_steps` in one go."""
-    return in_one(least_squares_steps(theta, law, regressors(theta, law, u, y, restart), y))
