@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from whsklearn.cli.linear import BestLinear, fit_arx
+from whsklearn.cli.linear import BestLinear, fit_linear, record
 from whsklearn.metrics import nmse
 
 
@@ -15,4 +15,4 @@ def test_linear_yardstick_finds_a_linear_system():
     X = rng.normal(size=(800, 1))
     clean = lfilter([0, 1.0, 0.5], [1.0, -1.2, 0.5], X[:, 0])
     y = clean + 0.3 * clean.std() * rng.normal(size=800)  # output noise: least squares of ARX is biased
-    assert nmse(clean, BestLinear().fit(X, y).predict(X)) < 0.005 < nmse(clean, fit_arx(X, y, 2, 2).predict(X))
+    assert nmse(clean, BestLinear().fit(X, y).predict(X)) < 0.005 < nmse(clean, fit_linear(record(X, y), "ARX", 2).run(record(X, y)))

@@ -6,7 +6,7 @@ import numpy as np
 
 from tests.recursion.reruns import refine, replay
 from whsklearn.datasets import make_wiener_hammerstein
-from whsklearn.recursion.memory.cost import Memory as KeptSamples
+from whsklearn.recursion.memory.gauss_newton import Memory as KeptSamples
 from whsklearn.recursion.memory.gauss_newton import Prior
 from whsklearn.recursion.rows.predictor import record_errors, state_size
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from whsklearn.recursion.memory.cost import BUDGET, COST, UNBOUNDED, new_work
-from whsklearn.recursion.memory.gauss_newton import Prior, refine_part
+from whsklearn.recursion.memory.gauss_newton import BUDGET, COST, UNBOUNDED, Prior, new_work, refine_part
 
 
 def replay(theta, law, kappa, memory, information, slope, state):

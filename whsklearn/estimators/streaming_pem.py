@@ -13,11 +13,10 @@ from threadpoolctl import threadpool_limits
 
 from whsklearn._inputs import starts
 from whsklearn.effects import as_law
-from whsklearn.estimators._chain import ChainRegressor
 from whsklearn.estimators._model import Structure
 from whsklearn.estimators._records import Given, checked_weights, joined
 from whsklearn.estimators._simulation_fit import natural_of, to_chain
-from whsklearn.estimators.pem import PEMRegressor
+from whsklearn.estimators.pem import ChainRegressor, PEMRegressor
 from whsklearn.lags.wiener_hammerstein import WienerHammersteinLags
 from whsklearn.recursion.batch.best_linear import IOData
 from whsklearn.recursion.batch.block_update import Coordinates, block_update, information_of

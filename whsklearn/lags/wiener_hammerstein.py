@@ -13,8 +13,8 @@ from sklearn.utils.validation import check_array, check_is_fitted, column_or_1d
 from whsklearn._inputs import check_lengths, in_one_sentence, starts, writeable
 from whsklearn._numba import njit
 from whsklearn.effects import FrictionLaw, StaticEffect, as_law
-from whsklearn.recursion.rows.auxiliary_model import auxiliary_size, rebuild, row
 from whsklearn.recursion.rows.predictor import push
+from whsklearn.recursion.rows.pseudolinear import auxiliary_size, rebuild, row
 
 
 class WienerHammersteinLags(TransformerMixin, BaseEstimator):

@@ -14,7 +14,7 @@ Where to find each equation of the paper:
 ================  =======================================================================================
 (1), (2)          `rows.predictor`, sample by sample; `memory.first_block`, x along a record
 (3), (4)          `whsklearn.effects.equations`, the terms of a law
-(6)               `rows.auxiliary_model`
+(6)               `rows.pseudolinear`
 (7) to (9)        `rows.least_squares.block_update`, to the letter; elsewhere as p updates of one row each
 (10) to (14)      `rows.least_squares.run_rows` on given rows, `rows.subinnovations` with the exact gradient,
                   `rows.pseudolinear` as published; (12) is `rows.covariance.measurement_update`

@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 from tests.recursion.reruns import replay
 from whsklearn import WienerHammersteinSystem
 from whsklearn.datasets import make_wiener_hammerstein
-from whsklearn.recursion.memory.cost import Memory, new_work
+from whsklearn.recursion.memory.gauss_newton import Memory, new_work
 from whsklearn.recursion.memory.linearised import Pass, curvature, deviation, empty_rows, filtered, jumps, listed
 from whsklearn.recursion.rows.predictor import record_errors, state_size
 

@@ -17,7 +17,7 @@ from whsklearn.recursion.memory import posterior as memory_posterior
 from whsklearn.recursion.memory.linearised import Signs
 from whsklearn.recursion.memory.posterior import has_posterior, initial_past, moved, packed, unpacked
 from whsklearn.recursion.memory.settings import Settings
-from whsklearn.recursion.memory.sign_density import posed, turn
+from whsklearn.recursion.memory.sign_posterior import posed, turn
 from whsklearn.recursion.rows.predictor import record_errors
 
 LAW = WienerHammersteinSystem.example().law

@@ -8,7 +8,7 @@ import pytest
 from tests.recursion.reruns import replay
 from tests.recursion.windows import one_sample_on
 from whsklearn.effects.terms import ASYMMETRIC_VISCOUS, COULOMB, POSITION_FRICTION, STRIBECK_TANH, VISCOUS
-from whsklearn.recursion.memory.cost import Memory
+from whsklearn.recursion.memory.gauss_newton import Memory
 from whsklearn.recursion.memory.predictor_block import LENGTH, dot, through_denominator
 from whsklearn.recursion.memory.starts import random_start
 from whsklearn.recursion.rows.predictor import by_block, parameter_count, past_of, predict, state_size

@@ -4,9 +4,9 @@ Why a memory: a recursion linearises every row once, at parameters that may be p
 has a sign, the estimate never recovers from that.  Re-running the samples at the current parameters costs a bounded
 number of passes over the memory per row, and ends in the minimum that a batch fit finds (`benchmarks/accuracy.py`).
 
-Mathematics, each a state in and a state out: `cost` (squared errors of the samples in memory and their Gauss-Newton
-matrix), `gauss_newton` (one model to its minimum), `starts` (where models begin), `refit` (which models continue),
-`linearised`, `sign_density`, `sign_posterior` and `posterior` (the posterior of the parameters, including the signs of
+Mathematics, each a state in and a state out: `gauss_newton` (squared errors of the samples in memory, and one
+model to their minimum), `starts` (where models begin), `refit` (which models continue),
+`linearised`, `sign_posterior` and `posterior` (the posterior of the parameters, including the signs of
 dx that are in doubt).
 
 Scheduling: only `schedule` decides when a re-run begins, how much of it each row may do, and when its result takes

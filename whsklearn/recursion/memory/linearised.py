@@ -30,8 +30,7 @@ from numpy.typing import NDArray
 
 from whsklearn._numba import njit
 from whsklearn.effects.terms import COULOMB, POSITION_FRICTION, STRIBECK_EXP, law_values
-from whsklearn.recursion.memory.cost import AT, BUDGET, COST, PHASE, Memory, Work
-from whsklearn.recursion.memory.gauss_newton import Prior, refine_part
+from whsklearn.recursion.memory.gauss_newton import AT, BUDGET, COST, PHASE, Memory, Prior, Work, refine_part
 from whsklearn.recursion.memory.predictor_block import LENGTH
 from whsklearn.recursion.rows.predictor import Law
 

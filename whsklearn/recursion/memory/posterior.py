@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from whsklearn.recursion.memory.cost import Memory, Work, new_work
+from whsklearn.recursion.memory.gauss_newton import Memory, Work, new_work
 from whsklearn.recursion.memory.linearised import (
     CAPACITY,
     IN_DOUBT,
@@ -27,8 +27,7 @@ from whsklearn.recursion.memory.linearised import (
 )
 from whsklearn.recursion.memory.refit import count_of, left_of_prior, memory_of, weights_of
 from whsklearn.recursion.memory.settings import Settings, State
-from whsklearn.recursion.memory.sign_density import posed
-from whsklearn.recursion.memory.sign_posterior import Gaussian, frozen, sample
+from whsklearn.recursion.memory.sign_posterior import Gaussian, frozen, posed, sample
 from whsklearn.recursion.rows.predictor import state_size
 
 Array = NDArray[np.float64]

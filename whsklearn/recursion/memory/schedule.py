@@ -18,35 +18,22 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from whsklearn.recursion.memory.cost import AT, BUDGET, COST, PHASE, SPENT, UNBOUNDED, Work, new_work
+from whsklearn.recursion.memory import refit
 from whsklearn.recursion.memory.first_block import increment_rms
-from whsklearn.recursion.memory.gauss_newton import Prior, refine_part
+from whsklearn.recursion.memory.gauss_newton import (
+    AT,
+    BUDGET,
+    COST,
+    PHASE,
+    SPENT,
+    UNBOUNDED,
+    Prior,
+    Work,
+    new_work,
+    refine_part,
+)
 from whsklearn.recursion.memory.linearised import curvature, entries, experiments, filtered
 from whsklearn.recursion.memory.posterior import Linearisation, has_posterior, packed
-from whsklearn.recursion.memory.refit import (
-    CONFIRMED,
-    EARLY_ITERATIONS,
-    INFERENCE,
-    ITERATIONS,
-    LADDER,
-    LIVE,
-    LONG_INFERENCE,
-    SLACK,
-    Refined,
-    adopted,
-    best_first,
-    climb_to,
-    fresh_starts,
-    inference_sharpness,
-    left_of,
-    left_of_prior,
-    long_strides,
-    memory_of,
-    number_of,
-    prior_of,
-    reached,
-    survivors,
-)
 from whsklearn.recursion.memory.settings import Settings, State
 from whsklearn.recursion.memory.sign_posterior import frozen
 from whsklearn.recursion.memory.starts import (
@@ -150,10 +137,10 @@ class NextMemory:
         self._state["blocks"] += 1
 
 
-Steps = Generator[None, None, "Refined | None"]
+Steps = Generator[None, None, "refit.Refined | None"]
 
 
-class Search:
+class MultistartSearch:
     """A search over the first ``size`` samples in memory: a generator that yields where the next sample may come.
 
     Its pieces take at most as long as a row may wait, and its result does not depend on where it was interrupted.
@@ -177,7 +164,7 @@ class Search:
         self.latest = state["memory_u"][h : h + size][-SAMPLED:], state["memory_restart"][max(size - SAMPLED, 0) : size]
         self._is_first = True
         self._is_hurried = False
-        self.iterations = EARLY_ITERATIONS if np.isfinite(limit) else ITERATIONS
+        self.iterations = refit.EARLY_ITERATIONS if np.isfinite(limit) else refit.ITERATIONS
         self._y = state["memory_y"][h : h + size]
         self.given = {name: state[name] for name in ("origin", "prior_theta", "prior_information")}
 
@@ -188,16 +175,16 @@ class Search:
         work that takes 20 us in a loop takes 100 us here.
         """
         state, size = self.state, self.size
-        left = left_of(state, size)
+        left = refit.left_of(state, size)
         yield
         self.weights = left * state["memory_weight"][:size]
-        self.count = number_of(left, state["memory_weight"][:size])
+        self.count = refit.number_of(left, state["memory_weight"][:size])
         yield
-        self.kept = left_of_prior(state, size)
+        self.kept = refit.left_of_prior(state, size)
         self.left = self.kept if state["blocks"] else 1.0
         self.moved = bool(size and np.ptp(self._y) > 0.0) and not state["memory_idle"][:size].all()
 
-    def run(self, thetas: Array) -> Generator[None, None, list[Refined]]:
+    def run(self, thetas: Array) -> Generator[None, None, list[refit.Refined]]:
         """Refine the models ``thetas`` and fresh ones; return the best ones, best first.
 
         There is no search on an axis at rest.
@@ -207,22 +194,22 @@ class Search:
         r, work = self.settings, self.work
         first_page = not self.state["blocks"]
         seen = self.state["seen"] - self.state["fill"] + self.size
-        climb = climb_to(relative_sharpness(seen, LADDER[-1]))
+        climb = refit.climb_to(relative_sharpness(seen, refit.LADDER[-1]))
         begins = first_page and not self.state["prior_information"].any()
         yield
         bounded = bool(np.isfinite(self.limit))
         self._is_hurried = bounded and begins  # every start must be tried, and there is no time to spare
-        count = r.n_starts if begins else fresh_starts(self.state, r, self.size, bounded=bounded)
+        count = r.n_starts if begins else refit.fresh_starts(self.state, r, self.size, bounded=bounded)
         scales = None
         if count:
             rng = np.random.default_rng([r.seed, seen])
             yield from self._row()
             scales = yield from self._scales(rng)
             yield
-        found: list[Refined | None] = []
+        found: list[refit.Refined | None] = []
         if begins:
             assert scales is not None  # there are always starts at the beginning of a stream
-            self.given.update(prior_of(scales, r, self._y))
+            self.given.update(refit.prior_of(scales, r, self._y))
             yield
             # LAPACK is no longer cached: the first least-squares solution would take 100 us, and this halves it
             np.linalg.solve(np.eye(1), np.ones(1))
@@ -240,16 +227,18 @@ class Search:
                 found.append((yield from self.refine(s, theta, rungs)))
         carried = len(found)
         for i in range(count):
-            if work.at[SPENT] >= self.limit or not (bounded or begins or reached(found, carried) < CONFIRMED):
+            if work.at[SPENT] >= self.limit or not (
+                bounded or begins or refit.reached(found, carried) < refit.CONFIRMED
+            ):
                 break
             yield
             # two kinds in turn: all random, and least squares given a random L1; on 320 samples or more the latter
             # do not end in the right minimum more often, and a stream has no time to spare for them
             theta = yield from self._drawn(rng, scales, i % 2 == 0 and (begins or not bounded))
             work.at[SPENT] += COST_OF_START
-            found.append((yield from self.refine(0, theta, long_strides(climb) if bounded else climb)))
+            found.append((yield from self.refine(0, theta, refit.long_strides(climb) if bounded else climb)))
         yield
-        return best_first(found)[: survivors(self.state, r, self.size)]
+        return refit.best_first(found)[: refit.survivors(self.state, r, self.size)]
 
     def _drawn(
         self, rng: np.random.Generator, scales: Array | None, by_least_squares: bool
@@ -289,7 +278,7 @@ class Search:
         n, n_state = r.size, state["before"].shape[1]
         n1 = int(r.dims[0] - 1 + r.dims[1])
         left = self.left
-        memory = memory_of(state, r, self.size, self.weights, self.given["origin"][parent], tail=r.p)
+        memory = refit.memory_of(state, r, self.size, self.weights, self.given["origin"][parent], tail=r.p)
         prior = Prior(self.given["prior_theta"][parent], self.given["prior_information"][parent] * left)
         scarce = bool(np.isfinite(self.limit))  # then short work is done together with the reading of the memory
         if not scarce:
@@ -318,7 +307,7 @@ class Search:
             if not scarce:
                 yield
             if np.isfinite(cost) and np.isfinite(information).all() and (best is None or cost < best.cost):
-                best = Refined(cost, theta.copy(), information, before, kappa, parent)
+                best = refit.Refined(cost, theta.copy(), information, before, kappa, parent)
             if not scarce:
                 yield
         if best is None:
@@ -327,16 +316,16 @@ class Search:
         moves = max(increment_rms(best.theta, r.dims, *self.latest), 1e-12)
         theta = best.theta.copy()
         if not state["blocks"] and self.size < r.memory:
-            yield from refined(INFERENCE / moves, 0, best.information, np.empty(n_state))
+            yield from refined(refit.INFERENCE / moves, 0, best.information, np.empty(n_state))
             return best
         # On a record this long the bias that tanh() near zero adds to the weights is noticeable.  So they are fitted
         # with the error of the true sign; only the slopes are those of a smooth one.  L1 stays on the step it found.
         for step in range(3):
             information, before = np.zeros((n, n)), np.zeros(n_state)
-            cost = yield from refined(-LONG_INFERENCE / moves, 0, information, before)
-            if not np.isfinite(information).all() or (step and not cost < SLACK * best.cost):
+            cost = yield from refined(-refit.LONG_INFERENCE / moves, 0, information, before)
+            if not np.isfinite(information).all() or (step and not cost < refit.SLACK * best.cost):
                 break
-            best = Refined(cost, theta.copy(), information, before, best.sharpness, parent)
+            best = refit.Refined(cost, theta.copy(), information, before, best.sharpness, parent)
             yield
             factors = factors_of_inverse(np.ascontiguousarray(information[n1:, n1:]))
             theta[n1:] += times(factors, work.slope[n1:])
@@ -350,13 +339,13 @@ def refit_now(state: State, r: Settings) -> None:
         return
     work = new_work(r.dims, r.n_inputs)
     work.at[BUDGET] = UNBOUNDED
-    search = Search(state, r, state["fill"], work)
+    search = MultistartSearch(state, r, state["fill"], work)
     in_one(search.prepare())
     chosen = in_one(search.run(state["theta"]))
     if chosen:
         parents = [c.parent for c in chosen]
         state.update({name: value[parents].copy() for name, value in search.given.items()})
-        state.update(adopted(chosen, search.count, float(state["known"][0])))
+        state.update(refit.adopted(chosen, search.count, float(state["known"][0])))
         state["page_theta"] = state["theta"].copy()
 
 
@@ -474,8 +463,8 @@ class BackgroundRefit:
         limit = np.inf
         if not self.is_page:
             rows = (self.end - size) * (1.0 - 1.0 / NOTED) - PIECES
-            limit = (FILLING - LIVE * COST_OF_WINDOW) * rows - RESERVED * size
-        search = Search(state, r, size, self._work, limit)
+            limit = (FILLING - refit.LIVE * COST_OF_WINDOW) * rows - RESERVED * size
+        search = MultistartSearch(state, r, size, self._work, limit)
         yield from search.prepare()
         self._left = search.kept
         yield
@@ -483,7 +472,7 @@ class BackgroundRefit:
         chosen = yield from search.run(thetas)
         if chosen:
             yield
-            self._models = adopted(chosen, search.count, self._known)
+            self._models = refit.adopted(chosen, search.count, self._known)
             yield
             thetas = self._models["theta"]
             self._parents = [c.parent for c in chosen]
@@ -497,15 +486,15 @@ class BackgroundRefit:
             yield from self._next_memory.make_room()
             self._next_memory.go_on()
 
-    def _end_of_page(self, thetas: Array, search: Search) -> Iterator[None]:
+    def _end_of_page(self, thetas: Array, search: MultistartSearch) -> Iterator[None]:
         """The information of the page and the state at its end, one pair for each model."""
         state, r, m = self.state, self.settings, self.size
         nothing = np.zeros((r.size, r.size))
         for theta, parent in zip(thetas, self._parents, strict=True):
             information, end = np.zeros((r.size, r.size)), np.zeros(state["before"].shape[1])
-            kappa = inference_sharpness(theta, r, *search.latest)
+            kappa = refit.inference_sharpness(theta, r, *search.latest)
             self._work.at[AT] = self._work.at[PHASE] = 0
-            memory = memory_of(state, r, m, search.weights, state["origin"][parent], tail=1)
+            memory = refit.memory_of(state, r, m, search.weights, state["origin"][parent], tail=1)
             yield
             while not refine_part(theta, r.law, kappa, memory, Prior(theta, nothing), 0, information, end, self._work):
                 yield
@@ -523,7 +512,7 @@ class BackgroundRefit:
                 yield
             self._past = yield from self._left_behind(page, search)
 
-    def _left_behind(self, page: Linearisation, search: Search) -> Generator[None, None, State]:
+    def _left_behind(self, page: Linearisation, search: MultistartSearch) -> Generator[None, None, State]:
         """The summary of a page for later ones; as `Linearisation.joined`, a piece a row."""
         law = self.settings.law
         matrix, count = page.with_past(search.kept, search.count)
@@ -574,7 +563,7 @@ class BackgroundRefit:
         if not self._models:
             return
         new = self._models
-        self._running = Models(*(new[name][:LIVE] for name in Models._fields))
+        self._running = Models(*(new[name][: refit.LIVE] for name in Models._fields))
         self._cost_of_sample = COST_OF_WINDOW * len(self._running.theta)
         yield
         begun = np.flatnonzero(state["memory_restart"][:n])
