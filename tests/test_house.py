@@ -120,7 +120,7 @@ def test_no_function_is_longer_than_a_page():
 # --- each equation once ------------------------------------------------------------------------------------------
 OPERATIONS = ast.BinOp | ast.Call | ast.UnaryOp | ast.Compare | ast.IfExp
 TELLING = 4  # operations of an expression; one of fewer, c (q - q_0), stands for many things
-ELSEWHERE = ("effects/scales.py",)  # J w^2 is the definition of a stiffness
+ELSEWHERE = ("effects/quantity.py",)  # J w^2 is the definition of a stiffness
 
 
 class Renamed(ast.NodeTransformer):

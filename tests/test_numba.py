@@ -26,7 +26,8 @@ from whsklearn.systems.stability import is_stable
 PACKAGE = Path(whsklearn.__file__).parent
 SCRIPT = """
 import numpy as np
-from whsklearn.effects.terms import VISCOUS, law_values
+from whsklearn.effects.codes import VISCOUS
+from whsklearn.effects.terms import law_values
 value = law_values(np.array([VISCOUS]), np.zeros((1, 3)), np.zeros(1), np.ones(1), np.inf)[0, 0]
 print(value, sum(law_values.stats.cache_hits.values()))
 """

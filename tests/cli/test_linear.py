@@ -15,4 +15,8 @@ def test_linear_yardstick_finds_a_linear_system():
     X = rng.normal(size=(800, 1))
     clean = lfilter([0, 1.0, 0.5], [1.0, -1.2, 0.5], X[:, 0])
     y = clean + 0.3 * clean.std() * rng.normal(size=800)  # output noise: least squares of ARX is biased
-    assert nmse(clean, BestLinear().fit(X, y).predict(X)) < 0.005 < nmse(clean, fit_linear(record(X, y), "ARX", 2).run(record(X, y)))
+    assert (
+        nmse(clean, BestLinear().fit(X, y).predict(X))
+        < 0.005
+        < nmse(clean, fit_linear(record(X, y), "ARX", 2).run(record(X, y)))
+    )

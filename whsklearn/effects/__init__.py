@@ -7,6 +7,9 @@ from whsklearn.effects.friction import (
     AsymmetricCoulomb,
     AsymmetricViscous,
     Coulomb,
+    FrictionDrift,
+    LoadFriction,
+    PositionFriction,
     QuadraticDrag,
     ReducedStribeck,
     StaticEffect,
@@ -25,13 +28,11 @@ from whsklearn.effects.law import (
 )
 from whsklearn.effects.learned import LearnedTorque
 from whsklearn.effects.position import CableSpring, Cogging, ContactStop, EndStop, GravityImbalance, HardeningSpring
-from whsklearn.effects.quantity import Quantity
-from whsklearn.effects.scales import Scales
+from whsklearn.effects.quantity import Quantity, Scales
 from whsklearn.effects.sensor import EncoderEccentricity, OutputDrift, OutputOffset, Quantization, SensorRectification
 from whsklearn.effects.static import Hinge, NaturalSpline, Power, SpeedHinge, Tanh, TanhDifference
 from whsklearn.effects.timed import DisturbanceTone, ParameterChange
 from whsklearn.effects.transmission import Backlash, FlexibleCoupling
-from whsklearn.effects.varying_friction import FrictionDrift, LoadFriction, PositionFriction
 
 __all__ = [
     "PLACES",

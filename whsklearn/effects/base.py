@@ -61,9 +61,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from whsklearn.effects import codes
 from whsklearn.effects.own import address_of, own_values_along
-from whsklearn.effects.quantity import Quantity
+from whsklearn.effects.quantity import Quantity, Scales
 from whsklearn.effects.rows import values_along
-from whsklearn.effects.scales import Scales
 
 PLACES = ("friction", "drive", "transmission", "position", "sensor", "time")
 

@@ -14,8 +14,7 @@ from typing import ClassVar
 from whsklearn.effects import codes
 from whsklearn.effects.base import Effect
 from whsklearn.effects.equations import N_STATES
-from whsklearn.effects.quantity import Quantity
-from whsklearn.effects.scales import Scales
+from whsklearn.effects.quantity import Quantity, Scales
 
 _TORQUE = Quantity("Nm", 1e-4, 1e3, log=True)
 _DISTANCE = Quantity(

@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from whsklearn.effects.base import get_effect
+from whsklearn.effects.codes import N_SHAPE
 from whsklearn.effects.friction import Coulomb, ReducedStribeck, StaticEffect, Viscous
 from whsklearn.effects.knots import spline_terms, static_terms
 from whsklearn.effects.static import Hinge, Power, Tanh, TanhDifference
-from whsklearn.effects.terms import N_SHAPE, law_values
+from whsklearn.effects.terms import law_values
 
 
 class FrictionLaw:

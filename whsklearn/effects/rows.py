@@ -10,33 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from whsklearn._numba import njit, part
-from whsklearn.effects import codes
-from whsklearn.effects.equations import (
-    N_STATES,
-    advance_hysteresis,
-    cable_spring,
-    cogging,
-    coulomb,
-    dead_zone,
-    disturbance_tone,
-    encoder_eccentricity,
-    end_stop,
-    friction_drift,
-    gravity_imbalance,
-    hardening_spring,
-    hysteresis_torque,
-    learned_torque,
-    load_friction,
-    output_drift,
-    parameter_change,
-    position_friction,
-    quantized,
-    saturation,
-    sensor_rectification,
-    smooth_sign,
-    torque_ripple,
-    viscous,
-)
+from whsklearn.effects import codes, equations
 from whsklearn.effects.terms import directed_term
 
 
@@ -49,37 +23,37 @@ def motor_torque(code, p, i, t, q, v, s, ds, u):
     """
     w = p[i, 0]
     if code == codes.VISCOUS:  # the two that every axis has come first, without a call
-        value, _, slope = viscous(v)
+        value, _, slope = equations.viscous(v)
         return w * value, w * slope
     if code == codes.COULOMB:
-        value, _, slope = coulomb(s, ds)
+        value, _, slope = equations.coulomb(s, ds)
         return w * value, w * slope
     if code == codes.POSITION_FRICTION:
-        value, _, slope = position_friction(w, p[i, 1], p[i, 2], q, s, ds)
+        value, _, slope = equations.position_friction(w, p[i, 1], p[i, 2], q, s, ds)
         return value, slope
     if code <= codes.SPEED_HINGE:
         value, _, slope = directed_term(code, p[i, 1], p[i, 2], p[i, 3], q, v, s, ds)
         return w * value, w * slope
     if code == codes.COGGING:
-        return cogging(w, p[i, 1], p[i, 2], q), 0.0
+        return equations.cogging(w, p[i, 1], p[i, 2], q), 0.0
     if code == codes.INPUT_OFFSET:
         return w, 0.0
     if code == codes.LOAD_FRICTION:
-        value, slope = load_friction(u, s, ds)
+        value, slope = equations.load_friction(u, s, ds)
         return w * value, w * slope
     if code == codes.FRICTION_DRIFT:
-        value, slope = friction_drift(p[i, 1], t, s, ds)
+        value, slope = equations.friction_drift(p[i, 1], t, s, ds)
         return w * value, w * slope
     if code == codes.TORQUE_RIPPLE:
-        return torque_ripple(w, p[i, 1], p[i, 2], q, u), 0.0
+        return equations.torque_ripple(w, p[i, 1], p[i, 2], q, u), 0.0
     if code == codes.CHANGE_VISCOUS:
-        return parameter_change(w, p[i, 1], t, v), parameter_change(w, p[i, 1], t, 1.0)
+        return equations.parameter_change(w, p[i, 1], t, v), equations.parameter_change(w, p[i, 1], t, 1.0)
     if code == codes.CHANGE_COULOMB:
-        return parameter_change(w, p[i, 1], t, s), parameter_change(w, p[i, 1], t, ds)
+        return equations.parameter_change(w, p[i, 1], t, s), equations.parameter_change(w, p[i, 1], t, ds)
     if code == codes.CHANGE_GAIN:
-        return parameter_change(w, p[i, 1], t, -u), 0.0
+        return equations.parameter_change(w, p[i, 1], t, -u), 0.0
     if codes.LEARNED_POSITION <= code <= codes.LEARNED_DRIVE:
-        value, slope = learned_torque(code, p[i, 1], p[i, 2], p[i, 3], q, v, s, ds, u)
+        value, slope = equations.learned_torque(code, p[i, 1], p[i, 2], p[i, 3], q, v, s, ds, u)
         return w * value, w * slope
     return 0.0, 0.0
 
@@ -89,19 +63,19 @@ def load_torque(code, p, i, t, q, v):
     """Torque of row i that acts on the load's side (Nm), a function of the load's motion and of time."""
     w = p[i, 0]
     if code == codes.GRAVITY_IMBALANCE:
-        return gravity_imbalance(w, p[i, 1], q)
+        return equations.gravity_imbalance(w, p[i, 1], q)
     if code == codes.CABLE_SPRING:
-        return cable_spring(w, p[i, 1], q)
+        return equations.cable_spring(w, p[i, 1], q)
     if code == codes.HARDENING_SPRING:
-        return hardening_spring(w, p[i, 1], q)
+        return equations.hardening_spring(w, p[i, 1], q)
     if code == codes.END_STOP:
-        return end_stop(w, abs(p[i, 1]), p[i, 2], 1.0 if q > p[i, 3] else -1.0, q - p[i, 3], v)
+        return equations.end_stop(w, abs(p[i, 1]), p[i, 2], 1.0 if q > p[i, 3] else -1.0, q - p[i, 3], v)
     if code == codes.END_STOP_UPPER:
-        return end_stop(w, p[i, 1], p[i, 2], 1.0, q - p[i, 3], v)
+        return equations.end_stop(w, p[i, 1], p[i, 2], 1.0, q - p[i, 3], v)
     if code == codes.END_STOP_LOWER:
-        return end_stop(w, -p[i, 1], p[i, 2], -1.0, q - p[i, 3], v)
+        return equations.end_stop(w, -p[i, 1], p[i, 2], -1.0, q - p[i, 3], v)
     if code == codes.DISTURBANCE_TONE:
-        return disturbance_tone(w, p[i, 1], p[i, 2], t)
+        return equations.disturbance_tone(w, p[i, 1], p[i, 2], t)
     return 0.0
 
 
@@ -112,13 +86,13 @@ def reading(code, p, i, t, q):
     if code == codes.OUTPUT_OFFSET:
         return w
     if code == codes.OUTPUT_DRIFT:
-        return output_drift(w, t)
+        return equations.output_drift(w, t)
     if code == codes.SENSOR_RECTIFICATION:
-        return sensor_rectification(w, q)
+        return equations.sensor_rectification(w, q)
     if code == codes.ENCODER_ECCENTRICITY:
-        return encoder_eccentricity(w, p[i, 1], p[i, 2], q)
+        return equations.encoder_eccentricity(w, p[i, 1], p[i, 2], q)
     if code == codes.QUANTIZATION:
-        return quantized(w, q) - q
+        return equations.quantized(w, q) - q
     return 0.0
 
 
@@ -141,24 +115,24 @@ def values_along(code, p, time, position, velocity, acceleration, drive, kappa):
     ``p`` has shape (1, 8); every signal has shape (n,).  sign(v) has the sharpness ``kappa``.
     """
     out = np.empty(position.size)
-    z = np.zeros((1, N_STATES))
+    z = np.zeros((1, equations.N_STATES))
     for k in range(position.size):
         t, q, v, u = time[k], position[k], velocity[k], drive[k]
         if has_memory(code):
             if k > 0:
-                advance_hysteresis(code, p, z, 0, q - position[k - 1], v)
-            out[k] = p[0, 0] * hysteresis_torque(code, p, z, 0, v)[0]
+                equations.advance_hysteresis(code, p, z, 0, q - position[k - 1], v)
+            out[k] = p[0, 0] * equations.hysteresis_torque(code, p, z, 0, v)[0]
         elif on_load(code):
             out[k] = load_torque(code, p, 0, t, q, v)
         elif code == codes.DEAD_ZONE:
-            out[k] = dead_zone(p[0, 0], u)
+            out[k] = equations.dead_zone(p[0, 0], u)
         elif code == codes.SATURATION:
-            out[k] = saturation(p[0, 0], u)
+            out[k] = equations.saturation(p[0, 0], u)
         elif code == codes.CHANGE_INERTIA:
-            out[k] = parameter_change(p[0, 0], p[0, 1], t, acceleration[k])
+            out[k] = equations.parameter_change(p[0, 0], p[0, 1], t, acceleration[k])
         elif codes.OUTPUT_OFFSET <= code <= codes.QUANTIZATION:
             out[k] = reading(code, p, 0, t, q)
         else:
-            s, ds = smooth_sign(v, kappa)
+            s, ds = equations.smooth_sign(v, kappa)
             out[k] = motor_torque(code, p, 0, t, q, v, s, ds, u)[0]
     return out

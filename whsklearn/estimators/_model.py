@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from whsklearn._numba import njit
 from whsklearn.effects import FrictionLaw
-from whsklearn.effects.terms import VISCOUS, law_values
+from whsklearn.effects.codes import VISCOUS
+from whsklearn.effects.terms import law_values
 from whsklearn.recursion.memory.first_block import LARGEST, first_block
 from whsklearn.recursion.memory.linearised import jumps
 from whsklearn.systems.stability import is_stable

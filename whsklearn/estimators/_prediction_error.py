@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn.effects import FrictionLaw, Power, Viscous
-from whsklearn.effects.terms import CONSTANT, HINGE, NATURAL_SPLINE, POWER
+from whsklearn.effects.codes import CONSTANT, HINGE, NATURAL_SPLINE, POWER
 from whsklearn.estimators import _model as wh
 from whsklearn.recursion.memory.first_block import increment_rms
 from whsklearn.recursion.memory.starts import least_squares_start, random_start, regressors, term_scales

@@ -21,10 +21,9 @@ from whsklearn.identification.axis_fit import (
     fit_two_masses,
     white,
 )
-from whsklearn.identification.chain_fit import fit_chain
+from whsklearn.identification.chain_fit import fit_chain, fit_folded, fit_rectified, loses_sign
 from whsklearn.identification.drive_lead import moved, skew
 from whsklearn.identification.linear_fit import fit_arx, fit_output_error
-from whsklearn.identification.rectified_fit import fit_folded, fit_rectified, loses_sign
 from whsklearn.identification.view import View, held_out_from, smooth, view
 from whsklearn.identification.windows import (
     horizons,

@@ -7,7 +7,7 @@ import pytest
 
 from tests.recursion.reruns import replay
 from tests.recursion.windows import one_sample_on
-from whsklearn.effects.terms import ASYMMETRIC_VISCOUS, COULOMB, POSITION_FRICTION, STRIBECK_TANH, VISCOUS
+from whsklearn.effects.codes import ASYMMETRIC_VISCOUS, COULOMB, POSITION_FRICTION, STRIBECK_TANH, VISCOUS
 from whsklearn.recursion.memory.gauss_newton import Memory
 from whsklearn.recursion.memory.predictor_block import LENGTH, dot, through_denominator
 from whsklearn.recursion.memory.starts import random_start

@@ -29,7 +29,8 @@ from numba.extending import register_jitable  # type: ignore[import-untyped]
 from numpy.typing import NDArray
 
 from whsklearn._numba import njit, part
-from whsklearn.effects.terms import directed_term, smooth_sign
+from whsklearn.effects.equations import smooth_sign
+from whsklearn.effects.terms import directed_term
 
 Array = NDArray[np.float64]
 Law = tuple[NDArray[np.int64], NDArray[np.int64], Array]  # dims, codes, shapes

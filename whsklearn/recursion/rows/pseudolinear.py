@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn._numba import njit, part
-from whsklearn.effects.terms import VISCOUS, term
+from whsklearn.effects.codes import VISCOUS
+from whsklearn.effects.terms import term
 from whsklearn.recursion.rows.covariance import inflate, measurement_update
 from whsklearn.recursion.rows.predictor import push
 

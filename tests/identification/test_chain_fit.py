@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 
 from whsklearn.datasets import make_coupled_drives
 from whsklearn.identification import identify
-from whsklearn.identification.rectified_fit import fit_folded, fit_rectified, loses_sign
+from whsklearn.identification.chain_fit import fit_folded, fit_rectified, loses_sign
 from whsklearn.identification.view import View, view
 from whsklearn.identification.windows import window_errors
 
