@@ -72,14 +72,8 @@ def initial_past(r: Settings) -> State:
 
 def packed(signs: Signs, state: State) -> State:
     """The signs in the form in which the state stores them."""
-    out = {"signs": np.zeros_like(state["signs"]), "signs_at": np.full_like(state["signs_at"], -1)}
-    n, at = signs.dx.size, 3
-    for k, column in enumerate(signs[:at]):
-        out["signs"][:n, k] = column
-    for block in (signs.gradient, signs.curvature, signs.height, signs.rows):
-        width = int(np.prod(block.shape[1:]))
-        out["signs"][:n, at : at + width] = block.reshape(n, width)
-        at += width
+    out, n = {"signs": np.zeros_like(state["signs"]), "signs_at": np.full_like(state["signs_at"], -1)}, signs.dx.size
+    out["signs"][:n] = np.column_stack([v.reshape(n, int(np.prod(v.shape[1:]))) for v in signs[:-1]])
     out["signs_at"][:n] = signs.at
     return _read_only(out)
 
@@ -141,18 +135,20 @@ class Linearisation:
     theta : ndarray of shape (n,)
     weights : ndarray
         Weight of each sample after forgetting; as many samples are read as there are weights.
-    work : Work
-        Must belong to a re-run that has finished.
     """
 
-    def __init__(self, state: State, r: Settings, s: int, theta: Array, weights: Array, work: Work):
+    def __init__(self, state: State, r: Settings, s: int, theta: Array, weights: Array):
         self.state, self.settings, self.model, self.theta, self.weights = state, r, s, theta, weights
         self.stop, self.first = weights.size, state["seen"] - state["fill"]
         origin = origin_at(state["past_origin"], r.dims, theta - state["past_theta"])
         self.record: Memory = memory_of(state, r, self.stop, weights, origin, tail=1)
         self.matrix = np.zeros((theta.size + 1, theta.size + 1))
-        self.rows: Rows = empty_rows(self.stop, theta.size, int(r.dims[0] - 1 + r.dims[1]))
-        self._pass = Pass(theta, r.law, self.record, work, self.rows)
+
+    def begin(self, work: Work) -> None:
+        """Allocate the rows; ``work`` must belong to a re-run that has finished."""
+        r = self.settings
+        self.rows: Rows = empty_rows(self.stop, self.theta.size, int(r.dims[0] - 1 + r.dims[1]))
+        self._pass = Pass(self.theta, r.law, self.record, work, self.rows)
 
     @property
     def is_read(self) -> bool:
@@ -174,7 +170,7 @@ class Linearisation:
         """
         left, n = left_of_prior(self.state, self.stop), count_of(self.state, self.stop)
         matrix, count = self.with_past(left, n)
-        old = self.met(self.past_signs(left))
+        old = self.met(self.moved_here(self.past_signs(left)))
         about = about or frozen(matrix, self.theta, count)
         kept, chosen = self.in_doubt(old, self.doubt(about), about)
         new = listed(self.rows, self.record, chosen, self.settings.law, self.theta, self.weights, self.first)
@@ -203,20 +199,22 @@ class Linearisation:
         signs = unpacked(self.state, self.settings)
         return signs.weighted(left) if self._has_past else signs
 
-    def met(self, signs: Signs) -> Signs:
-        """The signs of the past at ``theta``; the last of them enter the first rows of the memory."""
-        if not self._has_past:
-            return signs
-        signs = signs.shifted(self.theta - self.state["past_theta"])
-        return signs.met(self.rows.psi, self.record.restart[: self.stop], self.first)
+    def moved_here(self, signs: Signs) -> Signs:
+        """The signs of earlier pages at ``theta``."""
+        return signs.shifted(self.theta - self.state["past_theta"]) if self._has_past else signs
 
-    def doubt(self, about: Gaussian | None) -> Array:
-        """|dx| of every sample in standard deviations; infinite if nothing is known of them."""
+    def met(self, signs: Signs) -> Signs:
+        """The signs of earlier pages, the last of which enter the first rows of the memory."""
+        return signs.met(self.rows.psi, self.record.restart[: self.stop], self.first) if self._has_past else signs
+
+    def doubt(self, about: Gaussian | None, part: slice = slice(None)) -> Array:
+        """|dx| of the samples in standard deviations; infinite if nothing is known of them."""
+        dx, gradient = np.abs(self.rows.motion[part, 1]), self.rows.gradient[part]
         if about is None:
-            return np.full(self.stop, np.inf)
-        n1 = self.rows.gradient.shape[1]
-        spread = np.ascontiguousarray(about.covariance[:n1, :n1])
-        return np.abs(self.rows.motion[:, 1]) / deviation(self.rows.gradient, spread)
+            return np.full(dx.size, np.inf)
+        return dx / deviation(
+            gradient, np.ascontiguousarray(about.covariance[: gradient.shape[1], : gradient.shape[1]])
+        )
 
     def in_doubt(self, old: Signs, doubt: Array, about: Gaussian | None) -> tuple[Indices, Indices]:
         """Choose the most doubtful of the unsettled signs of the past and of the signs of the memory in doubt."""
@@ -248,8 +246,8 @@ def posterior(state: State, r: Settings, s: int) -> Gaussian | None:
     for k in range(MOST_ROUNDS + 1):
         if not np.isfinite(theta).all():
             break
-        work = new_work(r.dims, r.n_inputs)
-        memory = Linearisation(state, r, s, theta.copy(), weights_of(state, state["fill"]), work)
+        memory = Linearisation(state, r, s, theta.copy(), weights_of(state, state["fill"]))
+        memory.begin(new_work(r.dims, r.n_inputs))
         while not memory.is_read:
             memory.read_segment()
         matrix, signs, count = memory.joined(found)

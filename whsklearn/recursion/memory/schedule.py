@@ -38,11 +38,12 @@ from whsklearn.recursion.memory.settings import Settings, State
 from whsklearn.recursion.memory.sign_posterior import frozen
 from whsklearn.recursion.memory.starts import (
     N_SIZES,
-    least_squares_start,
     random_start,
     regressors,
     scales_from,
+    solved,
     term_sizes,
+    with_solution,
 )
 from whsklearn.recursion.rows.covariance import factors_of_inverse, times
 from whsklearn.recursion.rows.subinnovations import STILL, Models, Samples, Schedule, relative_sharpness, run_windows
@@ -60,6 +61,7 @@ RESERVED = 60  # passes over the whole record that are reserved for the work aft
 PIECES = 110  # pieces of work other than passes over samples, besides those for each start; each sample does one
 PIECES_A_MODEL = 16  # of a page, which begins with all models kept while the memory filled: 19 of 32 in 512 samples
 BATCH = 4  # samples that the new models take at once; starting costs as much as two, and no result is needed sooner
+PIECE = 1024  # samples whose signs are judged between two rows
 NOTED = 64  # at most one row in this many does no work here: the row in which the estimator saves its state
 FIRST_SPAN = 3.75  # the first re-run has to try every start; it takes over at five times its samples
 SPAN = 2.0  # ratio of the instants after that
@@ -247,9 +249,12 @@ class MultistartSearch:
         r, y = self.settings, self._y[-SAMPLED:]
         theta = random_start(tuple(r.dims), rng, scales)
         if by_least_squares:
+            yield from self._row()
             rows = regressors(theta, r.law, self.latest[0], y, self.latest[1])
             yield from self._row()
-            theta = least_squares_start(theta, r.law, rows, y)
+            solution = solved(rows, y)
+            yield from self._row()
+            theta = with_solution(theta, r.law, solution)
         yield from self._row()
         return theta
 
@@ -504,7 +509,9 @@ class BackgroundRefit:
             self._past = {"past_origin": self._ends[0][1]}  # at rest, where nothing depends on the parameters
         elif has_posterior(r):
             yield
-            page = Linearisation(state, r, self._parents[0], thetas[0], search.weights, self._work)
+            page = Linearisation(state, r, self._parents[0], thetas[0], search.weights)
+            yield
+            page.begin(self._work)
             yield
             while not page.is_read:
                 page.read_segment()  # takes as long as the work that one sample allows for one model
@@ -519,12 +526,17 @@ class BackgroundRefit:
         yield
         old = page.past_signs(search.kept)
         yield
+        old = page.moved_here(old)
+        yield
         old = page.met(old)
         yield
         about = frozen(matrix, page.theta, count)
         yield
-        doubt = page.doubt(about)
-        yield
+        doubt = np.empty(page.stop)
+        for begin in range(0, page.stop, PIECE):
+            part = slice(begin, begin + PIECE)
+            doubt[part] = page.doubt(about, part)
+            yield
         kept, chosen = page.in_doubt(old, doubt, about)
         yield
         old = old.take(kept)

@@ -85,15 +85,23 @@ def lagged(f, y, restart, nc, nd):
 
 
 def least_squares_start(theta: Array, law: Law, rows: Array, y: Array) -> Array:
-    """Keep L1 of ``theta`` and compute the weights, c and d by least squares on its `regressors`.
+    """Keep L1 of ``theta`` and compute the weights, c and d by least squares on its `regressors`."""
+    return with_solution(theta, law, solved(rows, y))
+
+
+def solved(rows: Array, y: Array) -> Array:
+    """Least squares in one call: the normal equations need five, and each call that is not cached costs 10 us."""
+    return np.asarray(np.linalg.lstsq(rows, y, rcond=1e-10)[0], dtype=np.float64)
+
+
+def with_solution(theta: Array, law: Law, solution: Array) -> Array:
+    """``theta`` with the weights, c and d of a least-squares solution.
 
     With L1 fixed, y is linear in the products c_m w_k and in d.  The products form a matrix
     of rank one, so its first singular vectors give c and w (Bai 1998, Automatica 34(3)).
     """
     na, nb, nc, _, nw = (int(d) for d in law[0])
     n1 = na - 1 + nb
-    # one call; the normal equations would need five, and each call that is not cached costs 10 us
-    solution = np.linalg.lstsq(rows, y, rcond=1e-10)[0]
     if not np.isfinite(solution).all():
         return theta
     products = solution[: nc * nw].reshape(nc, nw)
