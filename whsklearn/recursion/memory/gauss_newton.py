@@ -103,12 +103,15 @@ class Work(NamedTuple):
 
 def new_work(dims: NDArray[np.int64], n_inputs: int) -> Work:
     """Work that has not started and has no budget."""
+    return work_on(new_segment(dims, n_inputs), dims)
+
+
+def work_on(segment: Segment, dims: NDArray[np.int64]) -> Work:
+    """`new_work`, given the segment."""
     n = int(parameter_count(dims))
     slopes = np.zeros(n), np.zeros(n), np.zeros(n)
-    return Work(
-        np.zeros(SIZE), new_segment(dims, n_inputs), np.zeros((3, LENGTH)), *slopes, np.zeros((n, n)),
-        np.zeros(int(state_size(dims))),
-    )  # fmt: skip
+    end = np.zeros(int(state_size(dims)))
+    return Work(np.zeros(SIZE), segment, np.zeros((3, LENGTH)), *slopes, np.zeros((n, n)), end)
 
 
 @part

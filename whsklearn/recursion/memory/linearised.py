@@ -118,6 +118,8 @@ class Signs(NamedTuple):
 
     def weighted(self, left: float) -> Signs:
         """The same entries with each sample's weight multiplied by ``left``."""
+        if left == 1.0:
+            return self
         root = np.sqrt(left)
         return self._replace(scale=self.scale * root, rows=self.rows * root)
 
@@ -216,7 +218,7 @@ def listed(
     """
     experiment = experiments(record)
     bent = curvature(filtered(rows.gradient, record.restart, law, theta), experiment, law, chosen)
-    return entries(rows, experiment, chosen, law, weights, first, bent)
+    return entries(rows, experiment, chosen, weights, first, (bent, heights(rows, chosen, law)), int(law[0][2]))
 
 
 def experiments(record: Memory) -> NDArray[np.int64]:
@@ -264,18 +266,24 @@ def curvature(f: Array, experiment: NDArray[np.int64], law: Law, chosen: NDArray
     return bent
 
 
-def entries(
-    rows: Rows, experiment: NDArray[np.int64], chosen: NDArray[np.intp], law: Law, weights: Array, first: int,
-    bent: Array,
-) -> Signs:  # fmt: skip
-    """`listed`, from the ``experiment`` of each sample and the curvature ``bent``."""
-    dims, codes, shapes = law
+def heights(rows: Rows, chosen: NDArray[np.intp], law: Law) -> Array:
+    """Value of each term at sign 1 at the samples ``chosen``, shape (E, K); zero for terms that do not jump."""
+    _, codes, shapes = law
     x, dx = np.ascontiguousarray(rows.motion[chosen].T)
     height = np.zeros((chosen.size, codes.size))
     for k, code in enumerate(codes.tolist()):
         if code in JUMPING:
             height[:, k] = law_values(codes[k : k + 1], shapes[k : k + 1], x, np.abs(dx), np.inf)[0]
-    after = chosen[:, None] + 1 + np.arange(dims[2])
+    return height
+
+
+def entries(
+    rows: Rows, experiment: NDArray[np.int64], chosen: NDArray[np.intp], weights: Array, first: int,
+    at_sign: tuple[Array, Array], n_c: int,
+) -> Signs:  # fmt: skip
+    """`listed`, from the ``experiment`` of each sample, and the curvature and the `heights` at each sign."""
+    dx, (bent, height) = rows.motion[chosen, 1], at_sign
+    after = chosen[:, None] + 1 + np.arange(n_c)
     there = after < experiment.size
     later = np.where(there, NONE, -2 - first - after)
     after = np.where(there, after, 0)

@@ -72,9 +72,19 @@ def initial_past(r: Settings) -> State:
 
 def packed(signs: Signs, state: State) -> State:
     """The signs in the form in which the state stores them."""
-    out, n = {"signs": np.zeros_like(state["signs"]), "signs_at": np.full_like(state["signs_at"], -1)}, signs.dx.size
-    out["signs"][:n] = np.column_stack([v.reshape(n, int(np.prod(v.shape[1:]))) for v in signs[:-1]])
-    out["signs_at"][:n] = signs.at
+    return stored(flattened(signs), signs.at, state)
+
+
+def flattened(signs: Signs) -> Array:
+    """One row for each sign, with all its numbers but the samples it enters."""
+    n = signs.dx.size
+    return np.column_stack([v.reshape(n, int(np.prod(v.shape[1:]))) for v in signs[:-1]])
+
+
+def stored(rows: Array, at: NDArray[np.int64], state: State) -> State:
+    """`packed`, from the rows of `flattened`."""
+    out, n = {"signs": np.zeros_like(state["signs"]), "signs_at": np.full_like(state["signs_at"], -1)}, len(rows)
+    out["signs"][:n], out["signs_at"][:n] = rows, at
     return _read_only(out)
 
 
@@ -143,12 +153,11 @@ class Linearisation:
         origin = origin_at(state["past_origin"], r.dims, theta - state["past_theta"])
         self.record: Memory = memory_of(state, r, self.stop, weights, origin, tail=1)
         self.matrix = np.zeros((theta.size + 1, theta.size + 1))
+        self.rows: Rows = empty_rows(self.stop, theta.size, int(r.dims[0] - 1 + r.dims[1]))
 
     def begin(self, work: Work) -> None:
-        """Allocate the rows; ``work`` must belong to a re-run that has finished."""
-        r = self.settings
-        self.rows: Rows = empty_rows(self.stop, self.theta.size, int(r.dims[0] - 1 + r.dims[1]))
-        self._pass = Pass(self.theta, r.law, self.record, work, self.rows)
+        """Begin to read; ``work`` must belong to a re-run that has finished."""
+        self._pass = Pass(self.theta, self.settings.law, self.record, work, self.rows)
 
     @property
     def is_read(self) -> bool:

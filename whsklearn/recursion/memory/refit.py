@@ -127,12 +127,16 @@ def left_of_prior(state: State, fill: int) -> float:
     return max(float(np.prod(state["memory_kept"][:fill])), LEAST)
 
 
-def adopted(chosen: list[Refined], count: float, known: float) -> State:
+def factors_of(chosen: list[Refined]) -> list[Array]:
+    """U D U' of the covariances of the live models."""
+    return [factors_of_inverse(c.information) for c in chosen[:LIVE]]
+
+
+def adopted(chosen: list[Refined], live: list[Array], count: float, known: float) -> State:
     """State entries of the chosen models at the end of the samples on which they were re-run.
 
     Models that wait for the next re-run have no P of their own and are never chosen for the answer.
     """
-    live = [factors_of_inverse(c.information) for c in chosen[:LIVE]]
     ud = np.array([live[min(i, len(live) - 1)] for i in range(len(chosen))])
     # far from where it was learnt the linearised model is wrong, so P must not be too large after an idle period
     ceiling = float(max(REOPENING, known / FEWEST) * ud.diagonal(axis1=1, axis2=2).max())

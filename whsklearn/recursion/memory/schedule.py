@@ -31,9 +31,11 @@ from whsklearn.recursion.memory.gauss_newton import (
     Work,
     new_work,
     refine_part,
+    work_on,
 )
-from whsklearn.recursion.memory.linearised import curvature, entries, experiments, filtered
-from whsklearn.recursion.memory.posterior import Linearisation, has_posterior, packed
+from whsklearn.recursion.memory.linearised import curvature, entries, experiments, filtered, heights
+from whsklearn.recursion.memory.posterior import Linearisation, flattened, has_posterior, stored
+from whsklearn.recursion.memory.predictor_block import new_segment
 from whsklearn.recursion.memory.settings import Settings, State
 from whsklearn.recursion.memory.sign_posterior import frozen
 from whsklearn.recursion.memory.starts import (
@@ -204,7 +206,11 @@ class MultistartSearch:
         count = r.n_starts if begins else refit.fresh_starts(self.state, r, self.size, bounded=bounded)
         scales = None
         if count:
-            rng = np.random.default_rng([r.seed, seen])
+            sequence = np.random.SeedSequence([r.seed, seen])
+            yield from self._row()
+            bits = np.random.PCG64(sequence)
+            yield from self._row()
+            rng = np.random.Generator(bits)  # as default_rng does, in three pieces
             yield from self._row()
             scales = yield from self._scales(rng)
             yield
@@ -267,7 +273,9 @@ class MultistartSearch:
         """`term_scales`, one random L1 a row."""
         sizes = []
         for _ in range(N_SIZES):
-            sizes.append(term_sizes(self.settings.law, *self.latest, rng))
+            start = random_start(tuple(self.settings.dims), rng)
+            yield from self._row()
+            sizes.append(term_sizes(self.settings.law, start, *self.latest))
             yield from self._row()
         return scales_from(sizes, self._y[-SAMPLED:])
 
@@ -350,7 +358,7 @@ def refit_now(state: State, r: Settings) -> None:
     if chosen:
         parents = [c.parent for c in chosen]
         state.update({name: value[parents].copy() for name, value in search.given.items()})
-        state.update(refit.adopted(chosen, search.count, float(state["known"][0])))
+        state.update(refit.adopted(chosen, refit.factors_of(chosen), search.count, float(state["known"][0])))
         state["page_theta"] = state["theta"].copy()
 
 
@@ -462,7 +470,9 @@ class BackgroundRefit:
         """Refine each model, then compute for each what a page adds and its final state; yield when out of budget."""
         state, r, size = self.state, self.settings, self.size
         yield  # the row that ends a page already has to wait for the new arrays
-        self._work = new_work(r.dims, r.n_inputs)
+        segment = new_segment(r.dims, r.n_inputs)
+        yield
+        self._work = work_on(segment, r.dims)
         self._begun = True
         yield
         limit = np.inf
@@ -470,6 +480,7 @@ class BackgroundRefit:
             rows = (self.end - size) * (1.0 - 1.0 / NOTED) - PIECES
             limit = (FILLING - refit.LIVE * COST_OF_WINDOW) * rows - RESERVED * size
         search = MultistartSearch(state, r, size, self._work, limit)
+        yield
         yield from search.prepare()
         self._left = search.kept
         yield
@@ -477,7 +488,9 @@ class BackgroundRefit:
         chosen = yield from search.run(thetas)
         if chosen:
             yield
-            self._models = refit.adopted(chosen, search.count, self._known)
+            factors = refit.factors_of(chosen)
+            yield
+            self._models = refit.adopted(chosen, factors, search.count, self._known)
             yield
             thetas = self._models["theta"]
             self._parents = [c.parent for c in chosen]
@@ -542,15 +555,20 @@ class BackgroundRefit:
         old = old.take(kept)
         yield
         experiment = experiments(page.record)
+        yield
         f = filtered(page.rows.gradient, page.record.restart, law, page.theta)
         yield
         bent = curvature(f, experiment, law, chosen)
         yield
-        new = entries(page.rows, experiment, chosen, law, page.weights, page.first, bent)
+        height = heights(page.rows, chosen, law)
+        yield
+        new = entries(page.rows, experiment, chosen, page.weights, page.first, (bent, height), int(law[0][2]))
         yield
         signs = old.joined(new)
         yield
-        kept_signs = packed(signs, self.state)
+        rows = flattened(signs)
+        yield
+        kept_signs = stored(rows, signs.at, self.state)
         yield
         return page.left_behind(matrix, count) | kept_signs
 

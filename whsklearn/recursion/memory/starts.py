@@ -42,12 +42,12 @@ def term_scales(law: Law, u: Array, y: Array, restart: NDArray[np.bool_], rng: n
 
     They make starts and priors independent of the units of the log.
     """
-    return scales_from([term_sizes(law, u, restart, rng) for _ in range(N_SIZES)], y)
+    dims = tuple(int(d) for d in law[0])
+    return scales_from([term_sizes(law, random_start(dims, rng), u, restart) for _ in range(N_SIZES)], y)
 
 
-def term_sizes(law: Law, u: Array, restart: NDArray[np.bool_], rng: np.random.Generator) -> Array:
-    """Root mean square of each term behind one random L1."""
-    start = random_start(tuple(int(d) for d in law[0]), rng)
+def term_sizes(law: Law, start: Array, u: Array, restart: NDArray[np.bool_]) -> Array:
+    """Root mean square of each term behind the L1 of a start."""
     x, dx = first_block(start, law[0], u, restart, KNOWN)[0]
     return np.sqrt(np.mean(law_values(law[1], law[2], x, dx, np.inf) ** 2, axis=1))
 
