@@ -83,8 +83,10 @@ def flattened(signs: Signs) -> Array:
 
 def stored(rows: Array, at: NDArray[np.int64], state: State) -> State:
     """`packed`, from the rows of `flattened`."""
-    out, n = {"signs": np.zeros_like(state["signs"]), "signs_at": np.full_like(state["signs_at"], -1)}, len(rows)
-    out["signs"][:n], out["signs_at"][:n] = rows, at
+    # the plain constructors: ``zeros_like`` and ``full`` go through Python, which takes a sample's time if rarely called
+    out = {"signs": np.zeros(state["signs"].shape), "signs_at": np.empty(state["signs_at"].shape, dtype=np.int64)}
+    out["signs"][: len(rows)] = rows
+    out["signs_at"][: len(rows)], out["signs_at"][len(rows) :] = at, -1
     return _read_only(out)
 
 
@@ -165,11 +167,15 @@ class Linearisation:
         return self._pass.done >= self.stop
 
     def read_segment(self) -> None:
-        """Read on to the end of a segment."""
+        """Read on to the end of a segment, which `add_segment` must then add to M."""
         begin = self._pass.done
         self._pass.read_segment()
-        psi = self.rows.psi[begin : self._pass.done]
-        psi *= np.sqrt(self.weights[begin : self._pass.done, None])
+        self._segment = slice(begin, self._pass.done)
+
+    def add_segment(self) -> None:
+        """Weight the rows that were read last, and add them to M."""
+        psi = self.rows.psi[self._segment]
+        psi *= np.sqrt(self.weights[self._segment, None])
         self.matrix += psi.T @ psi
 
     def joined(self, about: Gaussian | None = None) -> tuple[Array, Signs, float]:
@@ -259,6 +265,7 @@ def posterior(state: State, r: Settings, s: int) -> Gaussian | None:
         memory.begin(new_work(r.dims, r.n_inputs))
         while not memory.is_read:
             memory.read_segment()
+            memory.add_segment()
         matrix, signs, count = memory.joined(found)
         if not np.isfinite(matrix).all():
             break

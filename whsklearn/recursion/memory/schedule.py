@@ -186,6 +186,7 @@ class MultistartSearch:
         yield
         self.kept = refit.left_of_prior(state, size)
         self.left = self.kept if state["blocks"] else 1.0
+        yield
         self.moved = bool(size and np.ptp(self._y) > 0.0) and not state["memory_idle"][:size].all()
 
     def run(self, thetas: Array) -> Generator[None, None, list[refit.Refined]]:
@@ -527,9 +528,10 @@ class BackgroundRefit:
             page.begin(self._work)
             yield
             while not page.is_read:
-                page.read_segment()  # takes as long as the work that one sample allows for one model
-                self._work.at[BUDGET] -= PAGE
-                yield
+                for piece in (page.read_segment, page.add_segment):
+                    piece()  # takes as long as the work that one sample allows for one model
+                    self._work.at[BUDGET] -= PAGE
+                    yield
             self._past = yield from self._left_behind(page, search)
 
     def _left_behind(self, page: Linearisation, search: MultistartSearch) -> Generator[None, None, State]:
