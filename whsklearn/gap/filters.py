@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from whsklearn._numba import njit
 from whsklearn.filtering.gaussian import CUTOFF_SIGMA, filtered, gaussian_derivatives
+from whsklearn.validation.residuals import correlation_band, ljung_box
 
 Array = NDArray[Any]
 
@@ -135,13 +136,13 @@ def moving_average(d, b):
     return out
 
 
-def whiteness(e: Array, name: str, lags: int = 20) -> dict[str, Any]:
-    """Ljung and Box's test (1978, Biometrika 65(2)) of a whitened residual, as a row of the report."""
+LAGS = 20  # of the test of whiteness
+
+
+def whiteness(e: Array, name: str, n_params: int = 0) -> dict[str, Any]:
+    """Ljung and Box's test of a whitened residual, as a row of the report; ``n_params`` as for `whiteness_test`."""
     from scipy.stats import chi2
 
-    e = e - e.mean()
-    n = e.size
-    r = np.array([e[k:] @ e[: n - k] for k in range(1, lags + 1)]) / max(float(e @ e), 1e-300)
-    q = n * (n + 2) * float(np.sum(r**2 / (n - np.arange(1, lags + 1))))
-    return {"test": f"Ljung-Box, {lags} lags, {name}", "statistic": q, "p_value": float(chi2.sf(q, lags)),
-            "largest": float(np.abs(r).max()), "band": 1.96 / np.sqrt(n)}  # fmt: skip
+    r, q = ljung_box(e - e.mean(), LAGS)
+    return {"test": f"Ljung-Box, {LAGS} lags, {name}", "statistic": q, "p_value": float(chi2.sf(q, LAGS - n_params)),
+            "largest": float(np.abs(r).max()), "band": correlation_band(e.size)}  # fmt: skip

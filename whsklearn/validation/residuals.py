@@ -176,12 +176,17 @@ def whiteness_test(e: ArrayLike, max_lag: int = 25, n_params: int = 0) -> Whiten
 
     if not 0 <= n_params < max_lag:
         raise ValueError(f"whiteness_test: n_params is {n_params}, expected 0 <= n_params < max_lag = {max_lag}.")
-    r = autocorrelation(e, max_lag)[1:]
-    n = np.size(e)
-    lags = np.arange(1, max_lag + 1)
-    statistic = float(n * (n + 2) * np.sum(r**2 / (n - lags)))
-    degrees = max_lag - n_params
-    return WhitenessTest(lags, r, correlation_band(n), statistic, degrees, float(chi2.sf(statistic, degrees)))
+    e = _centred(e, "e", max_lag)
+    r, statistic = ljung_box(e, max_lag)
+    degrees, lags = max_lag - n_params, np.arange(1, max_lag + 1)
+    return WhitenessTest(lags, r, correlation_band(e.size), statistic, degrees, float(chi2.sf(statistic, degrees)))
+
+
+def ljung_box(e: NDArray[np.float64], max_lag: int) -> tuple[NDArray[np.float64], float]:
+    """r(1), ..., r(max_lag) and Q of a signal without its mean; zero where it is zero throughout."""
+    n = e.size
+    r = np.array([e[k:] @ e[: n - k] for k in range(1, max_lag + 1)]) / max(float(e @ e), 1e-300)
+    return r, float(n * (n + 2) * np.sum(r**2 / (n - np.arange(1, max_lag + 1))))
 
 
 def cross_correlation_test(

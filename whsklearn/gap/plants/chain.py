@@ -13,6 +13,7 @@ from whsklearn.estimators import _model as wh
 from whsklearn.gap.calibration import GATE, p_value
 from whsklearn.gap.data_check import DataProblem, flat_share
 from whsklearn.gap.diagnosis import NamedEffect
+from whsklearn.gap.filters import whiteness
 from whsklearn.gap.localisation import spectra
 from whsklearn.gap.plant import Figures, Gap, Linearised, PlantDefaults, Reading, Told
 from whsklearn.gap.plants import chain_model as cm
@@ -33,7 +34,6 @@ from whsklearn.gap.record import MAD, rms
 from whsklearn.gap.search import WORTH_FITTING
 from whsklearn.gap.tangent import Look
 from whsklearn.systems.wiener_hammerstein import WienerHammersteinSystem
-from whsklearn.validation.residuals import whiteness_test
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -390,11 +390,10 @@ class ChainPlant(PlantDefaults):
 
     def told(self, base: ChainModel, model: ChainModel) -> Told:
         """Whiteness before and after, remarks, and the series that the page draws."""
-        tests = []
-        for word, m in (("before", base), ("after", model)):
-            w = whiteness_test(cm.clipped(cm.left(self.record, m)[self.record.fit]), 20, cm.AR_ORDER)
-            tests.append({"test": f"Ljung-Box, 20 lags, outliers clipped, {word}", "statistic": w.statistic,
-                          "p_value": w.p_value, "largest": float(np.abs(w.r).max()), "band": w.band})  # fmt: skip
+        tests = [
+            whiteness(cm.clipped(cm.left(self.record, m)[self.record.fit]), f"outliers clipped, {word}", cm.AR_ORDER)
+            for word, m in (("before", base), ("after", model))
+        ]
         return Told(tests, self._notes(), self._pictures(base, model))
 
     def _notes(self) -> list[str]:

@@ -83,7 +83,7 @@ def flattened(signs: Signs) -> Array:
 
 def stored(rows: Array, at: NDArray[np.int64], state: State) -> State:
     """`packed`, from the rows of `flattened`."""
-    # the plain constructors: ``zeros_like`` and ``full`` go through Python, which takes a sample's time if rarely called
+    # plain constructors: ``zeros_like`` and ``full`` go through Python, which takes a sample's time if rarely called
     out = {"signs": np.zeros(state["signs"].shape), "signs_at": np.empty(state["signs_at"].shape, dtype=np.int64)}
     out["signs"][: len(rows)] = rows
     out["signs_at"][: len(rows)], out["signs_at"][len(rows) :] = at, -1
