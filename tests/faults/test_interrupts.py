@@ -15,7 +15,7 @@ import pytest
 from whsklearn import InverseDynamicsLags, MILSRegressor, RLSRegressor, RMILSRegressor, WienerHammersteinLags
 from whsklearn.checks import state_difference
 from whsklearn.datasets import make_wiener_hammerstein
-from whsklearn.recursion.memory.first_block import increment_rms
+from whsklearn.recursion.memory.blocks import increment_rms
 
 # a record of a dynamic system stands in for rows here
 pytestmark = pytest.mark.filterwarnings("ignore:X has one column")

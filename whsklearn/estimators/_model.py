@@ -14,11 +14,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from whsklearn._numba import njit
 from whsklearn.effects import FrictionLaw
 from whsklearn.effects.codes import VISCOUS
 from whsklearn.effects.terms import law_values
-from whsklearn.recursion.memory.first_block import LARGEST, first_block
+from whsklearn.recursion.memory.blocks import ahead, denominator_of_l2, first_block, numerator_of_l2
 from whsklearn.recursion.memory.linearised import jumps
 from whsklearn.systems.stability import is_stable
 
@@ -192,8 +191,8 @@ def predictions(
     d = natural[s.slices()[4]]
     d = inside(d) if horizon != 1 else d
     if horizon == 0:
-        return _recursive_part(v, d, restart)
-    return _ahead(v, np.ascontiguousarray(d), y, restart, horizon)
+        return denominator_of_l2(v, d, restart)
+    return ahead(v, np.ascontiguousarray(d), y, restart, horizon)
 
 
 def _before_l2(
@@ -211,7 +210,7 @@ def _before_l2(
     values = law_values(s.law.codes, s.law.shapes, x, dx, math.inf)
     for weight, value, jumping in zip(w, values, jumps(s.law.codes), strict=True):
         v += weight * (value * certainty if jumping else value)
-    out = _numerator(v, c, restart)
+    out = numerator_of_l2(v, c, restart)
     return out, np.where(dx == 0.0, 0.0, 0.5 * (1.0 - certainty))  # at rest the sign does not matter
 
 
@@ -227,58 +226,6 @@ def shifted(
     restart_new[at[restart]] = True
     u_new[to - advance], y_new[to] = u, y
     return u_new, y_new, restart_new, to
-
-
-@njit(error_model="numpy", short=True)
-def _numerator(v, c, restart):
-    """The sum of v(t) and c_m v(t-m-1), in which each experiment begins at rest."""
-    out = np.zeros(v.size)
-    since = 0
-    for t in range(v.size):
-        if restart[t]:
-            since = 0
-        out[t] = min(max(v[t - 1], -LARGEST), LARGEST) if since > 0 else 0.0
-        for k in range(min(c.size, since - 1)):
-            out[t] += c[k] * min(max(v[t - 2 - k], -LARGEST), LARGEST)
-        since += 1
-    return out
-
-
-@njit(error_model="numpy", short=True)
-def _recursive_part(v, d, restart):
-    """y(t) = v(t) - sum d_n y(t-n)."""
-    y = np.zeros(v.size)
-    since = 0
-    for t in range(v.size):
-        if restart[t]:
-            since = 0
-        s = v[t]
-        for k in range(min(d.size, since)):
-            s -= d[k] * y[t - 1 - k]
-        y[t] = s
-        since += 1
-    return y
-
-
-@njit(cache=True, error_model="numpy")
-def _ahead(v, d, y, restart, horizon):
-    """The same from the outputs up to t - horizon, which are known."""
-    out = np.zeros(v.size)
-    run = np.zeros(v.size)
-    begin = 0
-    for t in range(v.size):
-        if restart[t]:
-            begin = t
-        first = max(begin, t - horizon + 1)
-        for i in range(first, t + 1):
-            s = v[i]
-            for k in range(d.size):
-                j = i - 1 - k
-                if j >= begin:
-                    s -= d[k] * (run[j] if j >= first else y[j])
-            run[i] = s
-        out[t] = run[t]
-    return out
 
 
 DRAWS = 100  # a standard deviation from this many draws is accurate to 7 %

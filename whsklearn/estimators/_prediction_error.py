@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from whsklearn.effects import FrictionLaw, Power, Viscous
 from whsklearn.effects.codes import CONSTANT, HINGE, NATURAL_SPLINE, POWER
 from whsklearn.estimators import _model as wh
-from whsklearn.recursion.memory.first_block import increment_rms
+from whsklearn.recursion.memory.blocks import increment_rms
 from whsklearn.recursion.memory.starts import least_squares_start, random_start, regressors, term_scales
 from whsklearn.recursion.rows.predictor import record_errors
 from whsklearn.systems.stability import is_stable

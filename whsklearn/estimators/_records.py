@@ -8,10 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from whsklearn._inputs import LARGEST
+
 Array = NDArray[np.float64]
-
-
-LARGEST = 1e30  # largest magnitude that is accepted as a sane number
 
 
 class Given(NamedTuple):

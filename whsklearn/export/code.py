@@ -9,16 +9,16 @@ from typing import Any
 
 import jinja2
 
-from whsklearn._inputs import LARGEST
 from whsklearn.export.axis_code import WAVE, axis_code, compensated, torque_code
 from whsklearn.export.chain_code import chain_code
 from whsklearn.export.languages import C, Language, StructuredText
 from whsklearn.export.losses import Loss, left_out, lost_parts, size_of
 from whsklearn.export.model import Exported
 from whsklearn.logs.files import atomic_write
+from whsklearn.systems.chain import FAR
 
 # No drive is larger; the squares and products of four of such numbers stay finite in the format.
-LARGEST_DRIVE = {"double": LARGEST, "float": 1e9}
+LARGEST_DRIVE = {"double": FAR, "float": 1e9}
 _NOT_STEADY = "the compensator knows position and velocity only"
 
 

@@ -11,10 +11,8 @@ from sklearn.base import BaseEstimator, TransformerMixin, clone
 from sklearn.utils.validation import check_array, check_is_fitted, column_or_1d
 
 from whsklearn._inputs import check_lengths, in_one_sentence, starts, writeable
-from whsklearn._numba import njit
 from whsklearn.effects import FrictionLaw, StaticEffect, as_law
-from whsklearn.recursion.rows.predictor import push
-from whsklearn.recursion.rows.pseudolinear import auxiliary_size, rebuild, row
+from whsklearn.recursion.rows.pseudolinear import auxiliary_size, rows_along
 
 
 class WienerHammersteinLags(TransformerMixin, BaseEstimator):
@@ -264,22 +262,6 @@ class WienerHammersteinLags(TransformerMixin, BaseEstimator):
         past_u = carried.get("u", np.zeros((self.n_a + 1) * m)).copy()
         past_y = carried.get("y", np.zeros(max(self.n_d, 1))).copy()
         u, y_ = writeable(u), writeable(y_)
-        out = _fill(theta, dims, law.codes, law.shapes, key, state, past_u, past_y, u, y_, restart)
+        out = rows_along(theta, dims, law.codes, law.shapes, key, state, past_u, past_y, u, y_, restart)
         carried.update(state=state, u=past_u, y=past_y)
         return out
-
-
-@njit(cache=True, error_model="numpy")
-def _fill(theta, dims, codes, shapes, key, state, past_u, past_y, u, y, restart):
-    """Rows of (6), with the auxiliary model run at a fixed theta."""
-    out = np.empty((y.size, theta.size))
-    for t in range(y.size):
-        if restart[t]:
-            state[:] = 0.0
-            past_u[:] = 0.0
-            past_y[:] = 0.0
-        row(dims, codes, shapes, key, state, past_u, u.shape[1], past_y, 0, out[t])
-        rebuild(theta, dims, codes, shapes, key, state, past_u, 0)
-        push(past_u, u[t])
-        push(past_y, y[t : t + 1])
-    return out

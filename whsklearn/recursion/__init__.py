@@ -12,7 +12,7 @@ Three ways from rows to parameters, each in a folder of its own:
 Where to find each equation of the paper:
 
 ================  =======================================================================================
-(1), (2)          `rows.predictor`, sample by sample; `memory.first_block`, x along a record
+(1), (2)          `rows.predictor`, sample by sample; `memory.blocks`, x along a record
 (3), (4)          `whsklearn.effects.equations`, the terms of a law
 (6)               `rows.pseudolinear`
 (7) to (9)        `rows.least_squares.block_update`, to the letter; elsewhere as p updates of one row each

@@ -20,7 +20,7 @@ from whsklearn.effects import (
 )
 from whsklearn.effects.law import polynomial_law, smooth_law
 from whsklearn.effects.static import Hinge, Power, Tanh, TanhDifference
-from whsklearn.recursion.memory.first_block import increment_rms
+from whsklearn.recursion.memory.blocks import increment_rms
 from whsklearn.recursion.memory.starts import random_stable, regressors
 from whsklearn.recursion.rows.predictor import (
     ROWS,

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn._numba import njit
-from whsklearn.recursion.memory.first_block import increment_rms
+from whsklearn.recursion.memory.blocks import increment_rms
 from whsklearn.recursion.memory.gauss_newton import HUGE, Memory
 from whsklearn.recursion.memory.settings import Settings, State
 from whsklearn.recursion.rows.covariance import factors_of_inverse

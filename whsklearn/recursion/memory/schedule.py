@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from whsklearn.recursion.memory import refit
-from whsklearn.recursion.memory.first_block import increment_rms
+from whsklearn.recursion.memory.blocks import increment_rms
 from whsklearn.recursion.memory.gauss_newton import (
     AT,
     BUDGET,

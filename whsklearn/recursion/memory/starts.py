@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from whsklearn._numba import njit
 from whsklearn.effects.terms import law_values
-from whsklearn.recursion.memory.first_block import KNOWN, first_block
+from whsklearn.recursion.memory.blocks import KNOWN, first_block
 from whsklearn.recursion.rows.predictor import Law
 
 Array = NDArray[np.float64]

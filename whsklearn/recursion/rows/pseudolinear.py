@@ -97,6 +97,22 @@ def rebuild(theta, dims, codes, shapes, key, state, u_past, first):
     state[nx] = v
 
 
+@njit(cache=True, error_model="numpy")
+def rows_along(theta, dims, codes, shapes, key, state, past_u, past_y, u, y, restart):
+    """Rows of (6), with the auxiliary model run at a fixed theta."""
+    out = np.empty((y.size, theta.size))
+    for t in range(y.size):
+        if restart[t]:
+            state[:] = 0.0
+            past_u[:] = 0.0
+            past_y[:] = 0.0
+        row(dims, codes, shapes, key, state, past_u, u.shape[1], past_y, 0, out[t])
+        rebuild(theta, dims, codes, shapes, key, state, past_u, 0)
+        push(past_u, u[t])
+        push(past_y, y[t : t + 1])
+    return out
+
+
 Array = NDArray[np.float64]
 
 __all__ = ["BLOCK", "GRADIENT", "REEVALUATED", "Published", "auxiliary_size", "rebuild", "row", "run_pseudolinear"]

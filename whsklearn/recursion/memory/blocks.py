@@ -1,6 +1,7 @@
-"""The output of L1 for a record, in one shared kernel: x from (1), its increment, and how certain its sign is.
+"""The two linear blocks of a chain along a record.
 
-The starts, the scale of kappa, the least-squares rows for a fixed L1 and the free run all begin with it.
+L1 in one shared kernel: x from (1), its increment, and how certain its sign is; the starts, the scale of kappa, the
+least-squares rows for a fixed L1 and the free run all begin with it.  L2 in two parts: its numerator, its denominator.
 """
 
 from __future__ import annotations
@@ -103,3 +104,56 @@ def _advance_gradient(past, g, na, b, u_past, x_past, spread):
             past[j, k] = past[j - 1, k]
         past[0, k] = g[k]
     return variance
+
+
+# --- L2 of (2) along a record ---------------------------------------------------------------------------------------
+@njit(error_model="numpy", short=True)
+def numerator_of_l2(v, c, restart):
+    """The sum of v(t) and c_m v(t-m-1), in which each experiment begins at rest."""
+    out = np.zeros(v.size)
+    since = 0
+    for t in range(v.size):
+        if restart[t]:
+            since = 0
+        out[t] = min(max(v[t - 1], -LARGEST), LARGEST) if since > 0 else 0.0
+        for k in range(min(c.size, since - 1)):
+            out[t] += c[k] * min(max(v[t - 2 - k], -LARGEST), LARGEST)
+        since += 1
+    return out
+
+
+@njit(error_model="numpy", short=True)
+def denominator_of_l2(v, d, restart):
+    """y(t) = v(t) - sum d_n y(t-n)."""
+    y = np.zeros(v.size)
+    since = 0
+    for t in range(v.size):
+        if restart[t]:
+            since = 0
+        s = v[t]
+        for k in range(min(d.size, since)):
+            s -= d[k] * y[t - 1 - k]
+        y[t] = s
+        since += 1
+    return y
+
+
+@njit(cache=True, error_model="numpy")
+def ahead(v, d, y, restart, horizon):
+    """The same from the outputs up to t - horizon, which are known."""
+    out = np.zeros(v.size)
+    run = np.zeros(v.size)
+    begin = 0
+    for t in range(v.size):
+        if restart[t]:
+            begin = t
+        first = max(begin, t - horizon + 1)
+        for i in range(first, t + 1):
+            s = v[i]
+            for k in range(d.size):
+                j = i - 1 - k
+                if j >= begin:
+                    s -= d[k] * (run[j] if j >= first else y[j])
+            run[i] = s
+        out[t] = run[t]
+    return out

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from whsklearn.recursion.memory.first_block import KNOWN, first_block, increment_rms
+from whsklearn.recursion.memory.blocks import KNOWN, first_block, increment_rms
 
 DIMS = np.array([3, 2, 1, 1, 1])
 THETA = np.array([0.4, -0.2, -1.1, 0.5, 9.0, 9.0, 9.0])  # (a, b), and what L1 has no use for
