@@ -120,13 +120,15 @@ def identify(options: dict[str, Any]) -> None:
 
 
 class ArmStream(NamedTuple):
-    """What ``stream`` needs of an arm: estimator, columns and their factors to SI, joints, longest step in time."""
+    """What ``stream`` needs of an arm: estimator, columns and their factors to SI, joints, longest and usual step."""
 
     model: Any
     columns: list[str]
     factors: tuple[float, ...]
     joints: tuple[str, ...]
     max_step: float
+    arm: Any
+    dt: float
 
 
 def arm_stream(options: Mapping[str, Any]) -> ArmStream:
@@ -170,7 +172,7 @@ def arm_stream(options: Mapping[str, Any]) -> ArmStream:
     model = RLSRegressor(lags, P0=A_ROW, theta0=theta, forgetting=options["forgetting"])
     columns = [*([time] if time else []), *(q for q, _ in pairs), *(u for _, u in pairs)]
     scale = (*([clock] if time else []), *(far for far, _ in factors), *(by for _, by in factors))
-    return ArmStream(model, columns, scale, arm.joints, LONGEST_STEP * dt / clock)
+    return ArmStream(model, columns, scale, arm.joints, LONGEST_STEP * dt / clock, arm, dt)
 
 
 def known(share: float) -> float | None:

@@ -4,7 +4,8 @@ Rows come from a CSV file, from the same file as it grows (``--follow``), or as 
 What was learnt is kept in a checkpoint that is replaced in one step; started again, by hand or
 after a crash, the stream goes on where the checkpoint stands.
 
-Records are JSON lines: ``estimate``, ``prediction``, ``alarm``, ``change``, ``bad_row``.
+Records are JSON lines: ``estimate``, ``prediction``, ``alarm``, ``change``, ``moved``, ``bad_row``.  After an alarm of
+an axis or an arm whose columns state their units, as many rows as before are compared as `whsklearn compare` does.
 """
 
 from __future__ import annotations
@@ -72,6 +73,7 @@ def main(
 
     With --robot the rows are those of an arm, and what is learnt are the numbers of its joints.
     """
+    from whsklearn.compare import at_an_alarm, at_an_alarm_of
     from whsklearn.streaming import Files, Options, run_stream
 
     kept = checkpoint or Path("stdin.whs" if source == "-" else f"{source}.whs")
@@ -87,16 +89,18 @@ def main(
         arm = arm_stream({**context.params, "joints": joints, "gains": gains})
         model, columns, factors, outputs = arm.model, arm.columns, arm.factors, arm.joints
         max_step, hole = min(max_step, arm.max_step), "restart"
+        compare: Any = at_an_alarm_of(arm.arm, arm.dt, bool(time_column))
     else:
         model = build_model(estimator, orders, law, p, forgetting, seed)
         columns = [*([time_column] if time_column else []), *inputs, output]
+        compare = at_an_alarm(columns) if time_column else None
     options = Options(
         every, predictions, bad_rows == "refuse", hole == "restart", max_step, smallest_change, most_held,
         bool(time_column), outputs, factors,
     )  # fmt: skip
     files = Files(source, out, kept, follow, fresh, checkpoint_every, disk_full == "stop")
     say = functools.partial(click.echo, err=True)
-    run_stream(model, columns, files, options, alarm_interval, root=root() if track else None, say=say)
+    run_stream(model, columns, files, options, alarm_interval, compare=compare, root=root() if track else None, say=say)
 
 
 def build_model(estimator: str, orders: str, law: str, p: int, forgetting: float, seed: int) -> Any:

@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 from whsklearn.compare.arm import MOST_LEFT, ArmLog, arm_rows, poor_joints
 from whsklearn.compare.axis import OneWay, axis_rows
 from whsklearn.compare.comparison import Change, Comparison
-from whsklearn.compare.estimate import Estimate, estimate
+from whsklearn.compare.estimate import Estimate, estimate, walking
 from whsklearn.compare.hypotheses import Difference, hypotheses, smallest
 from whsklearn.compare.pair import between, changes_between
 from whsklearn.compare.rows import Rows
@@ -221,6 +221,7 @@ def cannot_tell(reason: str, labels: list[str]) -> Comparison:
 def compare_rows(rows: list[Rows], alpha: float) -> Comparison:
     """Compare records that are given as rows of one regression."""
     labels = [r.label for r in rows]
+    rows = walking(rows)
     parts = [estimate(r) for r in rows]
     for part in parts:
         if part.left > MOST_LEFT:

@@ -64,8 +64,8 @@ class Rows:
         The joint that each sample belongs to, one joint after the other; an axis has one.
     changes : dict
         Name -> directions (p, k) in which a change moves the numbers; if empty, every named number may change.
-    floor : float
-        Rms of what noise of the sensors alone leaves, in the unit of the drive; zero if unknown.
+    walk : tuple of float, one for each joint
+        Variance of a sample's step of an offset that walks, over that of the noise; empty if it stays.
     """
 
     label: str
@@ -87,7 +87,7 @@ class Rows:
     to_si: tuple[float, ...] = ()
     channel: NDArray[np.intp] | None = None
     changes: dict[str, Array] = field(default_factory=dict)
-    floor: float = 0.0
+    walk: tuple[float, ...] = ()
 
     def channels(self) -> list[NDArray[np.intp]]:
         """Samples of every joint."""

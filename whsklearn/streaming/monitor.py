@@ -21,6 +21,7 @@ from whsklearn.plot import flat_parameters
 from whsklearn.streaming.clock import Clock, Verdict
 from whsklearn.streaming.innovations import BLOCK, Innovations
 from whsklearn.streaming.rows import BadRow
+from whsklearn.streaming.sides import Compare, Sides
 
 Record = dict[str, Any]
 PAST = 50.0  # weight, in samples, that all rows before an alarm keep
@@ -138,8 +139,11 @@ class StreamMonitor:
     options : Options
         How rows are handled.
     emit : callable
-        Called with each record, a dict with the keys ``kind`` (``estimate``, ``prediction``, ``alarm``, ``change`` or
-        ``bad_row``) and ``row``.
+        Called with each record, a dict with the keys ``kind`` (``estimate``, ``prediction``, ``alarm``, ``change``,
+        ``moved`` or ``bad_row``) and ``row``.
+    compare : callable, optional
+        Compares the rows before and after an alarm (`whsklearn.streaming.sides.Sides`) in a thread; its answer is
+        emitted as a record ``moved`` when it is ready.
 
     References
     ----------
@@ -157,13 +161,17 @@ class StreamMonitor:
     [('estimate', 100), ('estimate', 200)]
     """
 
-    def __init__(self, model: Any, alarm: ChangeAlarm, options: Options, emit: Callable[[Record], None]):
+    def __init__(
+        self, model: Any, alarm: ChangeAlarm, options: Options, emit: Callable[[Record], None],
+        compare: Compare | None = None,
+    ):  # fmt: skip
         self.model, self.alarm, self.options, self.emit = model, alarm, options, emit
         self.forgetting = model.forgetting
         n = len(options.outputs)
         # outputs share the false alarms of the interval
         self.alarms = [alarm] if n == 1 else [clone(alarm).set_params(interval=n * alarm.interval) for _ in range(n)]
         self.innovations = Innovations(model, n)
+        self.sides = None if compare is None else Sides(compare, alarm.n_settle)
         self.carried = Carried(poor=[False] * n)
         self._count_anew()
         self.clock = Clock()
@@ -348,9 +356,23 @@ class StreamMonitor:
             self.model.partial_fit(X, y, groups=experiments)
         self.carried.rows += len(rows)
         self.innovations.learnt(rows[:, timed:], experiments)
+        if self.sides is not None:
+            self.sides.take(experiments, rows)
+            self.tell_moved()
         self.carried.times = (self.carried.times + rows[:, 0].tolist())[-BLOCK:] if timed else []
         if self.carried.rows % BLOCK == 0:
             self._watch(*self.innovations.of_block())
+
+    def tell_moved(self, wait: float = 0.0) -> None:
+        """Emit what changed at the last alarm, if its comparison is ready.
+
+        Parameters
+        ----------
+        wait : float
+            Seconds to wait for a comparison that has begun.
+        """
+        for told in self.sides.done(wait) if self.sides is not None else ():
+            self.emit({"kind": "moved"} | told)
 
     def _watch(self, y: NDArray[np.float64], e: NDArray[np.float64]) -> None:
         """Emit predictions of a complete block, check the alarms and update the sums; y and e are (n, n_outputs)."""
@@ -377,6 +399,8 @@ class StreamMonitor:
                 other.begin()
             c.alarm_row = row
             c.alarms += 1
+            if self.sides is not None:
+                self.sides.alarm(row)
             self.model.forget_past(PAST * len(self.alarms))
             self._adapt(ADAPTING_ROWS)
             named = {"joint": self.options.outputs[k]} if self.options.outputs[k] else {}
@@ -408,6 +432,7 @@ class StreamMonitor:
             "alarms": [a.get_state() if a.started else {} for a in self.alarms],
             "innovations": self.innovations.get_state() if fitted else {},
             "clock": self.clock.get_state(),
+            "sides": {} if self.sides is None else self.sides.get_state(),
         }
 
     def set_state(self, state: dict[str, Any]) -> None:
@@ -420,6 +445,8 @@ class StreamMonitor:
         """
         self.carried = Carried(**state["carried"])
         self.clock.set_state(state.get("clock", {}))
+        if self.sides is not None and state.get("sides"):
+            self.sides.set_state(state["sides"])
         if self.carried.rows:
             self.model.set_state(state["model"])
             self.innovations.set_state(state["innovations"])

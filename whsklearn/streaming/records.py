@@ -11,7 +11,7 @@ from typing import Any, BinaryIO
 
 from whsklearn.streaming.monitor import Record
 
-KINDS = ("estimate", "prediction", "alarm", "change", "bad_row")
+KINDS = ("estimate", "prediction", "alarm", "change", "moved", "bad_row")
 BUFFERED = 1 << 16  # bytes
 
 

@@ -22,6 +22,7 @@ from whsklearn.streaming.files import alone, check_files, fingerprint
 from whsklearn.streaming.monitor import Options, Record, Refused, StreamMonitor
 from whsklearn.streaming.records import Out
 from whsklearn.streaming.rows import CsvParser, FollowedFile, JsonParser, LineSource, PipedLines, text_of
+from whsklearn.streaming.sides import Compare
 from whsklearn.tracking import BesideRun, estimator_params, open_tracker
 from whsklearn.tracking.beside import CLOSE_SECONDS, HURRIED_SECONDS
 
@@ -70,6 +71,8 @@ class Files(NamedTuple):
 
 
 Say = Callable[[str], None]
+MOVED_SECONDS = 30.0  # for a comparison that runs when its source ends; one takes 1 to 5
+FEWEST_COMPARED = 1000  # rows after an alarm for a sentence at the end; fewer say little
 GRACE_SECONDS = 1.0  # for the current rows after a stop request, so that a stop takes no longer than 2 s
 
 
@@ -121,6 +124,7 @@ def run_stream(
     options: Options | None = None,
     alarm: ChangeAlarm | float = 1e6,
     *,
+    compare: Compare | None = None,
     root: Path | None = None,
     say: Say = _to_stderr,
 ) -> None:
@@ -138,6 +142,8 @@ def run_stream(
         How rows are handled.
     alarm : ChangeAlarm or float, default=1e6
         The alarm that watches the innovations, or its smallest mean number of rows between false alarms.
+    compare : callable, optional
+        Compares the rows before and after an alarm, see `StreamMonitor`.
     root : Path, optional
         The folder that holds ``mlruns/``; without one nothing is recorded in MLflow.
     say : callable
@@ -183,7 +189,7 @@ def run_stream(
             say=say,
         )
         place["run"] = run.id
-        stream = StreamMonitor(model, alarm, options, _to(writer, run, say))
+        stream = StreamMonitor(model, alarm, options, _to(writer, run, say), compare)
         if loaded:
             stream.set_state(loaded)
         keeper = Keeper(stream, files, place, writer, say)
@@ -220,6 +226,7 @@ def _run(stream: StreamMonitor, files: Files, place: dict[str, Any], keeper: Kee
             keeper.say("The current rows take too long and are abandoned; a restart reads them again.")
         else:
             stopper.restore()
+            stream.tell_moved(0.0 if stopper.by else MOVED_SECONDS)
             keeper.save(lines)
         finally:
             stopper.restore()
@@ -230,6 +237,8 @@ def _run(stream: StreamMonitor, files: Files, place: dict[str, Any], keeper: Kee
         keeper.say(f"{waiting} rows after a leap of the clock are still waiting for the rows after them.")
     for said in stream.worse_than_mean():
         keeper.say(f"At the end {said}.")
+    if not stopper.by and stream.sides is not None and (said := stream.sides.so_far(FEWEST_COMPARED)):
+        keeper.say(f"So far after the alarm: {said}")
     taken, spent = c.rows - rows, time.monotonic() - began
     keeper.say(
         f"{'Stopped by ' + stopper.by if stopper.by else 'The source ended'} after row {c.rows} "
@@ -310,6 +319,9 @@ def _to(writer: Out, run: BesideRun, say: Say) -> Callable[[Record], None]:
                 metrics |= {f"innovation_rmse/{joint}": value for joint, value in rmse.items()}
             elif rmse is not None:
                 metrics["innovation_rmse"] = rmse
+        elif record["kind"] == "moved":
+            say(f"Alarm at row {record['alarm_row']}: {record['sentence']}")
+            metrics = {"moved": float(record["verdict"] == "moved")}
         elif record["kind"] == "alarm":
             metrics = {"alarm" if record["cause"] == "change" else record["cause"]: 1.0}
             if record["cause"] != "change":

@@ -15,7 +15,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from whsklearn.filtering.gaussian import CUTOFF_SIGMA, gaussian_derivatives
 from whsklearn.gap.calibration import coloured, n_effective, null_rows, smoothed_power
 from whsklearn.gap.plants import servo_evidence as rules
 from whsklearn.gap.plants.servo_candidates import ColumnSignals as Motion
@@ -137,19 +136,3 @@ def own(view: Any, model: AxisModel, rng: np.random.Generator) -> tuple[Own, Axi
     # n is that of the smoothed spectrum
     n = n_effective(coloured(smoothed_power(rest), rest.size, np.random.default_rng(0)), view.n_effective)
     return Own(mean, null_rows(rest, apart, N_NULL, rng), float(np.sqrt(np.mean(apart**2))), n, apart), corrected
-
-
-def floor_of(view: Any, model: AxisModel) -> float:
-    """Rms residual of the model on a record of its own: the artefacts of the filters, and noise.
-
-    A model with almost no inertia shakes under its own controller.  If its record leaves more than noise can cause
-    behind any filter, the floor is the encoder noise through inertia and filter instead.
-    """
-    bare = view.bare()
-    delay = model.timing * view.scene.dt
-    made = bare.beside(own_record(view, model, np.random.default_rng(0), view.record.drive, delay))
-    floor = float(made.rms(made.gap(model)))
-    if floor > rules.LARGEST_FLOOR * view.scene.torque:
-        *_, g2 = gaussian_derivatives(CUTOFF_SIGMA / (2 * np.pi * view.cutoff), view.scene.dt)
-        floor = min(floor, rules.DRIVE_NOISE * view.noise * model.inertia * float(np.linalg.norm(g2)))
-    return floor
