@@ -71,6 +71,16 @@ def at_an_alarm_of(arm: Arm, dt: float, timed: bool) -> Callable[[Side, Side], d
         Sampling time, in s, of rows without a time.
     timed : bool
         Whether a row begins with its time.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from whsklearn.datasets import default_arm, make_arm_log
+    >>> arm = default_arm()
+    >>> logs = (make_arm_log(arm, random_state=k, return_arrays=True) for k in range(2))
+    >>> sides = [(np.zeros(len(q)), np.hstack([q, u])) for q, u in logs]
+    >>> at_an_alarm_of(arm, 0.002, timed=False)(*sides)["verdict"]
+    'nothing'
     """
 
     def record(side: Side) -> ArmLog:
